@@ -102,11 +102,7 @@ def _one_of(**fields: str) -> dict[str, Any]:
 
 
 def bounded(
-    columns: Mapping[str, Column],
-    name: str,
-    default: Any = None,
-    *,
-    positive: bool = False,
+    columns: Mapping[str, Column], name: str, default: Any = None, *, positive: bool = False, **more: Any
 ) -> Any:
     """A number with the bounds and the description of its column."""
     column = columns[name]
@@ -116,6 +112,7 @@ def bounded(
         ge=None if positive else column.minimum,
         le=column.maximum,
         description=f"{column.meaning} [{column.unit}]",
+        **more,
     )
 
 
@@ -144,9 +141,7 @@ def reserved(default: float) -> Any:
         number = {name: schema.pop(name) for name in ("type", "minimum", "maximum")}
         schema["anyOf"] = [number, {"type": "null"}]
 
-    field = bounded(QUANTITIES, "reserve", default)
-    field.json_schema_extra = or_null
-    return field
+    return bounded(QUANTITIES, "reserve", default, json_schema_extra=or_null)
 
 
 class StrictModel(BaseModel):

@@ -676,7 +676,7 @@ export interface components {
             } | null;
             links?: components["schemas"]["Link"][] | null;
             elevation?: components["schemas"]["Elevation"] | null;
-            reserve?: number;
+            reserve?: number | null;
             probability?: number | null;
         };
         ForecastResponse: {
@@ -817,7 +817,7 @@ export interface components {
             } | null;
             links?: components["schemas"]["Link"][] | null;
             elevation?: components["schemas"]["Elevation"] | null;
-            reserve?: number;
+            reserve?: number | null;
             probability?: number | null;
             departure_utc?: number | null;
         };
@@ -958,7 +958,7 @@ export interface components {
             /** @deprecated */
             weather?: components["schemas"]["WeatherRequest"] | null;
             stops: (string | components["schemas"]["PlaceRequest"])[];
-            reserve?: number;
+            reserve?: number | null;
             alternatives?: number;
             round_trip?: boolean;
             answers?: boolean;
@@ -1023,7 +1023,7 @@ export interface components {
             /** @deprecated */
             weather?: components["schemas"]["WeatherRequest"] | null;
             start: string | components["schemas"]["PlaceRequest"];
-            reserve?: number;
+            reserve?: number | null;
         };
         ReachResponse: {
             start: components["schemas"]["PlaceDocument"];
@@ -1163,7 +1163,7 @@ export interface components {
             } | null;
             links?: components["schemas"]["Link"][] | null;
             elevation?: components["schemas"]["Elevation"] | null;
-            reserve?: number;
+            reserve?: number | null;
             probability?: number | null;
             observed: {
                 time_s: number[];
