@@ -147,7 +147,7 @@ def reserved(default: float) -> Any:
 class StrictModel(BaseModel):
     """Base of documents in requests: no unknown fields, no texts for numbers, no infinities."""
 
-    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, use_attribute_docstrings=True)
 
     @field_validator("reserve", mode="before", check_fields=False)
     @classmethod
@@ -276,7 +276,7 @@ class UpdateRequest(ForecastRequest):
 class ResponseModel(BaseModel):
     """Base of all documents in responses: objects without undocumented fields."""
 
-    model_config = ConfigDict(extra="forbid")
+    model_config = ConfigDict(extra="forbid", use_attribute_docstrings=True)
 
 
 class ProblemFault(ResponseModel):
