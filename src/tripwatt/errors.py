@@ -1,4 +1,4 @@
-"""What can go wrong, said once: every problem names what, where, what was found and what is allowed.
+"""What can go wrong, written once: every problem names what, where, what came and what is allowed.
 
 The library raises; the command line and the service translate. All faults of an input travel together in
 one `InvalidInput`, so that a user mends a file once.
@@ -66,7 +66,7 @@ class Fault:
     where : str
         File, row, column, key or argument.
     got : str
-        What was found there.
+        What is there instead.
     allowed : str
         What would have been right.
     fix : str
@@ -175,12 +175,12 @@ def first_faults(faults: Sequence[Fault], where: str, most: int = MOST_FAULTS) -
 
 
 class InvalidInput(TripwattError):
-    """An input that cannot be used, with every fault that was found in it.
+    """An input that cannot be used, with every fault of it.
 
     Parameters
     ----------
     faults : Fault or iterable of Fault
-        What was found; the message has a line for each.
+        What is wrong; the message has a line for each.
 
     Examples
     --------

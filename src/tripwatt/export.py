@@ -2,7 +2,7 @@
 
 These services describe a car by what it takes at a constant speed on a level road, by what a metre of height costs and
 brings back, and by a power that flows all the time. All of it is simulated here: drives of half an hour, but at most
-20 km, from the given departure, so that a cold cabin and cold tyres count with their share. `docs/howto/export.md` says what
+20 km, from the given departure, so that a cold cabin and cold tyres count with their share. `docs/howto/export.md` lists what
 each service takes, in which unit, and where that is written.
 """
 

@@ -19,7 +19,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import IO, Final
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 
 if sys.platform != "win32":
     import fcntl
@@ -84,11 +84,9 @@ def read_file(
     except (OSError, ValueError) as error:
         got = getattr(error, "strerror", None) or str(error)
         fix = "write its content into a file first" if got == _NOT_REGULAR else ""
-        raise InvalidInput(Fault(what, f"{path}", got, allowed, fix)) from error
+        raise InvalidInput.of(what, f"{path}", got, allowed, fix) from error
     if len(content) > most_bytes:
-        raise InvalidInput(
-            Fault("file too large", f"{path}", f"over {most_bytes} bytes", f"{most_bytes} bytes")
-        )
+        raise InvalidInput.of("file too large", f"{path}", f"over {most_bytes} bytes", f"{most_bytes} bytes")
     return content
 
 
@@ -127,7 +125,7 @@ def read_text_file(path: Path | str, most_bytes: int, **more: str) -> str:
     try:
         return read_file(path, most_bytes, **more).decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise InvalidInput(Fault("not a text file", f"{path}", str(error)[:120], "text in UTF-8")) from error
+        raise InvalidInput.of("not a text file", f"{path}", str(error)[:120], "text in UTF-8") from error
 
 
 def require_small_content(
@@ -147,8 +145,8 @@ def require_small_content(
     found = zipfile.ZipFile(archive)
     total = sum(entry.file_size for entry in found.infolist())
     if total > most_bytes:
-        raise InvalidInput(
-            Fault("archive too large", where, f"{total} bytes when inflated", f"at most {most_bytes} bytes")
+        raise InvalidInput.of(
+            "archive too large", where, f"{total} bytes when inflated", f"at most {most_bytes} bytes"
         )
     return found
 
@@ -322,9 +320,7 @@ def folder_lock(folder: Path) -> Iterator[None]:
     descriptor = _locked(folder)
     if descriptor is None and sys.platform != "win32":
         fix = "wait for it to end, or choose another folder"
-        raise InvalidInput(
-            Fault("another run writes this output", f"{folder}", "a run at work", "one run", fix)
-        )
+        raise InvalidInput.of("another run writes this output", f"{folder}", "a run at work", "one run", fix)
     try:
         yield
     finally:

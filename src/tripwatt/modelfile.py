@@ -179,24 +179,24 @@ def _read_metadata(path: Path) -> dict[str, Any]:
     where = f"{path}"
     if not path.is_dir():
         got = "a file" if path.exists() else "nothing"
-        raise InvalidInput(Fault("no model", where, got, "a folder that `tripwatt fit` wrote"))
+        raise InvalidInput.of("no model", where, got, "a folder that `tripwatt fit` wrote")
     raw = _bytes(path / METADATA)
     if raw is None:
         fix = "give the whole folder that `tripwatt fit` wrote"
-        raise InvalidInput(Fault("no model", where, f"no {METADATA}", f"a folder with {METADATA}", fix))
+        raise InvalidInput.of("no model", where, f"no {METADATA}", f"a folder with {METADATA}", fix)
     try:
         document = _parse(raw)
     except (ValueError, RecursionError) as error:
         raise InvalidInput(_damage_fault(path / METADATA, str(error)[:120], "JSON")) from error
     if not isinstance(document, dict) or document.get("format") != FORMAT:
         found = document.get("format") if isinstance(document, dict) else type(document).__name__
-        raise InvalidInput(Fault("no model", f"{path / METADATA}, format", excerpt(found), repr(FORMAT)))
+        raise InvalidInput.of("no model", f"{path / METADATA}, format", excerpt(found), repr(FORMAT))
     version = document.get("format_version")
     if not isinstance(version, int) or version not in READABLE:
         fix = "update tripwatt" if isinstance(version, int) and version > FORMAT_VERSION else ""
         known = ", ".join(map(str, READABLE))
         place = f"{path / METADATA}, format_version"
-        raise InvalidInput(Fault("unknown model format", place, excerpt(version), known, fix))
+        raise InvalidInput.of("unknown model format", place, excerpt(version), known, fix)
     digest = str(document.get("sha256"))
     blanked = raw.replace(f'"sha256": "{digest}"'.encode(), f'"sha256": "{_BLANK}"'.encode(), -1)
     found = hashlib.sha256(blanked).hexdigest()
@@ -237,13 +237,13 @@ def require_place(folder: Path) -> None:
     """
     allowed = "a new or empty folder, or a folder with a model"
     if folder.exists() and not folder.is_dir():
-        raise InvalidInput(Fault("output is not a folder", "--out", f"{folder}", allowed))
+        raise InvalidInput.of("output is not a folder", "--out", f"{folder}", allowed)
     if folder.is_dir() and any(folder.iterdir()) and not (folder / METADATA).is_file():
-        raise InvalidInput(Fault("folder contains other files", "--out", f"{folder}", allowed))
+        raise InvalidInput.of("folder contains other files", "--out", f"{folder}", allowed)
     nearest = next(place for place in folder.absolute().parents if place.exists())
     if not nearest.is_dir() or not os.access(nearest, os.W_OK | os.X_OK):
         got = f"{folder}: no permission to write into {nearest}"
-        raise InvalidInput(Fault("cannot write the model", "--out", got, "a writable folder"))
+        raise InvalidInput.of("cannot write the model", "--out", got, "a writable folder")
 
 
 def _read_parts(path: Path, listed: Mapping[str, Any]) -> dict[str, Part]:
@@ -317,7 +317,7 @@ def _bytes(path: Path) -> bytes | None:
 def _encode(name: str, part: Part) -> bytes:
     suffix = Path(name).suffix
     if Path(name).name != name or suffix not in _SUFFIXES or name == METADATA:
-        raise InvalidInput(Fault("invalid name of a part", "parts", repr(name), "NAME.npz or NAME.json"))
+        raise InvalidInput.of("invalid name of a part", "parts", repr(name), "NAME.npz or NAME.json")
     if suffix == ".json":
         return (json.dumps(part, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()
     arrays = {key: np.asarray(value) for key, value in part.items()}
@@ -352,4 +352,4 @@ def _place(out: Path, content: Mapping[str, bytes]) -> None:
         replace_folder(out, write)
     except OSError as error:
         got = f"{out}: {error.strerror or error}"
-        raise InvalidInput(Fault("cannot write the model", "--out", got, "a writable folder")) from error
+        raise InvalidInput.of("cannot write the model", "--out", got, "a writable folder") from error

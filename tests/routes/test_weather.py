@@ -1,4 +1,4 @@
-"""The weather along a road: wind by heading, the error of a forecast by its age, answers of a server."""
+"""The weather along a road."""
 
 import datetime as dt
 
@@ -24,6 +24,8 @@ from tripwatt.trips import Departure, Plan, table_of
 from tripwatt.vehicles import load_vehicle
 
 NOON = dt.datetime(2030, 1, 1, 12, 0, tzinfo=dt.UTC)
+
+
 CAR = load_vehicle("bmw_i3_60ah")
 
 
@@ -36,6 +38,8 @@ def road(latitude, longitude, length_m=10_000.0, speed_m_s=25.0):
 
 
 NORTH, EAST = road([47.0, 47.09], [9.0, 9.0]), road([0.0, 0.0], [9.0, 9.09])
+
+
 THERE_AND_BACK = road([47.0, 47.045, 47.0], [9.0, 9.0, 9.0])
 
 
@@ -148,9 +152,6 @@ def test_a_forecast_of_tomorrow_is_less_certain_and_a_value_by_hand_is_certain()
     )
     assert (Weather(hours_ahead=0.0).wind_sd_m_s, Weather(hours_ahead=60.0).wind_sd_m_s) == (1.0, 2.0)
     assert (Weather().temperature_sd_k, Weather().wind_sd_m_s) == (0.0, 0.0)
-
-
-# a server
 
 
 def answers(request):

@@ -297,7 +297,7 @@ def test_every_value_of_a_forecast_is_finite(name: str) -> None:
         "p_arrive": {"0": 1.0},
         "series": {"time_s": [0.0, 1.0]},
     }
-    assert require_finite(found) is found
+    assert require_finite(found) == found
     for spoiled in ({name: float("nan")}, {"p_arrive": {"0": float("inf")}}):
         with pytest.raises(InvalidInput, match="no forecast"):
             require_finite(found | spoiled)

@@ -7,16 +7,17 @@ from typing import Any
 import numpy as np
 import orjson
 import pytest
-from pydantic import BaseModel
+from pydantic import BaseModel, TypeAdapter, ValidationError
 from pydantic.json_schema import models_json_schema
 
+import tripwatt as tw
 from tripwatt.errors import Fault, InvalidInput
+from tripwatt.forecasting.document import ForecastResponse
 from tripwatt.service.schemas import (
     MIN_DURATION_S,
     MIN_OBSERVED,
     NUMBER_TYPES,
     Elevation,
-    FlagDocument,
     ForecastRequest,
     Link,
     NotJson,
@@ -135,11 +136,24 @@ def test_numbers_of_an_elevation_are_numbers(value: Any) -> None:
     assert not is_valid(Elevation, {"position_m": [0.0], "elevation_m": [value]})
 
 
-@pytest.mark.parametrize(
-    "model", [VehicleFigures, ForecastRequest, UpdateRequest, Elevation, Link, FlagDocument]
-)
+@pytest.mark.parametrize("model", [VehicleFigures, ForecastRequest, UpdateRequest, Elevation, Link])
 def test_unknown_fields_are_faults(model: type[BaseModel]) -> None:
     assert "colour" in {fault.where for fault in faults_of(model, {"colour": 1})}
+
+
+def test_a_forecast_as_data_is_the_documented_answer() -> None:
+    """Its document has every field that the schema requires and no other; the descriptions are those of the fields."""
+    answer = TypeAdapter(ForecastResponse)
+    plan = tw.read_route([{"length_m": 9000.0, "speed_m_s": 15.0}])
+    document: Any = tw.load_model().forecast(plan).to_dict(0.1, 0.9)
+    assert answer.validate_python(document) == document
+    with pytest.raises(ValidationError, match="colour"):
+        answer.validate_python({**document, "colour": 1})
+    del document["series"]["time_s"]
+    with pytest.raises(ValidationError, match=r"series.time_s"):
+        answer.validate_python(document)
+    described = answer.json_schema()["properties"]["by_cause_wh"]["description"]
+    assert described == "energy by cause [Wh]; the sum is energy_wh"
 
 
 def test_the_defaults_of_a_request() -> None:

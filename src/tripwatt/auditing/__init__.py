@@ -131,10 +131,10 @@ def audit(logs: Fleet | Iterable[Recorded]) -> Audit:
     findings: list[tuple[int, Finding]] = []
     order: list[int] = []
     for number, trip in enumerate(trips):
-        its_legs, found = _audit_log(trip)
+        its_legs, more = _audit_log(trip)
         legs += its_legs
         order += [number] * len(its_legs)
-        findings += [(number, f) for f in found]
+        findings += [(number, f) for f in more]
     used = _without_fault(legs, [f for _, f in findings])
     by_leg = consistency.soc_findings(legs, used)
     for number, leg in zip(order, legs, strict=True):
@@ -149,26 +149,26 @@ def audit(logs: Fleet | Iterable[Recorded]) -> Audit:
 def _audit_log(trip: Recorded) -> tuple[list[Recorded], list[Finding]]:
     """The drives of one log, each mended and judged by itself."""
     samples, findings = ranges.blank_infinite(trip.samples, trip.trip_id)
-    samples, cuts, found = stamps.mend_stamps(samples, trip.trip_id)
-    findings += found
+    samples, cuts, more = stamps.mend_stamps(samples, trip.trip_id)
+    findings += more
     missing = list(ranges.missing_columns(samples, trip.trip_id))
     findings += missing
     if len(samples) < 2 or any(f.consequence == "set aside" for f in missing):
         if len(samples) < 2:
             findings.append(whole(samples, trip.trip_id, "fewer than two samples are left", "set aside"))
         return [], findings
-    samples, found = ranges.blank_impossible(samples, trip.trip_id)
-    findings += found
-    if any(f.consequence == "set aside" for f in found):
+    samples, more = ranges.blank_impossible(samples, trip.trip_id)
+    findings += more
+    if any(f.consequence == "set aside" for f in more):
         return [], findings
     for rule in (signals.sensor_stop_cuts, stamps.gap_cuts, signals.freeze_cuts, signals.charging_cuts):
         cuts += rule(samples)
-    legs, found = _legs(trip, samples, cuts)
-    findings += found
+    legs, more = _legs(trip, samples, cuts)
+    findings += more
     judged = []
     for leg in legs:
-        mended, found = _judge_leg(leg)
-        findings += found
+        mended, more = _judge_leg(leg)
+        findings += more
         judged.append(mended)
     return judged, findings
 
@@ -241,8 +241,8 @@ def _judge_leg(leg: Recorded) -> tuple[Recorded, list[Finding]]:
         *road.ambient_findings(samples, name),
     ]
     for blank in (signals.blank_stuck_heater, consistency.blank_soc_faults, ranges.blank_fahrenheit):
-        samples, found = blank(samples, name)
-        findings += found
+        samples, more = blank(samples, name)
+        findings += more
     mended = leg.with_samples(samples)
     for rule in (consistency.unit_findings, consistency.offset_findings, consistency.energy_error_findings):
         findings += rule(mended)

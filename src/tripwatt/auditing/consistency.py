@@ -142,7 +142,7 @@ def soc_findings(trips: Sequence[Recorded], sound: Sequence[bool]) -> dict[str, 
     """
     balances = {t.trip_id: b for t in trips if (b := charge_balance(t.samples)) is not None}
     steps = [b.resolution for b in balances.values() if b.resolution > 0.0]
-    if steps:  # a drive too short for one step says nothing of the steps
+    if steps:  # a drive too short for one step has no resolution of its own
         usual = float(np.median(steps))
         balances = {k: replace(b, resolution=max(b.resolution, usual)) for k, b in balances.items()}
     capacities = {

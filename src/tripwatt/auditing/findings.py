@@ -27,9 +27,9 @@ class Finding:
     trip : str
         Id of the log, or of the leg that was cut out of it.
     from_s, to_s : float
-        Log time [s] between which it was found.
+        Log time [s] between which it lies.
     what : str
-        What was found, with its figures.
+        What is wrong, with its figures.
     consequence : {"trimmed", "split", "set aside", "noted"}
         An end was cut off; a middle was cut out and the rest became legs; the drive is not used; the drive is used,
         and the samples that `what` names are blank.

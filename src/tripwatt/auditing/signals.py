@@ -56,7 +56,7 @@ STANDING_POWER_W: Final = 20_000.0
 STANDING_POWER_S: Final = 10.0
 
 SHORTEST_FILL_S: Final = 10.0
-"""So long no two signals of a car are straight lines together, unless somebody drew the lines."""
+"""Two signals of a car are straight lines together for shorter than this [s], unless a gap was filled."""
 
 STRAIGHTNESS: Final = 0.0005
 """Deviation from a straight line that rounding explains, as a share of the signal's range in the log."""
@@ -147,7 +147,7 @@ def frozen_sensor_findings(samples: pd.DataFrame, trip_id: str) -> Iterator[Find
 
 
 def filled_gaps(samples: pd.DataFrame, trip_id: str) -> Iterator[Finding]:
-    """Runs in which speed, voltage and current are straight lines together: somebody filled a gap."""
+    """Runs in which speed, voltage and current are straight lines together: a filled gap."""
     if len(samples) < FEWEST_SAMPLES + 2 or not all(has(samples, name) for name in MEASURED):
         return
     time = array(samples, "time_s")

@@ -313,14 +313,12 @@ def _meeting(car: Vehicle, document: Mapping[str, Any], wh_per_km: float, proced
     left = float(done.after.mean())
     if abs(left) > REPEAT_SD:
         possible = wh_per_km / 10.0 * (1.0 + left)
-        raise InvalidInput(
-            Fault(
-                "consumption does not fit the car",
-                "consumption_kwh_per_100km",
-                f"{wh_per_km / 10.0:g} kWh/100 km",
-                f"{'at most' if left < 0.0 else 'at least'} {possible:.1f} kWh/100 km for its mass, power and body",
-                "check the figures; consumption is in kWh/100 km at the wall",
-            )
+        raise InvalidInput.of(
+            "consumption does not fit the car",
+            "consumption_kwh_per_100km",
+            f"{wh_per_km / 10.0:g} kWh/100 km",
+            f"{'at most' if left < 0.0 else 'at least'} {possible:.1f} kWh/100 km for its mass, power and body",
+            "check the figures; consumption is in kWh/100 km at the wall",
         )
     road = done.anchor("certification")
     common = anchors()[CLASS]

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 import typer
 
 from tripwatt.cli.departing import DepartureOf, departure_options
-from tripwatt.cli.options import SetOption, examples, gather, options_named
+from tripwatt.cli.options import EXAMPLES, SetOption, add_command, gather, options_named
 from tripwatt.cli.output import write_text
 from tripwatt.cli.printing import print_json, print_notes
 from tripwatt.errors import Fault, InvalidInput
@@ -27,7 +27,6 @@ ModelOption = Annotated[
         "-m",
         metavar="MODEL",
         help="Folder of a model, for its car with the learned correction. Default without --vehicle: the bundled model.",
-        show_default=False,
     ),
 ]
 CarOption = Annotated[
@@ -36,12 +35,10 @@ CarOption = Annotated[
         "--vehicle",
         metavar="NAME|FILE.toml",
         help="Car to simulate without a model: a name from `tripwatt vehicles`, or a TOML file.",
-        show_default=False,
     ),
 ]
 OutOption = Annotated[
-    Path | None,
-    typer.Option("--out", "-o", metavar="FILE", help="Also write the JSON to this file.", show_default=False),
+    Path | None, typer.Option("--out", "-o", metavar="FILE", help="Also write the JSON to this file.")
 ]
 QueryOption = Annotated[bool, typer.Option("--query", help="Print a URL query string instead of JSON.")]
 
@@ -64,20 +61,18 @@ def add_commands(app: typer.Typer) -> None:
         rich_markup_mode=None,
     )
     for service, text in SERVICES.items():
-        group.command(
-            service,
-            help=f"{text}\n\nPrint the parameters of a request as a JSON object of strings.",
-            epilog=examples(
-                (
-                    f"tripwatt export {service} --ambient -5",
-                    "export the car of the bundled model",
-                ),
-                (
-                    f"tripwatt export {service} --vehicle nissan_leaf_40 --query",
-                    "export another car from physics only",
-                ),
-            ),
-        )(_command(service))
+        command = _command(service)
+        command.__doc__ = f"""{text}
+
+Print the parameters of a request as a JSON object of strings.
+
+{EXAMPLES}
+
+  # export the car of the bundled model
+  tripwatt export {service} --ambient -5
+  # export another car from physics only
+  tripwatt export {service} --vehicle nissan_leaf_40 --query"""
+        add_command(group, command, service)
     app.add_typer(group, name="export")
 
 
@@ -111,10 +106,7 @@ def _curve(
     cars: list[tuple[Vehicle, Callable[[Plan], float] | None, list[str]]] = []
     departures: list[Departure] = []
     with options_named():
-        gather(
-            lambda: cars.append(_car(model, vehicle, overrides)),
-            lambda: departures.append(departure()),
-        )
+        gather(lambda: cars.append(_car(model, vehicle, overrides)), lambda: departures.append(departure()))
     car, correction, notes = cars[0]
     return consumption_curve(car, departures[0], correction=correction), notes
 

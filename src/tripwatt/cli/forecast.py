@@ -9,13 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import typer
 
 from tripwatt.cli.departing import DepartureOf, departure_options
-from tripwatt.cli.options import (
-    JsonOption,
-    examples,
-    gather,
-    model_of,
-    options_named,
-)
+from tripwatt.cli.options import JsonOption, add_command, gather, model_of, options_named
 from tripwatt.cli.output import write_bytes, write_text
 from tripwatt.cli.printing import print_json, print_notes, print_table
 from tripwatt.errors import Fault, InvalidInput
@@ -30,41 +24,8 @@ LEAVE_PROBABILITY: Final = 0.95
 
 def add_commands(app: typer.Typer) -> None:
     """Add the commands of this file."""
-    app.command(
-        epilog=examples(
-            ("tripwatt example-trip --out trip.csv", "write an example trip"),
-            (
-                "tripwatt forecast trip.csv --soc 0.8 --ambient -5",
-                "forecast it with the bundled model",
-            ),
-            (
-                "tripwatt forecast my-model trip.csv --reserve 0.1 --plot forecast.png",
-                "forecast it with your own model",
-            ),
-            (
-                "tripwatt forecast trip.csv --observed so-far.csv --json",
-                "update the forecast during the trip; so-far.csv has the samples so far, for example `head -601 trip.csv`",
-            ),
-            (
-                "tripwatt forecast answer.json --soc 0.8 --ambient 5",
-                "forecast a planned route from the saved response of a router",
-            ),
-            (
-                "tripwatt forecast ride.gpx --speed 60",
-                "forecast a track without times at a mean speed of 60 km/h",
-            ),
-            (
-                "tripwatt forecast ride.gpx --vehicle vw_id3 --soc 0.8",
-                "forecast for another car of the library",
-            ),
-        )
-    )(forecast)
-    app.command(
-        "example-trip",
-        epilog=examples(
-            ("tripwatt example-trip --out trip.csv", "write an example trip for `tripwatt forecast trip.csv`")
-        ),
-    )(example)
+    add_command(app, forecast)
+    add_command(app, example, name="example-trip")
 
 
 @departure_options(without=("departs_at",))
@@ -78,7 +39,6 @@ def forecast(
             "signals give only their first sample. Planned route: GPX, KML, GeoJSON, the saved response of OSRM, Valhalla, "
             "openrouteservice or GraphHopper, or links as CSV or JSON (length_m, speed_m_s or travel_time_s, and optionally "
             "grade or start_elevation_m and end_elevation_m, stop_s, speed_limit_m_s).",
-            show_default=False,
         ),
     ],
     departure: DepartureOf,
@@ -89,16 +49,10 @@ def forecast(
             metavar="NAME|FILE",
             help="Forecast for another car: a name from `tripwatt vehicles`, or a TOML file. The model has no trips of "
             "this car, so the interval is wider.",
-            show_default=False,
         ),
     ] = None,
     speed: Annotated[
-        float | None,
-        typer.Option(
-            metavar="KM/H",
-            help="Mean speed on a track without times and speeds.",
-            show_default=False,
-        ),
+        float | None, typer.Option(metavar="KM/H", help="Mean speed on a track without times and speeds.")
     ] = None,
     observed: Annotated[
         Path | None,
@@ -106,17 +60,13 @@ def forecast(
             metavar="SAMPLES",
             help="Samples measured so far, on the clock of the trip: time_s with voltage_v and current_a, or with soc or "
             "displayed_soc. On a planned route, speed_m_s gives the distance driven.",
-            show_default=False,
         ),
     ] = None,
     reserve: Annotated[
         float, typer.Option(metavar="0..1", help="Required state of charge at arrival, as displayed.")
     ] = 0.1,
     plot: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE", help="Write a figure of the forecast: .png, .svg or .pdf.", show_default=False
-        ),
+        Path | None, typer.Option(metavar="FILE", help="Write a figure of the forecast: .png, .svg or .pdf.")
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -124,6 +74,23 @@ def forecast(
 
     A driver model turns a planned route into a speed trace. The interval includes the error of this step, which was
     measured when the model was fitted. State of charge is the displayed one.
+
+    For example:
+
+      # write an example trip
+      tripwatt example-trip --out trip.csv
+      # forecast it with the bundled model
+      tripwatt forecast trip.csv --soc 0.8 --ambient -5
+      # forecast it with your own model
+      tripwatt forecast my-model trip.csv --reserve 0.1 --plot forecast.png
+      # update the forecast during the trip; so-far.csv has the samples so far, for example `head -601 trip.csv`
+      tripwatt forecast trip.csv --observed so-far.csv --json
+      # forecast a planned route from the saved response of a router
+      tripwatt forecast answer.json --soc 0.8 --ambient 5
+      # forecast a track without times at a mean speed of 60 km/h
+      tripwatt forecast ride.gpx --speed 60
+      # forecast for another car of the library
+      tripwatt forecast ride.gpx --vehicle vw_id3 --soc 0.8
     """
     from tripwatt.api import read_route
     from tripwatt.population import for_car
@@ -257,11 +224,7 @@ def example(
     out: Annotated[
         Path | None,
         typer.Option(
-            "--out",
-            "-o",
-            metavar="FILE",
-            help="Write the table to this file instead of printing it.",
-            show_default=False,
+            "--out", "-o", metavar="FILE", help="Write the table to this file instead of printing it."
         ),
     ] = None,
     seed: Annotated[int, typer.Option(min=0, metavar="N", help="Number of the trip.")] = 0,
@@ -269,6 +232,11 @@ def example(
     """Print a synthetic trip as a CSV table, as an input for `tripwatt forecast`.
 
     The trip is computed. It does not describe a real car.
+
+    For example:
+
+      # write an example trip for `tripwatt forecast trip.csv`
+      tripwatt example-trip --out trip.csv
     """
     from tripwatt.synthetic import example_trip
 

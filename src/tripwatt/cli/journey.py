@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from tripwatt.cli.departing import DepartureOf, departure_options
-from tripwatt.cli.options import JsonOption, examples, gather, options_named
+from tripwatt.cli.options import JsonOption, add_command, gather, options_named
 from tripwatt.cli.printing import print_json, print_notes, print_table
 
 if TYPE_CHECKING:
@@ -23,7 +23,6 @@ MapOption = Annotated[
         show_envvar=False,
         help="Folder of a map (see `tripwatt map build`), or a router's server: valhalla=URL, osrm=URL, graphhopper=URL or "
         "openrouteservice=URL. FOLDER@KIND=URL takes the places of a map and the roads of a server. Default: TRIPWATT_MAP.",
-        show_default=False,
     ),
 ]
 PlacesOption = Annotated[
@@ -32,7 +31,6 @@ PlacesOption = Annotated[
         "--places",
         metavar="KIND=URL",
         help="Server that finds places: photon=URL or nominatim=URL. Default: the index of the map.",
-        show_default=False,
     ),
 ]
 WeatherOption = Annotated[
@@ -41,7 +39,6 @@ WeatherOption = Annotated[
         "--weather",
         metavar="URL",
         help="Server with the interface of Open-Meteo. Default: no server is asked.",
-        show_default=False,
     ),
 ]
 StationsOption = Annotated[
@@ -50,55 +47,31 @@ StationsOption = Annotated[
         "--stations",
         metavar="FILE",
         help="Charging stations as CSV: latitude_deg, longitude_deg, power_kw, name. Default: those of the map.",
-        show_default=False,
     ),
 ]
 ModelOption = Annotated[
-    Path | None,
-    typer.Option("--model", metavar="FOLDER", help="Default: the bundled model.", show_default=False),
+    Path | None, typer.Option("--model", metavar="FOLDER", help="Default: the bundled model.")
 ]
 CarOption = Annotated[
     str | None,
     typer.Option(
-        "--vehicle",
-        metavar="NAME|FILE",
-        help="Another car: a name from `tripwatt vehicles`, or a TOML file.",
-        show_default=False,
+        "--vehicle", metavar="NAME|FILE", help="Another car: a name from `tripwatt vehicles`, or a TOML file."
     ),
 ]
 
 
 def add_commands(app: typer.Typer) -> None:
     """Add the commands of this file."""
-    app.command(
-        epilog=examples(
-            ("tripwatt map build liechtenstein.osm.pbf --out map", "build a map once"),
-            ("tripwatt plan Vaduz Buchs --map map --soc 0.8 --depart 07:30 --reserve 0.1", "plan a journey"),
-            (
-                "tripwatt plan Vaduz Malbun --map map --round-trip --ambient -5 --vehicle vw_id3",
-                "there and back",
-            ),
-            (
-                "tripwatt plan '47.14, 9.52' '47.37, 8.54' --map osrm=http://localhost:5000 --soc 0.9",
-                "with a router's server and coordinates",
-            ),
-        )
-    )(plan)
-    app.command(
-        epilog=examples(("tripwatt reach Vaduz --map map --soc 0.2", "where a charge of 20 % carries"))
-    )(reach)
-    app.command(
-        epilog=examples(("tripwatt places landstr --map map", "find places by the start of their names"))
-    )(places)
+    add_command(app, plan)
+    add_command(app, reach)
+    add_command(app, places)
 
 
 @departure_options()
 def plan(
     stops: Annotated[
         list[str],
-        typer.Argument(
-            metavar="FROM [VIA...] TO", help="Places: names, or latitude and longitude.", show_default=False
-        ),
+        typer.Argument(metavar="FROM [VIA...] TO", help="Places: names, or latitude and longitude."),
     ],
     departure: DepartureOf,
     map_: MapOption = "",
@@ -117,6 +90,17 @@ def plan(
     """Plan a journey from place to place: charge at arrival, what to leave with, a charging stop where one is needed.
 
     Nothing leaves this machine unless an option names the URL of a server. Travel times are those of an empty road.
+
+    For example:
+
+      # build a map once
+      tripwatt map build liechtenstein.osm.pbf --out map
+      # plan a journey
+      tripwatt plan Vaduz Buchs --map map --soc 0.8 --depart 07:30 --reserve 0.1
+      # there and back
+      tripwatt plan Vaduz Malbun --map map --round-trip --ambient -5 --vehicle vw_id3
+      # with a router's server and coordinates
+      tripwatt plan '47.14, 9.52' '47.37, 8.54' --map osrm=http://localhost:5000 --soc 0.9
     """
     from tripwatt.journey import AtlasSettings, JourneyOptions, open_atlas, plan_journey
 
@@ -145,7 +129,13 @@ def reach(
     places_url: PlacesOption = "",
     as_json: JsonOption = False,
 ) -> None:
-    """Show how far a charge carries in every direction, with 95 % and with 50 %."""
+    """Show how far a charge carries in every direction, with 95 % and with 50 %.
+
+    For example:
+
+      # where a charge of 20 % carries
+      tripwatt reach Vaduz --map map --soc 0.2
+    """
     from tripwatt.journey import AtlasSettings, RoadForecaster, find_reach, open_atlas
     from tripwatt.population import for_car
 
@@ -188,7 +178,13 @@ def places(
     limit: Annotated[int, typer.Option(min=1, max=50, metavar="N", help="Most places.")] = 10,
     as_json: JsonOption = False,
 ) -> None:
-    """Find places by the start of their names."""
+    """Find places by the start of their names.
+
+    For example:
+
+      # find places by the start of their names
+      tripwatt places landstr --map map
+    """
     from tripwatt.routes.maps import ATTRIBUTION
     from tripwatt.routes.search import open_search
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
-from tripwatt.cli.options import JsonOption, examples, gather, model_of, require_extras
+from tripwatt.cli.options import JsonOption, add_command, gather, model_of, require_extras
 from tripwatt.cli.printing import print_notes
 from tripwatt.errors import Fault, InvalidInput
 
@@ -25,18 +25,7 @@ PASSWORD_VARIABLE: Final = "TRIPWATT_MQTT_PASSWORD"
 
 def add_commands(app: typer.Typer) -> None:
     """Add the commands of this file."""
-    app.command(
-        epilog=examples(
-            (
-                "tripwatt live cars/my-leaf --mqtt mqtt://192.0.2.7 --source ovms --topic ovms/me/leaf/metric --plan to-work.gpx",
-                "follow a car with OVMS to work",
-            ),
-            (
-                "tripwatt live cars/my-3 --mqtt mqtt://192.0.2.7 --source teslamate --topic teslamate/cars/1",
-                "keep the trips of a car that TeslaMate reads",
-            ),
-        )
-    )(live)
+    add_command(app, live)
 
 
 def live(
@@ -68,42 +57,29 @@ def live(
             metavar="TRIP",
             help="The road, as for `tripwatt forecast`: a planned route. Default: that of an earlier trip which began at "
             "about the same time of day.",
-            show_default=False,
         ),
     ] = None,
     model: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="MODEL", help="Folder of a model. Default: the bundled model.", show_default=False
-        ),
+        Path | None, typer.Option(metavar="MODEL", help="Folder of a model. Default: the bundled model.")
     ] = None,
     vehicle: Annotated[
         str | None,
-        typer.Option(
-            metavar="NAME|FILE",
-            help="A car other than that of the model, or a TOML file.",
-            show_default=False,
-        ),
+        typer.Option(metavar="NAME|FILE", help="A car other than that of the model, or a TOML file."),
     ] = None,
     reserve: Annotated[
-        float,
-        typer.Option(min=0.0, max=1.0, metavar="0..1", help="State of charge to keep, as displayed."),
+        float, typer.Option(min=0.0, max=1.0, metavar="0..1", help="State of charge to keep, as displayed.")
     ] = 0.1,
     every: Annotated[
         float, typer.Option(min=0.1, max=3600.0, metavar="S", help="Shortest time between two forecasts [s].")
     ] = 5.0,
     publish: Annotated[
-        str,
-        typer.Option(
-            metavar="TOPIC", help="Also publish each forecast as JSON to this topic.", show_default=False
-        ),
+        str, typer.Option(metavar="TOPIC", help="Also publish each forecast as JSON to this topic.")
     ] = "",
     discovery: Annotated[
         str,
         typer.Option(
             metavar="PREFIX",
             help="Let Home Assistant find what --publish sends, below this prefix of topics: usually homeassistant.",
-            show_default=False,
         ),
     ] = "",
     keep_days: Annotated[
@@ -114,7 +90,6 @@ def live(
             max=36_500.0,
             metavar="DAYS",
             help="Erase what the car sent after so many days. Default: keep it until the car is forgotten.",
-            show_default=False,
         ),
     ] = None,
     as_json: JsonOption = False,
@@ -123,6 +98,13 @@ def live(
 
     The command requires the extra `tripwatt[live]`. It reads the password of the broker from TRIPWATT_MQTT_PASSWORD. What the
     plan leaves unknown of the departure is what the car's messages show.
+
+    For example:
+
+      # follow a car with OVMS to work
+      tripwatt live cars/my-leaf --mqtt mqtt://192.0.2.7 --source ovms --topic ovms/me/leaf/metric --plan to-work.gpx
+      # keep the trips of a car that TeslaMate reads
+      tripwatt live cars/my-3 --mqtt mqtt://192.0.2.7 --source teslamate --topic teslamate/cars/1
     """
     require_extras({"live": "tripwatt live"})
     from tripwatt.live import Broker, Follower, RoadCar, TopicJoiner, is_car

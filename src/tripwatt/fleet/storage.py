@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 from tripwatt.fleet.model import FleetModel
 from tripwatt.forecasting.upgrading import range_values, with_bounds
 from tripwatt.hybrid.groups import GroupPosterior, Sums
@@ -56,15 +56,13 @@ def load_fleet(folder: Path | str) -> FleetModel:
     stored = read_model(folder)
     if stored.metadata.get("kind") != KIND:
         got, fix = "a model of one car", "fit one with `tripwatt fleet fit`"
-        raise InvalidInput(Fault("no model of a fleet", f"{folder}", got, "a model of a fleet", fix))
+        raise InvalidInput.of("no model of a fleet", f"{folder}", got, "a model of a fleet", fix)
     current = stored.metadata["format_version"] == FORMAT_VERSION
     try:
         tree = parts_tree(stored.parts, KIND) if current else _version_1_tree(stored.parts)
     except (LookupError, TypeError, ValueError, AttributeError) as error:
         got = f"{type(error).__name__}: {error}"
-        raise InvalidInput(
-            Fault("parts do not make a model of a fleet", f"{folder}", got, "", REFIT)
-        ) from error
+        raise InvalidInput.of("parts do not make a model of a fleet", f"{folder}", got, "", REFIT) from error
     return structured(tree, FleetModel, _converter(), "a model of a fleet")
 
 

@@ -12,6 +12,13 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import FloatArray
+from tripwatt.forecasting.document import (
+    FlagDocument,
+    ForecastResponse,
+    LeaveWith,
+    Series,
+    UnknownClimbDocument,
+)
 from tripwatt.forecasting.expected import ExpectedDrive
 from tripwatt.forecasting.measured import (
     ChargeReading,
@@ -656,7 +663,7 @@ class Forecast:
         return updated(self, columns_measured(observed))
 
     @one_blas_thread
-    def to_dict(self, reserve: float | None = None, probability: float | None = None) -> dict[str, Any]:
+    def to_dict(self, reserve: float | None = None, probability: float | None = None) -> ForecastResponse:
         """Plain values, as the command line and the service give them.
 
         Parameters
@@ -668,7 +675,7 @@ class Forecast:
 
         Returns
         -------
-        dict
+        ForecastResponse
             Numbers, texts, lists and further dicts only; energies [Wh], states of charge 0 to 1.
 
         Examples
@@ -872,9 +879,13 @@ def remaining_sd_wh(forecast: Forecast) -> FloatArray:
     return np.asarray(whole * np.cumsum(ahead) / forecast.drive.table.hours.sum())
 
 
-def forecast_document(forecast: Forecast, reserve: float | None, probability: float | None) -> dict[str, Any]:
+def forecast_document(
+    forecast: Forecast, reserve: float | None, probability: float | None
+) -> ForecastResponse:
     """A forecast as plain values: see `Forecast.to_dict`."""
     levels = ARRIVAL_LEVELS if reserve is None else (*ARRIVAL_LEVELS, require_fraction("reserve", reserve))
+    early, expected, late = forecast.empty_at_m
+    least, middle, most = forecast.missing_wh
     return {
         "trip": forecast.plan.trip_id,
         "given": forecast.given,
@@ -883,16 +894,16 @@ def forecast_document(forecast: Forecast, reserve: float | None, probability: fl
         "soc_arrival": forecast.soc_arrival,
         "soc_quantiles": {f"{p:g}": forecast.soc_quantile(p) for p in QUANTILES},
         "wh_per_display": forecast.charge.wh_per_display,
-        "empty_at_m": dict(zip(("early", "expected", "late"), forecast.empty_at_m, strict=True)),
-        "missing_wh": dict(zip(("least", "expected", "most"), forecast.missing_wh, strict=True)),
+        "empty_at_m": {"early": early, "expected": expected, "late": late},
+        "missing_wh": {"least": least, "expected": middle, "most": most},
         "p_arrive": {f"{level:g}": forecast.p_arrive(level) for level in levels},
-        "climb": None if forecast.climbing is None else climb_document(forecast, levels),
+        "climb": climb_document(forecast, levels),
         "leave_with": None if probability is None else leave_document(forecast, reserve or 0.0, probability),
-        "series": {name: values.tolist() for name, values in forecast._series().items()},
+        "series": Series(**{name: values.tolist() for name, values in forecast._series().items()}),  # type: ignore[typeddict-item]
         "by_cause_wh": forecast.by_cause_wh,
         "battery_loss_wh": forecast.battery_loss_wh,
         "measured_until_s": forecast.measured_until_s,
-        "flags": [flag_to_dict(flag) for flag in forecast.flags],
+        "flags": [FlagDocument(**flag_to_dict(flag)) for flag in forecast.flags],  # type: ignore[typeddict-item]
     }
 
 
@@ -920,16 +931,19 @@ def with_route_error(
     return with_empty_flag(found)
 
 
-def climb_document(forecast: Forecast, levels: tuple[float, ...]) -> dict[str, Any]:
-    """What the climb of a road of unknown heights changes, as plain values."""
+def climb_document(forecast: Forecast, levels: tuple[float, ...]) -> UnknownClimbDocument | None:
+    """What the climb of a road of unknown heights changes, as plain values; None where they are known."""
+    soc_per_m = forecast.soc_per_climb_m
+    if soc_per_m is None:
+        return None
     return {
         "terrain": forecast.plan.departure.terrain or "unknown",
-        "soc_per_m": forecast.soc_per_climb_m,
+        "soc_per_m": soc_per_m,
         "changes_at_m": {f"{level:g}": forecast.climb_to(level) for level in levels},
     }
 
 
-def leave_document(found: Forecast, reserve: float, probability: float) -> dict[str, Any]:
+def leave_document(found: Forecast, reserve: float, probability: float) -> LeaveWith:
     """The charge to leave with as plain values, with its sentence."""
     needed = found.soc_needed(reserve, probability)
     sentence = leave_in_words(needed, reserve, probability)

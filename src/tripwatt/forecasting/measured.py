@@ -12,7 +12,7 @@ import pandas as pd
 
 from tripwatt.arrays import BoolArray, FloatArray, IntArray
 from tripwatt.auditing.signals import blank_stuck_heater
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 from tripwatt.forecasting.expected import ExpectedDrive
 from tripwatt.hybrid.climate_log import CLIMATE_COLUMNS, CLIMATE_IN_ALL
 from tripwatt.trips import (
@@ -160,7 +160,7 @@ def columns_measured(observed: pd.DataFrame) -> Columns:
             type(observed).__name__,
             "for example pandas.DataFrame({'time_s': [0.0, 60.0], 'soc': [0.8, 0.79]})",
         )
-        raise InvalidInput(Fault("unknown type", WHERE, got, "a DataFrame", fix))
+        raise InvalidInput.of("unknown type", WHERE, got, "a DataFrame", fix)
     raise_faults(structure_faults(observed, WHERE, required=("time_s",)))
     known = [name for name in observed.columns if name in (*COLUMNS, "observed_energy_wh")]
     if len(known) < len(observed.columns):
@@ -202,7 +202,7 @@ def read_measured(
     if soc is not None:
         return Measured(float(time[-1]), anchor=anchor), _from_soc(time, soc, drive)
     where = f"columns {sorted(samples)}"
-    raise InvalidInput(Fault("no measured energy", WHERE, where, "voltage_v and current_a, or soc"))
+    raise InvalidInput.of("no measured energy", WHERE, where, "voltage_v and current_a, or soc")
 
 
 def _last_reading(samples: Columns, time: FloatArray) -> ChargeReading | None:
@@ -311,13 +311,13 @@ def since_departure(observed: Columns, plan: Plan) -> Columns:
     first, last = float(given[0]), float(given[-1])
     if first - start < 0.0:
         allowed = f"{start:g} s or later"
-        raise InvalidInput(Fault("measured before departure", f"{WHERE}, time_s", f"{first:g} s", allowed))
+        raise InvalidInput.of("measured before departure", f"{WHERE}, time_s", f"{first:g} s", allowed)
     if plan.link_m is None:
         end = start + plan.duration_s if plan.end_s is None else plan.end_s
         if first > end:
             got, allowed = f"{first:g} to {last:g} s", f"{start:g} to {end:g} s"
             fix = "give times on the clock of the trip"
-            raise InvalidInput(Fault("measured after the trip", f"{WHERE}, time_s", got, allowed, fix))
+            raise InvalidInput.of("measured after the trip", f"{WHERE}, time_s", got, allowed, fix)
     found = {**observed, "time_s": given - start}
     _require_sign(found, plan)
     return found
@@ -336,7 +336,7 @@ def _require_sign(observed: Columns, plan: Plan) -> None:
     if slope is not None and slope[1] < WRONG_SIGN:
         got = "the battery would charge while the car accelerates"
         allowed, fix = "positive when the battery discharges", "reverse the sign of current_a"
-        raise InvalidInput(Fault("current has the wrong sign", f"{WHERE}, current_a", got, allowed, fix))
+        raise InvalidInput.of("current has the wrong sign", f"{WHERE}, current_a", got, allowed, fix)
 
 
 def along_the_plan(samples: Columns, plan: Plan) -> Columns:

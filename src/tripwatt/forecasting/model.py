@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import FloatArray, IntArray
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 from tripwatt.forecasting.donor import DonorModel
 from tripwatt.forecasting.expected import ExpectedDrive
 from tripwatt.forecasting.forecast import Forecast
@@ -221,9 +221,7 @@ class ForecastModel:
         """
         if len(table) < MIN_TRIPS:
             fix = "adapt a model of another car with tripwatt fit --base MODEL"
-            raise InvalidInput(
-                Fault("too few trips", "training", str(len(table)), f"at least {MIN_TRIPS}", fix)
-            )
+            raise InvalidInput.of("too few trips", "training", str(len(table)), f"at least {MIN_TRIPS}", fix)
         self.corrector_ = power_corrector(self.corrector, self.seed).fit(table)
         self.trip_ids_ = table.trip_ids
         self.ranges_ = training_ranges(table)
@@ -295,7 +293,7 @@ class ForecastModel:
         'UncertaintyModel'
         """
         if self.corrector_ is None or self.uncertainty_ is None:
-            raise InvalidInput(Fault("model is not fitted", where, "no training trips", fix="call fit first"))
+            raise InvalidInput.of("model is not fitted", where, "no training trips", fix="call fit first")
         return self.corrector_, self.uncertainty_
 
     def as_donor(self, masked_inputs: Sequence[str] = ()) -> DonorModel:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import pandas as pd
 
-from tripwatt.errors import Fault, InvalidInput, excerpt
+from tripwatt.errors import InvalidInput, excerpt
 from tripwatt.forecasting.model import ForecastModel
 from tripwatt.forecasting.upgrading import version_1_tree
 from tripwatt.hybrid.segments import SEGMENT_S
@@ -68,10 +68,10 @@ def model_of_parts(parts: Mapping[str, Part], version: int = FORMAT_VERSION) -> 
         segment_s = tree.pop("segment_s")
     except (LookupError, TypeError, ValueError, AttributeError, RecursionError) as error:
         got = f"{type(error).__name__}: {error}"[:200]
-        raise InvalidInput(Fault("parts do not make a forecast model", "model", got, "", REFIT)) from error
+        raise InvalidInput.of("parts do not make a forecast model", "model", got, "", REFIT) from error
     if segment_s != SEGMENT_S:
         got, allowed = f"segments of {excerpt(segment_s)} s", f"segments of {SEGMENT_S:g} s"
-        raise InvalidInput(Fault("model of an older version", "model.json, segment_s", got, allowed, REFIT))
+        raise InvalidInput.of("model of an older version", "model.json, segment_s", got, allowed, REFIT)
     return structured(tree, ForecastModel, _converter(), "a forecast model")
 
 
@@ -227,9 +227,7 @@ def require_usable(model: ForecastModel, where: str) -> None:
         if sound:
             return
         got = "numbers that are not finite"
-    raise InvalidInput(
-        Fault("model gives no forecast", where, got, "a finite forecast of a trial trip", REFIT)
-    )
+    raise InvalidInput.of("model gives no forecast", where, got, "a finite forecast of a trial trip", REFIT)
 
 
 def _numbers(value: Any) -> Iterator[float]:

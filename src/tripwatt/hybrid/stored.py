@@ -65,9 +65,7 @@ class StoredTrees(PowerCorrector):
     def __post_init__(self) -> None:
         if len(self.trees) and int(self.trees.split_feature.max()) >= len(self.columns):
             got = f"column {int(self.trees.split_feature.max())}"
-            raise InvalidInput(
-                Fault("wrong column of a split", "trees", got, f"0 to {len(self.columns) - 1}")
-            )
+            raise InvalidInput.of("wrong column of a split", "trees", got, f"0 to {len(self.columns) - 1}")
 
     @classmethod
     def from_learner(cls, corrector: LearnerCorrector) -> StoredTrees:
@@ -179,7 +177,7 @@ def _gp(values: Mapping[str, Any], converter: Converter) -> GPCorrector:
     corrector.shape = converter.structure(values["shape"], FloatArray)
     if corrector.shape.shape != corrector.model.weights_.shape:
         got, allowed = f"{corrector.shape.shape}", f"{corrector.model.weights_.shape}"
-        raise InvalidInput(Fault("wrong shape of an array", "shape", got, allowed))
+        raise InvalidInput.of("wrong shape of an array", "shape", got, allowed)
     return corrector
 
 
@@ -202,7 +200,7 @@ def _corrector_values(corrector: PowerCorrector, converter: Converter) -> dict[s
 def _corrector(values: Mapping[str, Any], converter: Converter) -> PowerCorrector:
     kind, inner = values["kind"], {name: value for name, value in values.items() if name != "kind"}
     if kind not in KINDS:
-        raise InvalidInput(Fault("unknown kind of corrector", "kind", excerpt(kind), ", ".join(KINDS)))
+        raise InvalidInput.of("unknown kind of corrector", "kind", excerpt(kind), ", ".join(KINDS))
     if kind == "split":
         climate, drive = (_corrector(inner[name], converter) for name in ("climate", "drive"))
         return SplitCorrector(climate, drive, drive, True)

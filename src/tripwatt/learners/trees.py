@@ -217,7 +217,7 @@ _ALLOWED: Final[Mapping[str, Allowed]] = {
 
 
 class ClusteredTrees(RegressorMixin, BaseEstimator):
-    """A learner for clustered rows whose trees are LightGBM's. A learner says what it allows and how it predicts."""
+    """A learner for clustered rows whose trees are LightGBM's. Subclasses add their own settings and their prediction."""
 
     settings_names: ClassVar[tuple[str, ...]]
     """Settings that `param_grid` may choose."""
@@ -396,7 +396,7 @@ def permutation_losses(
 
 
 def column_blocks(names: Sequence[str], columns: Mapping[str, Sequence[str]] | None) -> dict[str, list[int]]:
-    """Positions of the columns that are permuted together: each alone, or as `columns` says."""
+    """Positions of the columns that are permuted together: each alone, or by the groups of `columns`."""
     if columns is None:
         return {name: [position] for position, name in enumerate(names)}
     raise_faults(

@@ -1,4 +1,4 @@
-"""How a driver turns a route into speed over time: limits, comfort, stops, and a hand that is never quite steady.
+"""The driver model: from a route to speed over time, with limits, comfort, stops and fluctuation.
 
 A route is a row of links, each with a length, a speed that is allowed or expected on it, and a time of standstill at
 its end. The speed over *distance* is found first, by one pass forwards (how fast can the car have become?) and one
@@ -25,13 +25,13 @@ GRID_SPACING_M: Final = 4.0
 """Longest cell of the distance grid [m]: one metre per second at walking pace is resolved, memory stays small."""
 
 SLOWEST_SHARE: Final = 0.4
-"""Share of the aimed speed that fluctuation never goes below: a stop is a matter of the route, not of unsteadiness."""
+"""Lower bound of the fluctuation, as a share of the aimed speed: stops come from the route, not from fluctuation."""
 
 PEDAL_TIME_S: Final = 1.5
 """Time [s] at the links' speed over which the pressure on a pedal changes while speeding up or braking."""
 
 LEAST_EFFORT: Final = 0.3
-"""Share of the comfortable acceleration that the pressure never goes below."""
+"""Lower bound of the pressure on a pedal, as a share of the comfortable acceleration."""
 
 
 LinkRule = tuple[str, FloatArray, BoolArray, str]
@@ -40,7 +40,7 @@ LinkRule = tuple[str, FloatArray, BoolArray, str]
 
 @dataclass(frozen=True, slots=True)
 class DriverStyle:
-    """How somebody drives.
+    """Parameters of a driver.
 
     The acceleration of a driver falls with speed as `acceleration_m_s2 / (1 + (v / v_half)²)`, with
     `v_half = half_acceleration_speed_m_s`; braking is equally firm at every speed. The defaults are a choice, near the

@@ -34,7 +34,7 @@ SHORTEST_LINK_M: Final = LINK_COLUMNS["length_m"].minimum
 LONGEST_LINK_M: Final = LINK_COLUMNS["length_m"].maximum
 
 SHORTEST_STRETCH_M: Final = 60.0
-"""Shorter links are joined with what follows before they are driven: nobody keeps a mean speed over a car's length."""
+"""Shorter links are joined with what follows before they are driven: a mean speed over a few metres means nothing."""
 
 SAME_SPEED: Final = 1e-6
 """Relative difference of two speeds that are one: what rounding leaves."""

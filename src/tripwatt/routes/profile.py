@@ -32,7 +32,7 @@ REFERENCE_LENGTH_M: Final = 250.0
 """Length of a link to which `LinkStyle.street_speed_m_s` refers [m]."""
 
 LONGEST_STREET_M: Final = 2000.0
-"""The growth of the street speed with the link's length ends here: twice the longest links that it was found on [m]."""
+"""The growth of the street speed with the link's length ends here: twice the longest links of its fit [m]."""
 
 SPACING_M: Final = 4.0
 """Longest cell of the distance grid [m]."""
@@ -79,7 +79,7 @@ class LinkStyle:
     """How traffic and driver fill a link of which only the mean speed is known.
 
     The defaults of `street_speed_m_s`, `length_exponent` and `comfort` are what `calibrate_style` finds on the electric
-    cars of the Vehicle Energy Dataset, rounded; the other values are a choice. `docs/reference/routes.md` says how.
+    cars of the Vehicle Energy Dataset, rounded; the other values are a choice (method: `docs/reference/routes.md`).
 
     Attributes
     ----------
@@ -210,15 +210,13 @@ def link_profile(
     style = style or LinkStyle()
     length, time = link_column(length_m), link_column(travel_time_s)
     unknown = np.full(length.shape, np.nan)
-    stop, moving, limit = (
-        link_column(values, unknown) for values in (stop_s, moving_speed_m_s, speed_limit_m_s)
-    )
+    given = (stop_s, moving_speed_m_s, speed_limit_m_s)
+    stop, moving, limit = (link_column(values, unknown) for values in given)
     raise_faults(link_faults(_rules(length, time, stop, moving, limit), step_s))
-    course = _Course.from_links(length, time, stop, moving, limit, style, rng)
+    course = _Course(length, time, stop, moving, limit, style, rng)
     speed, driving_s = course.solve()
-    return profile_over_time(
-        course.position, speed, driving_s, course.waiting(speed, driving_s, rng), course.ends, step_s
-    )
+    waiting_s = course.waiting(speed, driving_s, rng)
+    return profile_over_time(course.position, speed, driving_s, waiting_s, course.ends, step_s)
 
 
 def _rules(
@@ -226,43 +224,26 @@ def _rules(
 ) -> list[LinkRule]:
     not_whole = stop < time if stop.shape == time.shape else True
     sound = np.isnan(stop) | (np.isfinite(stop) & (stop >= 0) & not_whole)
-    rules: list[LinkRule] = [
-        (name, values, np.isfinite(values) & (values > 0), f"finite, more than 0 {unit}")
-        for name, values, unit in (("length_m", length, "m"), ("travel_time_s", time, "s"))
-    ]
-    rules.append(("stop_s", stop, sound, "0 s to less than the travel time, NaN if unknown"))
-    return rules + [
-        (
-            name,
-            values,
-            np.isnan(values) | (np.isfinite(values) & (values > 0)),
-            "more than 0 m/s, NaN if unknown",
-        )
-        for name, values in (("moving_speed_m_s", moving), ("speed_limit_m_s", limit))
+    above, perhaps = "finite, more than 0", "more than 0 m/s, NaN if unknown"
+    return [
+        ("length_m", length, np.isfinite(length) & (length > 0), f"{above} m"),
+        ("travel_time_s", time, np.isfinite(time) & (time > 0), f"{above} s"),
+        ("stop_s", stop, sound, "0 s to less than the travel time, NaN if unknown"),
+        ("moving_speed_m_s", moving, ~((moving <= 0) | np.isinf(moving)), perhaps),
+        ("speed_limit_m_s", limit, ~((limit <= 0) | np.isinf(limit)), perhaps),
     ]
 
 
-@dataclass(frozen=True, eq=False, slots=True)
 class _Course:
-    """The grid over the links and what is known before the delays are."""
+    """The grid over the links and what is known before the delays are.
 
-    length: FloatArray
-    time: FloatArray  # to drive and to wait in invented stops, without the stops that were given
-    stop: FloatArray
-    free: FloatArray
-    limit: FloatArray  # inf where there is none
-    style: LinkStyle
-    position: FloatArray
-    link: IntArray  # of each cell
-    ends: IntArray  # last node of each link
-    ramp: FloatArray  # speed that a node may have at least because the neighbouring link is faster
-    dip_node: IntArray
-    dip_link: IntArray
-    most_delay: FloatArray
+    `limit` is infinite where there is none, `free` the speed without disturbance, `time` the time to drive and to wait in
+    invented stops, without the stops that were given. `link` is that of each cell, `ends` the last node of each link,
+    `ramp` the speed that a node may have at least because the neighbouring link is faster.
+    """
 
-    @classmethod
-    def from_links(
-        cls,
+    def __init__(
+        self,
         length: FloatArray,
         time: FloatArray,
         stop: FloatArray,
@@ -270,50 +251,38 @@ class _Course:
         limit: FloatArray,
         style: LinkStyle,
         rng: np.random.Generator | None,
-    ) -> _Course:
-        given = np.nan_to_num(stop, nan=0.0)
-        to_drive = time - given
-        mean = length / to_drive
+    ) -> None:
+        n = len(length)
+        self.length, self.stop, self.style = length, np.nan_to_num(stop, nan=0.0), style
+        self.time = time - self.stop
+        mean = length / self.time
         free = np.where(np.isnan(moving), style.free_speed(length, mean), np.maximum(moving, mean))
         # a link whose stops are given has no reason to go faster than its own speed
         free = np.where(np.isnan(stop) | ~np.isnan(moving), free, mean)
         if rng is not None:
             free = free * np.exp(SPEED_LOG_STD * rng.standard_normal(free.shape))
-        limit = np.where(np.isnan(limit), np.inf, np.maximum(limit, mean))
-        free = np.minimum(free, limit)
-        dips = _number_of_dips(length, to_drive, free, np.isnan(stop), style)
+        self.limit = np.where(np.isnan(limit), np.inf, np.maximum(limit, mean))
+        self.free = np.minimum(free, self.limit)
+        dips = _number_of_dips(length, self.time, self.free, np.isnan(stop), style)
         spacing = max(SPACING_M, float(length.sum()) / MOST_NODES)
         cells = np.maximum(np.maximum(np.ceil(length / spacing), 4), CELLS_PER_DIP * dips).astype(np.int64)
-        ends = np.cumsum(cells)
-        link = np.repeat(np.arange(len(length)), cells)
-        position = np.concatenate(([0.0], np.cumsum((length / cells)[link])))
-        position[ends] = np.cumsum(length)
-        dip_link = np.repeat(np.arange(len(length)), dips)
-        order = np.arange(len(dip_link)) - np.repeat(np.cumsum(dips) - dips, dips)
-        drawn = None if rng is None else rng.uniform(0.2, 0.8, len(dip_link))
+        self.ends = np.cumsum(cells)
+        self.link = np.repeat(np.arange(n), cells)
+        self.position = np.concatenate(([0.0], np.cumsum((length / cells)[self.link])))
+        self.position[self.ends] = np.cumsum(length)
+        self.dip_link = np.repeat(np.arange(n), dips)
+        order = np.arange(len(self.dip_link)) - np.repeat(np.cumsum(dips) - dips, dips)
+        drawn = None if rng is None else rng.uniform(0.2, 0.8, len(self.dip_link))
         place = style.stop_place if drawn is None else drawn
-        within = np.rint((order + place) / dips[dip_link] * cells[dip_link]).astype(np.int64)
-        dip_node = (ends - cells)[dip_link] + np.clip(within, 2, cells[dip_link] - 2)
+        around = cells[self.dip_link]
+        within = np.rint((order + place) / dips[self.dip_link] * around).astype(np.int64)
+        self.dip_node = (self.ends - cells)[self.dip_link] + np.clip(within, 2, around - 2)
         most = np.where(dips > 0, 1.0, MOST_DELAY)
         # at both ends of the route the car stands anyway: time to spare is spent there
-        at_rest = np.zeros(len(length), dtype=bool)
+        at_rest = np.zeros(n, dtype=bool)
         at_rest[[0, -1]] = np.isnan(stop[[0, -1]])
-        most = np.where(at_rest & (dips == 0), 0.0, most)
-        return cls(
-            length,
-            to_drive,
-            given,
-            free,
-            limit,
-            style,
-            position,
-            link,
-            ends,
-            _ramps(position, ends, np.minimum(free, HURRY * mean + 2.0), style),
-            dip_node,
-            dip_link,
-            most,
-        )
+        self.most_delay = np.where(at_rest & (dips == 0), 0.0, most)
+        self.ramp = _ramps(self.position, self.ends, np.minimum(self.free, HURRY * mean + 2.0), style)
 
     def drive(self, delay: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Speed at the nodes [m/s] and time between them [s] for a delay of each link, without waiting.

@@ -105,7 +105,7 @@ def _sd(now_and_per_day: tuple[float, float], hours_ahead: float | None) -> floa
 
 
 class WeatherSource(Protocol):
-    """What knows the weather."""
+    """A source of weather by place and time."""
 
     def at(self, places: Sequence[Place], when: Sequence[dt.datetime]) -> tuple[Weather, ...]:
         """The weather at places, each at its time."""

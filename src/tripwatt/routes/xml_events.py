@@ -48,7 +48,7 @@ class Line:
 
 
 class XmlTracks:
-    """What is collected while an XML text goes by. A format says what its elements mean.
+    """Collector of the lines of an XML text; a subclass gives the elements of its format.
 
     Parameters
     ----------

@@ -24,6 +24,7 @@ from starlette.types import Receive, Scope, Send
 import tripwatt
 from tripwatt.errors import Fault, excerpt
 from tripwatt.forecasting import load_metadata, load_model
+from tripwatt.forecasting.document import ForecastResponse
 from tripwatt.forecasting.storage import DEFAULT_MODEL
 from tripwatt.service import schemas
 from tripwatt.service.answering import Answering, json_response
@@ -196,12 +197,12 @@ class Api:
             yield
         await self.pool.stop()
 
-    @operation("POST /v1/forecast", "forecast", schemas.ForecastResponse, schemas.ForecastRequest)
+    @operation("POST /v1/forecast", "forecast", ForecastResponse, schemas.ForecastRequest)
     async def forecast(self, request: Request) -> Response:
         """Forecast a trip from a speed trace or from the links of a planned route."""
         return await self.answering.body_job(request, "forecast")
 
-    @operation("POST /v1/forecast/update", "forecast", schemas.ForecastResponse, schemas.UpdateRequest)
+    @operation("POST /v1/forecast/update", "forecast", ForecastResponse, schemas.UpdateRequest)
     async def update(self, request: Request) -> Response:
         """Update the forecast of a trip with the samples measured so far."""
         return await self.answering.body_job(request, "update")

@@ -460,18 +460,18 @@ def describe(figures: VehicleFigures) -> Vehicle:
     return describe_car(**figures.model_dump())
 
 
-def require_finite(forecast: dict[str, Any]) -> dict[str, Any]:
+def require_finite(forecast: Mapping[str, Any]) -> dict[str, Any]:
     """Check that all values of a forecast are finite, because JSON has no other numbers.
 
     Parameters
     ----------
-    forecast : dict
+    forecast : mapping
         A forecast as `Forecast.to_dict` returns it.
 
     Returns
     -------
     dict
-        The same object.
+        The same values.
 
     Raises
     ------
@@ -489,7 +489,7 @@ def require_finite(forecast: dict[str, Any]) -> dict[str, Any]:
         math.isfinite(sum(values)) for values in lists
     ):  # one value that is not finite makes the sum so
         raise _no_forecast()
-    return forecast
+    return dict(forecast)
 
 
 def _no_forecast() -> InvalidInput:

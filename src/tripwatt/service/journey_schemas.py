@@ -6,11 +6,10 @@ from typing import Annotated, Literal
 
 from pydantic import AwareDatetime, Field
 
+from tripwatt.forecasting.document import FlagDocument, ForecastResponse
 from tripwatt.service.schemas import (
     CarRequest,
     DepartureRequest,
-    FlagDocument,
-    ForecastResponse,
     ResponseModel,
     StrictModel,
     asked,

@@ -8,8 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final, TypeVar
 
 from fastapi import FastAPI
-from pydantic import BaseModel
-from pydantic.json_schema import models_json_schema
+from pydantic import TypeAdapter
 from starlette.responses import Response
 
 from tripwatt.service.example_requests import EXAMPLES
@@ -41,7 +40,7 @@ TAG_PROBLEMS: Final[Mapping[str, tuple[str, ...]]] = {
 }
 """Problems of all operations of a tag."""
 
-Content = type[BaseModel] | dict[str, Any]
+Content = type | dict[str, Any]
 """A document of JSON by its schema, or an object of OpenAPI for a media type."""
 
 Handler = TypeVar("Handler", bound=Callable[..., Any])
@@ -103,7 +102,7 @@ class Operation:
                     deprecated=True if path == self.alias else None,
                 )
 
-    def models(self) -> set[type[BaseModel]]:
+    def models(self) -> set[type]:
         """Return the schemas of request and response."""
         contents = (*self.answer.values(), *self.takes.values())
         return {content for content in contents if isinstance(content, type)}
@@ -161,7 +160,7 @@ def add_operations(app: FastAPI, owners: Iterable[object], *, with_token: bool) 
     with_token : bool
         Whether the document requires a bearer token.
     """
-    models: set[type[BaseModel]] = {ProblemDocument}
+    models: set[type] = {ProblemDocument}
     for owner in owners:
         for name, handler in vars(type(owner)).items():
             described = getattr(handler, "operation", None)
@@ -174,8 +173,9 @@ def add_operations(app: FastAPI, owners: Iterable[object], *, with_token: bool) 
         if app.openapi_schema is None:
             derived = derive()
             ordered = sorted(models, key=lambda model: model.__name__)
-            _, schemas = models_json_schema(
-                [(model, "validation") for model in ordered], ref_template=REFERENCE + "{model}"
+            _, schemas = TypeAdapter.json_schemas(
+                [(model, "validation", TypeAdapter(model)) for model in ordered],
+                ref_template=REFERENCE + "{model}",
             )
             security = {"car": {"type": "http", "scheme": "bearer"}}
             if with_token:

@@ -23,6 +23,7 @@ from pydantic import (
 
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import MOST_HINTS, Fault, InvalidInput, excerpt
+from tripwatt.forecasting.document import FlagDocument
 from tripwatt.routes import LinkRoute, route_from_links, route_with_elevation
 from tripwatt.service.settings import Limits
 from tripwatt.sources.canonical import LEAST_SAMPLES, canonical_samples
@@ -262,100 +263,6 @@ class ResponseModel(BaseModel):
     """Base of all documents in responses: objects without undocumented fields."""
 
     model_config = ConfigDict(extra="forbid")
-
-
-class FlagDocument(ResponseModel):
-    """An assumption, or a value outside the range of the training trips."""
-
-    code: str = Field(description="kind of flag")
-    subject: str = Field(description="field or component that the flag concerns")
-    value: float | str | None = Field(description="value found or assumed, in `unit`")
-    unit: str
-    message: str = Field(description="the flag as an English sentence")
-
-
-class Series(ResponseModel):
-    """Values at departure and at the end of every time step; low and high are the central 90 % interval."""
-
-    time_s: list[float] = Field(description="time since departure [s]")
-    distance_m: list[float]
-    energy_wh: list[float] = Field(description="energy since departure [Wh]")
-    energy_low_wh: list[float]
-    energy_high_wh: list[float]
-    displayed_soc: list[float] = Field(description="displayed state of charge; 0 where the battery is empty")
-    displayed_soc_low: list[float]
-    displayed_soc_high: list[float]
-
-
-class EmptyAt(ResponseModel):
-    """Distance at which the display reaches 0 [m], at the ends and the middle of the 90 % band; null: not on this trip."""
-
-    early: float | None
-    expected: float | None
-    late: float | None
-
-
-class UnknownClimbDocument(ResponseModel):
-    """What the climb of a road of unknown heights changes."""
-
-    terrain: str = Field(description="country that the interval allows for")
-    soc_per_m: float = Field(description="displayed state of charge that each metre of climb takes [1/m]")
-    changes_at_m: dict[str, float | None] = Field(
-        description="by displayed state of charge: net climb with which the expected arrival falls to it [m]; null where no road of "
-        "this length and country climbs so far"
-    )
-
-
-class Missing(ResponseModel):
-    """Energy that the trip takes beyond what the battery holds [Wh], at the ends and the middle of the 90 % band."""
-
-    least: float
-    expected: float
-    most: float
-
-
-class LeaveWith(ResponseModel):
-    """The charge to leave with; on the way, the charge to go on with from the last reading."""
-
-    soc_needed: float = Field(
-        description="displayed state of charge with which the trip arrives with the reserve with the probability; above 1: a "
-        "full battery does not suffice; 0: any charge does"
-    )
-    reserve: float
-    probability: float
-    message: str = Field(description="the same as an English sentence")
-
-
-class ForecastResponse(ResponseModel):
-    """The forecast of a trip, as `tripwatt forecast --json` prints it."""
-
-    trip: str
-    given: str = Field(description="what the forecast is conditional on")
-    energy_wh: float = Field(description="energy at the battery terminals over the whole trip [Wh]")
-    quantiles_wh: dict[str, float] = Field(description="quantiles of the energy [Wh] by probability")
-    soc_arrival: float = Field(
-        description="displayed state of charge at arrival; 0 where the battery is empty before arrival"
-    )
-    soc_quantiles: dict[str, float] = Field(
-        description="quantiles of the displayed state of charge at arrival by probability"
-    )
-    empty_at_m: EmptyAt
-    missing_wh: Missing
-    wh_per_display: float = Field(description="energy of a whole display [Wh]")
-    p_arrive: dict[str, float] = Field(
-        description="probability to arrive with at least this displayed state of charge; 0: at all"
-    )
-    climb: UnknownClimbDocument | None = Field(description="null where the heights of the road are known")
-    leave_with: LeaveWith | None = Field(description="null where the request has no probability")
-    series: Series
-    by_cause_wh: dict[str, float] = Field(description="energy by cause [Wh]; the sum is energy_wh")
-    battery_loss_wh: float = Field(description="heat loss inside the battery, not part of energy_wh [Wh]")
-    measured_until_s: float = Field(
-        description="time up to which measurements are used [s]; 0 before departure"
-    )
-    flags: list[FlagDocument] = Field(
-        description="assumptions, and values outside the range of the training trips"
-    )
 
 
 class ProblemFault(ResponseModel):

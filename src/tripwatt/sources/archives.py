@@ -61,7 +61,7 @@ def unpack(path: Path | str, folder: Path, *, content: bytes | None = None) -> l
     Parameters
     ----------
     path : path
-        Its suffix tells what it is.
+        Its suffix is its format.
     folder : Path
         An existing folder. Names that are taken get a number.
     content : bytes, optional

@@ -238,7 +238,7 @@ def read_all(
 
 
 def require_folder(folder: Path, allowed: str, fix: str) -> None:
-    """Raise `InvalidInput` for a path that is no folder; `fix` tells where its files come from."""
+    """Raise `InvalidInput` for a path that is no folder; `fix` names the source of its files."""
     if not folder.exists():
         raise InvalidInput.of("no such folder", f"{folder}", "", allowed, fix)
     if not folder.is_dir():

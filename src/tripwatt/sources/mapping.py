@@ -1,4 +1,4 @@
-"""How the columns of somebody's table become ours: a small TOML, read whole or refused with every fault.
+"""Mappings from the columns of a table to ours: a small TOML, read whole or refused with every fault.
 
     [columns]
     time_s = { column = "Timestamp", unit = "timestamp" }
@@ -143,7 +143,7 @@ class ColumnMapping:
         Column of the vehicle that drove. Trips of different vehicles may then have the same id.
     nominal_voltage_v, usable_capacity_kwh, usable_capacity_uncertainty : float or None
     battery_vehicle : str or None
-        Car of the library whose open-circuit voltage tells what energy a part of the charge holds.
+        Car of the library; its open-circuit voltage gives the energy of each part of the charge.
     decimal : str
         Decimal separator of text files.
     hold_s : float

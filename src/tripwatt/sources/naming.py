@@ -193,7 +193,7 @@ def unit_in(ours: str, name: str) -> str | None:
 
 
 def is_something_else(name: str) -> bool:
-    """Whether a name says that a column is none of ours: its values need not be looked at.
+    """Whether a column is none of ours by its name alone, so that its values need not be checked.
 
     Examples
     --------

@@ -39,8 +39,8 @@ def require_deltalake() -> Any:
     try:
         import deltalake
     except ImportError as error:
-        raise InvalidInput(
-            Fault("package is missing", "deltalake", "", "for trip stores", install("fleet"))
+        raise InvalidInput.of(
+            "package is missing", "deltalake", "", "for trip stores", install("fleet")
         ) from error
     return deltalake
 
@@ -139,7 +139,7 @@ class DeltaFolder:
             return deltalake.DeltaTable(self.place, storage_options=dict(self.options))
         except deltalake.exceptions.TableNotFoundError as error:
             fix = "make one with `tripwatt store create`"
-            raise InvalidInput(Fault("no trip store", self.place, "", "two Delta tables", fix)) from error
+            raise InvalidInput.of("no trip store", self.place, "", "two Delta tables", fix) from error
         except (deltalake.exceptions.DeltaError, OSError) as error:
             raise InvalidInput(_unusable(self.place, error)) from error
 
@@ -152,7 +152,7 @@ class DeltaFolder:
             about = None
         if not isinstance(about, dict) or "tripwatt_store" not in about:
             got = "a Delta table of another kind"
-            raise InvalidInput(Fault("no trip store", self.place, got, "a table that tripwatt made"))
+            raise InvalidInput.of("no trip store", self.place, got, "a table that tripwatt made")
         return about
 
     def append(self, rows: pa.Table) -> None:

@@ -222,7 +222,7 @@ class TripStore:
         """
         raise_faults([*_name_faults("car model", car_model), *_name_faults("vehicle", vehicle_id)])
         if batch < 1:
-            raise InvalidInput(Fault("value out of range", "batch", f"{batch}", "at least 1"))
+            raise InvalidInput.of("value out of range", "batch", f"{batch}", "at least 1")
         total = Added()
         waiting = iter(logs.logs if isinstance(logs, Fleet) else logs)
         while chunk := list(islice(waiting, batch)):
@@ -501,9 +501,7 @@ class TripStore:
             where = f"bucket = {bucket} AND digest IN ({_sql_texts(digests)})"
             erased.append(folder.delete(where) if digests else 0)
         if not any(erased):
-            raise InvalidInput(
-                Fault("unknown vehicle", "vehicle_id", repr(vehicle_id), "a vehicle of the store")
-            )
+            raise InvalidInput.of("unknown vehicle", "vehicle_id", repr(vehicle_id), "a vehicle of the store")
         for folder in (self.rows, self.samples):
             folder.drop_old_files(0)
         return erased[0]
@@ -570,10 +568,10 @@ def create_store(
     >>> store = tw.create_store("trips")  # doctest: +SKIP
     """
     if not 1 <= buckets <= MOST_BUCKETS:
-        raise InvalidInput(Fault("value out of range", "buckets", f"{buckets}", f"1 to {MOST_BUCKETS}"))
+        raise InvalidInput.of("value out of range", "buckets", f"{buckets}", f"1 to {MOST_BUCKETS}")
     store = TripStore(f"{place}", dict(options or {}), buckets)
     if store.rows.exists():
-        raise InvalidInput(Fault("trip store exists", store.place, "", "a new or empty folder"))
+        raise InvalidInput.of("trip store exists", store.place, "", "a new or empty folder")
     about = {"tripwatt_store": FORMAT, "buckets": buckets}
     store.samples.create(SAMPLES, ["bucket", "month"], "tripwatt samples", about)
     store.rows.create(TRIPS, ["bucket"], "tripwatt trips", about)
@@ -611,7 +609,7 @@ def open_store(place: Path | str, *, options: Mapping[str, str] | None = None) -
     about = store.rows.about()
     if about["tripwatt_store"] > FORMAT:
         got, fix = f"format {about['tripwatt_store']}", "install a newer tripwatt"
-        raise InvalidInput(Fault("trip store of a newer format", store.place, got, f"format {FORMAT}", fix))
+        raise InvalidInput.of("trip store of a newer format", store.place, got, f"format {FORMAT}", fix)
     return TripStore(store.place, store.options, int(about["buckets"]))
 
 
@@ -671,7 +669,7 @@ def read_file(
         row = wanted[texts[0][first], texts[1][first]]
         if last - first != row["samples"]:
             where, got = f"{path}, trip {row['trip_id']}", f"{last - first} samples"
-            raise InvalidInput(Fault("samples are missing", where, got, f"{row['samples']} samples"))
+            raise InvalidInput.of("samples are missing", where, got, f"{row['samples']} samples")
         yield row, log_from_rows(row, {name: values[first:last] for name, values in columns.items()})
 
 
@@ -725,7 +723,7 @@ def _iso(time: dt.date | str, where: str) -> str:
     try:
         return dt.datetime.fromisoformat(time).isoformat()
     except ValueError as error:
-        raise InvalidInput(Fault("invalid time", where, repr(time), "a date such as 2024-05-31")) from error
+        raise InvalidInput.of("invalid time", where, repr(time), "a date such as 2024-05-31") from error
 
 
 def _name_faults(what: str, name: str | None) -> list[Fault]:

@@ -298,7 +298,7 @@ def hidden_forces(
 def heavy_tailed_noise(
     time_s: FloatArray, speed_m_s: FloatArray, power_w: FloatArray, rng: np.random.Generator
 ) -> FloatArray:
-    """Power [W] that nobody can explain: Student's t shocks, half of their variance remembered, larger while moving."""
+    """Unexplained power [W]: Student's t shocks, half of their variance remembered, larger while moving."""
     memory = math.exp(-float(time_s[1] - time_s[0]) / NOISE_TIME_S)
     shocks = rng.standard_t(NOISE_DF, (2, len(time_s))) * math.sqrt((NOISE_DF - 2.0) / NOISE_DF)
     remembered = math.sqrt(1.0 - memory**2) * autoregression(shocks[0], memory)

@@ -13,7 +13,7 @@ from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
-from tripwatt.errors import Fault, InvalidInput, excerpt
+from tripwatt.errors import InvalidInput, excerpt
 from tripwatt.files import MOST_TEXT_BYTES, read_text_file
 from tripwatt.vehicles.anchors import anchored_document
 from tripwatt.vehicles.catalogue import catalogue, class_values, table_names
@@ -83,7 +83,7 @@ def load_vehicle(
     try:
         document = tomllib.loads(_read(path))
     except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise InvalidInput(Fault("not a TOML file", str(path), str(error)[:200], "TOML 1.0")) from error
+        raise InvalidInput.of("not a TOML file", str(path), str(error)[:200], "TOML 1.0") from error
     # what a user gives for an own car is the user's
     document = {"licence": "user", **document}
     return vehicle_from_document(document, path.stem, str(path), preset, overrides or {})
@@ -127,7 +127,7 @@ def require_vehicle(name: str) -> None:
         else "or give the path of a .toml file"
     )
     allowed = f"one of {len(vehicle_names())} names, listed by `tripwatt vehicles`"
-    raise InvalidInput(Fault("unknown car", "vehicle", excerpt(name), allowed, fix))
+    raise InvalidInput.of("unknown car", "vehicle", excerpt(name), allowed, fix)
 
 
 @cache

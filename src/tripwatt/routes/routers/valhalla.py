@@ -37,7 +37,7 @@ HEIGHT_EVERY_M: Final = 30.0
 """Distance of the heights along the road [m], as fine as the usual elevation model."""
 
 SLOWEST_ALTERNATIVE: Final = 1.6
-"""Alternatives that take this many times as long as the fastest road lead over tracks that nobody means."""
+"""Alternatives that take more than this many times as long as the fastest road are left out: they lead over tracks."""
 
 AskTile = Callable[[dict[str, Any]], bytes]
 """As `Ask` for the action `tile`, whose answer is no document."""

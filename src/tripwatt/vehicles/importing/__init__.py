@@ -12,7 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 from tripwatt.files import read_text_file
 from tripwatt.vehicles.importing.fastsim import from_fastsim_csv, from_fastsim_yaml
 from tripwatt.vehicles.importing.found import Found
@@ -58,7 +58,7 @@ def import_vehicle(path: str | Path, row: str | None = None) -> str:
     }
     reader = readers.get(file.suffix.lower())
     if reader is None:
-        raise InvalidInput(Fault("unknown file format", str(file), file.suffix, ", ".join(readers)))
+        raise InvalidInput.of("unknown file format", str(file), file.suffix, ", ".join(readers))
     text = read_text_file(file, LARGEST_FILE_BYTES, what="file cannot be read", allowed="a text file")
     found = reader(text, str(file), row)
     result = vehicle_toml(found, file.name)

@@ -61,10 +61,10 @@ def from_fastsim_yaml(text: str, where: str, row: str | None) -> Found:
         return _from_version_2(table, where)
     if not any(key.startswith("pt_type.") for key in table) or "name" not in table:
         allowed = "a vehicle of FASTSim 3 with name, pt_type and chassis, or of FASTSim 2 with veh_pt_type"
-        raise InvalidInput(Fault("not a FASTSim vehicle", where, ", ".join(list(table)[:5]), allowed))
+        raise InvalidInput.of("not a FASTSim vehicle", where, ", ".join(list(table)[:5]), allowed)
     kinds = {key.split(".")[1] for key in table if key.startswith("pt_type.")}
     if kinds != {"BEV"}:
-        raise InvalidInput(Fault("not a battery electric car", f"{where}, pt_type", ", ".join(kinds), "BEV"))
+        raise InvalidInput.of("not a battery electric car", f"{where}, pt_type", ", ".join(kinds), "BEV")
     fields = Fields(table, where)
     power = "pt_type.BEV."
     regeneration = fields.optional(f"{power}em.max_regen")
@@ -117,9 +117,7 @@ def from_fastsim_csv(text: str, where: str, row: str | None) -> Found:
     try:
         rows = list(csv.reader(io.StringIO(text, newline="")))
     except csv.Error as error:
-        raise InvalidInput(
-            Fault("unreadable CSV", where, f"{error}"[:120], "a CSV file of FASTSim 2")
-        ) from error
+        raise InvalidInput.of("unreadable CSV", where, f"{error}"[:120], "a CSV file of FASTSim 2") from error
     return _from_version_2(_csv_row(rows, where, row), where)
 
 
@@ -127,9 +125,7 @@ def _from_version_2(table: Mapping[str, str], where: str) -> Found:
     """A vehicle by FASTSim 2's names of its parameters."""
     kind = table.get("veh_pt_type", "")
     if kind != "BEV":
-        raise InvalidInput(
-            Fault("not a battery electric car", f"{where}, veh_pt_type", kind or "nothing", "BEV")
-        )
+        raise InvalidInput.of("not a battery electric car", f"{where}, veh_pt_type", kind or "nothing", "BEV")
     fields = Fields(table, where)
     cargo = fields.number("cargo_kg")
     mass = fields.optional("veh_override_kg")
@@ -164,7 +160,7 @@ def _fastsim_mass(fields: Fields, cargo: float) -> float:
 def _csv_row(lines: list[list[str]], where: str, row: str | None) -> dict[str, str]:
     """One vehicle: the row of a table, or a file of one vehicle with a line for each parameter."""
     if not lines:
-        raise InvalidInput(Fault("empty file", where, "no line", "a FASTSim vehicle"))
+        raise InvalidInput.of("empty file", where, "no line", "a FASTSim vehicle")
     head = [name.strip() for name in lines[0]]
     if "Param Name" in head and "Param Value" in head:
         name, value = head.index("Param Name"), head.index("Param Value")
@@ -183,4 +179,4 @@ def _csv_row(lines: list[list[str]], where: str, row: str | None) -> dict[str, s
             return table
     electric = [t for t, table in zip(titles, tables, strict=True) if table.get("veh_pt_type") == "BEV"]
     what, got = ("no single vehicle", f"{len(tables)} rows") if row is None else ("unknown row", row)
-    raise InvalidInput(Fault(what, where, got, ", ".join(electric) or "a scenario name"))
+    raise InvalidInput.of(what, where, got, ", ".join(electric) or "a scenario name")

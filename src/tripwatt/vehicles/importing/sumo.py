@@ -58,7 +58,7 @@ def sumo_types(text: str, where: str) -> dict[str, dict[str, str]]:
 
     def refuse(name: str, *_: object) -> None:
         allowed = "plain XML without document type and entities"
-        raise InvalidInput(Fault("XML with entities", where, name, allowed))
+        raise InvalidInput.of("XML with entities", where, name, allowed)
 
     parser = expat.ParserCreate()
     parser.StartElementHandler = start
@@ -68,9 +68,7 @@ def sumo_types(text: str, where: str) -> dict[str, dict[str, str]]:
     try:
         parser.Parse(text.encode("utf-8"), True)
     except expat.ExpatError as error:
-        raise InvalidInput(
-            Fault("not an XML file", where, str(error), "XML of SUMO vehicle types")
-        ) from error
+        raise InvalidInput.of("not an XML file", where, str(error), "XML of SUMO vehicle types") from error
     return types
 
 
@@ -85,7 +83,7 @@ def from_sumo(text: str, where: str, row: str | None) -> Found:
             if row is None
             else ("unknown vehicle type", row)
         )
-        raise InvalidInput(Fault(what, where, got, ", ".join(types) or "a <vType>"))
+        raise InvalidInput.of(what, where, got, ", ".join(types) or "a <vType>")
     table = types[title]
     place = f"{where}, {title}"
     fields = Fields(table, place)

@@ -1,22 +1,162 @@
-"""Questions to OSRM, GraphHopper and openrouteservice, and their answers, with numbers that are worked out by hand."""
+"""Questions to OSRM, GraphHopper and openrouteservice, and their answers."""
 
 import math
 
 import httpx
 import numpy as np
 import pytest
-from tests.support.roads import body_of, client, graphhopper, openrouteservice, osrm
+from tests.support.roads import (
+    VALHALLA_EDGES,
+    body_of,
+    client,
+    encoded,
+    graphhopper,
+    mutated,
+    openrouteservice,
+    osrm,
+    valhalla,
+)
 
 from tripwatt.errors import InvalidInput, RemoteError
+from tripwatt.routes.calibrate import road_work
 from tripwatt.routes.documents import Node
 from tripwatt.routes.places import Place
 from tripwatt.routes.routers.road import no_road
 from tripwatt.routes.routers.servers import GraphHopperRouter, OpenRouteServiceRouter, OsrmRouter
+from tripwatt.routes.routers.valhalla import ValhallaRouter
+
+A, B = Place(47.0, 9.0), Place(47.0, 9.1)
+
+
+NAN = float("nan")
+
+
+def valhalla_router(**changed):
+    server = client(valhalla(**changed))
+    return ValhallaRouter(lambda action, request: server.post_json(f"/{action}", request))
+
+
+ROUTERS = {
+    "osrm": (OsrmRouter, lambda: osrm(annotated=True)),
+    "steps": (OsrmRouter, lambda: osrm(annotated=False)),
+    "graphhopper": (GraphHopperRouter, graphhopper),
+    "openrouteservice": (OpenRouteServiceRouter, openrouteservice),
+}
+
+
+def router_of(name, document=None):
+    if name == "valhalla":
+        return valhalla_router()
+    kind, make = ROUTERS[name]
+    return kind(client(make() if document is None else document))
+
+
+def test_osrm_gives_a_link_for_each_speed_whatever_its_edges():
+    (road,) = router_of("osrm").roads([A, B])
+    assert road.links.length_m == pytest.approx([3792.0, 3792.0])
+    assert road.links.moving_speed_m_s == pytest.approx([13.9, 27.8], rel=2e-3)
+    assert road.links.duration_s == pytest.approx(
+        osrm(annotated=True)["routes"][0]["duration"], abs=1.0
+    )  # speeds are rounded
+    (road,) = router_of("steps").roads([A, B])
+    assert road.links.length_m == pytest.approx([3792.0, 3792.0])
+    assert road.links.travel_time_s[0] == pytest.approx(273.6 + 4.0)
+
+
+def test_the_energy_of_osrm_by_annotation_is_that_by_steps():
+    work = [road_work(router_of(name).roads([A, B])[0].plan()) for name in ("osrm", "steps")]
+    assert work[0] == pytest.approx(work[1], rel=0.02)
+
+
+def test_graphhopper_gives_limits_classes_and_heights():
+    (road,) = router_of("graphhopper").roads([A, B])
+    assert road.links.length_m == pytest.approx([3792.0, 3792.0], abs=1.0)
+    assert road.links.travel_time_s == pytest.approx([283.0, 137.0])
+    assert road.links.moving_speed_m_s == pytest.approx([50.0 / 3.6, 100.0 / 3.6], rel=1e-3)
+    assert road.links.speed_limit_m_s == pytest.approx([50.0 / 3.6, NAN], nan_ok=True)
+    assert road.road_class == ("secondary", "motorway")
+    assert road.links.elevation_m.tolist() == [500.0, 520.0, 510.0]
+
+
+def test_openrouteservice_gives_steps_and_heights():
+    (road,) = router_of("openrouteservice").roads([A, B])
+    assert road.links.length_m == pytest.approx([3792.0, 3792.0])
+    assert road.links.travel_time_s == pytest.approx([283.0, 137.0])
+    assert road.links.elevation_position_m == pytest.approx([0.0, 3792.0, 7584.0], abs=1.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "document"),
+    [
+        ("osrm", {"code": "NoRoute", "message": "Impossible route"}),
+        ("graphhopper", {"message": "Cannot find point 0"}),
+        ("openrouteservice", {"error": {"code": 2010, "message": "Could not find routable point"}}),
+    ],
+)
+def test_each_router_may_find_no_road(name, document):
+    with pytest.raises(
+        InvalidInput, match=r"no road found: 47.00000, 9.00000 to 47.00000, 9.10000: got "
+    ) as caught:
+        router_of(name, document).roads([A, B])
+    assert not isinstance(caught.value, RemoteError)
+
+
+@pytest.mark.parametrize("name", ROUTERS)
+def test_each_router_is_asked_in_its_own_way(name):
+    seen = []
+    kind, make = ROUTERS[name]
+    router = kind(client(lambda r: seen.append(r) or httpx.Response(200, json=make())))
+    router.roads([A, B], alternatives=1)
+    url = str(seen[0].url)
+    if kind is OsrmRouter:
+        assert "/base/route/v1/driving/9.000000,47.000000;9.100000,47.000000?alternatives=1&" in url
+        assert seen[0].url.params["annotations"] == "duration,distance,speed"
+    else:
+        body = body_of(seen[0])
+        key = "points" if kind is GraphHopperRouter else "coordinates"
+        assert body[key] == [[9.0, 47.0], [9.1, 47.0]]
+        assert body["elevation"] is True
+        more = body.get("alternative_route.max_paths") or body["alternative_routes"]["target_count"]
+        assert more == 2
+    assert router.outline(A, 10.0) == ()
+
+
+@pytest.mark.parametrize("name", ["valhalla", *ROUTERS])
+def test_a_mutated_answer_is_a_road_or_one_clear_error(name):
+    """2,000 mutated answers over all routers: a road that can be driven, or an error of ours, within the time of any."""
+    outcomes = set()
+    if name == "valhalla":
+        for action, document in (
+            ("route", {"trip": {"legs": [{"shape": encoded([(47.0, 9.0), (47.0, 9.05), (47.0, 9.1)])}]}}),
+            ("trace_attributes", {"edges": VALHALLA_EDGES}),
+            ("height", {"range_height": [[0, 500.0], [3700, 537.0], [7583, 575.8]]}),
+        ):
+            for answer in mutated(document, 200, seed=1):
+                outcomes.add(outcome(valhalla_router(**{action: answer})))
+    else:
+        kind, make = ROUTERS[name]
+        for answer in mutated(make(), 350, seed=2):
+            outcomes.add(outcome(kind(client(answer))))
+    assert outcomes == {"road", "error"}
+
+
+def outcome(router):
+    try:
+        roads = router.roads([A, B])
+    except InvalidInput as error:
+        return "error" if error.faults else "an error without a fault"
+    for road in roads:
+        assert np.isfinite(road.links.length_m).all()
+        assert np.isfinite(road.links.travel_time_s).all()
+        assert road.distance_m > 0.0
+    return "road"
+
 
 NO = math.nan
+
+
 EXACT = {"rtol": 1e-9, "atol": 1e-9}
-DEGREE_M = 6_371_008.8 * math.pi / 180.0
-"""A degree of longitude on the equator."""
+
 
 A, MIDDLE, B = Place(47.0, 9.0), Place(47.0, 9.05), Place(47.0, 9.1)
 
@@ -39,9 +179,6 @@ def asked(kind, document, stops=(A, B), **more):
     kind(client(lambda r: seen.append(r) or httpx.Response(200, json=document))).roads(stops, **more)
     (request,) = seen
     return request
-
-
-# questions
 
 
 @pytest.mark.parametrize(("wanted", "text"), [(0, "false"), (1, "1"), (2, "2"), (3, "3"), (4, "3"), (9, "3")])
@@ -94,9 +231,6 @@ def test_openrouteservice_is_asked_for_three_routes_at_most(wanted, count):
     assert body_of(asked(OpenRouteServiceRouter, openrouteservice(), alternatives=wanted)) == question | more
     through = asked(OpenRouteServiceRouter, openrouteservice(), (A, MIDDLE, B), alternatives=wanted)
     assert body_of(through) == question | {"coordinates": [[9.0, 47.0], [9.05, 47.0], [9.1, 47.0]]}
-
-
-# answers
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Links of edges and roads of legs, and what Valhalla is asked and answers, with numbers that are worked out by hand."""
+"""Questions to Valhalla, and its answers as roads."""
 
 import math
 import threading
@@ -6,216 +6,25 @@ import threading
 import httpx
 import numpy as np
 import pytest
-from tests.support.roads import VALHALLA_EDGES, body_of, client, encoded, valhalla
+from tests.support.roads import (
+    VALHALLA_EDGES,
+    body_of,
+    client,
+    encoded,
+    valhalla,
+)
 
 from tripwatt.errors import InvalidInput, RemoteError
 from tripwatt.routes.places import Place
-from tripwatt.routes.routers import Edges, Road, RoadParts, ValhallaRouter, pooled, road
+from tripwatt.routes.routers.valhalla import ValhallaRouter
 
 NO = math.nan
+
+
 EXACT = {"rtol": 1e-9, "atol": 1e-9}
-DEGREE_M = 6_371_008.8 * math.pi / 180.0
+
+
 A, B = Place(47.0, 9.0), Place(47.0, 9.1)
-
-
-def edges(length, time, speed=None, limit=None, kinds=None, signal=None):
-    n = len(length)
-    full = lambda values: np.full(n, NO) if values is None else np.array(values, dtype=float)  # noqa: E731
-    signals = np.zeros(n, dtype=bool) if signal is None else np.array(signal)
-    return Edges(full(length), full(time), full(speed), full(limit), tuple(kinds or [""] * n), signals)
-
-
-def lengths(*columns, **more):
-    return pooled(edges(*columns, **more))[0].length_m.tolist()
-
-
-# links of edges
-
-
-def test_a_standstill_at_a_signal_has_two_seconds():
-    for seconds, stop in ((12.0, 2.0), (11.99, NO)):
-        links, _ = pooled(edges([100.0], [seconds], [10.0], signal=[True]))
-        np.testing.assert_array_equal(links.stop_s, [stop])
-
-
-def test_edges_have_one_speed_up_to_what_rounding_leaves(monkeypatch):
-    """A second edge of 2 s may be off by 1/16 s and by 1/32 of its time: by 1/8 s."""
-    monkeypatch.setattr(road, "SAME_TIME_S", 0.0625)
-    monkeypatch.setattr(road, "SAME_SPEED", 0.03125)
-    for first_s, number in ((2.125, 1), (1.875, 1), (2.126, 2), (1.874, 2)):
-        assert len(lengths([100.0, 100.0], [first_s, 2.0])) == number
-
-
-def test_the_speed_of_all_edges_of_a_link_counts():
-    """Each edge takes 3 % longer than the one before: the third is too slow for the first two together."""
-    assert lengths([100.0] * 3, [10.0, 10.35, 10.7]) == [200.0, 100.0]
-    assert lengths([0.5, 100.0], [1.0, 10.0]) == [0.5, 100.0]
-
-
-def test_pieces_without_length_or_time_join_what_follows():
-    """A centimetre is a link."""
-    assert lengths([0.01, 100.0], [1.0, 10.0]) == [0.01, 100.0]
-    assert lengths([0.009, 100.0], [1.0, 10.0]) == [100.009]
-    assert lengths([5.0, 100.0], [0.0, 10.0]) == [105.0]
-    assert lengths([5.0, 100.0], [0.5, 10.0], kinds=["a", "b"]) == [5.0, 100.0]
-    assert lengths([100.0, 0.01], [10.0, 1.0]) == [100.0, 0.01]
-    assert lengths([100.0, 0.009], [10.0, 1.0], kinds=["a", "b"]) == [100.009]
-    links, kinds = pooled(edges([100.0, 0.005, 100.0], [10.0, 1.0, 10.0], kinds=["a", "b", "c"]))
-    assert (links.length_m.tolist(), kinds) == ([100.0, 100.005], ("a", "b"))
-    assert lengths([0.005, 0.005, 100.0], [1.0, 1.0, 10.0], kinds=["a", "b", "c"]) == [0.01, 100.0]
-
-
-def test_a_limit_that_is_unknown_is_no_limit():
-    for pair, number in (([NO, 1.0], 2), ([NO, NO], 1), ([1.0, NO], 2), ([1.0, 1.0], 1)):
-        assert len(lengths([5.0, 5.0], [9.0, 9.0], limit=pair)) == number
-    assert pooled(edges([5.0], [9.0]))[0].speed_limit_m_s is None
-    assert pooled(edges([5.0], [9.0], limit=[1.0]))[0].speed_limit_m_s.tolist() == [1.0]
-
-
-def test_lists_of_routes_end_at_four():
-    assert road.MOST_ROUTES == 4
-
-
-# roads
-
-
-def line(*longitudes, latitude=0.0):
-    return np.array([(latitude, lon) for lon in longitudes])
-
-
-def made(*legs, stops=None):
-    """A road on the equator of legs (edges, line, heights)."""
-    parts = RoadParts()
-    for leg in legs:
-        parts.add(*leg)
-    first, last = legs[0][1][0], legs[-1][1][-1]
-    return parts.road(stops or [Place(*first), Place(*last)])
-
-
-def test_the_way_that_a_car_looks():
-    corner = Road(
-        pooled(edges([200.0], [20.0]))[0],
-        ("",),
-        np.array([0.0, 0.0, 0.001]),
-        np.array([0.0, 0.001, 0.001]),
-        np.array([0.0, 100.0, 200.0]),
-    )
-    at = np.array([-1.0, 0.0, 99.0, 100.0, 101.0, 200.0, 300.0])
-    np.testing.assert_allclose(corner.heading_at(at), [90.0, 90.0, 90.0, 0.0, 0.0, 0.0, 0.0], atol=1e-3)
-    short = Road(corner.links, ("",), np.zeros(2), np.array([0.0, 0.001]), np.array([0.0, 200.0]))
-    np.testing.assert_allclose(short.heading_at(at), np.full(7, 90.0), atol=1e-3)
-    point = Road(corner.links, ("",), np.zeros(1), np.zeros(1), np.zeros(1))
-    assert point.heading_at(at).tolist() == [0.0] * 7
-    assert corner.place_at(150.0) == Place(0.0005, 0.001)
-
-
-@pytest.mark.parametrize(
-    ("longitudes", "length_m", "positions"),
-    [
-        ((0.0, 0.001), 300.0, [0.0, 300.0]),
-        ((0.0, 5e-6), 0.5, [0.0, 0.5]),
-        ((0.0, 0.0, 0.001, 0.002), 300.0, [0.0, 0.0, 150.0, 300.0]),
-        ((0.0, 0.0), 300.0, [0.0, 0.0]),
-    ],
-)
-def test_points_of_a_road_lie_on_the_scale_of_its_links(longitudes, length_m, positions):
-    found = made((edges([length_m], [30.0]), line(*longitudes), None))
-    np.testing.assert_allclose(found.position_m, positions, **EXACT)
-    assert found.stop_position_m == ()
-
-
-def test_points_of_a_road_lie_by_their_ways_on_the_sphere():
-    """A thousandth of a degree to the east, then two to the north."""
-    corner = np.array([(0.0, 0.0), (0.0, 0.001), (0.002, 0.001)])
-    found = made((edges([300.0], [30.0]), corner, None))
-    np.testing.assert_allclose(found.position_m, [0.0, 100.0, 300.0], rtol=1e-6, atol=1e-6)
-
-
-def test_legs_of_a_road_lie_one_behind_the_other():
-    heights = (np.array([0.0, 50.0]), np.array([5.0, 6.0]))
-    one = (edges([100.0], [10.0]), line(0.0, 0.001), heights)
-    two = (edges([200.0, 100.0], [20.0, 10.0]), line(0.001, 0.004), heights)
-    found = made(one, two, one)
-    assert found.stop_position_m == (100.0, 400.0)
-    assert found.links.elevation_position_m.tolist() == [0.0, 50.0, 100.0, 150.0, 400.0, 450.0]
-    assert found.links.elevation_m.tolist() == [5.0, 6.0] * 3
-    assert found.links.flags == ()
-    flat = made(one, (*two[:2], None))
-    assert flat.links.elevation_m is None
-    assert [flag.code for flag in flat.links.flags] == ["no_elevation"]
-
-
-@pytest.mark.parametrize(
-    ("length", "time", "speed"),
-    [
-        ([-1.0, 100.0], [1.0, 10.0], None),
-        ([1.0, 100.0], [-1.0, 10.0], None),
-        ([NO, 100.0], [1.0, 10.0], None),
-        ([1.0, 100.0], [NO, 10.0], None),
-        ([math.inf, 100.0], [1.0, 10.0], None),
-        ([1.0, 100.0], [math.inf, 10.0], None),
-        ([1.0, 100.0], [1.0, 10.0], [0.0, 10.0]),
-        ([1.0, 100.0], [1.0, 10.0], [-1.0, 10.0]),
-    ],
-)
-def test_an_impossible_edge_is_counted_from_one(length, time, speed):
-    for order, where in ((slice(None), "edge 1"), (slice(None, None, -1), "edge 2")):
-        columns = [None if values is None else values[order] for values in (length, time, speed)]
-        with pytest.raises(RemoteError, match=f"impossible edge of the road: {where}"):
-            made((edges(*columns), line(0.0, 0.001), None))
-
-
-def test_a_road_has_some_length_and_some_time():
-    for length, time in (([0.0], [1.0]), ([1.0], [0.0]), ([], [])):
-        with pytest.raises(RemoteError, match="impossible edge of the road: edges"):
-            made((edges(length, time), line(0.0, 0.001), None))
-    brief = made((edges([0.0, 0.5], [0.0, 0.25], [NO, 0.9]), line(0.0, 0.001), None))
-    assert brief.distance_m == 0.5
-    np.testing.assert_allclose(brief.duration_s, 0.5 / 0.9, **EXACT)
-
-
-def test_a_road_ends_within_1500_metres_of_its_places():
-    leg = (edges([100.0], [10.0]), line(0.0, 0.001), None)
-    for metres, sound in ((1499.0, True), (1501.0, False)):
-        off = metres / DEGREE_M
-        pairs = [(Place(off, 0.0), Place(0.0, 0.001)), (Place(0.0, 0.0), Place(0.0, 0.001 + off))]
-        for stops in pairs:
-            if sound:
-                assert made(leg, stops=stops).distance_m == 100.0
-                continue
-            with pytest.raises(InvalidInput, match=r"got 1\.5 km from the nearest road") as caught:
-                made(leg, stops=stops)
-            assert len(caught.value.faults) == 1
-            assert caught.value.faults[0].allowed == "at most 1.5 km"
-    with pytest.raises(InvalidInput) as caught:
-        made(leg, stops=(Place(1.0, 0.0), Place(1.0, 0.0)))
-    assert len(caught.value.faults) == 2
-
-
-def test_a_place_may_be_as_far_as_its_bound(monkeypatch):
-    leg, off = (edges([100.0], [10.0]), line(0.0, 0.001), None), Place(0.01, 0.0)
-    far = off.distance_m(Place(0.0, 0.0))
-    monkeypatch.setattr(road, "FARTHEST_START_M", far)
-    assert made(leg, stops=(off, Place(0.0, 0.001))).distance_m == 100.0
-    monkeypatch.setattr(road, "FARTHEST_START_M", far - 1e-6)
-    with pytest.raises(InvalidInput, match="place outside of the map"):
-        made(leg, stops=(off, Place(0.0, 0.001)))
-
-
-def test_a_journey_has_two_places_a_metre_apart():
-    near, far = Place(0.9 / DEGREE_M, 0.0), Place(1.1 / DEGREE_M, 0.0)
-    start = Place(0.0, 0.0)
-    road.require_stops([start, far])
-    road.require_stops([start, start, far])
-    road.require_stops([start, far, start])
-    for stops in ([start, near], [start, near, start]):
-        with pytest.raises(InvalidInput, match="no way to drive"):
-            road.require_stops(stops)
-    with pytest.raises(InvalidInput, match="too few places: stops: got 1;"):
-        road.require_stops([start])
-
-
-# Valhalla
 
 
 def asked(stops=(A, B), answers=None, **more):
@@ -548,3 +357,160 @@ def test_heights_at_the_ends_of_the_road_are_kept_under_a_roof():
 def test_two_heights_are_known_heights(heights, known):
     found = walked(edge(0, 2, 400.0), heights=heights).links.elevation_m
     assert (found if found is None else found.tolist()) == known
+
+
+NAN = float("nan")
+
+
+HALF_M = 6371008.8 * math.radians(0.05) * math.cos(math.radians(47.0))
+"""Length of half of the straight road; a parallel, which the great circle undercuts by less than a metre."""
+
+
+def valhalla_router(**changed):
+    server = client(valhalla(**changed))
+    return ValhallaRouter(lambda action, request: server.post_json(f"/{action}", request))
+
+
+def test_the_links_of_valhalla_come_from_its_edges():
+    (road,) = valhalla_router().roads([A, B])
+    assert road.links.length_m == pytest.approx([HALF_M, HALF_M], abs=1.0)
+    assert road.links.moving_speed_m_s == pytest.approx([50.0 / 3.6, 100.0 / 3.6])
+    assert road.links.travel_time_s == pytest.approx([283.0, 137.0])
+    assert road.links.stop_s[0] == pytest.approx(283.0 - HALF_M * 3.6 / 50.0, abs=0.1)  # the signal
+    assert road.links.speed_limit_m_s == pytest.approx([50.0 / 3.6, NAN], nan_ok=True)
+    assert road.road_class == ("secondary", "motorway")
+    assert road.distance_m == pytest.approx(2 * HALF_M, abs=1.0)
+    assert road.duration_s == pytest.approx(420.0)
+    assert road.position_m == pytest.approx([0.0, HALF_M, 2 * HALF_M], abs=1.0)
+    assert road.place_at(HALF_M).longitude_deg == pytest.approx(9.05, abs=1e-5)
+    assert road.heading_at(np.array([0.0, 5000.0, 9e9])) == pytest.approx([90.0, 90.0, 90.0], abs=0.1)
+
+
+def test_a_tunnel_is_straight_between_the_heights_at_its_ends():
+    (road,) = valhalla_router().roads([A, B])
+    assert road.links.elevation_m.tolist() == [500.0, 537.0, 575.8]  # 900 m lies on the mountain above it
+    assert "no_elevation" not in {flag.code for flag in road.links.flags}
+    assert road.plan().flags == ()
+
+
+@pytest.mark.parametrize(
+    "height", [{"height": [None, None]}, {"range_height": []}, {"range_height": [[0, None], [9, 5.0]]}]
+)
+def test_without_heights_the_road_is_flat_and_flagged(height):
+    (road,) = valhalla_router(height=height).roads([A, B])
+    assert road.links.elevation_m is None
+    assert [flag.code for flag in road.links.flags] == ["no_elevation"]
+
+
+def test_what_valhalla_is_asked():
+    seen = []
+
+    def answer(request):
+        seen.append((request.url.path, body_of(request)))
+        return valhalla()(request)
+
+    server = client(answer)
+    router = ValhallaRouter(lambda action, request: server.post_json(f"/{action}", request))
+    router.roads([A, B])
+    assert [path for path, _ in seen] == ["/base/route", "/base/trace_attributes", "/base/height"]
+    assert seen[0][1] == {
+        "locations": [{"lat": 47.0, "lon": 9.0}, {"lat": 47.0, "lon": 9.1}],
+        "costing": "auto",
+        "directions_type": "none",
+    }
+    assert seen[1][1]["shape_match"] == "edge_walk"
+    assert seen[1][1]["encoded_polyline"] == encoded([(47.0, 9.0), (47.0, 9.05), (47.0, 9.1)])
+    assert seen[2][1]["shape_format"] == "polyline6"
+    seen.clear()
+    router.roads([A, B], alternatives=2)
+    assert seen[0][1]["alternates"] == 2
+    assert seen[1][1]["costing_options"] == {"auto": {"shortest": True}}
+    assert len([path for path, _ in seen if path.endswith("trace_attributes")]) == 1  # the same line twice
+
+
+def test_alternatives_differ_and_tracks_are_left_out():
+    def trip(middle):
+        return {"trip": {"legs": [{"shape": encoded([(47.0, 9.0), (middle, 9.05), (47.0, 9.1)])}]}}
+
+    slow = [{**edge, "end_node": {"elapsed_time": 700.0 * (k + 1)}} for k, edge in enumerate(VALHALLA_EDGES)]
+
+    def answer(request):
+        if request.url.path.endswith("trace_attributes"):
+            line = body_of(request)["encoded_polyline"]
+            late = line == encoded([(47.0, 9.0), (47.02, 9.05), (47.0, 9.1)])
+            return httpx.Response(200, json={"edges": slow if late else VALHALLA_EDGES})
+        if request.url.path.endswith("route"):
+            shortest = "costing_options" in body_of(request)
+            more = {} if shortest else {"alternates": [trip(47.01), trip(47.0)]}
+            return httpx.Response(200, json={**trip(47.02 if shortest else 47.0), **more})
+        return valhalla()(request)
+
+    server = client(answer)
+    roads = ValhallaRouter(lambda action, request: server.post_json(f"/{action}", request)).roads(
+        [A, B], alternatives=2
+    )
+    assert [round(float(road.latitude_deg[1]), 3) for road in roads] == [47.0, 47.01]
+
+
+def test_legs_follow_each_other():
+    middle = Place(47.0, 9.05)
+    legs = [{"shape": encoded([(47.0, 9.0), (47.0, 9.05)])}, {"shape": encoded([(47.0, 9.05), (47.0, 9.1)])}]
+    edge = {**VALHALLA_EDGES[0], "end_node": {"elapsed_time": 283.0, "traffic_signal": False}}
+    changed = {
+        "route": {"trip": {"legs": legs}},
+        "trace_attributes": {"edges": [edge]},
+        "height": {"range_height": [[0, 500.0], [3790, 540.0]]},
+    }
+    (road,) = valhalla_router(**changed).roads([A, middle, B])
+    assert road.stop_position_m == pytest.approx((HALF_M,), abs=1.0)
+    assert road.links.length_m == pytest.approx([2 * HALF_M], abs=1.0)
+    assert road.links.elevation_position_m == pytest.approx([0.0, 3790.0, HALF_M, HALF_M + 3790.0], abs=1.0)
+
+
+def test_corners_of_an_isochrone():
+    assert valhalla_router().outline(A, 10.0) == (Place(47.0, 9.1), Place(47.1, 9.0), Place(47.0, 8.9))
+    ring = [[[9.1, 47.0], [9.0, 47.1]]]
+    many = {"features": [{"geometry": {"type": "MultiPolygon", "coordinates": [ring, ring]}}]}
+    assert len(valhalla_router(isochrone=many).outline(A, 10.0)) == 4
+
+
+def test_a_tile_is_passed_on_as_it_comes():
+    asked = []
+
+    def answer(request):
+        asked.append((request.method, request.url.path, body_of(request)))
+        return httpx.Response(200, content=b"\x1a\x00tile")
+
+    router = ValhallaRouter.from_client(client(answer))
+    assert router.tile(12, 2156, 1436) == b"\x1a\x00tile"
+    assert asked == [("POST", "/base/tile", {"tile": {"z": 12, "x": 2156, "y": 1436}})]
+
+
+def test_where_a_router_has_no_tile_it_is_empty():
+    refuse = lambda request: httpx.Response(400, json={"error_code": 174})  # noqa: E731
+    assert ValhallaRouter.from_client(client(refuse)).tile(15, 0, 0) == b""
+    assert ValhallaRouter(lambda action, request: {}).tile(1, 0, 0) == b""
+    with pytest.raises(RemoteError, match="refuses access"):
+        ValhallaRouter.from_client(client(lambda request: httpx.Response(403))).tile(1, 0, 0)
+
+
+@pytest.mark.parametrize(
+    ("answer", "what"),
+    [
+        ({"error_code": 171, "error": "No suitable edges near location"}, "place outside of the map"),
+        ({"error_code": 170, "error": "Locations are in unconnected regions"}, "place outside of the map"),
+        ({"error_code": 442, "error": "No path could be found for input"}, "no road found"),
+    ],
+)
+def test_no_road_is_an_invalid_input_and_no_failure_of_the_router(answer, what):
+    with pytest.raises(
+        InvalidInput, match=f"{what}: 47.00000, 9.00000 to 47.00000, 9.10000: got {answer['error']}"
+    ) as caught:
+        valhalla_router(route=answer).roads([A, B])
+    assert not isinstance(caught.value, RemoteError)
+
+
+def test_too_many_edges_are_refused_before_they_are_read(monkeypatch):
+    monkeypatch.setattr("tripwatt.routes.routers.valhalla.MOST_EDGES", 1)
+    with pytest.raises(RemoteError, match="too many edges"):
+        valhalla_router().roads([A, B])

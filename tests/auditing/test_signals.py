@@ -1,4 +1,4 @@
-"""The audit's rules on signals, each threshold from both sides."""
+"""Rules on what the signals do together, each threshold from both sides."""
 
 import numpy as np
 import pandas as pd
