@@ -12,7 +12,6 @@ Dataset whose speed is logged without gaps of more than four seconds, and EPA's 
 from __future__ import annotations
 
 import json
-import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated, Any
@@ -24,6 +23,7 @@ from tools.command import run
 from tools.docs import pages
 from typer import Option
 
+from benchmarks.measure import seconds
 from tripwatt.physics import simulate_trip
 from tripwatt.routes import (
     LinkRoute,
@@ -109,12 +109,12 @@ def kept_times(trips: Sequence[Trip], length_m: float) -> dict[str, float]:
         late = np.abs(np.diff(passed) - route.travel_time_s)
         off.append(late)
         share.append(late / route.travel_time_s)
-    seconds, relative = np.concatenate(off), np.concatenate(share)
+    late, relative = np.concatenate(off), np.concatenate(share)
     return {
-        "links": len(seconds),
-        "within_1_s_or_2_percent": float(np.mean((seconds <= 1.0) | (relative <= 0.02))),
-        "q99_s": float(np.quantile(seconds, 0.99)),
-        "largest_s": float(seconds.max()),
+        "links": len(late),
+        "within_1_s_or_2_percent": float(np.mean((late <= 1.0) | (relative <= 0.02))),
+        "q99_s": float(np.quantile(late, 0.99)),
+        "largest_s": float(late.max()),
     }
 
 
@@ -167,12 +167,7 @@ def milliseconds(number: int, repeats: int = 30) -> float:
     unknown = np.full(number, np.nan)
     length = np.full(number, 250.0)
     route = LinkRoute(length, length / rng.uniform(4.0, 30.0, number), unknown, unknown)
-    taken = []
-    for _ in range(repeats):
-        started = time.perf_counter()
-        plan_from_links(route)
-        taken.append(time.perf_counter() - started)
-    return float(np.median(taken)) * 1e3
+    return 1e3 * seconds(lambda: plan_from_links(route), repeats, warm_up=False)
 
 
 def measure() -> dict[str, Any]:

@@ -10,7 +10,6 @@ from __future__ import annotations
 import contextlib
 import io
 import logging
-import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,7 +20,7 @@ import pandas as pd
 from tools import command
 from tools.docs import pages
 
-from benchmarks.measure import Row, tum_folder
+from benchmarks.measure import Row, seconds, tum_folder
 from benchmarks.pipeline import fastsim_drive
 from tripwatt.auditing import audit
 from tripwatt.physics import simulate_trip
@@ -264,12 +263,7 @@ def scored(cars: Cars, system: str) -> Score:
     """Error, bias, and seconds of drive in a second of this process: the best of three runs."""
     build, given = SYSTEMS[system]
     job = build(cars)
-    job()  # compiles what is compiled
-    best = np.inf
-    for _ in range(3):
-        started = time.perf_counter()
-        energies = job()
-        best = min(best, time.perf_counter() - started)
+    best, energies = seconds(job, 3, of=min), job()
     error, total = energies - cars.observed_wh, float(cars.observed_wh.sum())
     return Score(
         cars.title,
