@@ -315,7 +315,7 @@ def peers(trips: int = 2000, vehicles: int = 100) -> Iterator[Row]:
 
     observed = test.numbers("observed_wh")
     ours = float(np.mean(np.abs(predict_rows(found, test)[0] - observed) / observed))
-    root = np.sqrt(train.weight)
+    root = 1.0 / np.sqrt(train.numbers("variance_wh2"))
     X, y = train.X * root[:, None], train.residual_wh * root
     keep = np.abs(X).max(axis=0) > 1e-9
     random = np.array([i for i in (0, 1, 6, 7) if keep[i]])  # air, rolling, base load, climate
@@ -403,7 +403,7 @@ def same(trips: int = 160, vehicles: int = 16) -> Iterator[Row]:
     with dask(2) as (_, client):
         models["Dask"] = fit_fleet(store, f"{folder}/b", client.get_executor(pure=False, retries=3), 2)
         victim = next(iter(client.run(os.getpid).values()))
-        killed = []
+        killed: list[int] = []
 
         def kill(done: int, total: int) -> None:
             if done >= total // 3 and not killed:

@@ -48,7 +48,7 @@ def formulas() -> dict[str, Formula]:
         Tensor(("tamb", "delev"), "ps", (6, 6)),
         trip,
     )
-    paper = (
+    paper: tuple[Term, ...] = (
         weather,
         season,
         Smooth(("time",), by="season"),
@@ -58,7 +58,7 @@ def formulas() -> dict[str, Formula]:
         surface,
         trip,
     )
-    table2 = (
+    table2: tuple[Term, ...] = (
         weather,
         *(Smooth((name,)) for name in ("time", *wiggly)),
         Smooth(("time",), by="winter"),

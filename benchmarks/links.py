@@ -42,10 +42,11 @@ LENGTHS_M = (250.0, 1000.0)
 FOLDS = 5
 EVALUATIONS = 60
 MOST_GAP_S = 4.0
-Driver = Callable[[LinkRoute, Trip], Trip]
+Driver = Callable[[LinkRoute, Trip], Plan]
+Energy = Callable[[Trip | Plan], float]
 
 
-def constant(route: LinkRoute, trip: Trip) -> Trip:
+def constant(route: LinkRoute, trip: Trip) -> Plan:
     """Each link at its mean speed, changed from one second to the next."""
     ends = np.cumsum(route.travel_time_s)
     at = np.arange(np.ceil(ends[-1]) + 1.0)
@@ -60,7 +61,7 @@ def constant(route: LinkRoute, trip: Trip) -> Trip:
     return Plan.from_samples(trip.trip_id, pd.DataFrame(samples), trip.departure)
 
 
-def true_speed(route: LinkRoute, trip: Trip) -> Trip:
+def true_speed(route: LinkRoute, trip: Trip) -> Plan:
     """The true trace, with the elevation known at the ends of the links only."""
     time, speed = trip.array("time_s"), trip.array("speed_m_s")
     position = np.concatenate(([0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(time))))
@@ -72,16 +73,14 @@ def true_speed(route: LinkRoute, trip: Trip) -> Trip:
 
 
 def styled(style: LinkStyle | None = None, seed: int | None = None) -> Driver:
-    def drive(route: LinkRoute, trip: Trip) -> Trip:
+    def drive(route: LinkRoute, trip: Trip) -> Plan:
         rng = None if seed is None else np.random.default_rng(seed)
         return plan_from_links(route, style=style, rng=rng).with_departure(trip.departure)
 
     return drive
 
 
-def differences(
-    trips: Sequence[Trip], length_m: float, driver: Driver, energy: Callable[[Trip], float]
-) -> np.ndarray:
+def differences(trips: Sequence[Trip], length_m: float, driver: Driver, energy: Energy) -> np.ndarray:
     """(energy on the link-made profile - energy on the true trace) / the latter, of each trip."""
     return np.array([energy(driver(links_of_trip(t, length_m), t)) / energy(t) - 1.0 for t in trips])
 
@@ -118,7 +117,7 @@ def kept_times(trips: Sequence[Trip], length_m: float) -> dict[str, float]:
     }
 
 
-def in_folds(trips: Sequence[Trip], energy: Callable[[Trip], float]) -> dict[float, np.ndarray]:
+def in_folds(trips: Sequence[Trip], energy: Energy) -> dict[float, np.ndarray]:
     """Differences of each trip under a style that was calibrated on the trips of the other folds."""
     found = {length: np.zeros(len(trips)) for length in LENGTHS_M}
     for fold in range(FOLDS):
@@ -135,7 +134,7 @@ def in_folds(trips: Sequence[Trip], energy: Callable[[Trip], float]) -> dict[flo
     return found
 
 
-def corrected(trips: Sequence[Trip], made: Sequence[Trip], energy: Callable[[Trip], float]) -> np.ndarray:
+def corrected(trips: Sequence[Trip], made: Sequence[Trip | Plan], energy: Energy) -> np.ndarray:
     """Relative errors against the *measured* energy, leaving out one trip at a time, of the simplest correction.
 
     Four coefficients (simulated energy, hours, hours times kelvins below and above 20 °C outside) by least squares on
@@ -174,7 +173,7 @@ def measure() -> dict[str, Any]:
     car = load_vehicle("bmw_i3_60ah")
     trips = [resample(t) for t in read_logs(DATA / "tum").reference_trips()]
 
-    def energy(trip: Trip) -> float:
+    def energy(trip: Trip | Plan) -> float:
         return simulate_trip(car, trip).simulated_energy_wh
 
     calibrated = in_folds(trips, energy)

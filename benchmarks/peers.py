@@ -130,7 +130,7 @@ def fastsim3(cars: Cars) -> Job:
             part.pop("specific_pwr_watts_per_kilogram", None)
     car = fastsim.Vehicle.from_dict(about)
     udds = fastsim.Cycle.from_resource("udds.csv").to_dict()
-    drives = [fastsim_drive(fastsim, car, udds, trip, grade(trip)) for trip in cars.trips]
+    drives = [fastsim_drive(fastsim, car, udds, trip, grade(trip).tolist()) for trip in cars.trips]
 
     def job() -> np.ndarray:
         energies = []
@@ -308,8 +308,8 @@ def rows() -> Iterator[Row]:
         if ours is not None and ours.cars == score.cars:
             name = f"error by energy, physics alone, {score.cars}"
             ratio = score.weighted / ours.weighted
-            peer = {"peer": score.system, "peer_value": 100.0 * score.weighted, "ratio": ratio}
-            yield Row(name, 100.0 * ours.weighted, "%", **peer)
+            theirs = 100.0 * score.weighted
+            yield Row(name, 100.0 * ours.weighted, "%", peer=score.system, peer_value=theirs, ratio=ratio)
 
 
 def main(write: bool = False) -> None:
