@@ -71,8 +71,8 @@ class Anchored:
     --------
     >>> from tripwatt.vehicles import load_vehicle
     >>> car = load_vehicle("bmw_i3_60ah")
-    >>> found = Anchored(car, "motor", 1.0, np.array([0.02, 0.04]), np.array([-0.01, 0.01]))
-    >>> round(found.anchor("certification").before, 3)
+    >>> met = Anchored(car, "motor", 1.0, np.array([0.02, 0.04]), np.array([-0.01, 0.01]))
+    >>> round(met.anchor("certification").before, 3)
     0.03
     """
 

@@ -341,8 +341,8 @@ class ConsumptionInterval:
 
     Examples
     --------
-    >>> found = certified_interval(describe_car(body="suv", mass_kg=1900))
-    >>> found.low < found.middle < found.high
+    >>> interval = certified_interval(describe_car(body="suv", mass_kg=1900))
+    >>> interval.low < interval.middle < interval.high
     True
     """
 

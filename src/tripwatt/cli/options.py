@@ -193,9 +193,7 @@ EXAMPLES: Final = "For example:"
 """Line of a command's docstring below which its examples are: what each does, then what to type."""
 
 
-def add_command(
-    app: typer.Typer, command: Callable[..., None], name: str | None = None, **more: Any
-) -> None:
+def add_command(app: typer.Typer, command: Callable[..., None], name: str | None = None, **more: Any) -> None:
     r"""Add a command to an application: its help is its docstring, with the examples at the end of the page.
 
     Parameters

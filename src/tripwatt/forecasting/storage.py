@@ -215,10 +215,10 @@ def require_usable(model: ForecastModel, where: str) -> None:
     try:
         with np.errstate(all="ignore"):
             before = model.forecast(plan_from_samples(drive, "trial"))
-            found = [before.to_dict(), before.update(observed).to_dict()]
+            documents = [before.to_dict(), before.update(observed).to_dict()]
             planned = replace(before.plan, link_m=250.0)
-            found.append(model.forecast(planned).to_dict())
-            sound = all(math.isfinite(sum(_numbers(document))) for document in found)
+            documents.append(model.forecast(planned).to_dict())
+            sound = all(math.isfinite(sum(_numbers(document))) for document in documents)
     except InvalidInput as error:
         got = error.faults[0].what
     except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:

@@ -90,31 +90,31 @@ def differences(vehicle: Vehicle, other: Vehicle) -> tuple[Difference, ...]:
     >>> [(d.key, d.change, d.unit) for d in differences(heavy, load_vehicle("bmw_i3_60ah"))]
     [('body.curb_mass_kg', '1281 -> 2500', 'kg')]
     """
-    found = []
+    different = []
     for section, kind in SECTIONS.items():
         one, two = getattr(vehicle, section), getattr(other, section)
         if one is None or two is None:
             if one is not two:
                 shown = ["none" if part is None else "given" for part in (one, two)]
-                found.append(Difference(section, shown[0], shown[1], ""))
+                different.append(Difference(section, shown[0], shown[1], ""))
             continue
         unused = _OTHER_METHOD.get(one.method, ()) if section == "road_load" else ()
         for field in dataclasses.fields(kind):
             key = f"{section}.{field.name}"
             value, known = getattr(one, field.name), getattr(two, field.name)
             if field.name not in unused and not (_same(value, known) or _is_published(value, key, other)):
-                found.append(Difference(key, value, known, field.metadata.get("unit", "1")))
-    return tuple(found)
+                different.append(Difference(key, value, known, field.metadata.get("unit", "1")))
+    return tuple(different)
 
 
-def with_differences(vehicle: Vehicle, found: Iterable[Difference], source: Vehicle) -> Vehicle:
+def with_differences(vehicle: Vehicle, different: Iterable[Difference], source: Vehicle) -> Vehicle:
     """Put the values in which another car differs into a car, with their sources.
 
     Parameters
     ----------
     vehicle : Vehicle
         The car that is changed.
-    found : iterable of Difference
+    different : iterable of Difference
         Of the other car from this one.
     source : Vehicle
         The other car, for parts as a whole and the sources.
@@ -132,7 +132,7 @@ def with_differences(vehicle: Vehicle, found: Iterable[Difference], source: Vehi
     """
     parts: dict[str, Any] = {}
     entries = dict(vehicle.entries)
-    for difference in found:
+    for difference in different:
         section, _, name = difference.key.partition(".")
         if name:
             part = parts.get(section, getattr(vehicle, section))

@@ -395,9 +395,9 @@ _LOSSES: Final = MappingProxyType(
 def _loss_fields(shaft_w: float, speed_rad_s: float, drivetrain: Drivetrain) -> tuple[str, ...]:
     """Entries without which the loss would be at least a fifth smaller."""
     whole = _loss(shaft_w, speed_rad_s, drivetrain)
-    found = []
+    fields = []
     for name, value in _LOSSES.items():
         changed: dict[str, Any] = {name: value}
         if _loss(shaft_w, speed_rad_s, replace(drivetrain, **changed)) < 0.8 * whole:
-            found.append(name)
-    return tuple(f"drivetrain.{name}" for name in found) or ("drivetrain.motor_loss_factor",)
+            fields.append(name)
+    return tuple(f"drivetrain.{name}" for name in fields) or ("drivetrain.motor_loss_factor",)

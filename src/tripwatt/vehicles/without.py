@@ -16,7 +16,7 @@ from tripwatt.vehicles.vehicle import SECTIONS, Entry, Vehicle
 @cache
 def _known_without() -> Mapping[str, tuple[str, Mapping[str, Entry]]]:
     """Data set -> its name in sources, and the entries that replace its values."""
-    found = {}
+    known = {}
     for file in (data_folder() / "without").iterdir():
         document = tomllib.loads(file.read_text(encoding="utf-8"))
         entries = {
@@ -24,8 +24,8 @@ def _known_without() -> Mapping[str, tuple[str, Mapping[str, Entry]]]:
             for section in SECTIONS
             for key, entry in document.get(section, {}).items()
         }
-        found[file.name.removesuffix(".toml")] = (str(document["name"]), MappingProxyType(entries))
-    return MappingProxyType(found)
+        known[file.name.removesuffix(".toml")] = (str(document["name"]), MappingProxyType(entries))
+    return MappingProxyType(known)
 
 
 def names_data(entry: Entry, dataset: str) -> bool:

@@ -8,7 +8,7 @@ from typing import Final
 from xml.parsers import expat
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.vehicles.importing.found import Fields, Found
+from tripwatt.vehicles.importing.stated import Fields, Stated
 
 SUMO_NAMES: Final = frozenset(
     [
@@ -72,7 +72,7 @@ def sumo_types(text: str, where: str) -> dict[str, dict[str, str]]:
     return types
 
 
-def from_sumo(text: str, where: str, row: str | None) -> Found:
+def from_sumo(text: str, where: str, row: str | None) -> Stated:
     """A vehicle type of SUMO's MMPEVEM model."""
     # The text is decoded by now: a declaration of another encoding would mislead the parser.
     types = sumo_types(re.sub(r"^\s*<\?xml[^>]*\?>", "", text, count=1), where)
@@ -104,7 +104,7 @@ def from_sumo(text: str, where: str, row: str | None) -> Found:
     speeds = re.findall(r"[\d.]+", loss_map[1].split(";")[0]) if len(loss_map) == 3 else []
     if not speeds:
         fields.faults.append(Fault("missing entry", f"{place}, powerLossMap", "nothing", "axes and losses"))
-    found = Found(
+    stated = Stated(
         title=title.replace("_", " "),
         mass_kg=fields.number(mass_key),
         load_kg=None,
@@ -126,4 +126,4 @@ def from_sumo(text: str, where: str, row: str | None) -> Found:
         pack_resistance_ohm=fields.optional("internalBatteryResistance"),
     )
     fields.done()
-    return found
+    return stated
