@@ -269,11 +269,11 @@ class TestParameters:
             0.5 * self.car.road_load.coastdown_c_n_s2_m2
         )
         assert heavier.road_load.coastdown_a_n == self.car.road_load.coastdown_a_n
-        assert heavier.entries["body.curb_mass_kg"].source.startswith("mine; book value")
+        assert heavier.entries["body.curb_mass_kg"].source.startswith("mine; published")
         assert heavier.entries["body.curb_mass_kg"].value == heavier.body.curb_mass_kg
         assert heavier.entries["road_load.coastdown_a_n"] == self.car.entries["road_load.coastdown_a_n"]
         unnamed = changed(self.car, {"mass": 0.1}).entries["body.curb_mass_kg"]
-        assert unnamed.source.startswith("book value times 1.100")
+        assert unnamed.source.startswith("published value times 1.100")
 
     def test_widths_are_those_of_their_sources(self) -> None:
         widths = {p.name: p.width for p in PARAMETERS}

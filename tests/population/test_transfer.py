@@ -191,7 +191,7 @@ def test_grid_of_a_mode() -> None:
 def test_a_changed_car_is_another_car(leaf) -> None:
     heavy = changed(leaf, {"mass": 0.1}, source="weighed")
     assert heavy.body.test_mass_kg == pytest.approx(1.1 * leaf.body.test_mass_kg)
-    assert heavy.entries["body.curb_mass_kg"].source.startswith("weighed; book value")
+    assert heavy.entries["body.curb_mass_kg"].source.startswith("weighed; published")
     assert changed(leaf, {}) == leaf
 
 
@@ -311,7 +311,7 @@ def test_adapted_model_is_an_ordinary_one(base, second_car, leaf, tmp_path: Path
     assert again.forecast(trip).to_dict() == found.forecast(trip).to_dict()
     assert not [flag for flag in again.forecast(trip).flags if "cabin" in flag.subject]
     calibrated = again.vehicle.entries["auxiliaries.base_load_w"]
-    assert calibrated.source.startswith("calibrated on 1 trip of the car; book value 250")
+    assert calibrated.source.startswith("calibrated on 1 trip of the car; published 250")
     seen = trip.samples[trip.samples["time_s"] < 300.0]
     assert np.isfinite(again.forecast(trip).update(seen).energy_wh)
 

@@ -5,6 +5,7 @@ import math
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -208,6 +209,15 @@ def test_fifty_faults_are_named_and_the_rest_counted():
     assert len(faults(50)) == 50
     assert (len(faults(51)), faults(51)[-1].partition(";")[0]) == (51, "unknown key: links: got 1 more")
     assert (len(faults(53)), faults(53)[-1].partition(";")[0]) == (51, "unknown key: links: got 3 more")
+
+
+def test_a_table_of_links_is_its_rows():
+    rows = [{**LINK, "stop_s": 5.0}, LINK]
+    by_rows, by_table = route_from_links(rows), route_from_links(pd.DataFrame(rows))
+    for name in ("length_m", "travel_time_s", "stop_s"):
+        np.testing.assert_array_equal(getattr(by_table, name), getattr(by_rows, name))
+    with pytest.raises(InvalidInput, match="not a number: link 2, length_m: got 'far'"):
+        route_from_links(pd.DataFrame([LINK, {**LINK, "length_m": "far"}]))
 
 
 def test_too_many_links_are_refused_before_they_are_read(monkeypatch):

@@ -41,7 +41,7 @@ def _sound(router: RouterServer) -> Iterator[None]:
 
 
 def plan(service: Service, **changed: Any) -> httpx.Response:
-    return service.client.post("/v1/plan", json=ASKED | changed)
+    return service.client.post("/v1/journeys", json=ASKED | changed)
 
 
 def test_a_journey_by_names_is_that_by_coordinates(planner: Service) -> None:
@@ -185,7 +185,7 @@ def test_what_is_wrong_with_a_request_is_named(planner: Service, changed: dict[s
 
 
 def test_without_a_map_there_are_no_journeys(service: Service) -> None:
-    for path, asked in (("/v1/plan", ASKED), ("/v1/reachable", {"start": WEST})):
+    for path, asked in (("/v1/journeys", ASKED), ("/v1/plan", ASKED), ("/v1/reachable", {"start": WEST})):
         found = service.client.post(path, json=asked)
         assert found.status_code == 501
         assert found.json()["type"] == "/problems/no-map"
@@ -201,7 +201,7 @@ def test_the_operations_are_as_their_document_says(planner: Service) -> None:
     found = conformance(
         planner.url,
         3,
-        only="^/v1/(plan|reachable|places|map|map/view|tiles/.*)$",
+        only="^/v1/(journeys|reachable|places|map|map/view|tiles/.*)$",
         phases="examples,fuzzing",
         timeout_s=400.0,
     )

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
-from tripwatt.arrays import BoolArray, FloatArray, IntArray
+from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.auditing.findings import Cut, Finding, array, between, whole
 
 STRAY_SHARE: Final = 0.01
@@ -38,7 +38,9 @@ def mend_stamps(samples: pd.DataFrame, trip_id: str) -> tuple[pd.DataFrame, list
         return samples, [], findings
     repeated = np.concatenate(([False], np.diff(time) == 0))
     if repeated.any():
-        findings.append(_repeated_finding(trip_id, time, repeated))
+        what = f"{int(repeated.sum())} samples have the time of the sample before and were left out"
+        where = time[repeated]
+        findings.append(Finding(trip_id, float(where.min()), float(where.max()), what, "noted"))
         samples, time = samples[~repeated].reset_index(drop=True), time[~repeated]
     if bool(np.all(np.diff(time) > 0)):
         return samples, [], findings
@@ -52,12 +54,6 @@ def mend_stamps(samples: pd.DataFrame, trip_id: str) -> tuple[pd.DataFrame, list
     back = np.flatnonzero(np.diff(time) <= 0) + 1
     cuts = [Cut(int(i), int(i), f"time decreases from {time[i - 1]:g} to {time[i]:g} s") for i in back]
     return samples, cuts, findings
-
-
-def _repeated_finding(trip_id: str, time: FloatArray, repeated: BoolArray) -> Finding:
-    where = time[repeated]
-    what = f"{int(repeated.sum())} samples have the time of the sample before and were left out"
-    return Finding(trip_id, float(where.min()), float(where.max()), what, "noted")
 
 
 def _longest_increasing(values: FloatArray) -> IntArray:

@@ -60,7 +60,7 @@ _CLIMATE: Final = frozenset({"ambient_temperature_degc", "cabin_temperature_degc
 
 @dataclass(frozen=True, slots=True)
 class Option:
-    """One point of the grid: shares in common by stage, scales of what is own and of book values, of the error's variance."""
+    """One point of the grid: shares in common by stage, scales of what is own and of published values, of the error's variance."""
 
     shares: tuple[float, ...]
     own: float

@@ -24,12 +24,6 @@ from tripwatt.learners.rounds import Path, boost, fill_losses, write_leaf_values
 from tripwatt.learners.trees import (
     ClusteredTrees,
     Sample,
-    about_columns,
-    as_text_array,
-    booster_array,
-    booster_of,
-    from_text_array,
-    restore_columns,
     sum_of_trees,
     validate_rows,
 )
@@ -120,6 +114,8 @@ class ClusteredBoosting(ClusteredTrees):
         "correlation",
     )
     default_grid = DEFAULT_GRID
+    stored_values = ("n_rounds", "correlation_parameter", "start")
+    stored_arrays = ("position", "steps", "learning_curve")
     allowed = MappingProxyType(
         {
             "n_rounds": ("an integer >= 1", lambda v: v >= 1),
@@ -278,33 +274,10 @@ class ClusteredBoosting(ClusteredTrees):
         self.fold_errors_ = np.array([error for _, _, error in choices])
         return prediction
 
-    def to_arrays(self) -> dict[str, npt.NDArray[Any]]:
-        """The fitted model as plain arrays: numbers, and bytes of JSON and of LightGBM's text format."""
-        check_is_fitted(self, "steps_")
-        about = {
-            **about_columns(self),
-            "n_rounds": int(self.n_rounds_),
-            "correlation_parameter": float(self.correlation_parameter_),
-            "start": float(self.start_),
-        }
-        return {
-            "about": as_text_array(about),
-            "booster": booster_array(self.booster_),
-            "position": self.position_,
-            "steps": self.steps_,
-            "learning_curve": self.learning_curve_.to_numpy(dtype=float),
-        }
-
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, npt.NDArray[Any]]) -> Self:
         """Reverse of `to_arrays`; predictions are the same to the last bit."""
-        about = from_text_array(arrays["about"])
-        model = cls(**about["settings"])
-        restore_columns(model, about)
-        model.n_rounds_, model.start_ = about["n_rounds"], about["start"]
-        model.correlation_parameter_ = about["correlation_parameter"]
-        model.booster_ = booster_of(arrays["booster"])
-        model.position_, model.steps_ = arrays["position"], arrays["steps"]
+        model = super().from_arrays(arrays)
         model.learning_curve_ = pd.DataFrame(arrays["learning_curve"], columns=["round", "fold", "error"])
         return model
 

@@ -12,14 +12,21 @@ from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, cast
 
 import pandas as pd
 
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.files import folder_lock
 from tripwatt.forecasting import Forecast, ForecastModel
-from tripwatt.live.documents import HIGH, LOW, LiveDocument, LiveForecast, LiveState, live_forecast
+from tripwatt.live.documents import (
+    HIGH,
+    LOW,
+    LiveDocument,
+    LiveForecastDocument,
+    LiveMessages,
+    live_forecast,
+)
 from tripwatt.live.folder import (
     FORECASTS,
     erase_trips,
@@ -122,7 +129,7 @@ class RoadCar:
         self.name = self.folder.name
         self.model_of, self.keep_days = model_of, keep_days
         self.note: Callable[[str], None] = lambda _: None
-        self.counts = {"new": 0, "doubled": 0, "late": 0}
+        self.counts: LiveMessages = {"new": 0, "doubled": 0, "late": 0}
         self._finder = TripFinder()
         self._ended: list[LiveTrip] = []
         # departure of a trip, its usual trip, and the road of that
@@ -136,7 +143,7 @@ class RoadCar:
         # what the forecast at departure was made of, and that forecast
         self._departing: tuple[tuple[LivePlan, ForecastModel, Departure], Forecast] | None = None
         self._of: tuple[Any, ...] = ()
-        self._forecast: LiveForecast | None = None
+        self._forecast: LiveForecastDocument | None = None
         self._faults: list[dict[str, str]] = []
         with ExitStack() as stack:
             live = live_folder(self.folder)
@@ -488,13 +495,14 @@ class RoadCar:
         usual = None
         if self.plan is None and self._forecast is not None and self._departing is not None:
             usual = self._departing[0][0].usual_trip
-        return {
+        document = {
             **self.about(now_s),
             "plan": "given" if self.plan is not None else None if usual is None else "usual",
             "usual_trip": usual,
             "forecast": self._forecast,
             "faults": self._faults,
         }
+        return cast(LiveDocument, document)
 
     def _make(self) -> None:
         """Make the forecast of the document; one that is due is kept for the diary."""
@@ -518,7 +526,7 @@ class RoadCar:
         except OSError as error:
             self.note(f"forecast not stored: {error}"[:200])
 
-    def _live(self, forecast: Forecast) -> LiveForecast:
+    def _live(self, forecast: Forecast) -> LiveForecastDocument:
         plan = None if self._departing is None else self._departing[0][0]
         reserve = None if plan is None else plan.request.get("reserve")
         return live_forecast(forecast, self.reserve if reserve is None else reserve)
@@ -534,7 +542,7 @@ class RoadCar:
         trip = self.trip
         return trip is not None and self._on_the_way.is_due(trip.start_s, trip.last_s - trip.start_s)
 
-    def keep_forecast(self, forecast: LiveForecast, *, departing: bool = False) -> bool:
+    def keep_forecast(self, forecast: LiveForecastDocument, *, departing: bool = False) -> bool:
         """Keep a forecast of the whole trip for the diary, if it is due.
 
         Parameters
@@ -570,7 +578,7 @@ class RoadCar:
             trip.start_s, MadeForecast(at_s, distance_m, forecast["energy_wh"], *ends)
         )
 
-    def about(self, now_s: float) -> LiveState:
+    def about(self, now_s: float) -> dict[str, Any]:
         """Describe the car: seconds since its last message, messages since it was opened, and its trip.
 
         Parameters
@@ -587,7 +595,7 @@ class RoadCar:
         return {
             "vehicle": self.name,
             "seconds_since_message": None if self.received_s is None else max(0.0, now_s - self.received_s),
-            "messages": dict(self.counts),
+            "messages": self.counts.copy(),
             "soc": None if self._soc is None else self._soc[1],
             "trip": None
             if trip is None

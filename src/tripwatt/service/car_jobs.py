@@ -30,7 +30,7 @@ from tripwatt.live import (
 )
 from tripwatt.live.diary import CAUSE
 from tripwatt.live.folder import VALID_NAME, forecasts_of
-from tripwatt.live.own_car import UPLOADS
+from tripwatt.live.own_car import UPLOADS, state_of
 from tripwatt.physics.battery import open_circuit_voltage
 from tripwatt.service.car_schemas import LogsRequest, plain
 from tripwatt.service.library import usable_energy_wh
@@ -93,14 +93,14 @@ class CarJobs:
     def model(self, name: str) -> tuple[str, ForecastModel] | None:
         """The model of a car as it is now, with a label that changes when it learns; None where there is no such car."""
         try:
-            own = self.car(name)
+            state = state_of(car_folder(self.folder, name))
+            kept = self.models.get(name)
+            if kept is None or kept[0] != state:
+                own = self.car(name)
+                self.models[name] = kept = own.state(), own.model()
         except Problem:
             return None
-        state = own.state()
-        kept = self.models.get(name)
-        if kept is None or kept[0] != state:
-            self.models[name] = kept = state, own.model()
-        return f"{name}@{state}", kept[1]
+        return f"{name}@{kept[0]}", kept[1]
 
     def list(self) -> dict[str, Any]:
         """Return the cars, as `CarsResponse`."""

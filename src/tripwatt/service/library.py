@@ -24,20 +24,28 @@ EXAMPLE_CAR: Final = "bmw_i3_60ah"
 @cache
 def vehicles() -> tuple[dict[str, Any], ...]:
     """Return the cars of the library, without the models of the service."""
-    rows = []
-    for name in vehicle_names():
-        car = load_vehicle(name)
-        rows.append(
-            {
-                "name": name,
-                "title": car.title,
-                "test_mass_kg": car.body.test_mass_kg,
-                "usable_energy_wh": usable_energy_wh(car),
-                "has_climate": car.climate is not None,
-                "anchor": car.anchor,
-            }
-        )
-    return tuple(rows)
+    cars = map(load_vehicle, vehicle_names())
+    return tuple({"name": car.name, "has_climate": car.climate is not None, **_values(car)} for car in cars)
+
+
+def described(car: Vehicle) -> dict[str, Any]:
+    """Return a car from a few figures with what it would be certified with."""
+    certified = certified_interval(car)
+    return {
+        **_values(car),
+        "wltp_kwh_per_100km": certified.middle,
+        "wltp_low_kwh_per_100km": certified.low,
+        "wltp_high_kwh_per_100km": certified.high,
+    }
+
+
+def _values(car: Vehicle) -> dict[str, Any]:
+    return {
+        "title": car.title,
+        "test_mass_kg": car.body.test_mass_kg,
+        "usable_energy_wh": usable_energy_wh(car),
+        "anchor": car.anchor,
+    }
 
 
 def usable_energy_wh(car: Vehicle) -> float:
@@ -45,20 +53,6 @@ def usable_energy_wh(car: Vehicle) -> float:
     window = np.linspace(car.battery.displayed_zero_soc, car.battery.displayed_full_soc, 101)
     mean_v = float(open_circuit_voltage(window, car.battery).mean())
     return car.battery.capacity_ah * mean_v * float(window[-1] - window[0])
-
-
-def described(car: Vehicle) -> dict[str, Any]:
-    """Return a car from a few figures with what it would be certified with."""
-    found = certified_interval(car)
-    return {
-        "title": car.title,
-        "test_mass_kg": car.body.test_mass_kg,
-        "usable_energy_wh": usable_energy_wh(car),
-        "anchor": car.anchor,
-        "wltp_kwh_per_100km": found.middle,
-        "wltp_low_kwh_per_100km": found.low,
-        "wltp_high_kwh_per_100km": found.high,
-    }
 
 
 @cache

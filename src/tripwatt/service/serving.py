@@ -87,8 +87,8 @@ def open_socket(settings: Settings) -> socket.socket:
             raise
     except OSError as error:
         got = f"{settings.host} port {settings.port}: {error.strerror or error}"
-        raise InvalidInput(
-            Fault("cannot listen", "--host, --port", got, "an address of this machine and a free port")
+        raise InvalidInput.of(
+            "cannot listen", "--host, --port", got, "an address of this machine and a free port"
         ) from error
     return listener
 
@@ -146,7 +146,7 @@ def serve(settings: Settings, on_start: Callable[[str], None] = lambda url: None
         server = Server(config)
         server.run(sockets=[listener])
     if not server.started:
-        raise InvalidInput(Fault("service did not start", "workers", fix="see the log"))
+        raise InvalidInput.of("service did not start", "workers", fix="see the log")
 
 
 def log_json(**record: Any) -> None:

@@ -16,7 +16,13 @@ from tripwatt.vehicles.vehicle import SECTIONS, Value, Vehicle
 ROUNDING: Final = 1e-9
 """Relative difference of two numbers that are one value, written and read again."""
 
-CHANGED_BY_TRIPS: Final = ("identified on", "calibrated on", "book value times", "from the test to the road")
+CHANGED_BY_TRIPS: Final = (
+    "identified on",
+    "calibrated on",
+    "published value times",
+    "book value times",
+    "from the test to the road",
+)
 """How the source of a value starts that is no longer the published one."""
 
 _OTHER_METHOD: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
