@@ -10,9 +10,9 @@ losses that cars have in common: rolling, air drag and gear, each in the proport
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, Final
+from typing import Final, cast
 
 import numpy as np
 
@@ -97,7 +97,7 @@ class Anchored:
         """
         known = self.vehicle.entries
         entries = {
-            key: (_value(self.vehicle, key), known[key].unit if key in known else UNITS[key])
+            key: (cast(float, self.vehicle.value(key)), known[key].unit if key in known else UNITS[key])
             for key in keys(self.vehicle, self.loss)
         }
         return Anchor(level, self.loss, MappingProxyType(entries), float(self.before.mean()))
@@ -127,11 +127,6 @@ _KEYS: Final = MappingProxyType(
 )
 
 
-def _value(vehicle: Vehicle, key: str) -> float:
-    section, _, name = key.partition(".")
-    return float(getattr(getattr(vehicle, section), name))
-
-
 def scaled(vehicle: Vehicle, loss: str, factor: float) -> Vehicle:
     """Multiply one loss of a car by a factor.
 
@@ -159,11 +154,10 @@ def scaled(vehicle: Vehicle, loss: str, factor: float) -> Vehicle:
     >>> scaled(car, "motor", 2.0).drivetrain.motor_loss_factor
     2.0
     """
-    parts: dict[str, dict[str, float]] = {}
+    values: dict[str, float] = {}
     road = _road_parts(vehicle) if loss == ROAD_LOAD else {}
     for key in keys(vehicle, loss):
-        section, _, name = key.partition(".")
-        value = _value(vehicle, key)
+        value = cast(float, vehicle.value(key))
         if key in road:
             value *= factor ** OPEN[road[key]]
         elif key == _KEYS["gear"]:
@@ -174,11 +168,8 @@ def scaled(vehicle: Vehicle, loss: str, factor: float) -> Vehicle:
             value += (factor - 1.0) * IRON_LOSS_W / speed**2
         else:
             value *= factor
-        parts.setdefault(section, {})[name] = value
-    changes: dict[str, Any] = {
-        section: replace(getattr(vehicle, section), **values) for section, values in parts.items()
-    }
-    return replace(vehicle, **changes)
+        values[key] = value
+    return vehicle.with_values(values)
 
 
 def anchored(vehicle: Vehicle, figures: Sequence[CertifiedFigure], loss: str = ROAD_LOAD) -> Anchored:

@@ -7,7 +7,6 @@ import tomllib
 from collections.abc import Mapping
 from functools import cache
 from types import MappingProxyType
-from typing import Any
 
 from tripwatt.vehicles.inheriting import data_folder
 from tripwatt.vehicles.vehicle import SECTIONS, Entry, Vehicle
@@ -85,11 +84,5 @@ def without_data(vehicle: Vehicle, dataset: str) -> Vehicle:
     if not named:
         return vehicle
     _, other = _known_without()[dataset]
-    entries = dict(vehicle.entries)
-    parts: dict[str, Any] = {}
-    for key in named:
-        section, _, name = key.partition(".")
-        part = parts.get(section, getattr(vehicle, section))
-        parts[section] = dataclasses.replace(part, **{name: other[key].value})
-        entries[key] = dataclasses.replace(other[key], scale=entries[key].scale)
-    return dataclasses.replace(vehicle, entries=MappingProxyType(entries), **parts)
+    entries = {key: dataclasses.replace(other[key], scale=vehicle.entries[key].scale) for key in named}
+    return vehicle.with_values({key: entry.value for key, entry in entries.items()}, entries)
