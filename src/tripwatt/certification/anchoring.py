@@ -106,11 +106,11 @@ class Anchored:
 def keys(vehicle: Vehicle, loss: str) -> tuple[str, ...]:
     """Entries that a factor changes."""
     if loss == ROAD_LOAD:
-        return *_road_parts(vehicle), _KEYS["gear"]
+        return *road_parts(vehicle), _KEYS["gear"]
     return tuple(_KEYS[one] for one in loss.split(" and "))
 
 
-def _road_parts(vehicle: Vehicle) -> dict[str, str]:
+def road_parts(vehicle: Vehicle) -> dict[str, str]:
     """Entries of a road load, and whether each is rolling or air."""
     if vehicle.road_load.method == "coastdown":
         parts = {"a_n": "rolling", "b_n_s_m": "rolling", "c_n_s2_m2": "air"}
@@ -155,7 +155,7 @@ def scaled(vehicle: Vehicle, loss: str, factor: float) -> Vehicle:
     2.0
     """
     values: dict[str, float] = {}
-    road = _road_parts(vehicle) if loss == ROAD_LOAD else {}
+    road = road_parts(vehicle) if loss == ROAD_LOAD else {}
     for key in keys(vehicle, loss):
         value = cast(float, vehicle.value(key))
         if key in road:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from typing import Final
-from xml.parsers import expat
+from xml.etree import ElementTree
 
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.vehicles.importing.stated import Fields, Stated
@@ -42,33 +42,18 @@ SUMO_NAMES: Final = frozenset(
 
 def sumo_types(text: str, where: str) -> dict[str, dict[str, str]]:
     """Parameters of the vehicle types in a SUMO file, by id. Files with a document type or entities are refused."""
-    types: dict[str, dict[str, str]] = {}
-    current: list[dict[str, str]] = []
-
-    def start(tag: str, attributes: dict[str, str]) -> None:
-        if tag == "vType":
-            current[:] = [{k: v for k, v in attributes.items() if k in ("mass", "emissionClass")}]
-            types[attributes.get("id", f"vType {len(types) + 1}")] = current[0]
-        elif tag == "param" and current:
-            current[0][attributes.get("key", "")] = attributes.get("value", "")
-
-    def end(tag: str) -> None:
-        if tag == "vType":
-            current.clear()
-
-    def refuse(name: str, *_: object) -> None:
+    if re.search(r"<!(DOCTYPE|ENTITY)", text):
         allowed = "plain XML without document type and entities"
-        raise InvalidInput.of("XML with entities", where, name, allowed)
-
-    parser = expat.ParserCreate()
-    parser.StartElementHandler = start
-    parser.EndElementHandler = end
-    parser.StartDoctypeDeclHandler = refuse
-    parser.EntityDeclHandler = refuse
+        raise InvalidInput.of("XML with entities", where, "a document type", allowed)
     try:
-        parser.Parse(text.encode("utf-8"), True)
-    except expat.ExpatError as error:
+        root = ElementTree.fromstring(text)
+    except ElementTree.ParseError as error:
         raise InvalidInput.of("not an XML file", where, str(error), "XML of SUMO vehicle types") from error
+    types: dict[str, dict[str, str]] = {}
+    for kind in root.iter("vType"):
+        known = {key: value for key, value in kind.items() if key in ("mass", "emissionClass")}
+        known |= {param.get("key", ""): param.get("value", "") for param in kind.iter("param")}
+        types[kind.get("id", f"vType {len(types) + 1}")] = known
     return types
 
 
