@@ -1,10 +1,10 @@
 """What of a correction is about the car and what about the world: zero-shot transfer with other covariates, both ways.
 
-    python benchmarks/transfer_covariates.py DATA [--out docs/results/transfer-covariates.json]
+    python -m benchmarks.transfer_covariates [--out docs/results/transfer-covariates.json]
 
-DATA holds `tum` and `ved`. A process is learned on one car and corrects the other's physics, by half and in full;
+A process is fitted on one car and corrects the other's physics, by half and in full;
 scored on the second half in time of the other car's trips of 2 km and more, as `tripwatt transfer` does. Nothing of the
-other car is learned, and no value of a car comes from the other's logs.
+other car is fitted, and no value of a car comes from the other's logs.
 """
 
 from __future__ import annotations

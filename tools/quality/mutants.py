@@ -45,7 +45,7 @@ ROOMS: Final = (
     "uncertainty",
     "evaluation",
     "hybrid",
-    "transfer",
+    "population",
     "routes",
     "physics",
     "auditing",
