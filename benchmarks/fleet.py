@@ -391,9 +391,9 @@ def synthetic_rows(trips: int, vehicles: int) -> Any:
 
 def real() -> Iterator[Row]:
     """The i3 of the TUM set and the Leafs of the VED set as one fleet, by their own trips and together."""
-    from tripwatt.evaluation.fleets import _error
+    from tripwatt.evaluation.fleets import mean_error
     from tripwatt.fleet.features import START
-    from tripwatt.hybrid.groups import fit_scales, group_posterior
+    from tripwatt.hybrid.groups import fit_scales
     from tripwatt.store import add_files, create_store
 
     if not (DATA / "tum").is_dir() or not (DATA / "ved").is_dir():
@@ -417,12 +417,9 @@ def real() -> Iterator[Row]:
             if not held.any():
                 continue
             test = rows.where(held)
-            observed = test.numbers("observed_wh")
-            pooled = group_posterior(sums - test.sums, scales)
-            own = group_posterior(rows.where(its & ~held).sums, only) if (its & ~held).any() else None
-            errors["pooled"] += [_error(pooled, test, observed)] * len(test)
-            if own is not None:
-                errors["own"] += [_error(own, test, observed)] * len(test)
+            errors["pooled"] += [mean_error(sums - test.sums, scales, test)] * len(test)
+            if (its & ~held).any():
+                errors["own"] += [mean_error(rows.where(its & ~held).sums, only, test)] * len(test)
         pooled_, own_ = (float(np.mean(e)) if e else float("nan") for e in errors.values())
         text = f"{vehicle} ({int(its.sum())} trips): fleet {100 * pooled_:.2f} %, alone {100 * own_:.2f} %"
         yield Row(f"{text}; ratio", pooled_ / own_, most=1.03 if its.sum() > 10 else math.inf)

@@ -26,6 +26,10 @@ LINE_CAUSES: Final = tuple(cause for cause in CAUSES if cause != "shortfall")
 """Causes whose simulated power the correctors may scale; `shortfall` is no property of the car."""
 
 
+_BY_ROW: Final = ("hours", "simulated_w", "observed_w", "observed_hvac_w")
+"""Fields of a table with a value for each row."""
+
+
 @dataclass(frozen=True, eq=False)
 class SegmentTable:
     """Segments of trips as one flat table: rows of trip i are ``offsets[i]:offsets[i + 1]``.
@@ -125,14 +129,12 @@ class SegmentTable:
         """
         index = np.asarray(members, dtype=np.int64)
         rows = np.concatenate([np.arange(self.offsets[i], self.offsets[i + 1]) for i in index])
+        some: dict[str, Any] = {n: v[rows] for n in _BY_ROW if (v := getattr(self, n)) is not None}
         return SegmentTable(
             trip_ids=tuple(self.trip_ids[i] for i in index),
             offsets=np.concatenate(([0], np.cumsum(np.diff(self.offsets)[index]))),
             features=self.features.iloc[rows].reset_index(drop=True),
-            hours=self.hours[rows],
-            simulated_w=self.simulated_w[rows],
-            observed_w=None if self.observed_w is None else self.observed_w[rows],
-            observed_hvac_w=None if self.observed_hvac_w is None else self.observed_hvac_w[rows],
+            **some,
             charge=None if self.charge is None else self.charge[index],
             errors=None if self.errors is None else self.errors.take(index),
         )
@@ -166,25 +168,21 @@ class SegmentTable:
         SegmentTable
             Trips in the order of the tables; with measured power and charge only where all tables have them.
         """
-        observed = [t.observed_w for t in tables]
-        climate = [
-            np.full(len(t.hours), np.nan) if t.observed_hvac_w is None else t.observed_hvac_w for t in tables
-        ]
+        if any(t.observed_hvac_w is not None for t in tables):
+            tables = [
+                t if t.observed_hvac_w is not None else replace(t, observed_hvac_w=t.climate_residual_w)
+                for t in tables
+            ]
+
+        def joined(name: str) -> Any:
+            parts = [getattr(t, name) for t in tables]
+            return None if any(part is None for part in parts) else np.concatenate(parts)
+
         return cls(
             trip_ids=tuple(i for t in tables for i in t.trip_ids),
             offsets=np.concatenate(([0], np.cumsum([len(t.hours) for t in tables]))).astype(np.int64),
             features=pd.concat([t.features for t in tables], ignore_index=True),
-            hours=np.concatenate([t.hours for t in tables]),
-            simulated_w=np.concatenate([t.simulated_w for t in tables]),
-            observed_w=None
-            if any(o is None for o in observed)
-            else np.concatenate([o for o in observed if o is not None]),
-            observed_hvac_w=None
-            if all(t.observed_hvac_w is None for t in tables)
-            else np.concatenate(climate),
-            charge=None
-            if any(t.charge is None for t in tables)
-            else np.concatenate([t.charge for t in tables if t.charge is not None]),
+            **{name: joined(name) for name in (*_BY_ROW, "charge")},
             errors=None
             if all(t.errors is None for t in tables)
             else EnergyErrors.join([t.energy_errors for t in tables]),
