@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import FloatArray, IntArray
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 from tripwatt.fleet.deviations import LEVEL, with_errors
 from tripwatt.fleet.features import START
 from tripwatt.fleet.model import predict_rows
@@ -101,7 +101,7 @@ def evaluate_rows(rows: TripRows, scales: Scales | None = None) -> FleetEvaluati
     """
     vehicles = sorted(set(rows.texts("vehicle_id").tolist()))
     if len(vehicles) < 2:
-        raise InvalidInput(Fault("too few vehicles", "fleet", f"{len(vehicles)}", "at least 2"))
+        raise InvalidInput.of("too few vehicles", "fleet", f"{len(vehicles)}", "at least 2")
     whole = rows.sums
     scales = scales or fit_scales(whole, START)
     code = np.searchsorted(vehicles, rows.texts("vehicle_id"))

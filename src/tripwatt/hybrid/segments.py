@@ -15,7 +15,7 @@ from tripwatt.hybrid.climate_log import logged_climate
 from tripwatt.hybrid.energy_errors import EnergyErrors, unknown_climb_wh
 from tripwatt.physics import Simulation, simulate_trip
 from tripwatt.physics.simulate import CAUSES
-from tripwatt.trips import TEMPERATURES, Plan, Trip, plan_from_trip, resample, table_of
+from tripwatt.trips import TEMPERATURES, Plan, Trip, plan_from_trip, raise_faults, resample, table_of
 from tripwatt.units import SECONDS_PER_HOUR
 from tripwatt.vehicles import Vehicle
 
@@ -89,9 +89,7 @@ class SegmentTable:
     def observed_power_w(self) -> FloatArray:
         """Measured power [W], shape (rows,); refuses a table without it."""
         if self.observed_w is None:
-            raise InvalidInput(
-                Fault("no measured energy", "trips", "none", "voltage and current of each trip")
-            )
+            raise InvalidInput.of("no measured energy", "trips", "none", "voltage and current of each trip")
         return self.observed_w
 
     @property
@@ -301,12 +299,7 @@ def segment_trips(trips: Sequence[Trip], vehicle: Vehicle) -> SegmentTable:
     >>> len(table), len(table.residual_w) == len(table.hours)
     (2, True)
     """
-    unmeasured = [t.trip_id for t in trips if t.observed_energy_wh is None]
-    faults = [Fault("no measured energy", name, "", "voltage and current") for name in unmeasured]
-    if not trips:
-        faults.append(Fault("no trips", "training", "0", "at least 1 with measured energy"))
-    if faults:
-        raise InvalidInput(faults)
+    require_measured(trips)
     plans = [plan_from_trip(trip) for trip in trips]
     return SegmentTable.join(
         [
@@ -314,6 +307,19 @@ def segment_trips(trips: Sequence[Trip], vehicle: Vehicle) -> SegmentTable:
             for plan, trip in zip(plans, trips, strict=True)
         ]
     )
+
+
+def require_measured(trips: Sequence[Trip], least: int = 1) -> None:
+    """Raise `InvalidInput` with every trip without measured energy, and where there are too few trips."""
+    faults = [
+        Fault("no measured energy", trip.trip_id, "", "voltage and current")
+        for trip in trips
+        if trip.observed_energy_wh is None
+    ]
+    if len(trips) < least:
+        what = "too few trips" if trips else "no trips"
+        faults.append(Fault(what, "training", f"{len(trips)}", f"at least {least} with measured energy"))
+    raise_faults(faults)
 
 
 def resimulated(table: SegmentTable, plans: Sequence[Plan], vehicle: Vehicle) -> SegmentTable:
@@ -364,7 +370,7 @@ def _measured_power(measured: Trip, segment: IntArray, plan: Plan, seconds: Floa
     step_s = plan.step_s or float(np.median(np.diff(plan.array("time_s"))))
     if measured.step_s not in (None, step_s):
         got, allowed = f"segments of {measured.step_s:g} s", f"raw samples, or segments of {step_s:g} s"
-        raise InvalidInput(Fault("wrong time step", measured.trip_id, got, allowed))
+        raise InvalidInput.of("wrong time step", measured.trip_id, got, allowed)
     raw = measured if measured.step_s is not None else resample(measured, step_s)
     if "observed_energy_wh" not in raw:
         return None
