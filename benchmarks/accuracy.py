@@ -14,6 +14,7 @@ from tools import DATA
 
 from benchmarks import coverage, pipeline, planned
 from benchmarks.measure import Row
+from tripwatt.evaluation.forecast_scores import LEVELS
 
 APE: Final[Mapping[str, float]] = {"boosting": 0.103, "forest": 0.106, "physics": 0.20}
 """Model of the paper's protocol -> largest mean APE."""
@@ -146,7 +147,7 @@ def _updates(updates: Mapping[str, Any]) -> Iterator[Row]:
 def synthetic_coverage() -> Iterator[Row]:
     """The 90 % interval on many synthetic trips."""
     score = coverage.synthetic_coverage()
-    share = score.share[coverage.LEVELS.index(0.9)]
+    share = score.share[LEVELS.index(0.9)]
     yield Row(f"90 % interval on {score.trips} synthetic trips covers", share, least=0.88, most=0.92)
 
 

@@ -7,6 +7,7 @@ after every change of the physics or of the table of cars.
 from __future__ import annotations
 
 import csv
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -189,7 +190,8 @@ def met(bar: str, figure: float) -> bool:
 def bars() -> Iterator[Row]:
     """The bars on the anchors of the package."""
     for name, figure in figures_of_bars(committed()).items():
-        yield Row(f"library: {name}", figure, **{"least" if name in AT_LEAST else "most": BARS[name]})
+        least, most = (BARS[name], math.inf) if name in AT_LEAST else (-math.inf, BARS[name])
+        yield Row(f"library: {name}", figure, "", least, most)
 
 
 def render(outcomes: Sequence[Outcome]) -> str:

@@ -41,7 +41,7 @@ def argonne_rows(data: Path, reference: Path, vehicle_name: str = "bmw_i3_60ah")
             speed,
             conditions=DriveConditions(
                 on_dynamometer=True,
-                ambient_temperature_degc=float(row.cell_temperature_degc),
+                ambient_temperature_degc=float(str(row.cell_temperature_degc)),
                 payload_mass_kg=TEST_MASS_KG - vehicle.body.test_mass_kg,
                 climate="off" if row.climate == "off" else "auto",
                 initial_cabin_temperature_degc=setpoint if row.start == "hot" else None,

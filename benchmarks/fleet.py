@@ -34,7 +34,18 @@ from tools.command import run
 from tools.docs import pages
 from typer import Argument, BadParameter, Option
 
+from benchmarks.many_vehicles import CAR_MODELS, FleetPlan, block_of_logs, many_vehicles, vehicle_truth
 from benchmarks.measure import Row, not_measured, report
+from tripwatt.evaluation.fleets import evaluate_rows, mean_error
+from tripwatt.fleet.executors import InProcess
+from tripwatt.fleet.features import FEATURES, SCALES, START
+from tripwatt.fleet.mapping import map_store, read_rows, row_of, segments_of, tasks_of
+from tripwatt.fleet.model import fit_fleet, predict_rows, update_fleet
+from tripwatt.fleet.statistics import ROWS, TripRows
+from tripwatt.hybrid.groups import fit_scales, group_posterior
+from tripwatt.store import add_files, create_store, open_store
+from tripwatt.store.rows import TRIPS, bucket_of
+from tripwatt.trips import Trip
 
 COMMAND = "python -m benchmarks.fleet"
 MB = 1.0 / 1024.0
@@ -65,9 +76,6 @@ def worker_figures() -> tuple[float, float]:
 
 def add_blocks(place: str, plan: Any, blocks: list[tuple[int, int]]) -> int:
     """Make and add some blocks; runs on a worker."""
-    from benchmarks.many_vehicles import block_of_logs
-    from tripwatt.store import open_store
-
     store = open_store(place)
     return sum(
         store.add(block_of_logs(plan, model, block), car_model=plan.car_models[model]).added
@@ -77,8 +85,6 @@ def add_blocks(place: str, plan: Any, blocks: list[tuple[int, int]]) -> int:
 
 def filled(place: str, plan: Any, executor: Any, workers: int) -> None:
     """A store with a synthetic fleet, added by all workers at once."""
-    from tripwatt.store import create_store
-
     create_store(place, buckets=8)
     blocks = plan.blocks()
     several = [blocks[k :: 4 * workers] for k in range(4 * workers)]
@@ -88,11 +94,6 @@ def filled(place: str, plan: Any, executor: Any, workers: int) -> None:
 
 def scale_once(trips: int, workers: int) -> dict[str, float]:
     """CPU and wall time and memory of adding and fitting one synthetic fleet."""
-    from benchmarks.many_vehicles import FleetPlan
-    from tripwatt.fleet.mapping import map_store, tasks_of
-    from tripwatt.fleet.model import fit_fleet
-    from tripwatt.store import open_store
-
     plan = FleetPlan(trips, vehicles=min(200, max(8, trips // 10)))
     folder = tempfile.mkdtemp()
     try:
@@ -143,11 +144,6 @@ def scale(small: int, large: int, workers: int) -> Iterator[Row]:
 
 def fitted(trips: int, vehicles: int, models: int = 4, days: float = 3.65) -> tuple[Any, Any, Any, str]:
     """Plan, store, model and folder of a synthetic fleet, in this process."""
-    from benchmarks.many_vehicles import CAR_MODELS, FleetPlan
-    from tripwatt.fleet.executors import InProcess
-    from tripwatt.fleet.model import fit_fleet
-    from tripwatt.store import open_store
-
     plan = FleetPlan(trips, vehicles=vehicles, car_models=CAR_MODELS[:models], days_between=days)
     folder = tempfile.mkdtemp()
     filled(f"{folder}/s", plan, InProcess(), 1)
@@ -156,18 +152,11 @@ def fitted(trips: int, vehicles: int, models: int = 4, days: float = 3.65) -> tu
 
 
 def rows_of(store: Any, folder: str) -> Any:
-    from tripwatt.fleet.executors import InProcess
-    from tripwatt.fleet.mapping import map_store, read_rows, tasks_of
-
     return read_rows(map_store(tasks_of(store, store.trip_rows(), f"{folder}/rows"), InProcess(), 1))
 
 
 def truth(trips: int = 1200, vehicles: int = 60) -> Iterator[Row]:
     """Twenty trips a vehicle by default."""
-    from benchmarks.many_vehicles import vehicle_truth
-    from tripwatt.evaluation.fleets import evaluate_rows
-    from tripwatt.trips import Trip
-
     plan, store, model, folder = fitted(trips, vehicles, days=18.0)  # a year of 20 trips
     rows = rows_of(store, folder)
     X, models = rows.X, rows.texts("car_model")
@@ -204,7 +193,6 @@ def truth(trips: int = 1200, vehicles: int = 60) -> Iterator[Row]:
             row["pooled"] / best,
             most=1.0,
         )
-    from benchmarks.many_vehicles import FleetPlan, many_vehicles
 
     later = FleetPlan(
         trips + 4 * vehicles, vehicles, plan.car_models, plan.seed, plan.minutes, plan.days_between
@@ -227,8 +215,6 @@ def truth(trips: int = 1200, vehicles: int = 60) -> Iterator[Row]:
 
 def own_energy_wh(plan: Any, truth_: Any, rows: Any) -> float:
     """Energy that a vehicle's own deviations add to the mean trip of its model, from the simulated energy by cause."""
-    from tripwatt.fleet.features import FEATURES, SCALES
-
     x = rows.X.mean(axis=0) / SCALES
     energy = dict(zip(FEATURES, x, strict=True))
     rolling, drag, heat, base = truth_.own
@@ -241,11 +227,6 @@ def own_energy_wh(plan: Any, truth_: Any, rows: Any) -> float:
 
 
 def update(trips: int = 5000, vehicles: int = 100) -> Iterator[Row]:
-    from benchmarks.many_vehicles import FleetPlan, many_vehicles
-    from tripwatt.fleet.executors import InProcess
-    from tripwatt.fleet.model import update_fleet
-    from tripwatt.hybrid.groups import group_posterior
-
     began = cpu_s()
     plan, store, model, folder = fitted(trips, vehicles)
     whole = cpu_s() - began
@@ -273,9 +254,6 @@ def store_bars(rows: int = 1_000_000) -> Iterator[Row]:
     """Writers at once, and a long table of trips."""
     import pyarrow as pa
     import pyarrow.dataset as ds
-
-    from tripwatt.store import create_store
-    from tripwatt.store.rows import TRIPS, bucket_of
 
     folder = tempfile.mkdtemp()
     store = create_store(f"{folder}/s")
@@ -326,9 +304,6 @@ def peers(trips: int = 2000, vehicles: int = 100) -> Iterator[Row]:
     """The mixed model of statsmodels on the same rows: random intercepts by vehicle for each of a few features."""
     import statsmodels.api as sm
 
-    from tripwatt.fleet.features import START
-    from tripwatt.hybrid.groups import fit_scales, group_posterior
-
     rows = synthetic_rows(trips, vehicles)
     # every tenth trip is held out
     held = np.arange(len(rows)) % 10 == 0
@@ -337,11 +312,10 @@ def peers(trips: int = 2000, vehicles: int = 100) -> Iterator[Row]:
     sums = train.sums
     found = group_posterior(sums, fit_scales(sums, START))
     ours_s = time.process_time() - began
-    from tripwatt.fleet.model import predict_rows
 
     observed = test.numbers("observed_wh")
     ours = float(np.mean(np.abs(predict_rows(found, test)[0] - observed) / observed))
-    root = np.sqrt(train.weight)
+    root = 1.0 / np.sqrt(train.numbers("variance_wh2"))
     X, y = train.X * root[:, None], train.residual_wh * root
     keep = np.abs(X).max(axis=0) > 1e-9
     random = np.array([i for i in (0, 1, 6, 7) if keep[i]])  # air, rolling, base load, climate
@@ -368,11 +342,6 @@ def synthetic_rows(trips: int, vehicles: int) -> Any:
     """Rows of a synthetic fleet without a store."""
     import pyarrow as pa
 
-    from benchmarks.many_vehicles import FleetPlan, many_vehicles
-    from tripwatt.fleet.mapping import row_of, segments_of
-    from tripwatt.fleet.statistics import ROWS, TripRows
-    from tripwatt.trips import Trip
-
     plan = FleetPlan(trips, vehicles=vehicles)
     found = []
     for log in many_vehicles(plan):
@@ -391,11 +360,6 @@ def synthetic_rows(trips: int, vehicles: int) -> Any:
 
 def real() -> Iterator[Row]:
     """The i3 of the TUM set and the Leafs of the VED set as one fleet, by their own trips and together."""
-    from tripwatt.evaluation.fleets import mean_error
-    from tripwatt.fleet.features import START
-    from tripwatt.hybrid.groups import fit_scales
-    from tripwatt.store import add_files, create_store
-
     if not (DATA / "tum").is_dir() or not (DATA / "ved").is_dir():
         yield not_measured("real cars as one fleet", f"no {DATA}")
         return
@@ -428,12 +392,6 @@ def real() -> Iterator[Row]:
 
 def same(trips: int = 160, vehicles: int = 16) -> Iterator[Row]:
     """One process, two processes of a cluster, and a cluster one of whose workers is killed."""
-    from benchmarks.many_vehicles import CAR_MODELS, FleetPlan, many_vehicles
-    from tripwatt.fleet.executors import InProcess
-    from tripwatt.fleet.model import fit_fleet
-    from tripwatt.store import open_store
-    from tripwatt.trips import Trip
-
     plan = FleetPlan(trips, vehicles=vehicles, car_models=CAR_MODELS[:2])
     folder = tempfile.mkdtemp()
     filled(f"{folder}/s", plan, InProcess(), 1)
@@ -442,7 +400,7 @@ def same(trips: int = 160, vehicles: int = 16) -> Iterator[Row]:
     with dask(2) as (_, client):
         models["Dask"] = fit_fleet(store, f"{folder}/b", client.get_executor(pure=False, retries=3), 2)
         victim = next(iter(client.run(os.getpid).values()))
-        killed = []
+        killed: list[int] = []
 
         def kill(done: int, total: int) -> None:
             if done >= total // 3 and not killed:

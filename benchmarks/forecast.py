@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import statistics
 import subprocess
 import sys
 import tempfile
@@ -12,7 +13,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from benchmarks.measure import Row, median_seconds, not_measured, reference_loop, report, tum_folder
+from benchmarks.measure import Row, not_measured, reference_loop, report, seconds, tum_folder
 from tripwatt.forecasting import ForecastModel, load_model
 from tripwatt.synthetic import synthetic_fleet
 from tripwatt.trips import plan_from_samples
@@ -40,8 +41,12 @@ def run() -> Iterator[Row]:
         "load the model of the package": load_model,
     }
     for name, job in jobs.items():
-        yield Row(name, 1000.0 * median_seconds(job, runs=RUNS), "ms", most=MOST_MS.get(name, math.inf))
-        yield Row(f"{name}: processor time", 1000.0 * processor_seconds(job), "ms")
+        yield Row(name, 1000.0 * seconds(job, RUNS), "ms", most=MOST_MS.get(name, math.inf))
+        yield Row(
+            f"{name}: processor time",
+            1000.0 * seconds(job, RUNS, of=statistics.mean, clock=time.process_time),
+            "ms",
+        )
     yield from long_trips(model, samples)
     with tempfile.TemporaryDirectory() as scratch:
         table = Path(scratch) / "trip.csv"
@@ -73,7 +78,7 @@ def long_trips(model: ForecastModel, samples: pd.DataFrame) -> Iterator[Row]:
     long = pd.concat(
         [samples.assign(time_s=clock + (TRIP_S + 1.0) * k) for k in range(repeats)], ignore_index=True
     )
-    seconds: list[tuple[float, float]] = []
+    took: list[tuple[float, float]] = []
     for log in (samples, long):
         plan = plan_from_samples(log, "bench")
         seen = log[log["time_s"] <= 0.5 * log["time_s"].iloc[-1]]
@@ -81,42 +86,23 @@ def long_trips(model: ForecastModel, samples: pd.DataFrame) -> Iterator[Row]:
             current_a=seen["current_a"] * LITTLE
         )  # six hours as driven take more than a battery holds
         before = model.forecast(plan)
-        seconds.append(
+        took.append(
             (
-                best_seconds(lambda plan=plan: model.forecast(plan).sd_wh),
-                best_seconds(lambda seen=seen, before=before: before.update(seen).sd_wh),
+                seconds(lambda plan=plan: model.forecast(plan).sd_wh, 15, of=min),
+                seconds(lambda seen=seen, before=before: before.update(seen).sd_wh, 15, of=min),
             )
         )
     for k, (name, most) in enumerate((("forecast", 25.0), ("update after half", 15.0))):
         text = f"one {name} of {LONG_TRIP_H} h at 1 Hz, in process, with its interval"
-        yield Row(text, 1000.0 * seconds[1][k], "ms", most=most)
-        growth = math.log(seconds[1][k] / seconds[0][k]) / math.log(repeats)
+        yield Row(text, 1000.0 * took[1][k], "ms", most=most)
+        growth = math.log(took[1][k] / took[0][k]) / math.log(repeats)
         yield Row(f"growth exponent of the {name} from 1,300 s to {LONG_TRIP_H} h", growth, most=1.1)
-
-
-def best_seconds(job: Callable[[], object], runs: int = 15) -> float:
-    """Shortest wall time of some runs [s]."""
-    took = []
-    for _ in range(runs):
-        started = time.perf_counter()
-        job()
-        took.append(time.perf_counter() - started)
-    return min(took)
-
-
-def processor_seconds(job: Callable[[], object], runs: int = RUNS) -> float:
-    """Mean processor time of a run [s]: what a busy machine does not change."""
-    job()
-    started = time.process_time()
-    for _ in range(runs):
-        job()
-    return (time.process_time() - started) / runs
 
 
 def commanding(*arguments: str, runs: int = 5) -> float:
     """Median wall time of a command [s], the start of the interpreter included."""
     command = [sys.executable, "-m", "tripwatt.cli", *arguments]
-    return median_seconds(lambda: subprocess.run(command, check=True, capture_output=True), runs=runs)
+    return seconds(lambda: subprocess.run(command, check=True, capture_output=True), runs)
 
 
 if __name__ == "__main__":

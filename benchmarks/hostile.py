@@ -12,7 +12,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Final, Literal
+from typing import Any, Final, Literal
 
 import orjson
 from tests.support.cars import LEVEL_ROAD, extreme_cars
@@ -62,6 +62,7 @@ def cars(number: int, seed: int = 11) -> Iterator[Row]:
     model, departure = load_model(), Departure(soc=0.9, ambient_temperature_degc=5.0)
     plan = read_route(LEVEL_ROAD)
     energies, refused = [], 0
+    values: Any  # as a vehicle file has them: numbers, and tables of numbers
     for name, values in extreme_cars(number, seed):
         try:
             car = load_vehicle(name, overrides=values)

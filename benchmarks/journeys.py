@@ -20,7 +20,7 @@ from tools import DATA
 from tools.command import run
 
 import tripwatt as tw
-from benchmarks.measure import Row, not_measured, report
+from benchmarks.measure import Row, not_measured, report, seconds
 from tripwatt.journey import (
     Atlas,
     JourneyOptions,
@@ -86,12 +86,7 @@ def _osrm_answers() -> Iterator[dict[str, object]]:
 
 def _best(work: Callable[[], object]) -> float:
     """Best time of `RUNS` [ms]."""
-    times = []
-    for _ in range(RUNS):
-        began = time.perf_counter()
-        work()
-        times.append(1000.0 * (time.perf_counter() - began))
-    return min(times)
+    return 1000.0 * seconds(work, RUNS, of=min, warm_up=False)
 
 
 def valhalla() -> Iterator[Row]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import statistics
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -77,31 +77,38 @@ def not_measured(name: str, why: str = "not at hand") -> Row:
     return Row(name, math.nan, note=why)
 
 
-def median_seconds(job: Callable[[], object], *, runs: int = RUNS, warm_up: bool = True) -> float:
-    """Median wall time of `runs` runs [s], after one run that is not counted when `warm_up`."""
+def seconds(
+    job: Callable[[], object],
+    runs: int = RUNS,
+    *,
+    of: Callable[[Sequence[float]], float] = statistics.median,
+    clock: Callable[[], float] = time.perf_counter,
+    warm_up: bool = True,
+) -> float:
+    """Median wall time of some runs [s], or another figure of them or of another clock; a first run warms up and does not count."""
     if warm_up:
         job()
     times = []
     for _ in range(runs):
-        started = time.perf_counter()
+        started = clock()
         job()
-        times.append(time.perf_counter() - started)
-    return statistics.median(times)
+        times.append(clock() - started)
+    return of(times)
 
 
 def medians_in_turn(job: Callable[[], object], peer: Callable[[], object]) -> tuple[float, float]:
     """Median wall times [s] of a job and of its peer, run in turn so that both meet the same load of the machine."""
     ours, theirs = [], []
     for _ in range(RUNS):
-        ours.append(median_seconds(job, runs=3))
-        theirs.append(median_seconds(peer, runs=1, warm_up=False))
+        ours.append(seconds(job, 3))
+        theirs.append(seconds(peer, 1, warm_up=False))
     return statistics.median(ours), statistics.median(theirs)
 
 
 def reference_loop() -> float:
     """Seconds of a fixed piece of array work: tells a slow machine from slow code."""
     values = np.random.default_rng(0).standard_normal(1_000_000)
-    return median_seconds(lambda: np.sort(np.sin(values)).cumsum())
+    return seconds(lambda: np.sort(np.sin(values)).cumsum())
 
 
 def tum_folder() -> Path | None:

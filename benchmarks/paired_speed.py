@@ -99,7 +99,7 @@ def compared(old: str, new: str, runs: int, folder: Path, tell: Callable[[str], 
 def main(old: Path, new: Path, runs: int = RUNS) -> None:
     """Compare two Pythons with tripwatt[service] by pairs of runs."""
     with tempfile.TemporaryDirectory() as place:
-        compared(*(str(p.absolute()) for p in (old, new)), runs, Path(place))
+        compared(str(old.absolute()), str(new.absolute()), runs, Path(place))
 
 
 if __name__ == "__main__":

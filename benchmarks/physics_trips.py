@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from tools import DATA
 
-from benchmarks.measure import Row, median_seconds, reference_loop
+from benchmarks.measure import Row, reference_loop, seconds
 from tripwatt.physics import simulate_trip
 from tripwatt.sources import read_logs
 from tripwatt.trips import Trip, resample
@@ -56,7 +56,7 @@ def main() -> None:
             f"closure {worst_closure(vehicle, everything):.1e}"
         )
         samples = sum(len(trip) for trip in everything)
-        wall = median_seconds(lambda car=vehicle: [simulate_trip(car, trip) for trip in everything])
+        wall = seconds(lambda car=vehicle: [simulate_trip(car, trip) for trip in everything])
         print(
             f"{preset}: {samples} simulated seconds in {wall * 1e3:.1f} ms: {samples / wall:,.0f} per second; "
             f"reference loop {reference_loop() * 1e3:.1f} ms"

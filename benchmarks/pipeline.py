@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmarks.measure import Row, median_seconds, medians_in_turn, not_measured, reference_loop, tum_folder
+from benchmarks.measure import Row, medians_in_turn, not_measured, reference_loop, seconds, tum_folder
 from tripwatt.physics import simulate_trip
 from tripwatt.sources import read_logs
 from tripwatt.trips import Trip, resample
@@ -35,12 +35,12 @@ def run() -> Iterator[Row]:
         yield from _reading(folder)
         ved = folder.parent / "ved"
         if ved.is_dir():
-            yield Row("read the 211 VED trips", median_seconds(lambda: read_logs(ved, "ved")), "s", most=3)
+            yield Row("read the 211 VED trips", seconds(lambda: read_logs(ved, "ved")), "s", most=3)
         yield from _simulating([resample(t, 1.0) for t in read_logs(folder, "tum").trips])
 
 
 def _reading(folder: Path) -> Iterator[Row]:
-    yield Row("read the TUM trips", median_seconds(lambda: read_logs(folder, "tum")), "s", most=4)
+    yield Row("read the TUM trips", seconds(lambda: read_logs(folder, "tum")), "s", most=4)
     answer = subprocess.run(
         [sys.executable, "-c", PEAK_MEMORY, str(folder)], check=True, capture_output=True, text=True
     )
@@ -115,6 +115,6 @@ def evaluating(*arguments: str, out: Path | None = None, runs: int = 1) -> float
     with tempfile.TemporaryDirectory() as scratch:
         target = str(out or Path(scratch) / "out")
         command = [sys.executable, "-m", "tripwatt.cli", "evaluate", *arguments, "--out", target]
-        return median_seconds(
+        return seconds(
             lambda: subprocess.run(command, check=True, capture_output=True), runs=runs, warm_up=False
         )

@@ -142,7 +142,8 @@ def charge_scores(trips: Sequence[Trip], made: Sequence[Forecast]) -> dict[str, 
     ]
     if not rows:
         return None
-    found = Coverage.from_bounds(*np.array(rows).T, UPDATE_LEVEL)
+    shown, low, high = np.array(rows).T
+    found = Coverage.from_bounds(shown, low, high, UPDATE_LEVEL)
     return {
         "n_trips": found.trips,
         "coverage": found.share,

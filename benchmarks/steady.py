@@ -299,11 +299,11 @@ def render(table: Sequence[CarRow]) -> str:
     lines += ["", "| car | name | beside siblings | parts | masses, drag areas |", "|---|---|---:|---|---|"]
     for row in table:
         parts = siblings.get(row.name, {})
-        by = sum(parts.values())
-        if abs(by) > APART:
+        total = sum(parts.values())
+        if abs(total) > APART:
             shown = ", ".join(f"{p} {100 * v:+.0f} %" for p, v in parts.items() if abs(v) > WORTH)
             lines.append(
-                f"| {row.title} | `{row.name}` | {100 * by:+.0f} % | {shown} | {_of_model(row, table)} |"
+                f"| {row.title} | `{row.name}` | {100 * total:+.0f} % | {shown} | {_of_model(row, table)} |"
             )
     return "\n".join(lines)
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from tools import DATA, DOCS
@@ -67,7 +68,7 @@ VARIANTS = {
 
 def direction(
     source: Sequence[Trip], target: Sequence[Trip], cars: tuple[Vehicle, Vehicle]
-) -> dict[str, object]:
+) -> dict[str, Any]:
     hidden = unknown_inputs(target)
     scored = segment_trips(target[len(target) // 2 :], cars[1])
     observed = scored.totals_wh(scored.observed_power_w)

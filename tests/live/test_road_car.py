@@ -14,55 +14,34 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from tests.live.driving import LINKS, MODEL, NOW_S, ended, fed
 from tests.live.messages import NOON_S, abrp_messages, measured, over_a_bad_connection, samples_of
 
 import tripwatt as tw
 from tripwatt.cli.on_road import sentence
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import Forecast
 from tripwatt.live import (
-    LivePlan,
     RoadCar,
     Sample,
     TopicJoiner,
-    has_token,
-    issue_token,
     sample_from_abrp,
 )
 from tripwatt.live import folder as folder_module
-from tripwatt.live import road_car as module
-from tripwatt.live.live_trip import SILENCE_S, STANDING_S
+from tripwatt.live import recording as module
+from tripwatt.live.live_trip import SILENCE_S
 from tripwatt.live.ordering import LATE_S
 from tripwatt.live.plan import request_of_samples
-from tripwatt.live.tokens import digest_of, token_digest
 from tripwatt.routes import links_of_trip, plan_from_links
 from tripwatt.synthetic import example_trip
 from tripwatt.trips import plan_from_samples
 
-NOW_S = NOON_S + 1e6
-MODEL = tw.load_model()
-LINKS = [{"length_m": 9000.0, "speed_m_s": 14.0}]
 REPLAYED = ("TripA05", "TripB11", "TripB30")
-
-
-@pytest.fixture(scope="module")
-def drive() -> pd.DataFrame:
-    """Ten minutes of a drive, a row each second."""
-    return measured(example_trip()).iloc[:600]
 
 
 @pytest.fixture(scope="module")
 def forecast(drive: pd.DataFrame) -> Forecast:
     return tw.load_model().forecast(plan_from_samples(example_trip().iloc[:700]))
-
-
-@pytest.fixture
-def folder(tmp_path: Path) -> Path:
-    return tmp_path / "my-i3"
-
-
-def fed(car: RoadCar, samples: list[Sample]) -> list[str]:
-    return [car.add(sample, now_s=NOW_S) for sample in samples]
 
 
 def on_the_clock(table: pd.DataFrame) -> pd.DataFrame:
@@ -126,11 +105,6 @@ def test_a_restart_at_any_moment_loses_and_doubles_nothing(
         fed(straight, sent)
         pd.testing.assert_frame_equal(car.observed(), straight.observed())
         same(car.update(forecast), straight.update(forecast))
-
-
-def ended(car: RoadCar, after_s: float) -> None:
-    """The car stands for long enough."""
-    fed(car, [Sample(NOON_S + after_s + 10.0 * k, {"speed_m_s": 0.0}) for k in range(1, 40)])
 
 
 def test_a_finished_trip_is_a_log_and_leaves_no_samples_behind(drive: pd.DataFrame, folder: Path) -> None:
@@ -247,26 +221,6 @@ def test_the_usual_trip_is_that_of_this_time_of_day(drive: pd.DataFrame, folder:
         assert car.usual_trip() is None
 
 
-def test_a_plan_stays_until_its_trip_has_ended(drive: pd.DataFrame, folder: Path) -> None:
-    samples = samples_of(drive)
-    with RoadCar(folder) as car:
-        car.set_plan({"to": "work"}, departure_s=NOON_S + 5.0)
-        fed(car, samples)
-        assert car.observed()["time_s"].iloc[0] == 0.0
-        assert len(car.observed()) == len(drive) - 5
-    with RoadCar(folder) as car:
-        assert car.plan == LivePlan({"to": "work"}, NOON_S + 5.0, None)
-        fed(car, [Sample(NOON_S + 600.0 + k, {"speed_m_s": 0.0}) for k in range(int(STANDING_S) - 100)])
-        car.set_plan({"to": "home"})
-        ended(car, 900.0)
-        assert len(car.logs()) == 1
-        assert car.plan is not None, "a plan that was given after the arrival is that of the next trip"
-        assert car.plan.request == {"to": "home"}
-        car.set_plan(None)
-    with RoadCar(folder) as car:
-        assert car.plan is None
-
-
 def test_the_departure_is_what_the_first_samples_show(drive: pd.DataFrame, folder: Path) -> None:
     with RoadCar(folder) as car:
         assert car.departure() == tw.Departure()
@@ -300,45 +254,6 @@ def test_one_process_has_a_car_open(folder: Path) -> None:
     with RoadCar(folder), pytest.raises(InvalidInput, match="another run"):
         RoadCar(folder)
     RoadCar(folder).close()
-
-
-@pytest.mark.parametrize("name", ["a b", ".hidden", "-x", "ü", "x" * 65])
-def test_a_name_is_part_of_a_path_and_of_a_url(tmp_path: Path, name: str) -> None:
-    with pytest.raises(InvalidInput, match="name cannot be used"):
-        RoadCar(tmp_path / name)
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_a_folder_that_cannot_be_made_or_a_damaged_plan_is_refused(folder: Path) -> None:
-    folder.write_text("")
-    with pytest.raises(InvalidInput, match="cannot write the folder"):
-        RoadCar(folder)
-    other = folder.with_name("other")
-    (other / "live").mkdir(parents=True)
-    for content in ("{", "{}", "[]"):
-        (other / "live" / "plan.json").write_text(content)
-        with pytest.raises(InvalidInput, match="damaged file"):
-            RoadCar(other)
-
-
-def test_a_token_is_that_of_one_car_and_is_not_stored(folder: Path) -> None:
-    assert not has_token(folder)
-    token, other = issue_token(folder), issue_token(folder.with_name("other"))
-    assert has_token(folder)
-    assert (
-        token_digest(folder)
-        == digest_of(token)
-        != token_digest(folder.with_name("other"))
-        == digest_of(other)
-    )
-    again = issue_token(folder)
-    assert token_digest(folder) == digest_of(again)
-    assert len({token, other, again}) == 3
-    assert again.encode() not in (folder / "live" / "token.json").read_bytes()
-    (folder / "live" / "token.json").write_text("[]")
-    with pytest.raises(InvalidInput, match="damaged file"):
-        token_digest(folder)
-    assert token_digest(folder.with_name("third")) is None
 
 
 def test_a_document_is_that_of_update_for_every_message(
@@ -397,39 +312,6 @@ def test_what_cannot_be_of_the_trip_leaves_the_forecast_at_departure(folder: Pat
         assert found["forecast"]["measured_until_s"] == 0.0
         assert [fault["what"] for fault in found["faults"]] == ["charge rises"]
         assert "charge rises" in sentence(found)
-
-
-def test_a_plan_that_cannot_be_forecast_is_a_fault(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(*_: object) -> None:
-        raise InvalidInput(Fault("no such road", "plan"))
-
-    monkeypatch.setattr(type(MODEL), "forecast", refuse)
-    with RoadCar(folder, lambda _: MODEL) as car:
-        for request, what in (({"links": LINKS}, "no such road"), ({"to": "work"}, "no road")):
-            car.set_plan(request)
-            found = car.document(NOON_S)
-            assert (found["plan"], found["usual_trip"], found["forecast"]) == ("given", None, None)
-            assert [fault["what"] for fault in found["faults"]] == [what]
-
-
-def test_the_plan_of_a_trip_that_has_ended_is_not_used_again(drive: pd.DataFrame, folder: Path) -> None:
-    with RoadCar(folder, lambda _: MODEL) as car:
-        car.set_plan(request_of_samples(example_trip()))
-        fed(car, samples_of(drive))
-        assert car.document(NOW_S)["forecast"] is not None
-        assert car.end_when_silent(NOW_S + SILENCE_S)
-        assert (car.trip, car.plan) == (None, None)
-        assert car.document(NOW_S)["forecast"] is None
-
-
-def test_a_plan_outlives_a_restart_with_its_figures(drive: pd.DataFrame, folder: Path) -> None:
-    with RoadCar(folder, lambda _: MODEL) as car:
-        car.set_plan({"links": LINKS, "reserve": 0.3})
-        fed(car, samples_of(drive.iloc[:200]))
-        before = car.document(NOW_S)
-    with RoadCar(folder, lambda _: MODEL) as car:
-        after = car.document(NOW_S)
-        assert (after["plan"], after["forecast"]) == ("given", before["forecast"])
 
 
 def test_without_a_plan_the_road_is_that_of_the_usual_trip(drive: pd.DataFrame, folder: Path) -> None:

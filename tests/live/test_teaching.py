@@ -19,9 +19,8 @@ from tripwatt.cli import app
 from tripwatt.errors import InvalidInput
 from tripwatt.live import RoadCar, create_car, has_news, learn_finished, open_car
 from tripwatt.live import own_car as own_module
-from tripwatt.live.folder import FORECASTS, finished_names, forecasts_of
+from tripwatt.live.folder import finished_names, forecasts_of
 from tripwatt.live.live_trip import STANDING_S
-from tripwatt.live.on_the_way import EVERY_S, MadeForecast, OnTheWay, read_forecasts
 from tripwatt.live.teaching import TAUGHT
 from tripwatt.store import TripStore
 from tripwatt.synthetic import synthetic_fleet
@@ -180,22 +179,6 @@ def test_forecasts_of_the_way_stay_with_their_trip_through_a_restart(folder: Pat
     assert [asdict(row) for row in forecasts_of(folder, f"leaf-{name}")] == way
     assert forecasts_of(folder, "leaf-other") == ()
     assert forecasts_of(folder, "../../leaf") == ()
-
-
-def test_the_forecasts_of_a_trip_have_a_bound_and_a_distance(tmp_path: Path) -> None:
-    path = tmp_path / FORECASTS
-    way = OnTheWay(path)
-    kept = [way.add(5.0, MadeForecast(k * EVERY_S / 2.0, k, 1.0, 0.5, 2.0)) for k in range(5)]
-    assert kept == [True, False, True, False, True]
-    assert not way.add(5.0, MadeForecast(1e9, 1.0, float("nan"), 0.5, 2.0))
-    assert [row.distance_m for row in read_forecasts(path)] == [0.0, 2.0, 4.0]
-    assert way.is_due(6.0, 0.0), "of another trip"
-    assert way.add(6.0, MadeForecast(0.0, 0.0, 7.0, 0.5, 9.0))
-    assert [row.energy_wh for row in OnTheWay(path).of(6.0)] == [7.0]
-    for content in ("{", "[]", '{"start_s": 1, "forecasts": [{}]}', '{"start_s": 1, "forecasts": [1]}'):
-        path.write_text(content)
-        assert read_forecasts(path) == ()
-    assert read_forecasts(tmp_path / "missing") == ()
 
 
 def test_the_command_learns_what_the_car_finished(folder: Path) -> None:

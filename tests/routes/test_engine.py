@@ -4,6 +4,7 @@ import json
 import os
 
 import pytest
+from tests.support.router_server import served_configuration
 
 from tripwatt.errors import InvalidInput
 from tripwatt.routes.maps import (
@@ -48,7 +49,7 @@ def test_valhalla_is_found_in_the_folder_or_below_it(package, monkeypatch):
 
 
 def test_limits_of_valhalla(package, tmp_path):
-    plain, served = configuration(tmp_path), configuration(tmp_path, port=8123)
+    plain, served = configuration(tmp_path), served_configuration(tmp_path, 8123)
     unused = ("tile_extract", "traffic_extract", "admin", "timezone", "landmarks", "transit_dir")
     assert plain["mjolnir"] == {
         "tile_dir": str(tmp_path.resolve() / "tiles"),

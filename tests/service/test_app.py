@@ -195,7 +195,9 @@ def test_a_tile_is_kept_for_an_hour_and_a_forecast_is_not() -> None:
 
 def test_without_a_map_there_are_no_journeys() -> None:
     served = Served(with_map=False)
-    assert [served.post(path).status_code for path in ("/v1/plan", "/v1/reachable")] == [501, 501]
+    assert [served.post(path).status_code for path in ("/v1/journeys", "/v1/plan", "/v1/reachable")] == [
+        501
+    ] * 3
     assert served("/v1/places", params={"q": "x"}).json()["detail"] == "start the service with --map"
     assert served("/v1/map").status_code == 200
 

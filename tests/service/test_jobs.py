@@ -13,7 +13,7 @@ from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecasting import ForecastModel
 from tripwatt.forecasting.storage import DEFAULT_MODEL
 from tripwatt.service import jobs as room
-from tripwatt.service.jobs import JOB_KINDS, Check, Jobs, collected_faults, require_finite
+from tripwatt.service.jobs import JOB_KINDS, Check, Jobs, require_finite
 from tripwatt.service.schemas import NotJson
 from tripwatt.service.settings import Limits
 from tripwatt.service.worker import run_job
@@ -267,21 +267,21 @@ def test_every_kind_of_job_is_run(jobs: Jobs) -> None:
 
 def test_checks_collect_their_faults() -> None:
     check = Check()
-    assert (check(lambda: 3), check.failed, check.faults) == (3, False, [])
+    assert (check(lambda: 3), check.errors) == (3, [])
     first, second = Fault("a", "b"), Fault("c", "d")
 
     def fail(*faults: Fault) -> None:
         raise InvalidInput(faults)
 
     def together() -> None:
-        with collected_faults() as found:
+        with Check() as found:
             found(lambda: fail(first))
             found(lambda: fail(second, first))
 
     assert faults_of(together) == (first, second)
 
     def without_its_own() -> None:
-        with collected_faults() as found:
+        with Check() as found:
             found(lambda: fail())
 
     assert faults_of(without_its_own) == ()

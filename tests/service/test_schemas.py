@@ -13,6 +13,7 @@ from pydantic.json_schema import models_json_schema
 import tripwatt as tw
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecasting.document import ForecastResponse
+from tripwatt.service.journey_schemas import ReachRequest
 from tripwatt.service.schemas import (
     MIN_DURATION_S,
     MIN_OBSERVED,
@@ -388,3 +389,11 @@ def test_an_elevation_is_given_once(height: dict[str, float]) -> None:
 def test_a_request_survives_its_own_json() -> None:
     request = check_request(parse_json(orjson.dumps({"soc": 1, "extras": ["roof_box"]})), ForecastRequest)
     assert (request.soc, request.extras) == (1.0, ["roof_box"])
+
+
+@pytest.mark.parametrize(
+    ("kind", "more", "default"), [(ForecastRequest, {}, 0.1), (ReachRequest, {"start": "x"}, 0.0)]
+)
+def test_a_reserve_of_null_is_the_default(kind: Any, more: dict[str, Any], default: float) -> None:
+    assert check_request({**more, "reserve": None}, kind).reserve == default
+    assert check_request({**more, "reserve": 0.25}, kind).reserve == 0.25

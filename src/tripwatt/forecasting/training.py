@@ -76,8 +76,8 @@ class CarOfTrips:
         chosen = range(len(self.trips)) if members is None else members
         stages = None if self.records is None else identify([self.records[i] for i in chosen], self.vehicle)
         car = self.vehicle if stages is None else stages.applied(self.vehicle)
-        found = calibrate([self.trips[i] for i in chosen], car) if self.calibrated else None
-        return stages, found, car if found is None else found.applied(car)
+        calibration = calibrate([self.trips[i] for i in chosen], car) if self.calibrated else None
+        return stages, calibration, car if calibration is None else calibration.applied(car)
 
     def car(self, members: IntArray) -> Vehicle:
         """The car as some of the trips show it."""
@@ -128,19 +128,19 @@ def train_model(
     --------
     >>> from tripwatt.synthetic import synthetic_fleet
     >>> from tripwatt.vehicles import load_vehicle
-    >>> found = train_model(synthetic_fleet(9), load_vehicle("bmw_i3_60ah"), corrector="linear")
-    >>> found[1]["data"]["name"], found[2]["trips"]
+    >>> trained = train_model(synthetic_fleet(9), load_vehicle("bmw_i3_60ah"), corrector="linear")
+    >>> trained[1]["data"]["name"], trained[2]["trips"]
     ('synthetic', 9)
     """
-    found = audit(fleet)
-    cars = CarOfTrips.from_trips(found.trips, vehicle, identified=identified, calibrated=calibrated)
+    sound = audit(fleet)
+    cars = CarOfTrips.from_trips(sound.trips, vehicle, identified=identified, calibrated=calibrated)
     stages, found_values, car = cars.values()
-    model = ForecastModel(car, corrector, seed).fit(found.trips, car_of=cars.car, progress=progress)
-    model.donor_ = train_donor(found.trips, model, cars.car)
+    model = ForecastModel(car, corrector, seed).fit(sound.trips, car_of=cars.car, progress=progress)
+    model.donor_ = train_donor(sound.trips, model, cars.car)
     notes = [] if stages is None or not stages.values else [str(stages)]
     notes += [] if found_values is None else [str(found_values)]
     provenance = {
-        **provenance_of(fleet, found, model, notes),
+        **provenance_of(fleet, sound, model, notes),
         "identified": None if stages is None else dict(stages.values),
         "calibration": None
         if found_values is None

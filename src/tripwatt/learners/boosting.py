@@ -24,12 +24,7 @@ from tripwatt.learners.rounds import Path, boost, fill_losses, write_leaf_values
 from tripwatt.learners.trees import (
     ClusteredTrees,
     Sample,
-    about_columns,
-    as_text_array,
-    booster_array,
-    booster_of,
-    from_text_array,
-    restore_columns,
+    keep_arguments,
     sum_of_trees,
     validate_rows,
 )
@@ -120,6 +115,8 @@ class ClusteredBoosting(ClusteredTrees):
         "correlation",
     )
     default_grid = DEFAULT_GRID
+    stored_values = ("n_rounds", "correlation_parameter", "start")
+    stored_arrays = ("position", "steps", "learning_curve")
     allowed = MappingProxyType(
         {
             "n_rounds": ("an integer >= 1", lambda v: v >= 1),
@@ -155,25 +152,7 @@ class ClusteredBoosting(ClusteredTrees):
         n_jobs: int | None = None,
         random_state: Any = None,
     ) -> None:
-        self.n_rounds = n_rounds
-        self.learning_rate = learning_rate
-        self.max_leaf_nodes = max_leaf_nodes
-        self.max_depth = max_depth
-        self.min_leaf_weight = min_leaf_weight
-        self.max_features = max_features
-        self.subsample = subsample
-        self.correlation = correlation
-        self.start = start
-        self.group_weight = group_weight
-        self.max_rows_per_group = max_rows_per_group
-        self.max_bins = max_bins
-        self.n_folds = n_folds
-        self.patience = patience
-        self.param_grid = param_grid
-        self.loss = loss
-        self.score_rows = score_rows
-        self.n_jobs = n_jobs
-        self.random_state = random_state
+        keep_arguments(self, locals())
 
     def fit(self, X: Any, y: Any, groups: Any = None) -> Self:
         """Choose setting and rounds by leaving groups out, then fit all rows.
@@ -278,33 +257,10 @@ class ClusteredBoosting(ClusteredTrees):
         self.fold_errors_ = np.array([error for _, _, error in choices])
         return prediction
 
-    def to_arrays(self) -> dict[str, npt.NDArray[Any]]:
-        """The fitted model as plain arrays: numbers, and bytes of JSON and of LightGBM's text format."""
-        check_is_fitted(self, "steps_")
-        about = {
-            **about_columns(self),
-            "n_rounds": int(self.n_rounds_),
-            "correlation_parameter": float(self.correlation_parameter_),
-            "start": float(self.start_),
-        }
-        return {
-            "about": as_text_array(about),
-            "booster": booster_array(self.booster_),
-            "position": self.position_,
-            "steps": self.steps_,
-            "learning_curve": self.learning_curve_.to_numpy(dtype=float),
-        }
-
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, npt.NDArray[Any]]) -> Self:
         """Reverse of `to_arrays`; predictions are the same to the last bit."""
-        about = from_text_array(arrays["about"])
-        model = cls(**about["settings"])
-        restore_columns(model, about)
-        model.n_rounds_, model.start_ = about["n_rounds"], about["start"]
-        model.correlation_parameter_ = about["correlation_parameter"]
-        model.booster_ = booster_of(arrays["booster"])
-        model.position_, model.steps_ = arrays["position"], arrays["steps"]
+        model = super().from_arrays(arrays)
         model.learning_curve_ = pd.DataFrame(arrays["learning_curve"], columns=["round", "fold", "error"])
         return model
 

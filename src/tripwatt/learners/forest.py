@@ -30,13 +30,7 @@ from tripwatt.learners.trees import (
     Sample,
     Trees,
     TreeShape,
-    about_columns,
-    as_text_array,
-    booster_array,
-    booster_of,
-    from_text_array,
-    plain,
-    restore_columns,
+    keep_arguments,
     sum_of_trees,
     validate_rows,
 )
@@ -134,6 +128,8 @@ class ClusteredForest(ClusteredTrees):
 
     settings_names = ("max_leaf_nodes", "max_depth", "min_leaf_weight", "max_features")
     default_grid = DEFAULT_GRID
+    stored_values = ("groups",)
+    stored_arrays = ("position", "values", "counts", "oob_error")
     allowed = MappingProxyType(
         {
             "n_trees": ("an integer >= 1", lambda v: v >= 1),
@@ -158,19 +154,7 @@ class ClusteredForest(ClusteredTrees):
         min_oob_trees: int = 15,
         random_state: Any = None,
     ) -> None:
-        self.n_trees = n_trees
-        self.max_leaf_nodes = max_leaf_nodes
-        self.max_depth = max_depth
-        self.min_leaf_weight = min_leaf_weight
-        self.max_features = max_features
-        self.group_weight = group_weight
-        self.max_rows_per_group = max_rows_per_group
-        self.max_bins = max_bins
-        self.param_grid = param_grid
-        self.loss = loss
-        self.score_rows = score_rows
-        self.min_oob_trees = min_oob_trees
-        self.random_state = random_state
+        keep_arguments(self, locals())
 
     def fit(self, X: Any, y: Any, groups: Any = None) -> Self:
         """Grow and tune the forest.
@@ -283,29 +267,11 @@ class ClusteredForest(ClusteredTrees):
         self.fold_refitted_ = ~enough
         return prediction
 
-    def to_arrays(self) -> dict[str, npt.NDArray[Any]]:
-        """The fitted forest as plain arrays: numbers, and bytes of JSON and of LightGBM's text format."""
-        check_is_fitted(self, "booster_")
-        about = {**about_columns(self), "groups": plain(self.groups_)}
-        return {
-            "about": as_text_array(about),
-            "booster": booster_array(self.booster_),
-            "position": self.position_,
-            "values": self.values_,
-            "counts": self.counts_,
-            "oob_error": self.oob_error_,
-        }
-
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, npt.NDArray[Any]]) -> Self:
         """Reverse of `to_arrays`; predictions are the same to the last bit."""
-        about = from_text_array(arrays["about"])
-        forest = cls(**about["settings"])
-        restore_columns(forest, about)
-        forest.groups_ = np.array(about["groups"])
-        forest.booster_ = booster_of(arrays["booster"])
-        forest.position_, forest.values_ = arrays["position"], arrays["values"]
-        forest.counts_, forest.oob_error_ = arrays["counts"], arrays["oob_error"]
+        forest = super().from_arrays(arrays)
+        forest.groups_ = np.array(forest.groups_)
         return forest
 
     def _grow(self, sample: Sample, counts: IntArray, setting: dict[str, Any], seed: int) -> _Grown:

@@ -430,11 +430,11 @@ def _columns(X: pd.DataFrame) -> dict[str, FloatArray]:
     values = X.to_numpy()
     if values.dtype == np.float64:
         return dict(zip(X.columns.tolist(), values.T, strict=True))
-    return {name: np.asarray(X[name], dtype=np.float64) for name in X.columns if _is_numeric(X[name])}
-
-
-def _is_numeric(column: pd.Series) -> bool:
-    return bool(pd.api.types.is_numeric_dtype(column))
+    return {
+        name: np.asarray(X[name], dtype=np.float64)
+        for name in X.columns
+        if pd.api.types.is_numeric_dtype(X[name])
+    }
 
 
 def _squared_exponential(columns: Sequence[FloatArray], points: FloatArray) -> FloatArray:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Final
+from typing import Any, ClassVar, Final, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -226,6 +226,10 @@ class ClusteredTrees(RegressorMixin, BaseEstimator):
     allowed: ClassVar[Mapping[str, Allowed]]
     """Settings of this learner alone -> what is allowed."""
 
+    stored_values: ClassVar[tuple[str, ...]]
+    stored_arrays: ClassVar[tuple[str, ...]]
+    """Attributes of a fitted learner that are stored, without the underscore at their end."""
+
     def __sklearn_tags__(self) -> Any:
         tags = super().__sklearn_tags__()
         tags.input_tags.allow_nan = True
@@ -271,6 +275,26 @@ class ClusteredTrees(RegressorMixin, BaseEstimator):
             lambda Z: self._predict_unseen(Z, part), rows[kept], loss, blocks, n_repeats, rng
         )
 
+    def to_arrays(self) -> dict[str, npt.NDArray[Any]]:
+        """The fitted learner as plain arrays: numbers, and bytes of JSON and of LightGBM's text format."""
+        check_is_fitted(self, "booster_")
+        about = about_columns(self) | {name: plain(getattr(self, f"{name}_")) for name in self.stored_values}
+        arrays = {name: np.asarray(getattr(self, f"{name}_")) for name in self.stored_arrays}
+        return {"about": as_text_array(about), "booster": booster_array(self.booster_), **arrays}
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, npt.NDArray[Any]]) -> Self:
+        """Reverse of `to_arrays`; predictions are the same to the last bit."""
+        about = from_text_array(arrays["about"])
+        learner = cls(**about["settings"])
+        restore_columns(learner, about)
+        learner.booster_ = booster_of(arrays["booster"])
+        for name in cls.stored_values:
+            setattr(learner, f"{name}_", about[name])
+        for name in cls.stored_arrays:
+            setattr(learner, f"{name}_", arrays[name])
+        return learner
+
     def _predict_unseen(self, rows: FloatArray, clusters: Clusters) -> FloatArray:
         """Prediction of encoded rows of groups, without having seen the groups where that is possible."""
         raise NotImplementedError
@@ -285,6 +309,13 @@ class ClusteredTrees(RegressorMixin, BaseEstimator):
     def _settings(self) -> list[dict[str, Any]]:
         grid = self.default_grid if isinstance(self.param_grid, str) else self.param_grid
         return settings_of(self._base(), grid)
+
+
+def keep_arguments(estimator: Any, arguments: Mapping[str, Any]) -> None:
+    """Set the arguments of a constructor, its `locals()`, as attributes of their names, as scikit-learn reads them."""
+    for name, value in arguments.items():
+        if value is not estimator:
+            setattr(estimator, name, value)
 
 
 def about_columns(estimator: Any) -> dict[str, Any]:

@@ -1,9 +1,14 @@
-"""What a car on the road is as plain values: the same over HTTP, over MQTT and on the page."""
+"""What a car on the road is as plain values: the same over HTTP, over MQTT and on the page.
+
+The docstrings of the fields are their descriptions in the OpenAPI document.
+"""
 
 from __future__ import annotations
 
 import math
-from typing import Any, Final, Literal, TypedDict
+from typing import Any, Final, Literal, cast
+
+from typing_extensions import TypedDict  # Python 3.11 has one that pydantic cannot read
 
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecasting import Forecast
@@ -13,49 +18,70 @@ LOW, HIGH = f"{QUANTILES[0]:g}", f"{QUANTILES[-1]:g}"
 """Ends of the 90 % interval."""
 
 
-class LiveForecast(TypedDict):
-    """The forecast of a whole trip, given what was measured so far. Energies [Wh], states of charge 0 to 1."""
+class LiveForecastDocument(TypedDict):
+    """The forecast of a trip, given what was measured so far."""
 
     energy_wh: float
+    """energy of the whole trip [Wh]"""
     quantiles_wh: dict[str, float]
+    """quantiles of the energy [Wh], by probability"""
     soc_arrival: float
+    """displayed state of charge at arrival"""
     soc_quantiles: dict[str, float]
+    """quantiles of the displayed state of charge at arrival"""
     reserve: float
+    """displayed state of charge to keep"""
     p_arrive: float
+    """probability to arrive with the reserve"""
     p_arrive_at_all: float
+    """probability to arrive before the battery is empty"""
     measured_until_s: float
+    """time of the last measurement that counts, since departure [s]"""
     distance_m: float
+    """length of the whole trip [m]"""
 
 
-class LiveTripState(TypedDict):
-    """The trip that a car is on: its departure [s since 1970], and what was driven of it."""
+class LiveTripDocument(TypedDict):
+    """The trip that a car is on."""
 
     departure_utc: float
+    """[s since 1970]"""
     duration_s: float
     distance_m: float
     samples: int
+    """messages that count"""
 
 
-class LiveState(TypedDict):
-    """A car on the road; `trip` is None while it is on none."""
+class LiveMessages(TypedDict):
+    """Messages since the service was started."""
+
+    new: int
+    doubled: int
+    late: int
+
+
+class LiveDocument(TypedDict):
+    """A car on the road."""
 
     vehicle: str
     seconds_since_message: float | None
-    messages: dict[str, int]
+    """null before the first message"""
+    messages: LiveMessages
     soc: float | None
-    trip: LiveTripState | None
-
-
-class LiveDocument(LiveState):
-    """A car on the road with the forecast of its trip, and why the last messages are not in it."""
-
+    """displayed state of charge of the latest message that has one"""
+    trip: LiveTripDocument | None
+    """null while the car is on no trip"""
     plan: Literal["given", "usual"] | None
+    """the plan that was given, or the road of an earlier trip that began at about this time of day"""
     usual_trip: str | None
-    forecast: LiveForecast | None
+    """name of that trip"""
+    forecast: LiveForecastDocument | None
+    """null without a plan"""
     faults: list[dict[str, str]]
+    """why the last messages are not in the forecast; empty when they are"""
 
 
-def live_forecast(forecast: Forecast, reserve: float) -> LiveForecast:
+def live_forecast(forecast: Forecast, reserve: float) -> LiveForecastDocument:
     """A forecast as plain values.
 
     Raises
@@ -77,5 +103,4 @@ def live_forecast(forecast: Forecast, reserve: float) -> LiveForecast:
     values = [value for value in document.values() if isinstance(value, float)]
     if not math.isfinite(sum([*values, *document["quantiles_wh"].values()])):
         raise InvalidInput(Fault("no forecast", "trip", "implausible results", "a trip that a car can drive"))
-    found: LiveForecast = document
-    return found
+    return cast(LiveForecastDocument, document)

@@ -10,7 +10,7 @@ import shutil
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, cast
 
 from tripwatt.auditing import audit
 from tripwatt.errors import Fault, InvalidInput
@@ -126,7 +126,7 @@ class Car:
         """
         if (self._learned / MODEL).is_dir():
             return load_model(self._learned / MODEL)
-        return self._by_book()
+        return self._published()
 
     def add(
         self, logs: Fleet | Iterable[Log], *, progress: Callable[[int, int], None] | None = None
@@ -171,9 +171,8 @@ class Car:
         tuple of int
             File number and time of its model [ns]; of its description before the first trip.
         """
-        place = self._learned / MODEL
-        found = (place if place.is_dir() else self.folder / ABOUT).stat()
-        return found.st_ino, found.st_mtime_ns
+        restore_folder(self.folder / LEARNED)
+        return state_of(self.folder)
 
     def about(self, diary: Diary | None = None) -> dict[str, Any]:
         """Describe the car, its trips, what was learned, and its scores.
@@ -218,38 +217,36 @@ class Car:
     def _base(self) -> ForecastModel:
         return load_model(self.base)
 
-    def _by_book(self) -> ForecastModel:
+    def _published(self) -> ForecastModel:
         return for_car(self.base, self.vehicle)
 
     def _parameters(self) -> dict[str, dict[str, float]]:
         path = self._learned / MODEL
         if not path.is_dir():
             return {}
-        found: dict[str, dict[str, float]] = load_metadata(path, check_parts=False)["provenance"]["adapted"][
-            "parameters"
-        ]
-        return found
+        adapted = load_metadata(path, check_parts=False)["provenance"]["adapted"]
+        return cast(dict[str, dict[str, float]], adapted["parameters"])
 
     def _learn(
         self, given: frozenset[str], progress: Callable[[int, int], None]
     ) -> tuple[int, tuple[str, ...]]:
         fleet = Fleet(self.name, tuple(self.store.logs()))
         diary = self.diary
-        found = audit(fleet)
-        trips = _in_order(found.trips)
-        left_out = [f"{trip}: {why}" for trip, why in found.set_aside.items() if trip in given]
+        judged = audit(fleet)
+        trips = _in_order(judged.trips)
+        left_out = [f"{trip}: {why}" for trip, why in judged.set_aside.items() if trip in given]
         behind = [trip for trip in trips if trip.trip_id in diary.trip_ids]
         ahead = [trip for trip in trips if trip.trip_id not in diary.trip_ids]
         if not ahead:
             return 0, tuple(left_out)
-        base, model, by_book = self._base(), self.model(), self._by_book()
+        base, model, published = self._base(), self.model(), self._published()
         entries = []
         taught = len(behind)
         for number, trip in enumerate(ahead, start=1):
             if len(behind) - taught >= max(1.0, AGAIN * taught):
                 model, taught = self._adapted(base, behind).model, len(behind)
             try:
-                entries.append(entry(trip, model.forecast(trip), by_book.forecast(trip), len(behind)))
+                entries.append(entry(trip, model.forecast(trip), published.forecast(trip), len(behind)))
             except InvalidInput as error:
                 left_out.append(f"{trip.trip_id}: {error}")
             else:
@@ -272,6 +269,13 @@ class Car:
             diary.table.to_parquet(made / DIARY, index=False)
 
         replace_folder(self.folder / LEARNED, write)
+
+
+def state_of(folder: Path) -> tuple[int, ...]:
+    """What a car has learned, as `Car.state`, without opening it."""
+    model = folder / LEARNED / MODEL
+    file = (model if model.is_dir() else folder / ABOUT).stat()
+    return file.st_ino, file.st_mtime_ns
 
 
 def _in_order(trips: Iterable[Trip]) -> list[Trip]:

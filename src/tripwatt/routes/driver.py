@@ -211,7 +211,9 @@ def speed_profile(
     cells = np.maximum(np.ceil(length / GRID_SPACING_M), 2).astype(np.int64)
     ends = np.cumsum(cells)
     position = np.concatenate(([0.0], np.cumsum(np.repeat(length / cells, cells))))
-    allowed = _allowed_at_nodes(np.repeat(speed, cells))
+    cell_speed = np.repeat(speed, cells)
+    # where two cells meet the slower one rules, so that neither's limit is broken
+    allowed = np.minimum(np.append(cell_speed[0], cell_speed), np.append(cell_speed, cell_speed[-1]))
     at_speed_s = np.concatenate(([0.0], np.cumsum(np.repeat(length / cells / speed, cells))))
     if rng is not None:
         steadiness = np.exp(style.fluctuation * _smooth_noise(at_speed_s, style.fluctuation_time_s, rng))
@@ -328,12 +330,6 @@ def column_faults(rules: Iterable[LinkRule]) -> Iterator[Fault]:
             bad = np.flatnonzero(~sound)
             where, got = f"link {bad[0] + 1}, {name}", f"{values[bad[0]]:g}{and_more(bad, 'links')}"
             yield Fault("link out of range", where, got, allowed)
-
-
-def _allowed_at_nodes(cell_speed: FloatArray) -> FloatArray:
-    """Where two cells meet the slower one rules, so that neither's limit is broken."""
-    padded = np.concatenate((cell_speed[:1], cell_speed, cell_speed[-1:]))
-    return np.minimum(padded[1:], padded[:-1])
 
 
 def _smooth_noise(at: FloatArray, memory: float, rng: np.random.Generator) -> FloatArray:

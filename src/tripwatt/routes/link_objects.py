@@ -11,6 +11,7 @@ from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
+import pandas as pd
 
 from tripwatt.arrays import BoolArray, FloatArray
 from tripwatt.errors import (
@@ -50,16 +51,17 @@ MOST_ALIKE: Final = 3
 """Links that are named one by one for one kind of fault; of more the first is named and the others are counted."""
 
 
-def route_from_links(links: Iterable[Mapping[str, float | None]]) -> LinkRoute:
+def route_from_links(links: Iterable[Mapping[str, float | None]] | pd.DataFrame) -> LinkRoute:
     """A route from links as a user writes them. O(links).
 
     Parameters
     ----------
-    links : iterable of mapping
+    links : iterable of mapping, or DataFrame
         Each with `length_m` [m] and either `speed_m_s`, the mean speed including every standstill [m/s], or
         `travel_time_s` [s]. Optional: `stop_s`, the standstill at the end of the link (part of the travel time; 0 means
         that the car does not stop), `moving_speed_m_s`, the speed while nothing stands in the way, `speed_limit_m_s`,
-        and either `grade` or `start_elevation_m` and `end_elevation_m` [m]. None counts as not given.
+        and either `grade` or `start_elevation_m` and `end_elevation_m` [m]. None counts as not given, as does NaN in a table
+        with these columns.
 
     Returns
     -------
@@ -78,7 +80,10 @@ def route_from_links(links: Iterable[Mapping[str, float | None]]) -> LinkRoute:
     >>> route.duration_s, route.elevation_at([500.0, 1500.0]), route.flags[0].code
     (110.0, array([10.,  0.]), 'elevation_relative')
     """
-    columns, faults = columns_of_links(list(itertools.islice(links, MOST_LINKS + 1)))
+    rows: Iterable[object] = links
+    if isinstance(links, pd.DataFrame):
+        rows = links.astype(object).where(links.notna(), None).to_dict("records")
+    columns, faults = columns_of_links(list(itertools.islice(rows, MOST_LINKS + 1)))
     raise_faults(faults)
     return route_of_columns(columns)
 

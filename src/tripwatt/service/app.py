@@ -169,9 +169,9 @@ class Api:
         self.settings = settings
         self.metrics = Metrics()
         self.pool = WorkerPool(settings, log_event)
-        self.metrics.set_pool_gauges(
-            lambda: self.pool.waiting, lambda: self.pool.ready, lambda: self.pool.lost
-        )
+        self.metrics.waiting.set_function(lambda: self.pool.waiting)
+        self.metrics.workers.set_function(lambda: self.pool.ready)
+        self.metrics.lost.set_function(lambda: self.pool.lost)
         self.running_batches = 0
         self.answering = Answering(settings, self.pool, self.metrics)
         self.models = _models_document(settings)
@@ -250,7 +250,7 @@ class Api:
         speed = speed_m_s if speed_m_s is not None and math.isfinite(speed_m_s) else None
         return await self.answering.job(request, "route", body, speed_m_s=speed)
 
-    @operation("POST /v1/plan", "journeys", PlanResponse, PlanRequest)
+    @operation("POST /v1/journeys", "journeys", PlanResponse, PlanRequest, alias="/v1/plan")
     async def plan(self, request: Request) -> Response:
         """Plan a journey: roads, their forecasts, the charge to leave with, a charging stop."""
         self._require_map()

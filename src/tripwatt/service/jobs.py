@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -176,10 +175,10 @@ class Jobs:
 
     def plan(self, body: bytes) -> dict[str, Any]:
         """Return the response to a `PlanRequest`."""
-        found = self.journeys.plan(*self._journey(body, PlanRequest))
-        for road in found["roads"]:
+        journey = self.journeys.plan(*self._journey(body, PlanRequest))
+        for road in journey["roads"]:
             require_finite(road["forecast"])
-        return found
+        return journey
 
     def reach(self, body: bytes) -> dict[str, Any]:
         """Return the response to a `ReachRequest`."""
@@ -188,7 +187,7 @@ class Jobs:
     def _journey(self, body: bytes, kind: type[RequestModel]) -> tuple[RequestModel, ForecastModel]:
         """The request of a body, and the model for its car."""
         document = parse_json(body)
-        with collected_faults() as check:
+        with Check() as check:
             request = check(lambda: check_request(document, kind))
             model = check(lambda: self._model(document if isinstance(document, dict) else {}))
         return request, model()
@@ -200,7 +199,7 @@ class Jobs:
         """
         document = parse_json(body)
         plan = model = observed = None
-        with collected_faults() as check:
+        with Check() as check:
             request = check(lambda: check_request(document, kind))
             if isinstance(document, dict):
                 plan = check(lambda: self._plan(document))
@@ -270,9 +269,7 @@ class Jobs:
         request = check_request(parse_json(body), NewCarRequest)
         if request.name in self.models:
             got = f"{request.name}"
-            raise InvalidInput(
-                Fault("name is taken", "name", got, "another name: a model of the service has it")
-            )
+            raise InvalidInput.of("name is taken", "name", got, "another name: a model of the service has it")
         if (request.vehicle is None) == (request.vehicle_figures is None):
             raise _no_single_car("neither" if request.vehicle is None else "both")
         if request.vehicle_figures is not None:
@@ -284,7 +281,7 @@ class Jobs:
         samples, links = document.get("samples"), document.get("links")
         if (samples is None) == (links is None):
             got = "neither" if samples is None else "both"
-            raise InvalidInput(Fault("no single trip", "samples, links", got, "either samples or links"))
+            raise InvalidInput.of("no single trip", "samples, links", got, "either samples or links")
         if samples is not None:
             return plan_from_samples(parse_samples(samples, self.limits), "samples")
         return plan_from_route(parse_links(links, _elevation(document.get("elevation")), self.limits))
@@ -310,9 +307,7 @@ class Jobs:
                 return self._route_response(plan.samples, plan.flags)
             route = route_from_track(route, speed_m_s)
         if len(route) > self.limits.links:
-            raise InvalidInput(
-                Fault("too many links", "upload", f"{len(route)}", f"at most {self.limits.links}")
-            )
+            raise InvalidInput.of("too many links", "upload", f"{len(route)}", f"at most {self.limits.links}")
         require_duration(route.duration_s, "upload", self.limits)
         plan = plan_from_route(route)
         return self._route_response(plan.samples, plan.flags) | fields_of_route(route)
@@ -322,7 +317,7 @@ class Jobs:
         time, speed = samples["time_s"].to_numpy(), samples["speed_m_s"].to_numpy()
         if len(samples) > self.limits.samples:
             allowed = f"at most {self.limits.samples}"
-            raise InvalidInput(Fault("too many samples", "upload", f"{len(samples)}", allowed))
+            raise InvalidInput.of("too many samples", "upload", f"{len(samples)}", allowed)
         require_duration(float(time[-1] - time[0]), "upload", self.limits)
         raise_faults(time_faults(time, "upload"))
         flags = flags or gap_flags(time)
@@ -339,11 +334,11 @@ class Jobs:
         """Return the cars of the library, or those that words find, each with the models fitted on its trips."""
         cars = {name: model.vehicle.name for name, model in self.models.items()}
         by_name = {row["name"]: row for row in vehicles()}
-        found = tuple(by_name) if search is None else find_vehicles(search)
+        names = tuple(by_name) if search is None else find_vehicles(search)
         return {
             "vehicles": [
                 {**by_name[name], "models": [model for model, car in cars.items() if car == name]}
-                for name in found
+                for name in names
             ]
         }
 
@@ -352,34 +347,11 @@ Checked = TypeVar("Checked")
 
 
 class Check:
-    """Run checks of one input, and collect the faults of all."""
-
-    def __init__(self) -> None:
-        self.faults: list[Fault] = []
-        self.failed = False
-
-    def __call__(self, check: Callable[[], Checked]) -> Checked:
-        """Return the result of a check; where it fails, nothing that `collected_faults` lets through."""
-        try:
-            return check()
-        except InvalidInput as error:
-            self.failed = True
-            self.faults.extend(error.faults)
-            return cast(Checked, None)
-
-
-@contextmanager
-def collected_faults() -> Iterator[Check]:
-    """Collect the faults of several checks.
-
-    Raises
-    ------
-    InvalidInput
-        At the end of the block, with the faults of all checks.
+    """Run checks of one input, and raise the faults of all at the end of a `with` block.
 
     Examples
     --------
-    >>> with collected_faults() as check:
+    >>> with Check() as check:
     ...     check(lambda: parse_links(1, None, Limits()))
     ...     check(lambda: parse_links(2, None, Limits()))
     Traceback (most recent call last):
@@ -387,14 +359,29 @@ def collected_faults() -> Iterator[Check]:
     tripwatt.errors.InvalidInput: not a list: links: got 1; allowed: a list of objects
     not a list: links: got 2; allowed: a list of objects
     """
-    check = Check()
-    yield check
-    if check.failed:
-        raise InvalidInput(dict.fromkeys(check.faults))
+
+    def __init__(self) -> None:
+        self.errors: list[InvalidInput] = []
+
+    def __enter__(self) -> Check:
+        return self
+
+    def __call__(self, check: Callable[[], Checked]) -> Checked:
+        """Return the result of a check; where it fails, nothing that the end of the block lets through."""
+        try:
+            return check()
+        except InvalidInput as error:
+            self.errors.append(error)
+            return cast(Checked, None)
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        """Raise `InvalidInput` with the faults of all checks, each once."""
+        if self.errors and kind is None:
+            raise InvalidInput(dict.fromkeys(fault for error in self.errors for fault in error.faults))
 
 
 def _no_single_car(got: str) -> InvalidInput:
-    return InvalidInput(Fault("no single car", "vehicle, vehicle_figures", got, "one of the two"))
+    return InvalidInput.of("no single car", "vehicle, vehicle_figures", got, "one of the two")
 
 
 def _unknown(what: str, name: str, known: Sequence[str]) -> Fault:
@@ -493,4 +480,4 @@ def require_finite(forecast: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _no_forecast() -> InvalidInput:
-    return InvalidInput(Fault("no forecast", "trip", "implausible results", "a trip that a car can drive"))
+    return InvalidInput.of("no forecast", "trip", "implausible results", "a trip that a car can drive")

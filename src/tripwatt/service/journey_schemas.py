@@ -1,4 +1,4 @@
-"""Schemas of journeys: requests and responses of `/v1/plan`, `/v1/reachable`, `/v1/places` and below `/v1/map`."""
+"""Schemas of journeys: requests and responses of `/v1/journeys`, `/v1/reachable`, `/v1/places` and below `/v1/map`."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from tripwatt.service.schemas import (
     StrictModel,
     asked,
     bounded,
+    reserved,
 )
 from tripwatt.trips import ASKED, COLUMNS, QUANTITIES
 
@@ -55,7 +56,7 @@ class PlanRequest(_Departs):
     """A journey: places in their order, the car, and what is known at departure."""
 
     stops: list[Stop] = Field(min_length=2, max_length=20)
-    reserve: float = bounded(QUANTITIES, "reserve", 0.1)
+    reserve: float = reserved(0.1)
     alternatives: int = Field(0, ge=0, le=3, description="other roads beside the fastest")
     round_trip: bool = Field(False, description="back to the start")
     answers: bool = Field(True, description="whether costs, speed and charging are worked out")
@@ -65,7 +66,7 @@ class ReachRequest(_Departs):
     """A start, the car, and what is known at departure."""
 
     start: Stop
-    reserve: float = bounded(QUANTITIES, "reserve", 0.0)
+    reserve: float = reserved(0.0)
 
 
 class PlaceDocument(ResponseModel):
@@ -204,7 +205,7 @@ class ViewResponse(ResponseModel):
 class MapResponse(ResponseModel):
     """What this service knows of the world."""
 
-    roads: bool = Field(description="whether /v1/plan and /v1/reachable are served")
+    roads: bool = Field(description="whether /v1/journeys and /v1/reachable are served")
     places: bool = Field(description="whether places are found by name")
     weather: bool = Field(description="whether a weather server is asked")
     tiles: bool = Field(description="whether /v1/tiles has the roads as vector tiles")

@@ -24,20 +24,28 @@ EXAMPLE_CAR: Final = "bmw_i3_60ah"
 @cache
 def vehicles() -> tuple[dict[str, Any], ...]:
     """Return the cars of the library, without the models of the service."""
-    rows = []
-    for name in vehicle_names():
-        car = load_vehicle(name)
-        rows.append(
-            {
-                "name": name,
-                "title": car.title,
-                "test_mass_kg": car.body.test_mass_kg,
-                "usable_energy_wh": usable_energy_wh(car),
-                "has_climate": car.climate is not None,
-                "anchor": car.anchor,
-            }
-        )
-    return tuple(rows)
+    cars = map(load_vehicle, vehicle_names())
+    return tuple({"name": car.name, "has_climate": car.climate is not None, **_values(car)} for car in cars)
+
+
+def described(car: Vehicle) -> dict[str, Any]:
+    """Return a car from a few figures with what it would be certified with."""
+    certified = certified_interval(car)
+    return {
+        **_values(car),
+        "wltp_kwh_per_100km": certified.middle,
+        "wltp_low_kwh_per_100km": certified.low,
+        "wltp_high_kwh_per_100km": certified.high,
+    }
+
+
+def _values(car: Vehicle) -> dict[str, Any]:
+    return {
+        "title": car.title,
+        "test_mass_kg": car.body.test_mass_kg,
+        "usable_energy_wh": usable_energy_wh(car),
+        "anchor": car.anchor,
+    }
 
 
 def usable_energy_wh(car: Vehicle) -> float:
@@ -47,26 +55,12 @@ def usable_energy_wh(car: Vehicle) -> float:
     return car.battery.capacity_ah * mean_v * float(window[-1] - window[0])
 
 
-def described(car: Vehicle) -> dict[str, Any]:
-    """Return a car from a few figures with what it would be certified with."""
-    found = certified_interval(car)
-    return {
-        "title": car.title,
-        "test_mass_kg": car.body.test_mass_kg,
-        "usable_energy_wh": usable_energy_wh(car),
-        "anchor": car.anchor,
-        "wltp_kwh_per_100km": found.middle,
-        "wltp_low_kwh_per_100km": found.low,
-        "wltp_high_kwh_per_100km": found.high,
-    }
-
-
 @cache
 def examples() -> dict[str, dict[str, Any]]:
     """Return synthetic trips as examples, by name."""
     charge = load_model().fitted_parts("examples")[1].charge
     battery = load_vehicle(EXAMPLE_CAR).battery
-    found = {}
+    by_trip = {}
     for trip in synthetic_fleet(EXAMPLE_COUNT).trips:
         known = trip.departure.to_dict()
         at_departure: dict[str, Any] = {name: known[name] for name in ASKED if name in known}
@@ -76,7 +70,7 @@ def examples() -> dict[str, dict[str, Any]]:
         at_departure["soc"] = float(np.clip(shown, 0.0, 1.0))
         route = [c for c in ("time_s", "speed_m_s", "elevation_m") if c in trip]
         measured = [c for c in ("time_s", "voltage_v", "current_a", "soc") if c in trip]
-        found[trip.trip_id] = {
+        by_trip[trip.trip_id] = {
             "trip": trip.trip_id,
             "title": trip.context.route or trip.trip_id,
             "vehicle": EXAMPLE_CAR,
@@ -92,7 +86,7 @@ def examples() -> dict[str, dict[str, Any]]:
             },
             "observed": columns_of(trip.samples[measured]),
         }
-    return found
+    return by_trip
 
 
 def example_summaries() -> dict[str, Any]:

@@ -9,7 +9,6 @@ from contextlib import AbstractAsyncContextManager
 from typing import Annotated, Any, Final
 from urllib.parse import parse_qsl
 
-import orjson
 from fastapi import Path as PathValue
 from fastapi import Query
 from starlette.requests import Request
@@ -19,9 +18,11 @@ from tripwatt.errors import Fault, InvalidInput, excerpt
 from tripwatt.live import sample_from_abrp
 from tripwatt.live.folder import VALID_NAME
 from tripwatt.live.telemetry import FIRST_TIME_S, LAST_TIME_S
+from tripwatt.service.answering import json_response
 from tripwatt.service.live import LiveCars
 from tripwatt.service.live_schemas import (
     LiveCarsResponse,
+    LiveDeparture,
     LivePlanRequest,
     LiveResponse,
     NeedResponse,
@@ -39,6 +40,7 @@ from tripwatt.service.openapi import (
 from tripwatt.service.pool import WorkerPool
 from tripwatt.service.problems import Problem, invalid_input, refusal
 from tripwatt.service.receiving import media_type, request_id, require_accepts
+from tripwatt.service.schemas import NotJson, check_request, parse_json
 from tripwatt.service.settings import Settings
 
 MOST_MESSAGE_BYTES: Final = 65_536
@@ -114,29 +116,32 @@ class LiveOperations:
             sample = sample_from_abrp(telemetry_of(message))
         except InvalidInput as error:
             raise invalid_input(error.faults) from error
-        return _json(await cars.take(car, sample))
+        return json_response(await cars.take(car, sample))
 
     @operation("GET /v1/live", "live", LiveCarsResponse, only=(*COMMON_PROBLEMS, "not-acceptable", "no-live"))
     async def list_live(self, request: Request) -> Response:
         """List the cars on the road: those with a token."""
         require_accepts(request, JSON)
-        return _json(self.cars.summary())
+        return json_response(self.cars.summary())
 
     @operation("GET /v1/live/{vehicle}", "live", LiveResponse)
     async def get_live(self, request: Request, vehicle: Name) -> Response:
         """Return the state of a car on the road and the latest forecast of its trip."""
         require_accepts(request, JSON)
-        return _json(await self.cars.document(self.cars.by_name(vehicle)))
+        return json_response(await self.cars.document(self.cars.by_name(vehicle)))
 
     @operation("PUT /v1/live/{vehicle}/plan", "live", LiveResponse, LivePlanRequest)
     async def put_plan(self, request: Request, vehicle: Name) -> Response:
         """Give the plan of the trip that a car is on, or of its next one; it is kept until that trip has ended."""
         car = self.cars.by_name(vehicle)
         plan = _parsed(await self.read_body(request, (JSON,)))
-        _require_departure(plan)
+        try:
+            check_request({"departure_utc": plan.get("departure_utc")}, LiveDeparture)
+        except InvalidInput as error:
+            raise invalid_input(error.faults) from error
         result = await self.cars.set_plan(car, plan)
         if result.status == 200:
-            return _json(await self.cars.document(car))
+            return json_response(await self.cars.document(car))
         return refusal(result.status, result.content, request_id(request))
 
     @operation("GET /v1/need", "live", NeedResponse, also=("no-plan",))
@@ -166,7 +171,7 @@ class LiveOperations:
             {name: value for name, value in given.items() if value is not None},
         )
         if isinstance(needed, dict):
-            return _json(needed)
+            return json_response(needed)
         return refusal(needed.status, needed.content, request_id(request))
 
     @operation(
@@ -226,33 +231,17 @@ def telemetry_of(message: Mapping[str, Any]) -> Any:
         `not-json` for a text that is none.
     """
     given = message.get("tlm", message if "utc" in message else None)
-    if not isinstance(given, str):
-        return given
     try:
-        return orjson.loads(given)
-    except orjson.JSONDecodeError as error:
+        return parse_json(given.encode()) if isinstance(given, str) else given
+    except NotJson as error:
         raise Problem("not-json", f"tlm: {error}") from error
 
 
 def _parsed(body: bytes) -> dict[str, Any]:
     try:
-        document = orjson.loads(body)
-    except orjson.JSONDecodeError as error:
+        document = parse_json(body)
+    except NotJson as error:
         raise Problem("not-json", str(error)) from error
     if not isinstance(document, dict):
         raise invalid_input([Fault("not an object", "body", excerpt(document), "an object")])
     return document
-
-
-def _require_departure(plan: Mapping[str, Any]) -> None:
-    given = plan.get("departure_utc")
-    if given is None:
-        return
-    is_number = isinstance(given, int | float) and not isinstance(given, bool)
-    if not (is_number and FIRST_TIME_S <= given <= LAST_TIME_S):
-        allowed = f"{FIRST_TIME_S:g} to {LAST_TIME_S:g} s since 1970"
-        raise invalid_input([Fault("value out of range", "departure_utc", excerpt(given), allowed)])
-
-
-def _json(document: Mapping[str, Any]) -> Response:
-    return Response(orjson.dumps(document), media_type=JSON)

@@ -17,8 +17,10 @@ from pydantic import (
     ConfigDict,
     Field,
     ValidationError,
+    ValidationInfo,
     WithJsonSchema,
     create_model,
+    field_validator,
 )
 
 from tripwatt.arrays import FloatArray
@@ -100,11 +102,7 @@ def _one_of(**fields: str) -> dict[str, Any]:
 
 
 def bounded(
-    columns: Mapping[str, Column],
-    name: str,
-    default: Any = None,
-    *,
-    positive: bool = False,
+    columns: Mapping[str, Column], name: str, default: Any = None, *, positive: bool = False, **more: Any
 ) -> Any:
     """A number with the bounds and the description of its column."""
     column = columns[name]
@@ -114,6 +112,7 @@ def bounded(
         ge=None if positive else column.minimum,
         le=column.maximum,
         description=f"{column.meaning} [{column.unit}]",
+        **more,
     )
 
 
@@ -135,10 +134,25 @@ class Link(BaseModel):
     end_elevation_m: float | None = bounded(LINK_COLUMNS, "end_elevation_m")
 
 
+def reserved(default: float) -> Any:
+    """The field `reserve`; null is its default."""
+
+    def or_null(schema: dict[str, Any]) -> None:
+        number = {name: schema.pop(name) for name in ("type", "minimum", "maximum")}
+        schema["anyOf"] = [number, {"type": "null"}]
+
+    return bounded(QUANTITIES, "reserve", default, json_schema_extra=or_null)
+
+
 class StrictModel(BaseModel):
     """Base of documents in requests: no unknown fields, no texts for numbers, no infinities."""
 
-    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, use_attribute_docstrings=True)
+
+    @field_validator("reserve", mode="before", check_fields=False)
+    @classmethod
+    def _null_is_the_default(cls, value: Any, info: ValidationInfo) -> Any:
+        return cls.model_fields[f"{info.field_name}"].default if value is None else value
 
 
 class Elevation(StrictModel):
@@ -243,7 +257,7 @@ class ForecastRequest(DepartureRequest, CarRequest):
     samples: Samples | None = None
     links: Links | None = None
     elevation: Elevation | None = None
-    reserve: float = bounded(QUANTITIES, "reserve", 0.1)
+    reserve: float = reserved(0.1)
     probability: float | None = Field(
         None,
         ge=0.5,
@@ -262,7 +276,7 @@ class UpdateRequest(ForecastRequest):
 class ResponseModel(BaseModel):
     """Base of all documents in responses: objects without undocumented fields."""
 
-    model_config = ConfigDict(extra="forbid")
+    model_config = ConfigDict(extra="forbid", use_attribute_docstrings=True)
 
 
 class ProblemFault(ResponseModel):

@@ -211,19 +211,8 @@ def table_files(path: Path) -> list[Path]:
     return files
 
 
-def read_all(
-    read: Callable[[Item], Read], items: Iterable[Item], n_jobs: int | None = None
-) -> tuple[list[Read], list[InvalidInput]]:
-    """What was read of each item, and the errors of those that cannot be read, each in their order.
-
-    Parameters
-    ----------
-    read : callable
-    items : iterable
-        What it reads, such as paths.
-    n_jobs : int, optional
-        Threads; as many as there are processors by default.
-    """
+def read_all(read: Callable[[Item], Read], items: Iterable[Item]) -> tuple[list[Read], list[InvalidInput]]:
+    """Results of reading items side by side, and the errors of those that cannot be read, each in their order."""
 
     def one(item: Item) -> Read | InvalidInput:
         try:
@@ -231,7 +220,7 @@ def read_all(
         except InvalidInput as error:
             return error
 
-    with ThreadPoolExecutor(n_jobs or os.cpu_count() or 1) as pool:
+    with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
         results = list(pool.map(one, items))
     errors = [result for result in results if isinstance(result, InvalidInput)]
     return [result for result in results if not isinstance(result, InvalidInput)], errors

@@ -198,7 +198,7 @@ def read_numbers(source: Delimited, wanted: Sequence[int], decimal: str = ".") -
     try:
         table = _parsed(source, wanted, pa.float64(), **nulls, decimal_point=decimal)
         columns = [np.asarray(column.to_numpy(), dtype=np.float64) for column in table]
-        sound = all(_largest(values) <= LARGEST_NUMBER for values in columns)
+        sound = all(np.nanmax(np.abs(values), initial=0.0) <= LARGEST_NUMBER for values in columns)
     except _UNREADABLE as error:
         sound, reason = False, _reason(error)
     if not sound:
@@ -227,11 +227,6 @@ def _parsed(source: Delimited, wanted: Sequence[int], kind: Any, **options: Any)
         ),
     )
     return [table[name] for name in chosen]
-
-
-def _largest(values: FloatArray) -> float:
-    finite = values[~np.isnan(values)]
-    return float(np.max(np.abs(finite))) if len(finite) else 0.0
 
 
 def _body_width(source: Delimited) -> int:

@@ -52,9 +52,7 @@ WHOLE_PERCENT: Final = 0.01
 SECONDS_PER_DAY: Final = 86_400.0
 
 
-def read_table(
-    path: Path | str, mapping: Path | str | ColumnMapping | None = None, *, n_jobs: int | None = None
-) -> Fleet:
+def read_table(path: Path | str, mapping: Path | str | ColumnMapping | None = None) -> Fleet:
     """Read trips from a CSV or Parquet file, or a folder of them.
 
     Parameters
@@ -62,8 +60,6 @@ def read_table(
     path : path
     mapping : path, str or ColumnMapping, optional
         A TOML file, the name of a shipped mapping, or a mapping; without one the columns must have our names.
-    n_jobs : int, optional
-        Threads; as many as there are processors by default.
 
     Returns
     -------
@@ -86,7 +82,7 @@ def read_table(
         except InvalidInput as error:
             raise InvalidInput([_with_decimal_hint(fault, checked) for fault in error.faults]) from error
 
-    read, errors = read_all(read_one, files, n_jobs)
+    read, errors = read_all(read_one, files)
     raise_faults(_merge_alike(path, [error.faults for error in errors]))
     trips = [trip for its_trips, _ in read for trip in its_trips]
     raise_faults([*_twice(path, files, [its for its, _ in read]), *_wrong_sign(trips, checked)])
@@ -353,14 +349,10 @@ def _range_faults(
             row = f" row {table.row(worst)}" if by_row else ""
             where = f"{table.path}{row} column {entry.column!r}"
             got = f"{raw[name][worst]:g} {entry.unit} (and {len(bad) - 1} more rows)"
-            fix = _unit_hint(name, float(np.nanmedian(values)))
+            is_12_v = name == "voltage_v" and 9.0 <= float(np.nanmedian(values)) <= 16.0
+            traction = "map the voltage of the traction battery, not of the 12 V on-board system"
+            fix = traction if is_12_v else "check the unit in the mapping"
             yield Fault("value out of range", where, got, f"{low:g} to {high:g} {entry.unit}", fix)
-
-
-def _unit_hint(name: str, middle: float) -> str:
-    if name == "voltage_v" and 9.0 <= middle <= 16.0:
-        return "map the voltage of the traction battery, not of the 12 V on-board system"
-    return "check the unit in the mapping"
 
 
 def _place(table: TableFile, trip: str, rows: IntArray, file: str, sample: int) -> str:

@@ -8,7 +8,7 @@ UTF-8, 1 s) are read alike. The logs win over the sheet: state of charge, distan
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
 from typing import Final
@@ -62,7 +62,7 @@ RAW_COLUMNS: Final = (
 """The whole reader's knowledge of columns. Of two sources for one column the first that a file has is read."""
 
 NEEDED_COLUMNS: Final = (*REQUIRED_COLUMNS, "voltage_v", "current_a")
-"""Without these a file gives no observed energy and is refused when no columns are asked for by name."""
+"""Without these a file gives no observed energy and is refused."""
 
 _TRIP_FILE: Final = re.compile(r"trip([ab]\d{2,3})(?!\d).*\.csv", re.IGNORECASE)
 _PUBLISHED: Final = (*(f"A{i:02d}" for i in range(1, 33)), *(f"B{i:02d}" for i in range(1, 39)))
@@ -82,17 +82,12 @@ ALL_TRIP_IDS: Final = tuple(f"Trip{short}" for short in _PUBLISHED)
 """The 70 trips that were published."""
 
 
-def read_tum(folder: Path | str, *, columns: Iterable[str] | None = None, n_jobs: int | None = None) -> Fleet:
+def read_tum(folder: Path | str) -> Fleet:
     """Read a folder of `TripA*.csv` and `TripB*.csv`, with `Overview.xlsx` for their context.
 
     Parameters
     ----------
     folder : path
-    columns : iterable of str, optional
-        Our columns to read (see `tripwatt.trips.COLUMNS`); time and speed always come along. All that the files
-        hold by default.
-    n_jobs : int, optional
-        Threads; as many as there are processors by default.
 
     Returns
     -------
@@ -112,7 +107,6 @@ def read_tum(folder: Path | str, *, columns: Iterable[str] | None = None, n_jobs
     tripwatt.errors.InvalidInput: no such folder: no/such/folder: allowed: a folder with TripA*.csv and TripB*.csv; ...
     """
     folder = Path(folder)
-    wanted = _checked_columns(columns)
     files, notes = trip_files(folder)
     faults: list[Fault] = []
     contexts: Mapping[str, Context] = {}
@@ -123,23 +117,10 @@ def read_tum(folder: Path | str, *, columns: Iterable[str] | None = None, n_jobs
         faults += error.faults
 
     logs, errors = read_all(
-        lambda item: read_tum_file(item[1], item[0], contexts.get(item[0]), wanted), files.items(), n_jobs
+        lambda item: read_tum_file(item[1], item[0], contexts.get(item[0])), files.items()
     )
     raise_faults([*faults, *(fault for error in errors for fault in error.faults)])
     return Fleet("tum", tuple(logs), tuple(notes), REFERENCE_TRIPS, CITATION)
-
-
-def _checked_columns(columns: Iterable[str] | None) -> frozenset[str] | None:
-    if columns is None:
-        return None
-    asked = [columns] if isinstance(columns, str) else list(columns)
-    known = {raw.ours for raw in RAW_COLUMNS}
-    raise_faults(
-        Fault("unknown column", "columns", repr(name), f"any of {', '.join(sorted(known))}")
-        for name in asked
-        if name not in known
-    )
-    return frozenset(asked) | set(REQUIRED_COLUMNS)
 
 
 def trip_files(folder: Path) -> tuple[dict[str, Path], list[Flag]]:
@@ -193,9 +174,7 @@ def is_tum_log(path: Path) -> bool:
     return {column_key("Time [s]"), column_key("Velocity [km/h]")} <= names
 
 
-def read_tum_file(
-    path: Path, trip_id: str, context: Context | None = None, columns: frozenset[str] | None = None
-) -> Log:
+def read_tum_file(path: Path, trip_id: str, context: Context | None = None) -> Log:
     """One trip file as a log, its elevation interpolated over distance. See `read_tum`.
 
     Raises
@@ -204,7 +183,7 @@ def read_tum_file(
         With every fault of the file.
     """
     source = open_delimited(path)
-    chosen = _choose(source, columns)
+    chosen = _choose(source)
     values = read_numbers(source, list(chosen))
     samples = pd.DataFrame(
         {
@@ -220,7 +199,7 @@ def read_tum_file(
     return Log.from_samples(trip_id, samples, context)
 
 
-def _choose(source: Delimited, columns: frozenset[str] | None) -> dict[int, RawColumn]:
+def _choose(source: Delimited) -> dict[int, RawColumn]:
     """Which positions of the header to read, in the order of `COLUMNS`."""
     positions: dict[str, list[int]] = {}
     for position, name in enumerate(source.names):
@@ -229,14 +208,13 @@ def _choose(source: Delimited, columns: frozenset[str] | None) -> dict[int, RawC
     faults: list[Fault] = []
     for raw in RAW_COLUMNS:
         places = positions.get(column_key(raw.name), [])
-        if not places or raw.ours in chosen or (columns is not None and raw.ours not in columns):
+        if not places or raw.ours in chosen:
             continue
         chosen[raw.ours] = (places[0], raw)
         if len(places) > 1:
             where, got = source.where(source.header_line, raw.name), ", ".join(str(p + 1) for p in places)
             faults.append(Fault("duplicate column", where, f"columns {got}", "one column of that name"))
-    needed = NEEDED_COLUMNS if columns is None else [c for c in COLUMNS if c in columns]
-    faults.extend(_missing_column(source, ours) for ours in needed if ours not in chosen)
+    faults += [_missing_column(source, ours) for ours in NEEDED_COLUMNS if ours not in chosen]
     raise_faults(faults)
     return {chosen[c][0]: chosen[c][1] for c in COLUMNS if c in chosen}
 

@@ -65,14 +65,12 @@ class _Week:
     file: str
 
 
-def read_ved(folder: Path | str, *, n_jobs: int | None = None) -> Fleet:
+def read_ved(folder: Path | str) -> Fleet:
     """Read the electric cars of a folder of weekly files `VED_*_week.csv`.
 
     Parameters
     ----------
     folder : path
-    n_jobs : int, optional
-        Threads; as many as there are processors by default.
 
     Returns
     -------
@@ -95,7 +93,7 @@ def read_ved(folder: Path | str, *, n_jobs: int | None = None) -> Fleet:
     folder = Path(folder)
     files = _week_files(folder)
 
-    weeks, errors = read_all(_read_week, files, n_jobs)
+    weeks, errors = read_all(_read_week, files)
     raise_faults(fault for error in errors for fault in error.faults)
     with_engine = frozenset().union(*(w.with_engine for w in weeks))
     trips, notes = _trips(weeks, with_engine)

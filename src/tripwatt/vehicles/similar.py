@@ -141,8 +141,8 @@ def figures_of_row(row: Row) -> Figures:
 
 
 def _sourced(value: float, cell: Cell, estimated: str = "") -> dict[str, Any]:
-    found: dict[str, Any] = {"value": value, "source": cell.citation, "licence": cell.licence}
-    return found | ({"estimated": estimated} if estimated else {})
+    entry: dict[str, Any] = {"value": value, "source": cell.citation, "licence": cell.licence}
+    return entry | ({"estimated": estimated} if estimated else {})
 
 
 def similar_document(car: Figures, classes: ClassValues) -> dict[str, Any]:

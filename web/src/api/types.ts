@@ -65,6 +65,22 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/v1/journeys": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        post: operations["plan_v1_journeys_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/v1/plan": {
         parameters: {
             query?: never;
@@ -74,6 +90,7 @@ export interface paths {
         };
         get?: never;
         put?: never;
+        /** @deprecated */
         post: operations["plan_v1_plan_post"];
         delete?: never;
         options?: never;
@@ -659,7 +676,7 @@ export interface components {
             } | null;
             links?: components["schemas"]["Link"][] | null;
             elevation?: components["schemas"]["Elevation"] | null;
-            reserve?: number;
+            reserve?: number | null;
             probability?: number | null;
         };
         ForecastResponse: {
@@ -800,7 +817,7 @@ export interface components {
             } | null;
             links?: components["schemas"]["Link"][] | null;
             elevation?: components["schemas"]["Elevation"] | null;
-            reserve?: number;
+            reserve?: number | null;
             probability?: number | null;
             departure_utc?: number | null;
         };
@@ -941,7 +958,7 @@ export interface components {
             /** @deprecated */
             weather?: components["schemas"]["WeatherRequest"] | null;
             stops: (string | components["schemas"]["PlaceRequest"])[];
-            reserve?: number;
+            reserve?: number | null;
             alternatives?: number;
             round_trip?: boolean;
             answers?: boolean;
@@ -1006,7 +1023,7 @@ export interface components {
             /** @deprecated */
             weather?: components["schemas"]["WeatherRequest"] | null;
             start: string | components["schemas"]["PlaceRequest"];
-            reserve?: number;
+            reserve?: number | null;
         };
         ReachResponse: {
             start: components["schemas"]["PlaceDocument"];
@@ -1146,7 +1163,7 @@ export interface components {
             } | null;
             links?: components["schemas"]["Link"][] | null;
             elevation?: components["schemas"]["Elevation"] | null;
-            reserve?: number;
+            reserve?: number | null;
             probability?: number | null;
             observed: {
                 time_s: number[];
@@ -1386,6 +1403,29 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["RouteResponse"];
+                };
+            };
+        };
+    };
+    plan_v1_journeys_post: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["PlanRequest"];
+            };
+        };
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["PlanResponse"];
                 };
             };
         };

@@ -51,15 +51,13 @@ def require_valhalla() -> Path:
     return folder
 
 
-def configuration(folder: Path, *, port: int | None = None) -> dict[str, Any]:
+def configuration(folder: Path) -> dict[str, Any]:
     """Valhalla's configuration for a map folder.
 
     Parameters
     ----------
     folder : Path
         With `tiles` and `elevation`.
-    port : int, optional
-        Of a server on loopback.
 
     Raises
     ------
@@ -80,12 +78,6 @@ def configuration(folder: Path, *, port: int | None = None) -> dict[str, Any]:
     limits["isochrone"] |= {"max_time_contour": LONGEST_CONTOUR_MIN, "max_distance": FARTHEST_M}
     limits["trace"] |= {"max_distance": FARTHEST_M, "max_shape": 1_000_000}
     limits["skadi"] |= {"max_shape": 1_000_000, "min_resample": 10.0}
-    if port is not None:
-        service = config["httpd"]["service"]
-        service |= {"listen": f"tcp://127.0.0.1:{port}", "drain_seconds": 0}
-        service |= {name: f"ipc://{here}/{name}.socket" for name in ("loopback", "interrupt")}
-        for part in ("loki", "thor", "odin", "meili"):
-            config[part]["service"]["proxy"] = f"ipc://{here}/{part}.socket"
     return config
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from tests.live.messages import NOON_S, abrp_messages, measured
 
+from tripwatt.errors import InvalidInput
 from tripwatt.live import RoadCar, create_car, forget_car, issue_token, sample_from_abrp
 from tripwatt.live.folder import finished_names
 from tripwatt.live.live_trip import SILENCE_S
@@ -113,3 +114,22 @@ def test_nothing_is_left_of_a_forgotten_car(tmp_path: Path, ended: bool) -> None
     assert not folder.exists()
     assert f"{LATITUDE}".encode() not in content(tmp_path)
     assert content(tmp_path) == b""
+
+
+@pytest.mark.parametrize("name", ["a b", ".hidden", "-x", "ü", "x" * 65])
+def test_a_name_is_part_of_a_path_and_of_a_url(tmp_path: Path, name: str) -> None:
+    with pytest.raises(InvalidInput, match="name cannot be used"):
+        RoadCar(tmp_path / name)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_that_cannot_be_made_or_a_damaged_plan_is_refused(folder: Path) -> None:
+    folder.write_text("")
+    with pytest.raises(InvalidInput, match="cannot write the folder"):
+        RoadCar(folder)
+    other = folder.with_name("other")
+    (other / "live").mkdir(parents=True)
+    for content in ("{", "{}", "[]"):
+        (other / "live" / "plan.json").write_text(content)
+        with pytest.raises(InvalidInput, match="damaged file"):
+            RoadCar(other)

@@ -1,225 +1,28 @@
-"""The library of cars: inheritance, overrides, import, and certified consumption."""
+"""Vehicle files of FASTSim and SUMO as cars."""
 
 import csv
 import io
-import itertools
 import math
 import tomllib
-from importlib import resources
 from pathlib import Path
 
 import numpy as np
 import pytest
-from benchmarks.anchors import unanchored
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tripwatt.errors import Fault, InvalidInput
-from tripwatt.physics.road_load import aero_drag_force, rolling_resistance_force
+from tripwatt.errors import InvalidInput
 from tripwatt.vehicles import (
-    ALIASES,
-    describe_vehicle,
     import_vehicle,
-    load_vehicle,
-    names_data,
-    parse_overrides,
     vehicle_from_document,
-    vehicle_names,
-    without_data,
 )
-from tripwatt.vehicles.inheriting import bundled_bases, bundled_text, inherit
-from tripwatt.vehicles.loading import file_names
-from tripwatt.vehicles.losses import motor_loss
-from tripwatt.vehicles.vehicle import SECTIONS
-
-ASKED_FOR = [
-    "bmw_i3_60ah",
-    "bmw_i3_94ah",
-    "bmw_i3_120ah",
-    "nissan_leaf_24",
-    "nissan_leaf_30",
-    "nissan_leaf_40",
-    "tesla_model_3_sr_plus",
-    "tesla_model_3_lr",
-    "vw_e_golf",
-    "vw_id3",
-    "renault_zoe_ze50_r135",
-    "hyundai_kona_64",
-    "chevrolet_bolt",
-    "fiat_500e",
-    "peugeot_e_208",
-]
 
 
 def faults_of(error: pytest.ExceptionInfo[InvalidInput]) -> str:
     return str(error.value)
 
 
-def raw(name: str) -> dict[str, object]:
-    folder = resources.files("tripwatt.vehicles") / "data"
-    return tomllib.loads((folder / f"{name}.toml").read_text("utf-8"))
-
-
-# ------------------------------------------------------------------------------------------------ the cars
-
-
-def test_library_has_every_car_that_was_asked_for() -> None:
-    assert set(ASKED_FOR) <= set(vehicle_names())
-    assert not set(vehicle_names()) & {"passenger_car", "nmc_cells", "lmo_cells"}
-
-
-@pytest.mark.parametrize("name", ASKED_FOR)
-def test_cars_are_plausible_and_keep_the_origin_of_every_value(name: str) -> None:
-    car = load_vehicle(name)
-    kwh = car.battery.capacity_ah * car.battery.cells_in_series * np.mean(car.battery.ocv_v) / 1000.0
-    assert 1150.0 < car.body.curb_mass_kg < 1850.0
-    assert 18.0 < kwh < 90.0
-    # Road load at 80 km/h as a share of the weight.
-    speed = 80.0 / 3.6
-    a, b = car.road_load.rolling_coefficients
-    force = (
-        a + b * speed + 0.5 * 1.17 * car.road_load.drag_area_m2 * speed**2 / (car.body.test_mass_kg * 9.81)
-    )
-    assert 0.013 < force < 0.028
-    top = (
-        car.drivetrain.motor_max_speed_rad_s / car.drivetrain.gear_ratio * car.drivetrain.wheel_radius_m * 3.6
-    )
-    assert 130.0 < top < 300.0
-    rows = describe_vehicle(name)
-    assert len(rows) == len(car.entries)
-    assert all(source for *_, source in rows)
-
-
-def test_scaled_losses_are_the_reference_at_equal_shares() -> None:
-    # the i3 94 Ah has the motor of the reference itself
-    reference, car = load_vehicle("bmw_i3_94ah").drivetrain, unanchored("hyundai_kona_64").drivetrain
-    torque_ratio = car.motor_max_torque_nm / reference.motor_max_torque_nm
-    speed_ratio = car.motor_max_speed_rad_s / reference.motor_max_speed_rad_s
-    torque = np.array([5.0, 40.0, 120.0, 200.0])[:, None]
-    speed = np.array([30.0, 300.0, 700.0, 1100.0])[None, :]
-    theirs = motor_loss(torque, speed, reference) * torque_ratio * speed_ratio
-    mine = motor_loss(torque * torque_ratio, speed * speed_ratio, car)
-    np.testing.assert_allclose(mine, theirs, rtol=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("section", "key"), [("drivetrain", "motor_max_speed_rad_s"), ("battery", "capacity_ah")]
-)
-def test_a_missing_entry_that_others_are_scaled_by_is_one_fault(section: str, key: str) -> None:
-    document = tomllib.loads(bundled_text("vw_id3"))
-    del document[section][key]
-    with pytest.raises(InvalidInput) as caught:
-        vehicle_from_document(document, "car", "car.toml")
-    assert [(f.what, f.allowed) for f in caught.value.faults] == [("missing entry", f"an entry {key!r}")]
-
-
-def test_scaled_resistance_is_inverse_to_capacity() -> None:
-    reference, car = load_vehicle("bmw_i3_94ah").battery, load_vehicle("vw_id3").battery
-    np.testing.assert_allclose(
-        np.array(car.resistance_ohm) * car.capacity_ah,
-        np.array(reference.resistance_ohm) * reference.capacity_ah,
-    )
-    assert "bmw_i3_94ah" in load_vehicle("vw_id3").entries["battery.resistance_ohm"].estimated
-
-
-def test_own_entries_win_over_inherited_ones() -> None:
-    faults: list[Fault] = []
-    own = {"value": 99.0, "unit": "W", "source": "here", "licence": "user"}
-    document = {"extends": ["passenger_car", "nmc_cells"], "auxiliaries": {"base_load_w": own}}
-    result = inherit(document, "car.toml", faults)
-    assert not faults
-    assert result["auxiliaries"]["base_load_w"] == own
-    assert result["battery"]["ocv_v"]["source"].startswith("Collath")
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        (
-            {"extends": ["pasenger_car"]},
-            ("unknown base", "pasenger_car", "did you mean 'passenger_car'?"),
-        ),
-        ({"extends": 3}, ("not a list of names", "3")),
-        ({"scaled": {"motor_loses": "bmw_i3_60ah"}}, ("unknown key", "scaled.motor_loses", "motor_losses")),
-        ({"scaled": {"motor_losses": "bmw_i4"}}, ("unknown base", "scaled.motor_losses", "bmw_i4")),
-    ],
-)
-def test_wrong_inheritance_is_named(change: dict[str, object], words: tuple[str, ...]) -> None:
-    with pytest.raises(InvalidInput) as error:
-        vehicle_from_document({**raw("vw_id3"), **change}, "car", "car.toml")
-    assert all(word in faults_of(error) for word in words)
-
-
-def test_coastdown_coefficients_take_the_place_of_drag_and_rolling_resistance() -> None:
-    def entry(value: object, unit: str) -> dict[str, object]:
-        return {"value": value, "unit": unit, "source": "EPA test car list", "licence": "US-public-domain"}
-
-    document = raw("nissan_leaf_24")
-    document["road_load"] = {
-        "coastdown_a_n": entry(150.0, "N"),
-        "coastdown_b_n_s_m": entry(0.6, "N s/m"),
-        "coastdown_c_n_s2_m2": entry(0.5, "N s2/m2"),
-    }
-    with pytest.raises(InvalidInput) as error:
-        vehicle_from_document(document, "car", "car.toml")
-    assert "coastdown_mass_kg" in faults_of(error)
-    document["road_load"]["coastdown_mass_kg"] = entry(1644.0, "kg")  # type: ignore[index]
-    car = vehicle_from_document(document, "car", "car.toml")
-    speed = np.array([5.0, 15.0, 25.0])
-    force = rolling_resistance_force(speed, 1644.0, car.road_load.rolling_coefficients) + aero_drag_force(
-        speed, car.road_load.drag_area_m2, 1.167
-    )
-    assert force == pytest.approx(150.0 + 0.6 * speed + 0.5 * speed**2)
-
-
-def test_missing_and_impossible_values_say_key_found_and_allowed() -> None:
-    document = raw("vw_id3")
-    body, drivetrain = document["body"], document["drivetrain"]
-    assert isinstance(body, dict)
-    assert isinstance(drivetrain, dict)
-    body["curb_mass_kg"]["value"] = 3.0
-    del drivetrain["gear_ratio"]
-    with pytest.raises(InvalidInput) as error:
-        vehicle_from_document(document, "car", "car.toml")
-    text = faults_of(error)
-    assert "car.toml, body.curb_mass_kg: got 3 kg; allowed: 100 to 60000 kg" in text
-    assert "'gear_ratio'" in text
-
-
-# ------------------------------------------------------------------------------------------------ overrides
-
-
-def test_short_names_reach_entries_that_exist() -> None:
-    known = {f"{section}.{name}" for section, part in SECTIONS.items() for name in part.__dataclass_fields__}
-    assert set(ALIASES.values()) <= known
-
-
-def test_overrides_with_short_names_change_the_car_and_say_so() -> None:
-    car = load_vehicle("nissan_leaf_24", overrides=parse_overrides(["mass=1700", "c_d=0.3", "payload=150"]))
-    assert car.body.test_mass_kg == 1850.0
-    assert car.road_load.drag_coefficient == 0.3
-    assert car.entries["body.curb_mass_kg"].source == "given by the caller"
-
-
-def test_override_without_effect_is_refused() -> None:
-    with pytest.raises(InvalidInput) as error:
-        load_vehicle("nissan_leaf_40", overrides={"c_d": 0.3})
-    assert "override has no effect" in faults_of(error)
-    every = {"c_d": 0.28, "area": 2.3, "c_rr": 0.009, "road_load": "coefficients"}
-    assert load_vehicle("nissan_leaf_40", overrides=every).road_load.drag_area_m2 == pytest.approx(0.644)
-
-
-def test_every_wrong_override_is_named_at_once() -> None:
-    with pytest.raises(InvalidInput) as error:
-        parse_overrides(["mas=3", "mass", "c_d=1", "c_d=2"])
-    text = faults_of(error)
-    assert len(error.value.faults) == 3
-    assert "did you mean 'mass'?" in text
-    assert "override given twice" in text
-
-
 # ------------------------------------------------------------------------------------------------ import
-
 YAML = """---
 name: 2030 Test Car # made up
 pt_type:
@@ -254,6 +57,7 @@ mass_kilograms: 1636.0
 pwr_aux_base_watts: 250.0
 """
 
+
 XML = """<?xml version="1.0" encoding="utf-8"?>
 <routes><vType id="Test_Car" emissionClass="MMPEVEM" vClass="passenger">
 <param key="has.battery.device" value="true"/><param key="device.battery.capacity" value="50000"/>
@@ -268,11 +72,14 @@ XML = """<?xml version="1.0" encoding="utf-8"?>
 </vType></routes>
 """
 
+
 CSV_HEAD = (
     "selection,Scenario name,veh_pt_type,drag_coef,frontal_area_m2,glider_kg,cargo_kg,veh_override_kg,mc_max_kw,"
     "mc_pe_kg_per_kw,mc_pe_base_kg,ess_max_kwh,ess_kg_per_kwh,ess_base_kg,wheel_inertia_kg_m2,num_wheels,"
     "wheel_rr_coef,wheel_radius_m,min_soc,max_soc,aux_kw,trans_kg,trans_eff,comp_mass_multiplier,max_regen\n"
 )
+
+
 CSV_ROWS = (
     "1,Sum of parts,BEV,0.315,2.755,817.894,136,,80,0.833,21.6,30,7,75,0.815,4,0.008,0.336,0.05,0.95,0.25,114,"
     "0.98,1.4,0.98\n"
@@ -444,27 +251,3 @@ def test_broken_files_end_in_a_message_never_in_another_error(
     except InvalidInput:
         return
     tomllib.loads(result)
-
-
-def test_bases_are_files_and_names_are_cars() -> None:
-    shared = {"passenger_car", "nmc_cells", "lmo_cells", "lfp_cells"}
-    shared |= {"permanent_magnet_motor", "induction_motor", "externally_excited_motor"}
-    assert {*shared, *file_names()} == set(bundled_bases())
-    assert all(a < b for a, b in itertools.pairwise(bundled_bases()))
-
-
-@pytest.mark.parametrize("name", vehicle_names())
-def test_every_value_of_a_data_sets_logs_has_another_without_it(name: str) -> None:
-    car = load_vehicle(name)
-    logged = {key for key, entry in car.entries.items() if names_data(entry, "tum")}
-    assert "auxiliaries.moving_load_w" in logged
-    bare = without_data(car, "tum")
-    assert not any(names_data(entry, "tum") for entry in bare.entries.values())
-    differ = {key for key, entry in bare.entries.items() if entry.value != car.entries[key].value}
-    assert differ == logged
-    for key in logged:
-        section, _, field = key.partition(".")
-        assert getattr(getattr(bare, section), field) == bare.entries[key].value
-        assert bare.entries[key].unit == car.entries[key].unit
-    assert without_data(bare, "tum") is bare
-    assert without_data(car, "ved") is car
