@@ -36,7 +36,7 @@ from typer import Argument, BadParameter, Option
 
 from benchmarks.many_vehicles import CAR_MODELS, FleetPlan, block_of_logs, many_vehicles, vehicle_truth
 from benchmarks.measure import Row, not_measured, report
-from tripwatt.evaluation.fleets import _error, evaluate_rows
+from tripwatt.evaluation.fleets import evaluate_rows, mean_error
 from tripwatt.fleet.executors import InProcess
 from tripwatt.fleet.features import FEATURES, SCALES, START
 from tripwatt.fleet.mapping import map_store, read_rows, row_of, segments_of, tasks_of
@@ -381,12 +381,9 @@ def real() -> Iterator[Row]:
             if not held.any():
                 continue
             test = rows.where(held)
-            observed = test.numbers("observed_wh")
-            pooled = group_posterior(sums - test.sums, scales)
-            own = group_posterior(rows.where(its & ~held).sums, only) if (its & ~held).any() else None
-            errors["pooled"] += [_error(pooled, test, observed)] * len(test)
-            if own is not None:
-                errors["own"] += [_error(own, test, observed)] * len(test)
+            errors["pooled"] += [mean_error(sums - test.sums, scales, test)] * len(test)
+            if (its & ~held).any():
+                errors["own"] += [mean_error(rows.where(its & ~held).sums, only, test)] * len(test)
         pooled_, own_ = (float(np.mean(e)) if e else float("nan") for e in errors.values())
         text = f"{vehicle} ({int(its.sum())} trips): fleet {100 * pooled_:.2f} %, alone {100 * own_:.2f} %"
         yield Row(f"{text}; ratio", pooled_ / own_, most=1.03 if its.sum() > 10 else math.inf)

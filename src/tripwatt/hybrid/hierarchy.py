@@ -32,7 +32,7 @@ from typing import Final
 import numpy as np
 
 from tripwatt.arrays import FloatArray, IntArray
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 from tripwatt.hybrid.familiarity import kept_share
 from tripwatt.hybrid.levels import Level, Mixture
 from tripwatt.hybrid.parameters import PARAMETERS, Parameter
@@ -96,7 +96,7 @@ def grid(mode: str = "both", stages: int = 1) -> tuple[Option, ...]:
 def require_mode(mode: str) -> None:
     """Raise `InvalidInput` for an unknown mode."""
     if mode not in MODES:
-        raise InvalidInput(Fault("unknown adaptation mode", "mode", repr(mode), ", ".join(MODES)))
+        raise InvalidInput.of("unknown adaptation mode", "mode", repr(mode), ", ".join(MODES))
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +121,7 @@ class Members:
         """
         if not corrector.processes:
             got, allowed = type(corrector).__name__, "linear, gp, ensemble or split"
-            raise InvalidInput(Fault("corrector cannot be transferred", "corrector", got, allowed))
+            raise InvalidInput.of("corrector cannot be transferred", "corrector", got, allowed)
         return cls(corrector.processes)
 
     @property

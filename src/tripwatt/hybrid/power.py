@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import FloatArray
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 from tripwatt.hybrid.familiarity import FADING, Familiarity
 from tripwatt.hybrid.segments import LINE_CAUSES, SegmentTable
 from tripwatt.learners.gp import AdditiveGP, KernelTerm
@@ -60,7 +60,7 @@ class PowerCorrector:
         InvalidInput
             For one that was made from a fitted one, and not from trips.
         """
-        raise InvalidInput(Fault("corrector cannot be fitted", type(self).__name__, fix=self.refit))
+        raise InvalidInput.of("corrector cannot be fitted", type(self).__name__, fix=self.refit)
 
     def clone_tuned(self) -> PowerCorrector:
         """Make an unfitted copy with the settings that `fit` chose, to fit on a part of the same trips.
@@ -75,7 +75,7 @@ class PowerCorrector:
         InvalidInput
             As `fit`.
         """
-        raise InvalidInput(Fault("corrector cannot be fitted", type(self).__name__, fix=self.refit))
+        raise InvalidInput.of("corrector cannot be fitted", type(self).__name__, fix=self.refit)
 
     @property
     def processes(self) -> tuple[GPCorrector, ...]:
