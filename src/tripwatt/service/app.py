@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Final
 
@@ -384,16 +385,13 @@ def add_page(app: FastAPI) -> None:
         return
     files = PageFiles(directory=PAGE)
 
-    def endpoint(name: str) -> Callable[[Request], Awaitable[Response]]:
-        async def respond(request: Request) -> Response:
-            return await files.get_response(name, request.scope)
-
-        return respond
+    async def respond(name: str, request: Request) -> Response:
+        return await files.get_response(name, request.scope)
 
     for file in PAGE.iterdir():
         if file.is_file():
             path = "/" if file.name == "index.html" else f"/{file.name}"
-            app.add_route(path, endpoint(file.name), include_in_schema=False)
+            app.add_route(path, partial(respond, file.name), include_in_schema=False)
     app.mount("/assets", PageFiles(directory=PAGE / "assets"), name="assets")
 
 
