@@ -5,7 +5,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from tripwatt.errors import InvalidInput
-from tripwatt.fleet.batch import _name, forecast_batch, schema_of
+from tripwatt.fleet.batch import forecast_batch, quantile_column, schema_of
 from tripwatt.fleet.executors import InProcess
 from tripwatt.fleet.storage import save_fleet
 from tripwatt.trips import Departure
@@ -85,4 +85,8 @@ def test_a_batch_that_cannot_be_read_is_one_error(fleet, tmp_path):
     for bad in (-0.1, 1.0):
         with pytest.raises(InvalidInput, match="reserve"):
             forecast_batch(tmp_path, tmp_path / "in.parquet", tmp_path / "o", InProcess(), reserve=bad)
-    assert [_name(q) for q in (0.05, 0.5, 0.999)] == ["energy_wh_q05", "energy_wh_q50", "energy_wh_q99_9"]
+    assert [quantile_column(q) for q in (0.05, 0.5, 0.999)] == [
+        "energy_wh_q05",
+        "energy_wh_q50",
+        "energy_wh_q99_9",
+    ]
