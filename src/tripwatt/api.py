@@ -50,7 +50,7 @@ def read_route(
     Returns
     -------
     Plan
-        With what the file knows of the departure.
+        With what the file has of the departure.
 
     Raises
     ------
@@ -254,7 +254,7 @@ def adapt(
 
 
 def simulate(trip: Plan | Trip, vehicle: Vehicle | str, departure: Departure | None = None) -> Simulation:
-    """Simulate a drive with a car: physics alone, nothing learned. O(samples).
+    """Simulate a drive with a car: physics alone, without a correction. O(samples).
 
     Parameters
     ----------

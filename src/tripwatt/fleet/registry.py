@@ -6,7 +6,7 @@
       current              the number of the version in use
       history.jsonl        what was done, one line each
 
-The pointer is one small file that is replaced by a rename: a reader sees the old version or the new one, and never none.
+The pointer is one small file that is replaced by a rename: a reader gets the old version or the new one, and never none.
 Versions are never changed, so a reader that loads one while the pointer moves still loads it whole.
 """
 

@@ -256,7 +256,7 @@ class Forecast:
 
     @cached_property
     def charge(self) -> ChargeScale:
-        """Energy by displayed charge: as learned from the car's trips, else of its published values."""
+        """Energy by displayed charge: fitted to the car's trips, else from its published values."""
         learned = self.uncertainty.charge
         return learned or ChargeScale.from_book(self.vehicle.battery, self.drive.wh_per_soc)
 
@@ -575,7 +575,7 @@ class Forecast:
         Parameters
         ----------
         route : RouteUncertainty or None
-            Error of speed profiles that are made from links, by their length; None where it was not learned.
+            Error of speed profiles that are made from links, by their length; None where it was not fitted.
         free_flow : FreeFlowUncertainty, optional
             Error of the travel times of an empty road.
 

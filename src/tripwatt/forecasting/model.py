@@ -79,7 +79,7 @@ class HeldOut:
 
 @dataclass(eq=False, repr=False)
 class ForecastModel:
-    """Physics, learned correction and their uncertainty.
+    """Physics, correction and their uncertainty.
 
     Parameters
     ----------

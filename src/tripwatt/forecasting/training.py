@@ -176,7 +176,7 @@ def donor_model(
     seed: int = 0,
     car_of: Callable[[IntArray], Vehicle] | None = None,
 ) -> DonorModel:
-    """Simulate and learn trips with some inputs masked, with one Gaussian process for the whole residual."""
+    """Simulate trips with some inputs masked and fit them, with one Gaussian process for the whole residual."""
     masked = [without_inputs(trip, masked_inputs) for trip in trips]
     model = ForecastModel(vehicle, "gp", seed)
     table = segment_trips(masked, vehicle)

@@ -1,4 +1,4 @@
-"""Correct power: the residual power of short segments, learned from what is known before departure."""
+"""Correct power: the residual power of short segments, estimated from what is known before departure."""
 
 from __future__ import annotations
 
@@ -176,8 +176,8 @@ no other kind of drive."""
 class GPCorrector(PowerCorrector):
     """Additive Gaussian process: calibrated causes plus smooth functions of the departure state.
 
-    The weights are learned from the trips' totals, because rows of a trip are far from independent. The course along
-    the trip is learned from the rows: the remaining residual less the trip's mean is regressed on the same features,
+    The weights are fitted to the trips' totals, because rows of a trip are far from independent. The course along
+    the trip is fitted to the rows: the remaining residual less the trip's mean is regressed on the same features,
     also less their trip's mean. It moves energy along the trip and does not change the total. A total counts by the
     standard deviation of its measurement; a trip whose energy was not measured along the way has no course.
     """
@@ -304,7 +304,7 @@ class LearnerCorrector(PowerCorrector):
         return found * self.familiarity.share(table.features)
 
     def columns(self, table: SegmentTable) -> pd.DataFrame:
-        """What the learner sees of a table."""
+        """The learner's features of a table."""
         return table.features[list(self.features)]
 
 
@@ -331,8 +331,8 @@ class EnsembleCorrector(PowerCorrector):
     def fit(self, table: SegmentTable) -> Self:
         """Fit each member.
 
-        The others weigh every row alike and know no errors: of a trip that was not measured along the way they learn what the
-        first learned of it.
+        The others weigh every row alike and have no errors of measurement: of a trip that was not measured along the way they are fitted to
+        the first one's estimate.
         """
         first, *others = self.members
         first.fit(table)

@@ -1,4 +1,4 @@
-"""A plan cut into short segments: the rows on which residual power is learned."""
+"""A plan cut into short segments: the rows on which residual power is fitted."""
 
 from __future__ import annotations
 

@@ -41,14 +41,14 @@ PROTOCOL: Final = "own trips, each left out of the adaptation"
 
 @dataclass(frozen=True, eq=False)
 class Adaptation:
-    """A model on its new car, and what was learned on the way.
+    """A model on its new car, and what was estimated for it.
 
     Attributes
     ----------
     model : ForecastModel
         The adapted model.
     posterior : Posterior
-        What was learned of the car.
+        What was estimated of the car.
     parameters : mapping of str to (float, float)
         Relative change of each physical parameter and its standard deviation.
     masked_inputs : tuple of str
@@ -268,7 +268,7 @@ def _cars(trips: Sequence[Trip]) -> list[str]:
 
 
 def _donor(base: ForecastModel, trips: Sequence[Trip]) -> tuple[DonorModel, tuple[str, ...]]:
-    """The donor model for the new car, learned with no more inputs than its log has, and the masked inputs."""
+    """The donor model for the new car, fitted with no more inputs than its log has, and the masked inputs."""
     usual = base.as_donor()
     used = {column for term in usual.members.terms for column in term.columns}
     missing = tuple(name for name in unknown_inputs(trips) if name in used)
@@ -288,7 +288,7 @@ def _share_of_energy(
 ) -> float:
     """Root mean square of the errors of own trips, less their constant part, over the energy moved.
 
-    How the errors of this car grow with a trip was seen on the base's trips alone. What another book lacks (wind, tyres, load,
+    How the errors of this car grow with a trip was seen on the base's trips alone. What no published value has (wind, tyres, load,
     the driver) takes a share of the energy, and no error grows faster. Small errors on a few trips do not show that those of
     long ones are smaller than the base's.
     """
