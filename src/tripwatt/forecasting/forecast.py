@@ -37,12 +37,7 @@ from tripwatt.trips import Departure, Flag, Plan, raise_faults
 from tripwatt.trips.columns import require_fraction, require_number
 from tripwatt.trips.messages import flag_to_dict, leave_in_words, message
 from tripwatt.trips.showing import html_table
-from tripwatt.uncertainty import (
-    ChargeScale,
-    ResidualPower,
-    RouteUncertainty,
-    UncertaintyModel,
-)
+from tripwatt.uncertainty import ChargeScale, ResidualPower, RouteUncertainty, UncertaintyModel
 from tripwatt.uncertainty.charge import FULL
 from tripwatt.uncertainty.climb import ClimbingEnergy, Excess, UnknownClimb
 from tripwatt.uncertainty.free_flow import FreeFlowUncertainty

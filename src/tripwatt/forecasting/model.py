@@ -29,13 +29,7 @@ from tripwatt.forecasting.ranges import (
     unknown_state_sd_wh,
     unknown_wind_sd_wh,
 )
-from tripwatt.hybrid import (
-    PowerCorrector,
-    SegmentTable,
-    power_corrector,
-    segment_table,
-    segment_trips,
-)
+from tripwatt.hybrid import PowerCorrector, SegmentTable, power_corrector, segment_table, segment_trips
 from tripwatt.hybrid.familiarity import Range
 from tripwatt.hybrid.hierarchy import Members
 from tripwatt.parallel import one_blas_thread
@@ -44,13 +38,7 @@ from tripwatt.routes.terrain import net_climbs
 from tripwatt.trips import Departure, Flag, Plan, Trip, plan_from_trip, raise_faults
 from tripwatt.trips.messages import name_of
 from tripwatt.trips.showing import html_table
-from tripwatt.uncertainty import (
-    ChargeScale,
-    LinkedTrips,
-    RouteUncertainty,
-    UncertaintyModel,
-    linked_trips,
-)
+from tripwatt.uncertainty import ChargeScale, LinkedTrips, RouteUncertainty, UncertaintyModel, linked_trips
 from tripwatt.uncertainty.free_flow import FreeFlowTrips
 from tripwatt.uncertainty.held_out import held_out_residual, process_segments
 from tripwatt.uncertainty.model import scale_wh

@@ -16,14 +16,7 @@ from tripwatt.auditing import audit
 from tripwatt.forecasting.donor import MASKABLE, DonorModel, unknown_inputs, without_inputs
 from tripwatt.forecasting.inner import shown_by
 from tripwatt.forecasting.model import DEFAULT_CORRECTOR, ForecastModel, HeldOut
-from tripwatt.hybrid import (
-    TRANSFERABLE,
-    Identified,
-    StageRecord,
-    identify,
-    segment_trips,
-    stage_record,
-)
+from tripwatt.hybrid import TRANSFERABLE, Identified, StageRecord, identify, segment_trips, stage_record
 from tripwatt.hybrid.calibrate import Calibration, calibrate
 from tripwatt.trips import COLUMNS, Fleet, Trip
 from tripwatt.trips.messages import message
@@ -198,10 +191,7 @@ def donor_model(
 
 def versions() -> dict[str, Any]:
     """Python and the packages that figures depend on."""
-    return {
-        "python": platform.python_version(),
-        "packages": {name: version(name) for name in PACKAGES},
-    }
+    return {"python": platform.python_version(), "packages": {name: version(name) for name in PACKAGES}}
 
 
 def held_out_figures(trips: Sequence[HeldOut]) -> dict[str, Any]:
