@@ -144,7 +144,7 @@ def require_small_content(
     return opened
 
 
-def write_file(path: Path, write: Callable[[Path], None]) -> None:
+def write_file(path: Path, write: Callable[[Path], object]) -> None:
     """Write one file, whole or not at all: `write` fills another name beside it, which then takes its place.
 
     A symbolic link stays one: the file that it points to is replaced.

@@ -28,7 +28,7 @@ from tripwatt.live import (
     sample_from_abrp,
 )
 from tripwatt.live import folder as folder_module
-from tripwatt.live import road_car as module
+from tripwatt.live import recording as module
 from tripwatt.live.live_trip import SILENCE_S
 from tripwatt.live.ordering import LATE_S
 from tripwatt.live.plan import request_of_samples

@@ -14,11 +14,13 @@ from tripwatt.errors import InvalidInput
 from tripwatt.physics import simulate_trip
 from tripwatt.routes import (
     LinkRoute,
+    fields_of_route,
     link_objects,
     parse_route,
     plan_from_links,
     plan_from_route,
     route_from_links,
+    route_with_elevation,
 )
 from tripwatt.routes.link_objects import LINK_KEYS, columns_of_links
 from tripwatt.trips import Flag
@@ -262,3 +264,43 @@ def test_an_endless_value_is_one_fault(name):
     assert [str(fault) for fault in caught.value.faults] == [
         f"not a finite number: link 1, {name}: got inf; allowed: a finite number"
     ]
+
+
+def test_links_leave_out_what_is_not_known() -> None:
+    route = route_from_links(
+        [
+            {"length_m": 100.0, "speed_m_s": 10.0, "speed_limit_m_s": 14.0, "stop_s": 2.0},
+            {"length_m": 50.0, "travel_time_s": 5.0},
+        ]
+    )
+    first, second = fields_of_route(route)["links"]
+    assert (first["length_m"], first["stop_s"], first["speed_limit_m_s"]) == (100.0, 2.0, 14.0)
+    assert (second["length_m"], second["travel_time_s"]) == (50.0, 5.0)
+    assert "speed_limit_m_s" not in second
+    assert all(value == value for link in (first, second) for value in link.values())
+
+
+def test_links_without_limits_have_none() -> None:
+    (link,) = fields_of_route(route_from_links([{"length_m": 100.0, "speed_m_s": 10.0}]))["links"]
+    assert link["travel_time_s"] == 10.0
+    assert "speed_limit_m_s" not in link
+
+
+def test_the_fields_of_a_route_give_it_again() -> None:
+    links = [
+        {"length_m": 100.0, "speed_m_s": 10.0, "grade": 0.03},
+        {"length_m": 50.0, "travel_time_s": 5.0, "grade": 0.0},
+    ]
+    route = route_from_links(links)
+    fields = fields_of_route(route)
+    again = route_with_elevation(route_from_links(fields["links"]), **fields["elevation"])
+    for name in (
+        "length_m",
+        "travel_time_s",
+        "stop_s",
+        "moving_speed_m_s",
+        "elevation_m",
+        "elevation_position_m",
+    ):
+        assert np.array_equal(getattr(again, name), getattr(route, name), equal_nan=True), name
+    assert "no_elevation" not in {flag.code for flag in again.flags}

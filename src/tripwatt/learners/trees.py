@@ -311,6 +311,13 @@ class ClusteredTrees(RegressorMixin, BaseEstimator):
         return settings_of(self._base(), grid)
 
 
+def keep_arguments(estimator: Any, arguments: Mapping[str, Any]) -> None:
+    """Set the arguments of a constructor, its `locals()`, as attributes of their names, as scikit-learn reads them."""
+    for name, value in arguments.items():
+        if value is not estimator:
+            setattr(estimator, name, value)
+
+
 def about_columns(estimator: Any) -> dict[str, Any]:
     """Columns and settings of a fitted estimator as JSON values."""
     settings = estimator.get_params(deep=False)

@@ -110,7 +110,8 @@ class Score:
         names = ("energy_wh", *(f"{start}{name}" for name in FORECAST))
         took, said, low, high = (table[name].to_numpy(dtype=np.float64) for name in names)
         if not len(took):
-            return cls(0, *[math.nan] * 5, 0, math.nan)
+            nan = math.nan
+            return cls(0, nan, nan, nan, nan, nan, 0, nan)
         covered = Coverage.from_bounds(took, low, high, LEVEL)
         error, total, counts = said - took, float(np.abs(took).sum()) or math.nan, took > 0.0
         width = float((high - low).sum() / total)

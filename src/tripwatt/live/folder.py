@@ -105,7 +105,7 @@ def forecasts_of(folder: Path, trip_id: str) -> tuple[MadeForecast, ...]:
     name = trip_id.removeprefix(log_name(folder.name, ""))
     if NAMES.fullmatch(name) is None:
         return ()
-    return read_forecasts(folder / LIVE / TRIPS / f"{name}.{FORECASTS}")
+    return read_forecasts(folder / LIVE / TRIPS / f"{name}.{FORECASTS}")[1]
 
 
 def started_at(name: str) -> dt.datetime:

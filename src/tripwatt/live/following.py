@@ -158,27 +158,19 @@ class Follower:
         wait_s = AGAIN_S[0]
         while True:
             try:
-                async with _client(broker, f"tripwatt-{self.car.name}") as client:
+                async with (
+                    _client(broker, f"tripwatt-{self.car.name}") as client,
+                    asyncio.TaskGroup() as tasks,
+                ):
                     await client.subscribe(self.joiner.filter, qos=1)
                     wait_s = AGAIN_S[0]
                     await self._announce(client)
-                    await self._run(client)
-            except aiomqtt.MqttError as error:
-                self.note(f"{broker.host}:{broker.port}: {error}"[:200])
+                    tasks.create_task(self._listen(client))
+                    tasks.create_task(self._report(client))
+            except* aiomqtt.MqttError as lost:
+                self.note(f"{broker.host}:{broker.port}: {lost.exceptions[0]}"[:200])
             await asyncio.sleep(wait_s)
             wait_s = min(2.0 * wait_s, AGAIN_S[1])
-
-    async def _run(self, client: aiomqtt.Client) -> None:
-        """Listen and report until one of the two ends."""
-        tasks = [asyncio.ensure_future(self._listen(client)), asyncio.ensure_future(self._report(client))]
-        try:
-            done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-            for task in done:
-                task.result()
-        finally:
-            for task in tasks:
-                task.cancel()
-            await asyncio.gather(*tasks, return_exceptions=True)
 
     async def _announce(self, client: aiomqtt.Client) -> None:
         if not (self.publish_to and self.announce_below):

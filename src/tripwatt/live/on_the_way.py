@@ -5,6 +5,7 @@ They are kept beside the samples of the car, and beside the table of the trip wh
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 from collections.abc import Mapping
@@ -56,7 +57,7 @@ class OnTheWay:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._start_s, self._made = _read(path)
+        self._start_s, self._made = read_forecasts(path)
 
     def of(self, start_s: float) -> tuple[MadeForecast, ...]:
         """The forecasts of the trip that started at a time [s since 1970]."""
@@ -101,23 +102,15 @@ def write_forecasts(path: Path, start_s: float, made: tuple[MadeForecast, ...]) 
     )
 
 
-def read_forecasts(path: Path) -> tuple[MadeForecast, ...]:
-    """The forecasts of a file; none where there is no such file or it is damaged."""
-    return _read(path)[1]
-
-
-def _read(path: Path) -> tuple[float | None, tuple[MadeForecast, ...]]:
+def read_forecasts(path: Path) -> tuple[float | None, tuple[MadeForecast, ...]]:
+    """Departure of the trip of a file, and its forecasts; none where there is no such file or it is damaged."""
     if not path.is_file():
         return None, ()
     try:
         document: Mapping[str, Any] = json.loads(read_text_file(path, MOST_BYTES))
-        return float(document["start_s"]), tuple(_forecast(row) for row in document["forecasts"])
+        rows = [[float(row[name]) for name in MadeForecast.__slots__] for row in document["forecasts"]]
+        if not all(map(math.isfinite, itertools.chain(*rows))):
+            return None, ()
+        return float(document["start_s"]), tuple(MadeForecast(*row) for row in rows)
     except (InvalidInput, ValueError, KeyError, TypeError, AttributeError):
         return None, ()
-
-
-def _forecast(row: Mapping[str, Any]) -> MadeForecast:
-    values = {name: float(row[name]) for name in MadeForecast.__slots__}
-    if not all(map(math.isfinite, values.values())):
-        raise ValueError("a number that is not finite")
-    return MadeForecast(**values)

@@ -111,9 +111,7 @@ class Sampled:
 
     def _columns(self) -> dict[str, list[float | None]]:
         """The samples as lists, None where a value is missing."""
-        return {
-            name: [None if v != v else v for v in self.array(name).tolist()] for name in self.samples.columns
-        }
+        return columns_of(self.samples)
 
 
 def table_of(columns: Mapping[str, FloatArray]) -> pd.DataFrame:
