@@ -1,4 +1,4 @@
-"""A car from a few figures that its driver knows, and how well these fix its consumption."""
+"""A car from a few published figures, and how well these fix its consumption."""
 
 from __future__ import annotations
 

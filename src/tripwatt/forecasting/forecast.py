@@ -251,9 +251,8 @@ class Forecast:
 
     @cached_property
     def charge(self) -> ChargeScale:
-        """Energy by displayed charge: as learned from the car's trips, else of its published values."""
-        learned = self.uncertainty.charge
-        return learned or ChargeScale.from_book(self.vehicle.battery, self.drive.wh_per_soc)
+        """Energy by displayed charge: as fitted to the car's trips, else of its published values."""
+        return self.uncertainty.charge or ChargeScale.from_book(self.vehicle.battery, self.drive.wh_per_soc)
 
     @property
     def soc_arrival(self) -> float:
@@ -570,7 +569,7 @@ class Forecast:
         Parameters
         ----------
         route : RouteUncertainty or None
-            Error of speed profiles that are made from links, by their length; None where it was not learned.
+            Error of speed profiles that are made from links, by their length; None where it was not estimated.
         free_flow : FreeFlowUncertainty, optional
             Error of the travel times of an empty road.
 

@@ -67,7 +67,7 @@ class HeldOut:
 
 @dataclass(eq=False, repr=False)
 class ForecastModel:
-    """Physics, learned correction and their uncertainty.
+    """Physics, a correction and their uncertainty.
 
     Parameters
     ----------
@@ -122,7 +122,7 @@ class ForecastModel:
         car_of: Callable[[IntArray], Vehicle] | None = None,
         progress: Callable[[int, int], None] | None = None,
     ) -> ForecastModel:
-        """Learn from raw trips with measured energy. See `fit_segments`.
+        """Fit to raw trips with measured energy. See `fit_segments`.
 
         Parameters
         ----------
@@ -172,7 +172,7 @@ class ForecastModel:
         again: Again | None = None,
         progress: Callable[[int, int], None] | None = None,
     ) -> ForecastModel:
-        """Learn corrector, process and scores. One fit of the corrector, one for each inner fold, and a few for its settings.
+        """Fit corrector, process and scores. One fit of the corrector, one for each inner fold, and a few for its settings.
 
         Parameters
         ----------
@@ -446,8 +446,10 @@ class ForecastModel:
         return plot_model(self.forecast, self.vehicle.title)
 
     def _title(self) -> str:
-        learned = f"{self.corrector} corrector, {len(self.trip_ids_)} trips" if self.trip_ids_ else "no trips"
-        return f"{self.vehicle.title}, {learned}"
+        corrector = (
+            f"{self.corrector} corrector, {len(self.trip_ids_)} trips" if self.trip_ids_ else "no trips"
+        )
+        return f"{self.vehicle.title}, {corrector}"
 
     def __repr__(self) -> str:
         return f"<ForecastModel {self._title()}>"

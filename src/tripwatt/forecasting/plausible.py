@@ -28,7 +28,7 @@ LATE_S: Final = 60.0
 """Time [s] after the end of a driven speed trace up to which samples may belong to it."""
 
 MASS_MARGIN: Final = 0.5
-"""Share by which a correction that was learned may change the energy of climb and speed: a load, or a wrong mass."""
+"""Share by which a correction may change the energy of climb and speed: a load, or a wrong mass."""
 
 ROUNDING_WH: Final = 1.0
 """Error of the sums of a long trip."""

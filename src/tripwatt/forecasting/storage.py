@@ -119,7 +119,7 @@ def save_model(
     folder : path
         A new or empty folder, or one that holds a model, which is replaced.
     provenance : mapping, optional
-        Where it comes from, such as `trained` gives: data, audit, trips, versions.
+        Where it comes from, such as `fitting.fit_with_provenance` gives: data, audit, trips, versions.
     evaluation : mapping, optional
         Its figures.
 

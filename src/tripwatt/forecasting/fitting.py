@@ -1,4 +1,4 @@
-"""Train a model on a fleet of logs, with its provenance."""
+"""Fit a model to a fleet of logs, with its provenance."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ class CarOfTrips:
         return self.values(members)[2]
 
 
-def train_model(
+def fit_with_provenance(
     fleet: Fleet,
     vehicle: Vehicle,
     *,
@@ -121,15 +121,15 @@ def train_model(
     --------
     >>> from tripwatt.synthetic import synthetic_fleet
     >>> from tripwatt.vehicles import load_vehicle
-    >>> trained = train_model(synthetic_fleet(9), load_vehicle("bmw_i3_60ah"), corrector="linear")
-    >>> trained[1]["data"]["name"], trained[2]["trips"]
+    >>> fitted = fit_with_provenance(synthetic_fleet(9), load_vehicle("bmw_i3_60ah"), corrector="linear")
+    >>> fitted[1]["data"]["name"], fitted[2]["trips"]
     ('synthetic', 9)
     """
     sound = audit(fleet)
     cars = CarOfTrips.from_trips(sound.trips, vehicle, identified=identified, calibrated=calibrated)
     stages, found_values, car = cars.values()
     model = ForecastModel(car, corrector, seed).fit(sound.trips, car_of=cars.car, progress=progress)
-    model.donor_ = train_donor(sound.trips, model, cars.car)
+    model.donor_ = fit_donor(sound.trips, model, cars.car)
     provenance = {
         "data": {
             "name": fleet.name,
@@ -154,7 +154,7 @@ def train_model(
     return model, provenance, held_out_figures(model.held_out_)
 
 
-def train_donor(
+def fit_donor(
     trips: Sequence[Trip], model: ForecastModel, car_of: Callable[[IntArray], Vehicle] | None = None
 ) -> DonorModel | None:
     """The donor model of a fitted model; None where the trips have no input to mask or its corrector cannot donate.
@@ -181,7 +181,7 @@ def donor_model(
     seed: int = 0,
     car_of: Callable[[IntArray], Vehicle] | None = None,
 ) -> DonorModel:
-    """Simulate and learn trips with some inputs masked, with one Gaussian process for the whole residual."""
+    """Simulate and fit trips with some inputs masked, with one Gaussian process for the whole residual."""
     masked = [without_inputs(trip, masked_inputs) for trip in trips]
     model = ForecastModel(vehicle, "gp", seed)
     table = segment_trips(masked, vehicle)
