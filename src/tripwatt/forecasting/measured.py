@@ -342,7 +342,7 @@ def _require_sign(observed: Columns, plan: Plan) -> None:
 def along_the_plan(samples: Columns, plan: Plan) -> Columns:
     """Samples of a drive on the clock of its plan: each at the time at which the plan is where the car was. O(samples).
 
-    A car that is late on a planned route has more of it to go than its time tells. Where the car stands longer than
+    A car that is late on a planned route has more of it to go than its time suggests. Where the car stands longer than
     planned, its energy counts and the plan's clock stands still. A driven trace needs no change.
 
     Parameters

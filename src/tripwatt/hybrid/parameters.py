@@ -125,7 +125,7 @@ def parameters_of(vehicle: Vehicle) -> tuple[Parameter, ...]:
     )
     if not beyond:
         return found
-    # loads of the class, of which no figure of the car says anything
+    # loads of the class, on which no figure of the car depends
     return tuple(replace(p, width=math.hypot(p.width, beyond)) if p.name in _LOADS else p for p in found)
 
 

@@ -48,7 +48,7 @@ class ClusteredBoosting(ClusteredTrees):
     max_features : float
         Share of the columns that each split may choose from.
     subsample : float
-        Share of the groups that each round learns from (whole groups; Friedman 2002).
+        Share of the groups that each round is fitted to (whole groups; Friedman 2002).
     correlation : {"independence", "exchangeable", "ar1"}
         Working correlation of the rows of a group; ar1 goes by their order.
     start : {"mean", "zero"}

@@ -1,6 +1,6 @@
 """A random forest for clustered rows: whole groups are drawn, left out and scored.
 
-Each tree sees a bootstrap of groups (Karpievitch et al. 2009), so a group that was not drawn is out of bag with
+Each tree takes a bootstrap of groups (Karpievitch et al. 2009), so a group that was not drawn is out of bag with
 all of its rows and the out-of-bag error is an error on new groups. The same property gives leave-one-group-out
 predictions without refits, see `ClusteredForest.leave_groups_out`. See `docs/explanation/learners.md`.
 """

@@ -157,7 +157,7 @@ class Trees:
 
 @dataclass(frozen=True)
 class Sample:
-    """The rows that are learned from, sorted by group, and how groups are scored.
+    """The rows of a fit, sorted by group, and how groups are scored.
 
     Attributes
     ----------
@@ -474,5 +474,5 @@ def plain(value: Any) -> Any:
 
 
 def seed_of(random_state: Any) -> int:
-    """An integer seed out of whatever scikit-learn takes for one."""
+    """An integer seed from any that scikit-learn takes."""
     return int(check_random_state(random_state).randint(2**31 - 2))

@@ -1,4 +1,4 @@
-"""Jobs of cars that learn: list and show them, propose how their logs are read, learn, forget. All file work is here."""
+"""Jobs of users' cars: list and show them, propose how their logs are read, learn, forget. All file work is here."""
 
 from __future__ import annotations
 
@@ -286,7 +286,7 @@ def changed_tables(
 
 
 def preview_of(fleet: Fleet) -> dict[str, Any]:
-    """What the audit says of some logs, as `LogsPreview`."""
+    """The audit of some logs, as `LogsPreview`."""
     audited = audit(fleet)
     sound = [trip for trip in audited.trips if trip.observed_energy_wh is not None]
     return {

@@ -1,4 +1,4 @@
-"""The endpoints of cars that learn from their trips: made, shown, given logs, erased.
+"""The endpoints of users' cars: made, shown, given logs, erased.
 
 This process stores uploads and keeps track of what is learned; workers read, audit and learn.
 """
@@ -133,7 +133,7 @@ class CarOperations:
 
     @operation("POST /v1/cars", "cars", CarResponse, NewCarRequest)
     async def new_car(self, request: Request) -> Response:
-        """Make a car that learns from its trips."""
+        """Make a car."""
         require_folder(self.settings.cars)
         return _shown(await self.answering.body_job(request, "new car"), None)
 

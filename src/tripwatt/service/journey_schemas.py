@@ -221,7 +221,7 @@ class ViewResponse(ResponseModel):
 
 
 class MapResponse(ResponseModel):
-    """What this service knows of the world."""
+    """Roads, places and weather of this service."""
 
     roads: bool
     """whether /v1/journeys and /v1/reachable are served"""

@@ -1,6 +1,6 @@
 """Values that close the gap between a car's simulated and its certified consumption, from `data/table/anchors.csv`.
 
-`python -m benchmarks.anchors --write` computes the file with the physics of the day; `tripwatt.certification` says how. Each row
+`python -m benchmarks.anchors --write` computes the file with the physics of the day by `tripwatt.certification`. Each row
 is an entry of a car: its value, and the mean error of the car before it. The car `*` is what the class has in common.
 """
 

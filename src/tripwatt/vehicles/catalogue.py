@@ -250,7 +250,7 @@ def _class_values(without: frozenset[str]) -> ClassValues:
 def _spreads(runs: list[tuple[str, Coastdown]], classes: ClassValues) -> tuple[float, float]:
     """Independent relative deviations of rolling and air drag that give the scatter of the forces at two speeds.
 
-    Parts A, B and C of one coast-down trade against each other, so that the scatter of each alone says too much. The variances
+    Parts A, B and C of one coast-down trade against each other, so that the scatter of each alone is too large. The variances
     of the logarithm of force over that of the class, at `SPREAD_SPEEDS_M_S`, are two equations for the two variances.
     """
     variances, shares = [], []
