@@ -63,7 +63,9 @@ def examples() -> dict[str, dict[str, Any]]:
     found = {}
     for trip in synthetic_fleet(EXAMPLE_COUNT).trips:
         known = trip.departure.to_dict()
-        at_departure: dict[str, Any] = {name: known[name] for name in ASKED if name in known}
+        at_departure: dict[str, Any] = {
+            name: known[name] for name in ASKED if name in known and name != "departs_at"
+        }
         managed = float(trip.array("soc")[0])
         # as the bundled model reads the samples on the way, so that the curve starts where the departure does
         shown = battery.displayed_from_soc(managed) if charge is None else charge.displayed(managed)
