@@ -105,21 +105,21 @@ def compute() -> tuple[dict[str, Anchor], list[Outcome]]:
     names = [name for name in vehicle_names() if name not in NOT_ANCHORED]
     cars = {name: unanchored(name) for name in names}
     figures = {name: certified_figures(name, cars[name]) for name in names}
-    found: dict[str, Anchor] = {}
+    new: dict[str, Anchor] = {}
     outcomes: dict[str, Outcome] = {}
     common, misses = [], []
     for name in names:
         if not figures[name] or level_of(name) != "road_load":
             continue
         done = most_probable(cars[name], figures[name])
-        found[name] = done.anchor("road_load")
-        outcomes[name] = outcome(name, cars[name], done.vehicle, found[name], figures[name])
+        new[name] = done.anchor("road_load")
+        outcomes[name] = outcome(name, cars[name], done.vehicle, new[name], figures[name])
         common.append(anchored(cars[name], figures[name], CLASS_LOSS).factor)
-        misses.append(found[name].before)
+        misses.append(new[name].before)
     middle = float(np.median(common))
     efficiency = scaled(cars["vw_id4_pro"], CLASS_LOSS, middle).drivetrain.gearbox_efficiency
     entries = MappingProxyType({"drivetrain.gearbox_efficiency": (efficiency, "1")})
-    found[CLASS] = Anchor("class", CLASS_LOSS, entries, float(np.median(misses)))
+    new[CLASS] = Anchor("class", CLASS_LOSS, entries, float(np.median(misses)))
     for name in names:
         if not figures[name] or level_of(name) == "road_load":
             continue
@@ -127,9 +127,9 @@ def compute() -> tuple[dict[str, Anchor], list[Outcome]]:
         done = anchored(own, figures[name], ROAD_LOAD)
         before = errors(cars[name], figures[name])
         road = done.anchor("certification")
-        found[name] = Anchor("certification", ROAD_LOAD, road.entries, float(before.mean()))
-        outcomes[name] = outcome(name, cars[name], done.vehicle, found[name], figures[name])
-    return found, [outcomes[name] for name in names if name in outcomes]
+        new[name] = Anchor("certification", ROAD_LOAD, road.entries, float(before.mean()))
+        outcomes[name] = outcome(name, cars[name], done.vehicle, new[name], figures[name])
+    return new, [outcomes[name] for name in names if name in outcomes]
 
 
 def outcome(
@@ -141,20 +141,20 @@ def outcome(
 
 def committed() -> list[Outcome]:
     """The errors before and after the anchors of the package."""
-    found = []
+    outcomes = []
     for name, anchor in anchors().items():
         if name == CLASS:
             continue
         before, after = unanchored(name), load_vehicle(name)
-        found.append(outcome(name, before, after, anchor, certified_figures(name, before)))
-    return found
+        outcomes.append(outcome(name, before, after, anchor, certified_figures(name, before)))
+    return outcomes
 
 
-def write_anchors(found: dict[str, Anchor]) -> None:
+def write_anchors(own: dict[str, Anchor]) -> None:
     with TABLE.open("w", encoding="utf-8", newline="") as file:
         out = csv.writer(file, lineterminator="\n")
         out.writerow(["car", "level", "loss", "entry", "value", "unit", "before"])
-        for name, anchor in sorted(found.items()):
+        for name, anchor in sorted(own.items()):
             for key, (value, unit) in anchor.entries.items():
                 out.writerow(
                     [name, anchor.level, anchor.loss, key, f"{value:.6g}", unit, f"{anchor.before:.4f}"]
@@ -225,8 +225,8 @@ def render(outcomes: Sequence[Outcome]) -> str:
 def main(write: bool = False) -> None:
     """Print the table. `--write` computes the anchors again and renews table and page."""
     if write:
-        found, outcomes = compute()
-        write_anchors(found)
+        own, outcomes = compute()
+        write_anchors(own)
     else:
         outcomes = committed()
     table = render(outcomes)

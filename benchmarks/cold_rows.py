@@ -109,7 +109,7 @@ def compute() -> list[ColdRow]:
     """The usable rows of the list, each with the UDDS of the same car and year."""
     table = pd.read_csv(CATALOGUE / "epa_ev.csv")
     warm = table[(table["cycle"] == CITY) & (table["kwh_per_100mi"] > LEAST_KWH)]
-    found = []
+    rows = []
     for _, row in table[(table["cycle"] == COLD) & (table["kwh_per_100mi"] > LEAST_KWH)].iterrows():
         same = warm[(warm["model"] == row["model"]) & (warm["model_year"] == row["model_year"])]
         if same.empty:
@@ -118,12 +118,12 @@ def compute() -> list[ColdRow]:
         city = driven_wh_per_km(car, schedule("udds"), car.body.test_mass_kg)
         title = f"{row['make']} {row['model']} {row['model_year']}"
         off, heated = (in_the_cold(car, climate) for climate in ("off", "auto"))
-        found.append(
+        rows.append(
             ColdRow(
                 title, float(row["kwh_per_100mi"]), float(same["kwh_per_100mi"].mean()), off, heated, city
             )
         )
-    return found
+    return rows
 
 
 def render(rows: list[ColdRow]) -> str:

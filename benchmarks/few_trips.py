@@ -77,13 +77,13 @@ def of_car(world: str, seed: int, base: tw.ForecastModel, regression: EnergyRegr
     trips = tw.synthetic_fleet(max(OWN) + ASKED, 30_000 + seed, vehicle=true).trips
     order = rng.permutation(len(trips))  # days have a driver and a weather of their own
     own, asked = ([trips[i] for i in part] for part in (order[ASKED:], order[:ASKED]))
-    found = []
+    errors = []
     for k in OWN:
         model = tw.adapt(base, own[:k], book) if k else for_car(base, book)
         rate = constant(own[:k], asked) if k else np.full(ASKED, np.nan)
         other = without_physics(regression, own[:k], asked, book)
-        found.append(np.column_stack([scored(model, asked), rate, other]))
-    return found
+        errors.append(np.column_stack([scored(model, asked), rate, other]))
+    return errors
 
 
 def line(k: int, rows: np.ndarray) -> bool:

@@ -36,7 +36,7 @@ from typer import Argument, BadParameter, Option
 
 from benchmarks.many_vehicles import CAR_MODELS, FleetPlan, block_of_logs, many_vehicles, vehicle_truth
 from benchmarks.measure import Row, not_measured, report
-from tripwatt.evaluation.fleets import _error, evaluate_rows
+from tripwatt.evaluation.fleets import evaluate_rows, mean_error
 from tripwatt.fleet.executors import InProcess
 from tripwatt.fleet.features import FEATURES, SCALES, START
 from tripwatt.fleet.mapping import map_store, read_rows, row_of, segments_of, tasks_of
@@ -124,9 +124,9 @@ def scale_once(trips: int, workers: int) -> dict[str, float]:
 
 
 def scale(small: int, large: int, workers: int) -> Iterator[Row]:
-    found = [scale_once(n, workers) for n in (small, large)]
-    exponent = float(np.log(found[1]["cpu_s"] / found[0]["cpu_s"]) / np.log(large / small))
-    per_trip = found[1]["wall_min"] / large
+    sizes = [scale_once(n, workers) for n in (small, large)]
+    exponent = float(np.log(sizes[1]["cpu_s"] / sizes[0]["cpu_s"]) / np.log(large / small))
+    per_trip = sizes[1]["wall_min"] / large
     yield Row(
         f"20,000 trips on {workers} processes, from {large}",
         20_000 * per_trip,
@@ -134,11 +134,11 @@ def scale(small: int, large: int, workers: int) -> Iterator[Row]:
         note="≤ 20 for 2 processes",
     )
     yield Row(f"exponent of the CPU cost, {small} to {large} trips", exponent, most=1.05)
-    yield Row("peak memory of a worker", found[1]["worker_mb"] / 1024.0, "GB", most=1.2)
-    yield Row("the same at the smaller size", found[0]["worker_mb"] / 1024.0, "GB", note="flat")
-    yield Row("from store to statistics", found[1]["map_ms"], "ms CPU a trip", most=15.0)
-    yield Row("making and adding", found[1]["add_ms"], "ms CPU a trip")
-    minutes = 1e6 * found[1]["cpu_s"] / large / 16.0 / 60.0
+    yield Row("peak memory of a worker", sizes[1]["worker_mb"] / 1024.0, "GB", most=1.2)
+    yield Row("the same at the smaller size", sizes[0]["worker_mb"] / 1024.0, "GB", note="flat")
+    yield Row("from store to statistics", sizes[1]["map_ms"], "ms CPU a trip", most=15.0)
+    yield Row("making and adding", sizes[1]["add_ms"], "ms CPU a trip")
+    minutes = 1e6 * sizes[1]["cpu_s"] / large / 16.0 / 60.0
     yield Row("1e6 trips on 16 cores, on paper", minutes, "min", note="≤ 30")
 
 
@@ -163,18 +163,18 @@ def truth(trips: int = 1200, vehicles: int = 60) -> Iterator[Row]:
     own = {vehicle_truth(plan, n).vehicle_id: vehicle_truth(plan, n) for n in range(vehicles)}
     names = sorted(own)
     ids, who, simulated = rows.texts("vehicle_id"), rows.texts("driver"), rows.numbers("simulated_wh")
-    found, true, driven = [], [], []
+    estimated, true, driven = [], [], []
     for name in names:
         its = models == own[name].car_model
         shares = {driver: share for driver, _, share in own[name].drivers}
         driven.append(np.mean([shares[driver] for driver in who[ids == name]]) * simulated[its].mean())
         usual = X[its].mean(axis=0)
         base, _ = model.posterior.weights(own[name].car_model)
-        found.append(float(usual @ (model.posterior.weights(own[name].car_model, name)[0] - base)))
+        estimated.append(float(usual @ (model.posterior.weights(own[name].car_model, name)[0] - base)))
         true.append(own_energy_wh(plan, own[name], rows.where(its)))
     together = [a + b for a, b in zip(true, driven, strict=True)]
     centred = [[v - np.mean([w for w, n in zip(values, names, strict=True) if own[n].car_model == own[m].car_model])
-                for v, m in zip(values, names, strict=True)] for values in (found, true, together)]  # fmt: skip
+                for v, m in zip(values, names, strict=True)] for values in (estimated, true, together)]  # fmt: skip
     correlation = float(np.corrcoef(centred[0], centred[1])[0, 1])
     yield Row(
         f"deviations of vehicles at {trips // vehicles} trips, correlation with the truth",
@@ -310,11 +310,11 @@ def peers(trips: int = 2000, vehicles: int = 100) -> Iterator[Row]:
     train, test = rows.where(~held), rows.where(held)
     began = time.process_time()
     sums = train.sums
-    found = group_posterior(sums, fit_scales(sums, START))
+    pooled = group_posterior(sums, fit_scales(sums, START))
     ours_s = time.process_time() - began
 
     observed = test.numbers("observed_wh")
-    ours = float(np.mean(np.abs(predict_rows(found, test)[0] - observed) / observed))
+    ours = float(np.mean(np.abs(predict_rows(pooled, test)[0] - observed) / observed))
     root = 1.0 / np.sqrt(train.numbers("variance_wh2"))
     X, y = train.X * root[:, None], train.residual_wh * root
     keep = np.abs(X).max(axis=0) > 1e-9
@@ -343,7 +343,7 @@ def synthetic_rows(trips: int, vehicles: int) -> Any:
     import pyarrow as pa
 
     plan = FleetPlan(trips, vehicles=vehicles)
-    found = []
+    rows = []
     for log in many_vehicles(plan):
         car_model = plan.car_models[int(str(log.context.car)[1:]) % len(plan.car_models)]
         table = segments_of(Trip.from_log(log), car_model, charge=False)
@@ -354,8 +354,8 @@ def synthetic_rows(trips: int, vehicles: int) -> Any:
             "digest": log.trip_id,
         }
         if table is not None:
-            found.append(row_of(Trip.from_log(log), table, about))
-    return TripRows.join([pa.Table.from_pylist(found, schema=ROWS)])
+            rows.append(row_of(Trip.from_log(log), table, about))
+    return TripRows.join([pa.Table.from_pylist(rows, schema=ROWS)])
 
 
 def real() -> Iterator[Row]:
@@ -381,12 +381,9 @@ def real() -> Iterator[Row]:
             if not held.any():
                 continue
             test = rows.where(held)
-            observed = test.numbers("observed_wh")
-            pooled = group_posterior(sums - test.sums, scales)
-            own = group_posterior(rows.where(its & ~held).sums, only) if (its & ~held).any() else None
-            errors["pooled"] += [_error(pooled, test, observed)] * len(test)
-            if own is not None:
-                errors["own"] += [_error(own, test, observed)] * len(test)
+            errors["pooled"] += [mean_error(sums - test.sums, scales, test)] * len(test)
+            if (its & ~held).any():
+                errors["own"] += [mean_error(rows.where(its & ~held).sums, only, test)] * len(test)
         pooled_, own_ = (float(np.mean(e)) if e else float("nan") for e in errors.values())
         text = f"{vehicle} ({int(its.sum())} trips): fleet {100 * pooled_:.2f} %, alone {100 * own_:.2f} %"
         yield Row(f"{text}; ratio", pooled_ / own_, most=1.03 if its.sum() > 10 else math.inf)

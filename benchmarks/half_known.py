@@ -79,7 +79,7 @@ def half_known(trips: Sequence[Trip], what: str) -> list[Trip]:
 
 def forecast_split(
     true: Mapping[str, float],
-    found: Mapping[str, Trip],
+    logged_trips: Mapping[str, Trip],
     seed: int,
     fitted: int = FITTED,
     corrector: str = "split",
@@ -87,7 +87,8 @@ def forecast_split(
     """Energy, forecast and 90 % interval of the trips that were not fitted on [Wh], shape (trips, 4)."""
     order = np.random.default_rng(seed).permutation(sorted(true))
     known, asked = (
-        [found[name] for name in part if name in found] for part in (order[:fitted], order[fitted:])
+        [logged_trips[name] for name in part if name in logged_trips]
+        for part in (order[:fitted], order[fitted:])
     )
     model = tw.ForecastModel(tw.load_vehicle(VEHICLE), corrector, seed).fit(known)
     forecasts = [model.forecast(trip) for trip in asked]
@@ -98,8 +99,8 @@ def forecast_split(
 def rows_of(trips: Sequence[Trip], what: str, splits: int) -> Iterator[Row]:
     """All rows of one logger."""
     true = {trip.trip_id: float(trip.observed_energy_wh or np.nan) for trip in trips}
-    found = {trip.trip_id: trip for trip in half_known(trips, what)}
-    rows = np.concatenate([forecast_split(true, found, seed) for seed in range(splits)])
+    half = {trip.trip_id: trip for trip in half_known(trips, what)}
+    rows = np.concatenate([forecast_split(true, half, seed) for seed in range(splits)])
     energy, forecast, low, high = rows.T
     name = f"{what}, {FITTED} trips fitted, {len(rows)} forecasts of {splits} splits"
     yield Row(f"{name}: mean error", float(absolute_percentage_error(energy, forecast).mean()), most=ERROR)
@@ -107,8 +108,8 @@ def rows_of(trips: Sequence[Trip], what: str, splits: int) -> Iterator[Row]:
     yield Row(f"{name}: coverage of the 90 % interval", float(inside.mean()), least=COVERAGE)
     width = float((high - low).sum() / energy.sum())
     yield Row(f"{name}: width of the 90 % interval over the energy", width)
-    error = np.array([(t.observed_energy_wh or np.nan) - true[name] for name, t in found.items()])
-    carried = np.array([t.observed_energy_std_wh or np.nan for t in found.values()])
+    error = np.array([(t.observed_energy_wh or np.nan) - true[name] for name, t in half.items()])
+    carried = np.array([t.observed_energy_std_wh or np.nan for t in half.values()])
     yield Row(f"{name}: median standard error [Wh]", float(np.nanmedian(carried)))
     yield Row(f"{name}: errors in units of it", float(np.sqrt(np.nanmean((error / carried) ** 2))))
 

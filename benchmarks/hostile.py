@@ -33,17 +33,17 @@ SECONDS: Final = 15.0
 
 def inputs(mutants: int, models: int) -> Iterator[Row]:
     """Mutants of every input, and forged models."""
-    found = {name: fuzz(name, mutants) for name in TARGETS}
-    found["models"] = forged_models(models)
-    for name, one in found.items():
+    fuzzed = {name: fuzz(name, mutants) for name in TARGETS}
+    fuzzed["models"] = forged_models(models)
+    for name, one in fuzzed.items():
         print(
             f"{name}: {one.mutants} mutants, {one.read} read, slowest {one.slowest_s:.2f} s", file=sys.stderr
         )
         print(*one.wrong[:5], sep="\n", end="\n" if one.wrong else "", file=sys.stderr)
-    yield Row("mutants of every input", float(sum(one.mutants for one in found.values())), least=50_000)
+    yield Row("mutants of every input", float(sum(one.mutants for one in fuzzed.values())), least=50_000)
     yield Row(
         "mutants of every input: tracebacks, hangs and absurd results",
-        float(sum(len(one.wrong) for one in found.values())),
+        float(sum(len(one.wrong) for one in fuzzed.values())),
         most=0,
     )
     yield Row(
@@ -82,11 +82,11 @@ def attacks(seconds: float, rest_s: float = 60.0) -> Iterator[Row]:
     with tempfile.TemporaryDirectory() as folder, serving(Path(folder), "--workers", "2") as service:
         seen_by_another(service, 2.0)
         before = service.resident_bytes()
-        found = {}
+        seen = {}
         for name in ATTACKS:
             with attacking(name, service.port):
-                found[name] = seen_by_another(service, seconds)
-            one = found[name]
+                seen[name] = seen_by_another(service, seconds)
+            one = seen[name]
             print(
                 f"{name}: {len(one.health_s)} answers, median {1e3 * one.median_s:.0f} ms, p99 "
                 f"{1e3 * one.quantile_s(0.99):.0f} ms, forecast {1e3 * max(one.forecast_s):.0f} ms, {one.wrong[:2]}",
@@ -96,25 +96,25 @@ def attacks(seconds: float, rest_s: float = 60.0) -> Iterator[Row]:
         after = service.resident_bytes()
     yield Row(
         "under each attack, /healthz of another client: largest median",
-        1e3 * max(one.median_s for one in found.values()),
+        1e3 * max(one.median_s for one in seen.values()),
         "ms",
         most=250,
     )
     yield Row(
         "under each attack, /healthz of another client: largest p99",
-        1e3 * max(one.quantile_s(0.99) for one in found.values()),
+        1e3 * max(one.quantile_s(0.99) for one in seen.values()),
         "ms",
         most=500,
     )
     yield Row(
         "under each attack, a forecast of another client: longest",
-        max(max(one.forecast_s) for one in found.values()),
+        max(max(one.forecast_s) for one in seen.values()),
         "s",
         most=1,
     )
     yield Row(
         "under each attack, requests of another client without an answer",
-        float(sum(len(one.wrong) for one in found.values())),
+        float(sum(len(one.wrong) for one in seen.values())),
         most=0,
     )
     yield Row(

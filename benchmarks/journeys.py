@@ -44,11 +44,13 @@ WORDS = ("vad", "tries", "landstr", "landstr 11 vad", "sch", "malb", "s", "im ",
 def cutting() -> Iterator[Row]:
     """Largest relative change of the energy of 20 km at 50 km/h as 1, 20 and 200 links."""
     model, departure = tw.load_model(), tw.Departure(soc=0.8, ambient_temperature_degc=10.0)
-    found = []
+    energies = []
     for number in (1, 20, 200):
         links = [{"length_m": 20_000.0 / number, "speed_m_s": 50.0 / 3.6}] * number
-        found.append(model.forecast(plan_from_links(route_from_links(links)), departure).energy_wh)
-    yield Row("energy of 20 km as 1, 20, 200 links: largest change", max(found) / min(found) - 1.0, most=0.02)
+        energies.append(model.forecast(plan_from_links(route_from_links(links)), departure).energy_wh)
+    yield Row(
+        "energy of 20 km as 1, 20, 200 links: largest change", max(energies) / min(energies) - 1.0, most=0.02
+    )
     plans = []
     for answer in _osrm_answers():
         parts = OsrmRouter.parts(Node(answer, "benchmark"))
@@ -105,8 +107,8 @@ def valhalla() -> Iterator[Row]:
         with _atlas(built) as (atlas, how):
             yield Row(f"{names[1]} ({how})", _plan_ms(atlas), "ms", most=40.0)
             assert atlas.places is not None
-            found = [_best(lambda word=word: atlas.places.search(word)) for word in WORDS]
-            yield Row(names[2], statistics.median(found), "ms", most=10.0)
+            times = [_best(lambda word=word: atlas.places.search(word)) for word in WORDS]
+            yield Row(names[2], statistics.median(times), "ms", most=10.0)
             drive = RoadForecaster(tw.load_model(), tw.Departure(soc=0.1, ambient_temperature_degc=5.0))
             (start,) = atlas.places.search("Vaduz", limit=1)
             yield Row(

@@ -105,34 +105,36 @@ def over_http(service: Service, count: int) -> Iterator[Answer]:
     for car, road, charge, probability in random.Random(9).sample(every, count):
         trip = {**known, "links": links_of(road), "vehicle": car, "reserve": RESERVE}
         asked = service.forecast({**trip, "soc": charge, "probability": probability}).raise_for_status()
-        found = asked.json()["leave_with"]
-        soc, message = found["soc_needed"], found["message"]
+        leave_with = asked.json()["leave_with"]
+        soc, message = leave_with["soc_needed"], leave_with["message"]
         leaving = service.forecast({**trip, "soc": min(soc, 1.0)}).raise_for_status()
         chance = leaving.json()["p_arrive"][f"{RESERVE:g}"]
         yield Answer(car, road, charge, probability, soc, chance, message)
 
 
-def spread(found: Sequence[Answer]) -> float:
+def spread(answered: Sequence[Answer]) -> float:
     """Largest difference of the charge to leave with between plans of one trip that have other charges."""
     by_trip: dict[tuple[str, str, float], list[float]] = {}
-    for one in found:
+    for one in answered:
         by_trip.setdefault((one.car, one.road, one.probability), []).append(one.soc)
     return max(max(values) - min(values) for values in by_trip.values())
 
 
 def rows(cars: Sequence[str] | None = None) -> Iterator[Row]:
     """The rows of the benchmark, over the whole library unless cars are given."""
-    found = list(answers(vehicle_names() if cars is None else cars))
+    answered = list(answers(vehicle_names() if cars is None else cars))
     with tempfile.TemporaryDirectory() as scratch, serving(Path(scratch), "--workers", "1") as service:
         asked = list(over_http(service, OVER_HTTP))
     text = "charge to leave with"
-    yield Row(f"{text}: questions answered", len(found))
+    yield Row(f"{text}: questions answered", len(answered))
     for why in ("any charge", "not even full"):
-        yield Row(f"of them: {why}", sum(one.exception == why for one in found))
+        yield Row(f"of them: {why}", sum(one.exception == why for one in answered))
     chance = "largest difference of the chance to arrive from the one asked for"
-    yield Row(f"{text}: {chance}", max(one.off for one in found), most=WORST)
-    yield Row(f"{text}: answers off by more without a reason", sum(one.off > WORST for one in found), most=0)
-    yield Row(f"{text}: largest difference between plans with other charges", spread(found), most=0.001)
+    yield Row(f"{text}: {chance}", max(one.off for one in answered), most=WORST)
+    yield Row(
+        f"{text}: answers off by more without a reason", sum(one.off > WORST for one in answered), most=0
+    )
+    yield Row(f"{text}: largest difference between plans with other charges", spread(answered), most=0.001)
     yield Row(
         f"{text} over HTTP, {OVER_HTTP} seeded questions: {chance}", max(one.off for one in asked), most=WORST
     )

@@ -119,7 +119,7 @@ def kept_times(trips: Sequence[Trip], length_m: float) -> dict[str, float]:
 
 def in_folds(trips: Sequence[Trip], energy: Energy) -> dict[float, np.ndarray]:
     """Differences of each trip under a style that was calibrated on the trips of the other folds."""
-    found = {length: np.zeros(len(trips)) for length in LENGTHS_M}
+    off = {length: np.zeros(len(trips)) for length in LENGTHS_M}
     for fold in range(FOLDS):
         held = np.arange(len(trips)) % FOLDS == fold
         style = calibrate_style(
@@ -128,10 +128,10 @@ def in_folds(trips: Sequence[Trip], energy: Energy) -> dict[float, np.ndarray]:
             most_evaluations=EVALUATIONS,
         )
         for length in LENGTHS_M:
-            found[length][held] = differences(
+            off[length][held] = differences(
                 [t for t, h in zip(trips, held, strict=True) if h], length, styled(style), energy
             )
-    return found
+    return off
 
 
 def corrected(trips: Sequence[Trip], made: Sequence[Trip | Plan], energy: Energy) -> np.ndarray:
@@ -155,8 +155,8 @@ def corrected(trips: Sequence[Trip], made: Sequence[Trip | Plan], energy: Energy
     errors = []
     for k in range(len(trips)):
         others = np.arange(len(trips)) != k
-        found = np.linalg.lstsq(rows[others], np.ones(len(trips) - 1), rcond=None)[0]
-        errors.append(float(rows[k] @ found) - 1.0)
+        coefficients = np.linalg.lstsq(rows[others], np.ones(len(trips) - 1), rcond=None)[0]
+        errors.append(float(rows[k] @ coefficients) - 1.0)
     return np.array(errors)
 
 

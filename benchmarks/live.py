@@ -101,8 +101,8 @@ def send(
         messages = list(abrp_messages(drive.table))
         for message in messages[int(start * len(messages)) : int(stop * len(messages))]:
             body = {"token": tokens[drive.trip.trip_id], "tlm": message}
-            found = await client.post("/v1/telemetry", json=body)
-            assert found.status_code == 200, found.text
+            answer = await client.post("/v1/telemetry", json=body)
+            assert answer.status_code == 200, answer.text
 
     async def run() -> None:
         async with httpx.AsyncClient(base_url=service.url, timeout=120.0) as client:
@@ -113,13 +113,13 @@ def send(
 
 def differences(service: Service, drives: Sequence[Drive]) -> list[float]:
     """Difference of the last forecast of each drive to that of the library [Wh]; infinite where samples are missing."""
-    found = []
+    off = []
     for drive in drives:
         answer = service.client.get(f"/v1/live/{drive.trip.trip_id}").json()
         whole = answer["trip"] is not None and not answer["faults"]
         energy = answer["forecast"]["energy_wh"] if whole else np.inf
-        found.append(abs(energy - drive.updated().energy_wh))
-    return found
+        off.append(abs(energy - drive.updated().energy_wh))
+    return off
 
 
 def replayed(drives: Sequence[Drive], *, killed: bool) -> list[float]:
@@ -152,11 +152,11 @@ def over_mqtt(drives: Sequence[Drive]) -> Iterator[Row]:
     forecasts = {d.trip.trip_id: d.at_departure() for d in drives}
     for killed, text in ((False, "over MQTT"), (True, "over MQTT, broker killed")):
         with tempfile.TemporaryDirectory() as place:
-            found = replay(Path(place), sent, forecasts, killed=killed)
-        worst = max(one.difference_wh for one in found)
-        yield Row(f"{text}: difference to update, largest of {len(found)} trips", worst, "Wh", most=1e-6)
+            replays = replay(Path(place), sent, forecasts, killed=killed)
+        worst = max(one.difference_wh for one in replays)
+        yield Row(f"{text}: difference to update, largest of {len(replays)} trips", worst, "Wh", most=1e-6)
         for name in ("missing", "twice"):
-            number = sum(getattr(one, name) for one in found)
+            number = sum(getattr(one, name) for one in replays)
             yield Row(f"{text}: samples {name} in finished trips", float(number), most=0.0)
 
 
@@ -182,7 +182,7 @@ def on_the_way(drive: Drive, at_departure: Forecast, *, bad: bool) -> list[bool]
     sent = over_a_bad_connection(samples, seed=len(samples)) if bad else samples
     took = drive.trip.observed_energy_wh
     assert took is not None
-    found = []
+    inside = []
     with tempfile.TemporaryDirectory() as place, RoadCar(Path(place) / "car") as car:
         car.set_plan({}, NOON_S)
         marks = [int(share * len(sent)) for share in SHARES]
@@ -190,8 +190,8 @@ def on_the_way(drive: Drive, at_departure: Forecast, *, bad: bool) -> list[bool]
             car.add(sample)
             if k in marks:
                 low, high = car.update(at_departure).interval(0.9)
-                found.append(low <= took <= high)
-    return found
+                inside.append(low <= took <= high)
+    return inside
 
 
 def many_cars(cars: int, seconds: float) -> Iterator[Row]:
@@ -300,8 +300,8 @@ def rows(most: int = len(REFERENCE_TRIPS), cars: int = 200, seconds: float = 600
     ]
     drives = [Drive.of(trip) for trip in known]
     for killed, text in ((False, "difference to update"), (True, "difference after kill -9")):
-        found = replayed(drives[:most], killed=killed)
-        yield Row(f"{text}, largest of {len(found)} trips", max(found), "Wh", most=1e-6)
+        off = replayed(drives[:most], killed=killed)
+        yield Row(f"{text}, largest of {len(off)} trips", max(off), "Wh", most=1e-6)
     yield from over_mqtt(drives[:most])
     bad, sound, number = covered(known, drives)
     yield Row(f"coverage of 90 % with lost, late and doubled messages, {number} forecasts", bad, least=0.85)

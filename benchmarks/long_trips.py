@@ -47,11 +47,11 @@ def scored(model: tw.ForecastModel, trips: Sequence[Trip]) -> np.ndarray:
     """Energy relative to the forecast, whether each of `LEVELS` holds it, and the width of the last, a row for each trip."""
     rows = []
     for trip in trips:
-        found = model.forecast(plan_from_trip(trip))
+        forecast = model.forecast(plan_from_trip(trip))
         observed = float(trip.observed_energy_wh or np.nan)
-        inside = [low <= observed <= high for low, high in map(found.interval, LEVELS)]
-        low, high = found.interval(LEVELS[-1])
-        rows.append([found.energy_wh / observed - 1.0, *inside, (high - low) / found.energy_wh])
+        inside = [low <= observed <= high for low, high in map(forecast.interval, LEVELS)]
+        low, high = forecast.interval(LEVELS[-1])
+        rows.append([forecast.energy_wh / observed - 1.0, *inside, (high - low) / forecast.energy_wh])
     return np.array(rows, dtype=np.float64).reshape(len(rows), len(LEVELS) + 2)
 
 

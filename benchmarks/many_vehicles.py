@@ -221,7 +221,7 @@ def block_of_logs(plan: FleetPlan, model: int, block: int) -> list[Log]:
     truths = [vehicle_truth(plan, its[int(j) % len(its)]) for j in order]
     numbers = order // len(its)
     rng = stream(plan.seed, BLOCKS, model, block)
-    trips = _Trips.drawn(plan, truths, numbers, rng)
+    trips = BlockOfTrips.drawn(plan, truths, numbers, rng)
     columns = _driven(_car(plan.car_models[model]), trips, rng)
     power = columns["voltage_v"] * columns["current_a"]
     energy_wh = (
@@ -246,7 +246,7 @@ def _car(name: str) -> Vehicle:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class _Trips:
+class BlockOfTrips:
     """Trips of a block before they are driven; arrays of shape (trips,) or (trips, 1)."""
 
     samples: FloatArray
@@ -263,7 +263,7 @@ class _Trips:
     @classmethod
     def drawn(
         cls, plan: FleetPlan, truths: list[VehicleTruth], numbers: IntArray, rng: np.random.Generator
-    ) -> _Trips:
+    ) -> BlockOfTrips:
         n = len(truths)
         days = plan.days_between * (numbers + rng.uniform(0.0, 0.8, n))
         hour = np.clip(rng.normal(13.0, 4.0, n), 5.0, 21.0)
@@ -307,7 +307,7 @@ def _speeds(n: int, trips: int, rng: np.random.Generator) -> FloatArray:
     return np.asarray(speed * (1.0 + 0.03 * wave))
 
 
-def _driven(car: Vehicle, trips: _Trips, rng: np.random.Generator) -> dict[str, FloatArray]:
+def _driven(car: Vehicle, trips: BlockOfTrips, rng: np.random.Generator) -> dict[str, FloatArray]:
     """Logged columns of the trips of a block, each of shape (trips, samples)."""
     n, count = int(trips.samples.max()), len(trips.samples)
     time = np.broadcast_to(np.arange(float(n)), (count, n))
@@ -320,14 +320,14 @@ def _driven(car: Vehicle, trips: _Trips, rng: np.random.Generator) -> dict[str, 
     elevation = 300.0 + size * np.sin(distance / length)
     grade = size / length * np.cos((distance - 0.5 * mean) / length)
     ambient = trips.ambient_degc[:, None]
-    power = _wheel_power(car, trips, mean, acceleration, grade, time)
+    power = wheel_power(car, trips, mean, acceleration, grade, time)
     drive = propulsion(power.ravel(), mean.ravel(), np.ones(power.size), car.drivetrain, car.regeneration)
     motor = drive.motor_power_w.reshape(count, n)
     motor = motor + trips.power_share[:, None] * np.maximum(motor, 0.0)
-    climate, cabin = _climate_power(car, trips, time)
+    climate, cabin = climate_power(car, trips, time)
     base = car.auxiliaries.base_load_w * (1.0 + trips.shares[:, 3:4])
     noise = NOISE_W * rng.standard_normal((count, n)) * (0.3 + (speed > 0.0))
-    current, voltage, soc = _battery(car, trips, motor + climate + base + noise)
+    current, voltage, soc = battery_states(car, trips, motor + climate + base + noise)
     cells = car.battery
     return {
         "time_s": time,
@@ -344,9 +344,9 @@ def _driven(car: Vehicle, trips: _Trips, rng: np.random.Generator) -> dict[str, 
     }
 
 
-def _wheel_power(
+def wheel_power(
     car: Vehicle,
-    trips: _Trips,
+    trips: BlockOfTrips,
     mean: FloatArray,
     acceleration: FloatArray,
     grade: FloatArray,
@@ -370,7 +370,7 @@ def _wheel_power(
     return np.asarray((resistance + climb + mass * car.body.rotating_mass_factor * acceleration) * mean)
 
 
-def _climate_power(car: Vehicle, trips: _Trips, time: FloatArray) -> tuple[FloatArray, FloatArray]:
+def climate_power(car: Vehicle, trips: BlockOfTrips, time: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Electric power of the climate control [W] and cabin temperature [°C]."""
     ambient, setpoint = trips.ambient_degc[:, None], trips.setpoint_degc[:, None]
     soaked = ambient + 1.0
@@ -390,7 +390,9 @@ def _climate_power(car: Vehicle, trips: _Trips, time: FloatArray) -> tuple[Float
     return np.asarray(power + rules.blower_low_power_w), np.asarray(cabin)
 
 
-def _battery(car: Vehicle, trips: _Trips, power: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def battery_states(
+    car: Vehicle, trips: BlockOfTrips, power: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Current [A], terminal voltage [V] and state of charge for a power at the terminals [W]."""
     cells = car.battery
     years = trips.years[:, None]

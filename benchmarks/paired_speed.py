@@ -57,7 +57,7 @@ def measured(python: str, folder: Path) -> Measured:
         subprocess.run(command, check=True, capture_output=True, cwd=folder)
         return time.perf_counter() - start
 
-    found = {
+    times_s = {
         "tripwatt --help": seconds("--help"),
         "tripwatt forecast of the example trip": seconds("forecast", "trip.csv"),
         "tripwatt fit on the synthetic fleet": seconds("fit", "--out", f"model-{time.monotonic_ns()}"),
@@ -73,7 +73,7 @@ def measured(python: str, folder: Path) -> Measured:
             return time.perf_counter() - start
 
         times = [answered() for _ in range(REQUESTS)]
-    return {**found, "a forecast of the service, median": statistics.median(times)}
+    return {**times_s, "a forecast of the service, median": statistics.median(times)}
 
 
 def compared(old: str, new: str, runs: int, folder: Path, tell: Callable[[str], None] = print) -> None:

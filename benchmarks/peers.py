@@ -63,20 +63,20 @@ class Cars:
 
 def all_cars() -> list[Cars]:
     """The BMW i3 of the TUM, both Nissan Leafs of the VED, and the synthetic world."""
-    found = []
+    cars = []
     folder = tum_folder()
     if folder is not None:
         fleet = read_logs(folder, "tum")
-        found.append(
+        cars.append(
             Cars.of("BMW i3 (TUM)", "bmw_i3_60ah", fleet.reference_trips(), ("BMW", "i3 22 kWh", "2014"))
         )
         ved = audit(read_logs(folder.parent / "ved", "ved")).trips
         leaf = ("Nissan", "Leaf SV", "2013")
         for car in ("VED10", "VED541"):
             own = [trip for trip in ved if trip.trip_id.startswith(f"{car}-")]
-            found.append(Cars.of(f"Nissan Leaf ({car[:3]} {car[3:]})", "nissan_leaf_24", own, leaf))
+            cars.append(Cars.of(f"Nissan Leaf ({car[:3]} {car[3:]})", "nissan_leaf_24", own, leaf))
     trips = synthetic_fleet(60, 3).trips
-    return [*found, Cars.of("synthetic i3", "bmw_i3_60ah", trips, ("BMW", "i3 22 kWh", "2014"))]
+    return [*cars, Cars.of("synthetic i3", "bmw_i3_60ah", trips, ("BMW", "i3 22 kWh", "2014"))]
 
 
 def ambient_degc(trip: Trip) -> float:
@@ -219,8 +219,8 @@ def routee(cars: Cars) -> Job:
     links, owner = pd.concat(tables, ignore_index=True), np.concatenate(trips)
 
     def job() -> np.ndarray:
-        found = model.predict(links).to_numpy(dtype=np.float64)[:, 0]
-        return np.bincount(owner, weights=1000.0 * found)
+        energy_kwh = model.predict(links).to_numpy(dtype=np.float64)[:, 0]
+        return np.bincount(owner, weights=1000.0 * energy_kwh)
 
     return job
 
@@ -285,7 +285,7 @@ HEAD: Final = (
 
 def run() -> list[Score]:
     """Every system on every car; a system that is not installed is left out."""
-    found = []
+    scores = []
     for cars in all_cars():
         for system in SYSTEMS:
             try:
@@ -294,8 +294,8 @@ def run() -> list[Score]:
                 print(f"{system}: {error}")
                 continue
             print(score.line, flush=True)
-            found.append(score)
-    return found
+            scores.append(score)
+    return scores
 
 
 def rows() -> Iterator[Row]:

@@ -53,7 +53,7 @@ class Machine:
 def trips(number: int) -> list[dict[str, Any]]:
     """Requests for driven trips of `SAMPLES` samples at 1 Hz, each with a departure of its own."""
     long = [t for t in synthetic_fleet(20).trips if len(t) >= SAMPLES]
-    found = []
+    requests = []
     for k in range(number):
         table = long[k % len(long)].samples.iloc[:SAMPLES]
         columns = {c: table[c].tolist() for c in ("time_s", "speed_m_s", "elevation_m")}
@@ -62,8 +62,8 @@ def trips(number: int) -> list[dict[str, Any]]:
             "ambient_temperature_degc": -10.0 + k % 40,
             "cabin_setpoint_degc": 20.0,
         }
-        found.append({"samples": columns, **at_door, "payload_mass_kg": float(k % 7) * 50.0})
-    return found
+        requests.append({"samples": columns, **at_door, "payload_mass_kg": float(k % 7) * 50.0})
+    return requests
 
 
 def links_request() -> dict[str, Any]:
@@ -135,19 +135,19 @@ def times(seconds: float) -> Iterator[Row]:
     with tempfile.TemporaryDirectory() as folder, serving(Path(folder), "--workers", "2") as service:
         asked = trips(20)
         before, spent, mine = Machine.now(), cpu_s(service), time.process_time()
-        found, sizes = under_load(service, asked, seconds, 4)
+        loaded, sizes = under_load(service, asked, seconds, 4)
         after, spent = Machine.now(), cpu_s(service) - spent
         own = spent + time.process_time() - mine
         total = after.total - before.total
         yield Row(
-            "forecast of 1,300 samples, 4 at a time, 2 workers: p50", found.quantile_ms(0.5), "ms", most=15
+            "forecast of 1,300 samples, 4 at a time, 2 workers: p50", loaded.quantile_ms(0.5), "ms", most=15
         )
         yield Row(
-            "forecast of 1,300 samples, 4 at a time, 2 workers: p99", found.quantile_ms(0.99), "ms", most=60
+            "forecast of 1,300 samples, 4 at a time, 2 workers: p99", loaded.quantile_ms(0.99), "ms", most=60
         )
         yield Row(
             "requests of the load that were not answered, or wrong",
-            float(len(found.errors) + found.wrong),
+            float(len(loaded.errors) + loaded.wrong),
             "requests",
             most=0,
         )
@@ -156,8 +156,10 @@ def times(seconds: float) -> Iterator[Row]:
             spread(sizes, seconds),
             most=0.10,
         )
-        yield Row("forecasts a second of this load", len(found.seconds) / seconds, "1/s")
-        yield Row("processor time of the service for each of them", 1000.0 * spent / len(found.seconds), "ms")
+        yield Row("forecasts a second of this load", len(loaded.seconds) / seconds, "1/s")
+        yield Row(
+            "processor time of the service for each of them", 1000.0 * spent / len(loaded.seconds), "ms"
+        )
         others = max(0.0, (total - (after.idle - before.idle) - own) / total)
         yield Row("share of the machine that went to others meanwhile", others, "")
         road = [links_request()]
@@ -207,13 +209,13 @@ def killed(seconds: float) -> Iterator[Row]:
                 os.kill(pid, signal.SIGKILL)
             return await running
 
-        found = asyncio.run(run())
+        loaded = asyncio.run(run())
         lost = sum(r["event"] == "worker lost" for r in service.records())
         assert lost == 2
         yield Row(
             "requests without a right answer while a worker is killed under load",
-            float(len(found.errors) + found.wrong),
-            f"of {len(found.seconds)}",
+            float(len(loaded.errors) + loaded.wrong),
+            f"of {len(loaded.seconds)}",
             most=0,
         )
 

@@ -99,8 +99,8 @@ def without_consumption() -> Iterator[Trial]:
         car = describe_car(
             mass_kg=mass, usable_battery_kwh=energy, motor_power_kw=power, body=body, heat_pump=pump
         )
-        found = certified_interval(car)
-        yield Trial(description, published, found.middle, found.low, found.high)
+        interval = certified_interval(car)
+        yield Trial(description, published, interval.middle, interval.low, interval.high)
 
 
 def label_kwh_per_100km(name: str) -> float:
@@ -123,8 +123,8 @@ def with_label() -> Iterator[Trial]:
         }
         body = row["body"][0].value if "body" in row else "suv"
         own = described(given, body, procedure="epa", without=(name,))
-        found = certified_interval(own)
-        yield Trial(car.title, published, found.middle, found.low, found.high)
+        interval = certified_interval(own)
+        yield Trial(car.title, published, interval.middle, interval.low, interval.high)
 
 
 def summary(trials: list[Trial]) -> tuple[float, float]:

@@ -171,7 +171,7 @@ def identified_cars(vehicle: Vehicle, trips: Sequence[Trip]) -> list[Vehicle]:
 def base_loads(rows: pd.DataFrame, moving_load_w: float) -> pd.DataFrame:
     """Median power without climate control [W] at standstill and while the car coasts, beside the car's base load."""
     coasting = (rows["speed_m_s"] > COASTING_M_S) & (rows["torque_nm"].abs() < COASTING_NM)
-    found = []
+    states = []
     for name, mask in (("standing", _standing(rows)), ("coasting", coasting)):
         for off in (False, True):
             chosen = rows[mask & ((rows["climate"] < CLIMATE_OFF_W) | (not off))]
@@ -179,9 +179,9 @@ def base_loads(rows: pd.DataFrame, moving_load_w: float) -> pd.DataFrame:
                 middle = part["less_climate"].median()
                 climate = "off" if off else "any"
                 simulated = part["base_w"].mean() + (moving_load_w if name == "coasting" else 0.0)
-                found.append((name, season, climate, middle, simulated, simulated / middle - 1.0, len(part)))
+                states.append((name, season, climate, middle, simulated, simulated / middle - 1.0, len(part)))
     return pd.DataFrame(
-        found,
+        states,
         columns=["state", "season", "climate control", "measured", "simulated", "difference", "seconds"],
     )
 
@@ -206,15 +206,15 @@ def resting_voltage(rows: pd.DataFrame) -> pd.DataFrame:
 
 def energy_per_charge(rows: pd.DataFrame) -> pd.DataFrame:
     """Energy of each whole unit of charge [kWh]: measured, and by the simulated voltage at the measured current."""
-    found = []
+    seasons = []
     for season, part in rows.dropna(subset=["soc"]).groupby("season"):
         trips = part.groupby("trip")
         drop = float((trips["soc"].first() - trips["soc"].last()).sum())
         hours = part["step_s"] * WH_PER_J
         measured = float((part["battery"] * hours).sum()) / drop / 1000.0
         simulated = float((part["voltage_simulated"] * part["current_a"] * hours).sum()) / drop / 1000.0
-        found.append((season, measured, simulated, simulated / measured - 1.0))
-    return pd.DataFrame(found, columns=["season", "measured", "simulated", "difference"])
+        seasons.append((season, measured, simulated, simulated / measured - 1.0))
+    return pd.DataFrame(seasons, columns=["season", "measured", "simulated", "difference"])
 
 
 def trip_errors(rows: pd.DataFrame) -> pd.DataFrame:
@@ -223,13 +223,13 @@ def trip_errors(rows: pd.DataFrame) -> pd.DataFrame:
     sums = rows.assign(e=rows["battery"] * hours, s=rows["battery_simulated"] * hours).groupby("trip")
     trips = sums.agg(e=("e", "sum"), s=("s", "sum"), speed=("speed_m_s", "mean"), season=("season", "first"))
     error = trips["s"] / trips["e"] - 1.0
-    found = []
+    seasons = []
     for name, part in (*error.groupby(trips["season"]), ("all", error)):
         speed = trips.loc[part.index, "speed"]
         together = float(np.corrcoef(part, speed)[0, 1]) if len(part) > 2 else np.nan
-        found.append((name, part.mean(), part.abs().mean(), together, len(part)))
+        seasons.append((name, part.mean(), part.abs().mean(), together, len(part)))
     columns = ["season", "bias", "mean error", "correlation with mean speed", "trips"]
-    return pd.DataFrame(found, columns=columns)
+    return pd.DataFrame(seasons, columns=columns)
 
 
 def _compared(groups: Any, measured: str) -> pd.DataFrame:

@@ -111,19 +111,19 @@ def hidden_forecasts(
 ) -> dict[str, list[Forecast]]:
     """Forecasts of each trip by models without it: with heights ("known"), and without them by terrain."""
     fold = np.random.default_rng(0).permutation(len(trips)) % folds
-    found: dict[str, list[Forecast]] = {"known": [None] * len(trips)}  # type: ignore[list-item]
+    by_terrain: dict[str, list[Forecast]] = {"known": [None] * len(trips)}  # type: ignore[list-item]
     for terrain in WIDER:
-        found[terrain] = [None] * len(trips)  # type: ignore[list-item]
+        by_terrain[terrain] = [None] * len(trips)  # type: ignore[list-item]
     for k in range(folds):
         model = ForecastModel(car, corrector).fit([t for t, f in zip(trips, fold, strict=True) if f != k])
         for i in np.flatnonzero(fold == k):
-            found["known"][i] = model.forecast(trips[i])
+            by_terrain["known"][i] = model.forecast(trips[i])
             for terrain in WIDER:
                 forecast = model.forecast(without_heights(trips[i], terrain))
                 assert forecast.climbing is not None
                 net = net_climbs(terrain, without=name)
-                found[terrain][i] = replace(forecast, climbing=replace(forecast.climbing, net=net))
-    return found
+                by_terrain[terrain][i] = replace(forecast, climbing=replace(forecast.climbing, net=net))
+    return by_terrain
 
 
 def coverage_rows(text: str, inside: Sequence[bool], bound: bool = True) -> Iterator[Row]:
@@ -148,16 +148,18 @@ def log_rows(data: Path, folder: Path, corrector: str = "split") -> Iterator[Row
     """Coverage and width of logs with hidden heights."""
     for name in ("tum", "sedan", "twizy"):
         trips, car = trips_of(name, data, folder)
-        found = hidden_forecasts(name, trips, car, corrector)
+        by_terrain = hidden_forecasts(name, trips, car, corrector)
         observed = [float(t.observed_energy_wh or np.nan) for t in trips]
-        for what, forecasts in found.items():
+        for what, forecasts in by_terrain.items():
             inside = [
                 f.interval(LEVEL)[0] <= o <= f.interval(LEVEL)[1]
                 for f, o in zip(forecasts, observed, strict=True)
             ]
             yield from coverage_rows(f"{name}, {what}", inside, bound=what == "unknown")
         for what, base in (("flat", "known"), ("unknown", "flat")):
-            ratio = np.median([width(a) / width(b) for a, b in zip(found[what], found[base], strict=True)])
+            ratio = np.median(
+                [width(a) / width(b) for a, b in zip(by_terrain[what], by_terrain[base], strict=True)]
+            )
             yield Row(f"{name}: median width {what} over {base}", float(ratio), most=WIDER[what])
 
 

@@ -125,8 +125,8 @@ def given_bias(results: Sequence[Outcome]) -> float:
 
 def classes(results: Sequence[Outcome]) -> list[list[Outcome]]:
     """The trips of each class of outside air that has any."""
-    found = [[r for r in results if low < r.ambient_degc <= high] for low, high in pairwise(EDGES_DEGC)]
-    return [group for group in found if group]
+    groups = [[r for r in results if low < r.ambient_degc <= high] for low, high in pairwise(EDGES_DEGC)]
+    return [group for group in groups if group]
 
 
 def by_weather(results: Sequence[Outcome]) -> list[str]:

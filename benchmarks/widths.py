@@ -52,10 +52,10 @@ def drives(model: tw.ForecastModel) -> Iterator[Width]:
                 cabin_temperature_degc=cold,
                 cabin_setpoint_degc=21.0,
             )
-            found = model.forecast(plan, known)
-            low, high = found.interval(0.9)
-            outside = any(flag.code == "outside_training" for flag in found.flags)
-            yield Width(km, km_h, degc, high - low, (high - low) / found.energy_wh, low, outside)
+            forecast = model.forecast(plan, known)
+            low, high = forecast.interval(0.9)
+            outside = any(flag.code == "outside_training" for flag in forecast.flags)
+            yield Width(km, km_h, degc, high - low, (high - low) / forecast.energy_wh, low, outside)
 
 
 def _narrowest(rows: Sequence[Width]) -> str:

@@ -70,7 +70,7 @@ class Fault:
     allowed : str
         What would have been right.
     fix : str
-        What the user can do, empty when `allowed` says it all.
+        What the user can do, empty when `allowed` is enough.
 
     Examples
     --------

@@ -71,7 +71,7 @@ class ConsumptionCurve:
     mass_kg : float
         Test mass and payload.
     capacity_wh : float
-        Energy between an empty and a full battery, as the driver sees them.
+        Energy between an empty and a full battery, as displayed.
     reference_wh_km : float
         Energy at 110 km/h, auxiliaries included.
     """
@@ -117,7 +117,7 @@ def consumption_curve(
     departure : Departure, optional
         Temperatures, payload and state of charge; what is unknown is left to the defaults of `simulate`.
     correction : callable, optional
-        Energy [Wh] to be added to the simulated one of a trip, such as a learned one. Its power at the lowest speed,
+        Energy [Wh] to be added to the simulated one of a trip, such as a corrector's. Its power at the lowest speed,
         where driving takes least, counts as auxiliary; what it is more or less at other speeds and in traffic counts
         as driving, so that the whole is right at every speed. Slopes and changes of speed are those of the simulation:
         no log holds half an hour of a steep road.

@@ -142,16 +142,16 @@ def require_small_content(
     InvalidInput
         When the content is too large.
     """
-    found = zipfile.ZipFile(archive)
-    total = sum(entry.file_size for entry in found.infolist())
+    opened = zipfile.ZipFile(archive)
+    total = sum(entry.file_size for entry in opened.infolist())
     if total > most_bytes:
         raise InvalidInput.of(
             "archive too large", where, f"{total} bytes when inflated", f"at most {most_bytes} bytes"
         )
-    return found
+    return opened
 
 
-def write_file(path: Path, write: Callable[[Path], None]) -> None:
+def write_file(path: Path, write: Callable[[Path], object]) -> None:
     """Write one file, whole or not at all: `write` fills another name beside it, which then takes its place.
 
     A symbolic link stays one: the file that it points to is replaced.

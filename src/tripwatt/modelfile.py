@@ -169,10 +169,10 @@ def _kept_open(path: Path) -> Iterator[tuple[int, int] | None]:
 
 def _identity(folder: Path | int) -> tuple[int, int] | None:
     try:
-        found = os.stat(folder)
+        status = os.stat(folder)
     except OSError:
         return None
-    return found.st_dev, found.st_ino
+    return status.st_dev, status.st_ino
 
 
 def _read_metadata(path: Path) -> dict[str, Any]:
@@ -189,8 +189,8 @@ def _read_metadata(path: Path) -> dict[str, Any]:
     except (ValueError, RecursionError) as error:
         raise InvalidInput(_damage_fault(path / METADATA, str(error)[:120], "JSON")) from error
     if not isinstance(document, dict) or document.get("format") != FORMAT:
-        found = document.get("format") if isinstance(document, dict) else type(document).__name__
-        raise InvalidInput.of("no model", f"{path / METADATA}, format", excerpt(found), repr(FORMAT))
+        actual = document.get("format") if isinstance(document, dict) else type(document).__name__
+        raise InvalidInput.of("no model", f"{path / METADATA}, format", excerpt(actual), repr(FORMAT))
     version = document.get("format_version")
     if not isinstance(version, int) or version not in READABLE:
         fix = "update tripwatt" if isinstance(version, int) and version > FORMAT_VERSION else ""
@@ -199,9 +199,9 @@ def _read_metadata(path: Path) -> dict[str, Any]:
         raise InvalidInput.of("unknown model format", place, excerpt(version), known, fix)
     digest = str(document.get("sha256"))
     blanked = raw.replace(f'"sha256": "{digest}"'.encode(), f'"sha256": "{_BLANK}"'.encode(), -1)
-    found = hashlib.sha256(blanked).hexdigest()
-    if found != digest:
-        raise InvalidInput(_damage_fault(path / METADATA, f"SHA-256 {found}", f"SHA-256 {digest[:64]}"))
+    actual = hashlib.sha256(blanked).hexdigest()
+    if actual != digest:
+        raise InvalidInput(_damage_fault(path / METADATA, f"SHA-256 {actual}", f"SHA-256 {digest[:64]}"))
     _require_list_of_parts(document.get("parts"), path / METADATA)
     return document
 
@@ -265,9 +265,9 @@ def _read_parts(path: Path, listed: Mapping[str, Any]) -> dict[str, Part]:
                 )
             )
             continue
-        found = hashlib.sha256(raw).hexdigest()
-        if found != about["sha256"]:
-            got = f"{len(raw)} bytes, SHA-256 {found}"
+        actual = hashlib.sha256(raw).hexdigest()
+        if actual != about["sha256"]:
+            got = f"{len(raw)} bytes, SHA-256 {actual}"
             faults.append(_damage_fault(place, got, f"{about['bytes']} bytes, SHA-256 {about['sha256']}"))
             continue
         try:

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tripwatt.auditing import _cut_finding, _distance, _told_once, audit
+from tripwatt.auditing import audit, driven_m, finding_of_cut, without_repeats
 from tripwatt.auditing.findings import Cut, Finding
 from tripwatt.errors import InvalidInput
 from tripwatt.sources.tum import read_tum
@@ -530,13 +530,13 @@ def test_fewer_than_two_samples_make_no_drive():
 )
 def test_a_cut_with_drives_on_both_sides_splits(cut, starts, expected):
     samples = jagged(100)
-    finding = _cut_finding("t", samples, cut, [(first, samples) for first in starts])
+    finding = finding_of_cut("t", samples, cut, [(first, samples) for first in starts])
     assert (finding.from_s, finding.to_s, finding.consequence) == expected
 
 
 def test_distance_leaves_unknown_speeds_out():
     samples = pd.DataFrame({"time_s": [0.0, 1.0, 3.0, 4.0], "speed_m_s": [10.0, np.nan, 20.0, 30.0]})
-    assert _distance(samples) == 15.0 * 3.0 + 25.0 * 1.0
+    assert driven_m(samples) == 15.0 * 3.0 + 25.0 * 1.0
 
 
 def noted(trip, what, to_s, consequence="noted"):
@@ -546,13 +546,13 @@ def noted(trip, what, to_s, consequence="noted"):
 def test_what_every_log_lacks_is_told_once():
     findings = [noted("A", "flat", 10.0), noted("A", "gap", 40.0), noted("B", "flat", 30.0)]
     shared = Finding("all logs", 0.0, 40.0, "flat", "noted")
-    assert _told_once(findings, 2) == (shared, findings[1])
-    assert _told_once(findings, 3) == tuple(findings)
-    assert _told_once(findings[:2], 1) == tuple(findings[:2])
+    assert without_repeats(findings, 2) == (shared, findings[1])
+    assert without_repeats(findings, 3) == tuple(findings)
+    assert without_repeats(findings[:2], 1) == tuple(findings[:2])
     trimmed = [noted("A", "flat", 10.0, "trimmed"), noted("B", "flat", 10.0, "trimmed")]
-    assert _told_once(trimmed, 2) == tuple(trimmed)
+    assert without_repeats(trimmed, 2) == tuple(trimmed)
     mixed = [*findings, noted("B", "flat", 30.0, "set aside")]
-    assert _told_once(mixed, 2) == (shared, findings[1], mixed[3])
+    assert without_repeats(mixed, 2) == (shared, findings[1], mixed[3])
 
 
 def test_a_drive_set_aside_for_two_reasons_has_both():

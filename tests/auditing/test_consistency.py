@@ -7,15 +7,15 @@ import pytest
 from tripwatt.auditing import audit, consistency
 from tripwatt.auditing.consistency import (
     Balance,
-    _missing_soc,
-    _stopped_soc,
-    _stray_soc,
     blank_soc_faults,
     charge_balance,
     energy_error_findings,
+    missing_soc,
     offset_findings,
     soc_findings,
     soc_resolution,
+    stopped_soc,
+    stray_soc,
     unit_findings,
 )
 from tripwatt.synthetic import synthetic_fleet
@@ -180,18 +180,18 @@ def standing(moves, change=0.01, still=10, current_a=36.0):
 
 
 def test_a_state_of_charge_that_fits_until_it_stands_has_a_stopped_sensor():
-    finding = _stopped_soc(standing(10), 60.0, 0.0)
+    finding = stopped_soc(standing(10), 60.0, 0.0)
     assert finding is not None
     assert (finding.from_s, finding.to_s, finding.consequence) == (650.0, 1250.0, "noted")
     assert (
         finding.what
         == "state of charge stays at 0.700 while the battery delivers current: the sensor stopped"
     )
-    assert _stopped_soc(standing(10), 30.0, 0.0) is None
-    assert _stopped_soc(standing(10), 30.0, 1.0) is not None
-    assert _stopped_soc(standing(0), 60.0, 0.0) is None
-    assert _stopped_soc(standing(3, 0.0101), 60.0, 0.0) is not None
-    assert _stopped_soc(standing(3, 0.0099), 60.0, 0.0) is None
+    assert stopped_soc(standing(10), 30.0, 0.0) is None
+    assert stopped_soc(standing(10), 30.0, 1.0) is not None
+    assert stopped_soc(standing(0), 60.0, 0.0) is None
+    assert stopped_soc(standing(3, 0.0101), 60.0, 0.0) is not None
+    assert stopped_soc(standing(3, 0.0099), 60.0, 0.0) is None
 
 
 def test_a_stopped_sensor_is_told_in_place_of_a_contradiction():
@@ -202,7 +202,7 @@ def test_a_stopped_sensor_is_told_in_place_of_a_contradiction():
 
 def stray(soc, step_s=1.0):
     soc = np.array(soc, dtype=float)
-    return np.flatnonzero(_stray_soc(step_s * np.arange(len(soc)), soc)).tolist()
+    return np.flatnonzero(stray_soc(step_s * np.arange(len(soc)), soc)).tolist()
 
 
 def test_zeros_beside_a_charge_are_a_sensor_that_is_off():
@@ -237,7 +237,7 @@ def test_the_longest_piece_between_jumps_is_sound():
 def test_a_state_of_charge_is_missing_after_ten_seconds():
     def missing(before, after):
         soc = np.array([NO] * before + [0.5] * 20 + [NO] * after)
-        found = _missing_soc(30.0 + np.arange(len(soc)), soc, "t")
+        found = missing_soc(30.0 + np.arange(len(soc)), soc, "t")
         return [(f.from_s, f.to_s, f.what) for f in found]
 
     assert missing(10, 10) == []

@@ -5,13 +5,13 @@ import pandas as pd
 import pytest
 
 from tripwatt.auditing.ranges import (
-    _guessed_unit,
-    _spikes,
     blank_fahrenheit,
     blank_impossible,
     blank_infinite,
     drop_blank_speed,
+    guessed_unit,
     missing_columns,
+    speed_spikes,
 )
 from tripwatt.auditing.stamps import mend_stamps
 
@@ -113,7 +113,7 @@ def test_slow_negative_speeds_are_reversing():
 
 def spiky(values, step_s=1.0):
     speed = np.array(values, dtype=float)
-    return np.flatnonzero(_spikes(step_s * np.arange(len(speed)), speed)).tolist()
+    return np.flatnonzero(speed_spikes(step_s * np.arange(len(speed)), speed)).tolist()
 
 
 def test_a_spike_is_eight_metres_a_second_from_both_neighbours_within_two_seconds():
@@ -144,14 +144,14 @@ def test_a_spike_is_eight_metres_a_second_from_both_neighbours_within_two_second
 )
 def test_a_unit_is_guessed_from_the_middle_or_the_largest_value(name, inside, outside, unit):
     """Temperatures of -60 to 70 °C in K; up to 57 °C, the highest on record, in °F; a car's 12 V grid has 9 to 16 V."""
-    assert all(unit in _guessed_unit(name, np.array([value, NO])) for value in inside)
-    assert all(_guessed_unit(name, np.array([value, NO])) == "" for value in outside)
+    assert all(unit in guessed_unit(name, np.array([value, NO])) for value in inside)
+    assert all(guessed_unit(name, np.array([value, NO])) == "" for value in outside)
 
 
 def test_a_guess_needs_the_column_and_the_value():
-    assert _guessed_unit("elevation_m", np.array([300.0])) == ""
-    assert _guessed_unit("cabin_temperature_degc", np.array([100.0])) == ""
-    assert _guessed_unit("voltage_v", np.array([1.0, 12.0, 900.0])) != ""
+    assert guessed_unit("elevation_m", np.array([300.0])) == ""
+    assert guessed_unit("cabin_temperature_degc", np.array([100.0])) == ""
+    assert guessed_unit("voltage_v", np.array([1.0, 12.0, 900.0])) != ""
 
 
 def test_air_is_never_hotter_than_57_degrees_in_the_mean():

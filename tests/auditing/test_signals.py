@@ -6,17 +6,17 @@ import pytest
 
 from tripwatt.auditing.findings import MEASURED, Cut
 from tripwatt.auditing.signals import (
-    _are_lines,
-    _pulses,
-    _resting,
-    _stuck_at,
-    _usual_rest,
+    are_lines,
     blank_stuck_heater,
     charging_cuts,
     filled_gaps,
     freeze_cuts,
     frozen_sensor_findings,
+    resting_steps,
     sensor_stop_cuts,
+    short_pulses,
+    stuck_level,
+    usual_rest_s,
 )
 
 
@@ -47,8 +47,8 @@ def cuts(samples):
 def test_resting_allows_the_rounding_of_means():
     """A billionth of one more than the value itself: 1e-9 beside 0, 1.001e-6 beside 1000."""
     steps = [[0.0, 0.0], [1e-9, 0.0], [1.5e-9, 0.0], [1000.0 + 9e-7, 1000.0], [1000.0 + 1.1e-6, 1000.0]]
-    assert [bool(_resting(np.array(step))[0]) for step in steps] == [True, True, False, True, False]
-    assert _resting(np.array([1.0, np.nan, 1.0])).tolist() == [False, False]
+    assert [bool(resting_steps(np.array(step))[0]) for step in steps] == [True, True, False, True, False]
+    assert resting_steps(np.array([1.0, np.nan, 1.0])).tolist() == [False, False]
 
 
 def test_a_freeze_on_the_move_lasts_ten_seconds_and_ten_steps():
@@ -107,7 +107,7 @@ def blocks(lengths, speed_m_s):
 def usual_rest(samples):
     current = samples["current_a"].to_numpy()
     steady = np.diff(current) == 0.0
-    return _usual_rest(samples["time_s"].to_numpy(), samples["speed_m_s"].to_numpy(), steady)
+    return usual_rest_s(samples["time_s"].to_numpy(), samples["speed_m_s"].to_numpy(), steady)
 
 
 def test_the_usual_rest_is_the_99th_percentile_of_the_moving_car():
@@ -258,7 +258,7 @@ def test_a_tenth_of_a_filled_gap_at_either_end_does_not_count():
     def with_error(n, place):
         signals = line(n, (5.0, 15.0), (380.0, 390.0), (10.0, 20.0))
         signals[1][place] += 1.0
-        return _are_lines(np.arange(float(n)), signals, TOLERANCES)
+        return are_lines(np.arange(float(n)), signals, TOLERANCES)
 
     assert [with_error(30, k) for k in (0, 2, 3, 15, 26, 27, 29)] == [
         True,
@@ -281,7 +281,7 @@ def test_two_signals_change_by_more_than_three_tolerances():
         signals = line(
             11, (10.0, 10.0 + 1.25 * speed), (380.0, 380.0 - 1.25 * voltage), (7.0, 7.0 + 1.25 * current)
         )
-        return _are_lines(np.arange(11.0), signals, [0.5, 0.5, 0.5])
+        return are_lines(np.arange(11.0), signals, [0.5, 0.5, 0.5])
 
     assert not changes(1.5, 8.0, 0.0)
     assert changes(1.6, 8.0, 0.0)
@@ -296,15 +296,15 @@ def test_a_line_keeps_to_its_chord_within_two_tolerances():
     def off(voltage_v):
         signals = line(11, (9.0, 19.0), (379.0, 389.0), (20.0, 10.0))
         signals[1][4] += voltage_v
-        return _are_lines(3.0 + np.arange(11.0), signals, [0.25, 0.25, 0.25])
+        return are_lines(3.0 + np.arange(11.0), signals, [0.25, 0.25, 0.25])
 
     assert off(0.5)
     assert off(-0.5)
     assert not off(0.75)
     assert not off(-0.75)
     uneven = np.array([0.0, 1.0, 2.0, 4.0, 8.0, 9.0, 10.0, 12.0, 13.0, 14.0, 16.0])
-    assert _are_lines(uneven, [10.0 + uneven, 380.0 - uneven, 5.0 + uneven], [0.25, 0.25, 0.25])
-    assert not _are_lines(uneven, line(11, (10.0, 26.0), (380.0, 364.0), (5.0, 21.0)), [0.25, 0.25, 0.25])
+    assert are_lines(uneven, [10.0 + uneven, 380.0 - uneven, 5.0 + uneven], [0.25, 0.25, 0.25])
+    assert not are_lines(uneven, line(11, (10.0, 26.0), (380.0, 364.0), (5.0, 21.0)), [0.25, 0.25, 0.25])
 
 
 def test_a_filled_gap_begins_or_ends_on_the_move():
@@ -313,7 +313,7 @@ def test_a_filled_gap_begins_or_ends_on_the_move():
     def between(first, last):
         step = (last - first) / 8.0
         signals = [first + step * (np.arange(11.0) - 1.0), *line(11, (-380.0, -390.0), (-10.0, -20.0))]
-        return _are_lines(np.arange(11.0), signals, TOLERANCES)
+        return are_lines(np.arange(11.0), signals, TOLERANCES)
 
     assert between(1.125, 0.0)
     assert between(0.0, 1.125)
@@ -386,7 +386,7 @@ def heater(values, span_s=599.0, requested=None):
     )
     if requested is not None:
         samples["requested_heating_power_w"] = requested
-    return _stuck_at(samples, samples["heating_power_w"].to_numpy(), [])
+    return stuck_level(samples, samples["heating_power_w"].to_numpy(), [])
 
 
 def test_a_heater_is_stuck_at_nine_tenths_of_ten_samples_from_50_watts():
@@ -421,7 +421,7 @@ def test_a_heater_below_its_highest_power_is_stuck_after_ten_minutes():
 
 def test_pulses_stand_three_kilowatts_above_their_neighbours():
     def pulses(*values, step_s=1.0):
-        return _pulses(step_s * np.arange(len(values)), np.array(values, dtype=float))
+        return short_pulses(step_s * np.arange(len(values)), np.array(values, dtype=float))
 
     assert pulses(100, 3100, 100) == []
     assert pulses(100, 3101, 100) == [(1, 2)]
@@ -436,9 +436,9 @@ def test_pulses_stand_three_kilowatts_above_their_neighbours():
 def test_pulses_fall_within_three_seconds():
     time, pulse = np.arange(6.0), np.full(6, 5000.0)
     pulse[[0, 4, 5]] = 0.0
-    assert _pulses(time, pulse) == [(1, 4)]
+    assert short_pulses(time, pulse) == [(1, 4)]
     pulse[4] = 5000.0
-    assert _pulses(time, pulse) == []
+    assert short_pulses(time, pulse) == []
 
 
 def heated(*pulses, name="heating_power_w"):

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.auditing.findings import Cut
-from tripwatt.auditing.stamps import _longest_increasing, gap_cuts, gap_findings, mend_stamps
+from tripwatt.auditing.stamps import gap_cuts, gap_findings, longest_increasing, mend_stamps
 
 NO = np.nan
 
@@ -59,10 +59,10 @@ def test_a_clock_that_is_set_back_cuts_between_two_samples():
 
 
 def test_the_longest_increasing_part():
-    assert _longest_increasing(np.array([5.0, 1.0, 2.0, 3.0, 9.0, 4.0, 5.0])).tolist() == [1, 2, 3, 5, 6]
-    assert _longest_increasing(np.array([3.0, 3.0, 4.0, 4.0])).tolist() in ([0, 2], [1, 2], [1, 3], [0, 3])
-    assert _longest_increasing(np.array([2.0, 1.0, 0.0])).tolist() == [2]
-    assert _longest_increasing(np.array([0.0, 8.0, 1.0, 9.0, 2.0, 3.0])).tolist() == [0, 2, 4, 5]
+    assert longest_increasing(np.array([5.0, 1.0, 2.0, 3.0, 9.0, 4.0, 5.0])).tolist() == [1, 2, 3, 5, 6]
+    assert longest_increasing(np.array([3.0, 3.0, 4.0, 4.0])).tolist() in ([0, 2], [1, 2], [1, 3], [0, 3])
+    assert longest_increasing(np.array([2.0, 1.0, 0.0])).tolist() == [2]
+    assert longest_increasing(np.array([0.0, 8.0, 1.0, 9.0, 2.0, 3.0])).tolist() == [0, 2, 4, 5]
 
 
 def stamped(*stamps):

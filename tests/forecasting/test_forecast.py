@@ -12,7 +12,7 @@ from tests.support.dense_process import DensePower, component_covariance, covari
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import ForecastModel
-from tripwatt.forecasting.expected import ExpectedDrive
+from tripwatt.forecasting.expected import ExpectedTrip
 from tripwatt.forecasting.forecast import Forecast
 from tripwatt.forecasting.measured import ChargeReading
 from tripwatt.hybrid import SegmentTable
@@ -459,7 +459,7 @@ def car():
     return dataclasses.replace(usual, battery=battery)
 
 
-def drive() -> ExpectedDrive:
+def drive() -> ExpectedTrip:
     time = np.arange(361.0)
     samples = pd.DataFrame({"time_s": time, "speed_m_s": np.full(361, 12.0)})
     plan = Plan.from_samples("by hand", samples, Departure(soc=START))
@@ -482,7 +482,7 @@ def drive() -> ExpectedDrive:
         battery_loss_w=np.array([999.0, 300.0, 600.0]),
         energy_by_cause_wh={"aero": np.array([0.0, 500.0]), "hvac": np.array([0.0, 240.0])},
     )
-    return ExpectedDrive(plan, car(), simulation, table, segments, LoggedClimate(), CORRECTION_W)
+    return ExpectedTrip(plan, car(), simulation, table, segments, LoggedClimate(), CORRECTION_W)
 
 
 def uncertainty(split: bool = False) -> UncertaintyModel:

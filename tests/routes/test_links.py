@@ -17,7 +17,7 @@ from tripwatt.routes import (
     plan_from_route,
     route_from_links,
 )
-from tripwatt.routes.links import _limits, _moving_speeds, _stops, _stretches
+from tripwatt.routes.links import first_of_stretches, given_stops, highest_limits, moving_speeds
 from tripwatt.sources import read_logs
 from tripwatt.trips import Departure, Flag, Trip, plan_from_trip, resample
 from tripwatt.vehicles import load_vehicle
@@ -307,7 +307,7 @@ def test_a_plan_has_two_million_samples_of_a_millisecond(monkeypatch):
 
 def stretches(length, stop=None):
     made = route(length, [60.0] * len(length), **({} if stop is None else {"stop_s": stop}))
-    return _stretches(made).tolist()
+    return first_of_stretches(made).tolist()
 
 
 def test_links_shorter_than_sixty_metres_are_joined():
@@ -347,13 +347,13 @@ def test_what_is_known_of_joined_links():
         speed_limit_m_s=[10.0, 20.0, NO, NO, 5.0],
     )
     first, last = np.array([0, 2, 3]), np.array([1, 2, 4])
-    np.testing.assert_array_equal(_stops(made, first, last), [NO, NO, 5.0])
+    np.testing.assert_array_equal(given_stops(made, first, last), [NO, NO, 5.0])
     known = route([30.0, 30.0], [10.0, 10.0], stop_s=[0.0, 4.0])
-    np.testing.assert_array_equal(_stops(known, np.array([0, 1]), np.array([0, 1])), [0.0, 4.0])
-    np.testing.assert_array_equal(_stops(known, np.array([0]), np.array([1])), [4.0])
-    np.testing.assert_array_equal(_moving_speeds(made, first), [60.0 / (3.0 + 2.0), NO, NO])
-    np.testing.assert_array_equal(_limits(made, first), [20.0, NO, NO])
-    assert _limits(route([30.0], [9.0]), np.array([0])) is None
+    np.testing.assert_array_equal(given_stops(known, np.array([0, 1]), np.array([0, 1])), [0.0, 4.0])
+    np.testing.assert_array_equal(given_stops(known, np.array([0]), np.array([1])), [4.0])
+    np.testing.assert_array_equal(moving_speeds(made, first), [60.0 / (3.0 + 2.0), NO, NO])
+    np.testing.assert_array_equal(highest_limits(made, first), [20.0, NO, NO])
+    assert highest_limits(route([30.0], [9.0]), np.array([0])) is None
 
 
 def test_joined_routes_by_hand():

@@ -9,7 +9,7 @@ from tripwatt.errors import InvalidInput
 from tripwatt.physics import DriveConditions, simulate
 from tripwatt.routes import LinkStyle, driver, link_profile, profile
 from tripwatt.routes.driver import DriverStyle, draw_dwell
-from tripwatt.routes.profile import _Course, _number_of_dips, _ramps
+from tripwatt.routes.profile import Course, number_of_dips, ramp_speeds
 from tripwatt.vehicles import load_vehicle
 
 CAR = load_vehicle("bmw_i3_60ah")
@@ -254,7 +254,7 @@ def test_a_change_of_speed_lies_on_both_sides_of_a_border():
     """The mean of 10 and 20 m/s is passed at 100 m, and v² falls by 2 x 0.5 m²/s² a metre on either side."""
     position = np.arange(0.0, 401.0, 25.0)
     ends = np.array([4, 16])
-    ramp = _ramps(position, ends, np.array([10.0, 20.0]), SOFT)
+    ramp = ramp_speeds(position, ends, np.array([10.0, 20.0]), SOFT)
     expected = np.sqrt(np.maximum(225.0 - np.abs(position - 100.0), 0.0))
     np.testing.assert_allclose(ramp, expected, **EXACT)
     np.testing.assert_allclose(ramp[[0, 4, 8, 16]], [np.sqrt(125.0), 15.0, np.sqrt(125.0), 0.0], **EXACT)
@@ -262,13 +262,13 @@ def test_a_change_of_speed_lies_on_both_sides_of_a_border():
 
 def test_the_nearer_of_two_borders_rules():
     position = np.arange(0.0, 301.0, 10.0)
-    ramp = _ramps(position, np.array([10, 20, 30]), np.array([20.0, 10.0, 8.0]), SOFT)
+    ramp = ramp_speeds(position, np.array([10, 20, 30]), np.array([20.0, 10.0, 8.0]), SOFT)
     first = np.where(position <= 200.0, np.sqrt(np.maximum(225.0 - np.abs(position - 100.0), 0.0)), 0.0)
     pace = 1.0 / (1.0 + (9.0 / 15.0) ** 2)
     second = np.sqrt(np.maximum(81.0 - 2.0 * pace * np.abs(position - 200.0), 0.0))
     second = np.where(position > 100.0, second, 0.0)
     np.testing.assert_allclose(ramp, np.maximum(first, second), **EXACT)
-    assert not _ramps(position, np.array([30]), np.array([20.0]), SOFT).any()
+    assert not ramp_speeds(position, np.array([30]), np.array([20.0]), SOFT).any()
 
 
 A_STOP_S = 15.0 / (2 * 2.0) + 15.0 / (2 * 1.0) * (1.0 + 15.0**2 / (6.0 * 15.0**2))
@@ -279,7 +279,7 @@ def dips(length_m, stops, place=1, unknown=True, count=3):
     """Number on one of several links that take the time of so many stops longer than at 15 m/s."""
     length = np.full(count, length_m)
     time = length / 15.0 + stops * (A_STOP_S + 20.0)
-    return int(_number_of_dips(length, time, np.full(count, 15.0), np.full(count, unknown), SOFT)[place])
+    return int(number_of_dips(length, time, np.full(count, 15.0), np.full(count, unknown), SOFT)[place])
 
 
 def test_a_link_has_as_many_stops_as_fit_into_the_time_that_is_left():
@@ -303,7 +303,7 @@ def test_invented_stops_are_25_metres_apart():
 def course(length, time, stop=NO, moving=NO, limit=NO, style=SOFT, rng=None):
     length, time = np.array(length, dtype=float), np.array(time, dtype=float)
     given = (np.broadcast_to(np.asarray(x, dtype=float), length.shape).copy() for x in (stop, moving, limit))
-    return _Course(length, time, *given, style, rng)
+    return Course(length, time, *given, style, rng)
 
 
 def test_the_grid_has_cells_of_four_metres_and_twelve_to_a_dip():
@@ -342,7 +342,7 @@ def test_what_is_known_of_a_link_before_the_delays():
     np.testing.assert_allclose(grid.fastest, [18.0, 26.0, 10.0, 18.0, 13.0, 18.0], **EXACT)
     np.testing.assert_allclose(
         grid.ramp,
-        _ramps(grid.position, grid.ends, np.minimum(grid.free, [18, 26, 18, 18, 18, 18]), SOFT),
+        ramp_speeds(grid.position, grid.ends, np.minimum(grid.free, [18, 26, 18, 18, 18, 18]), SOFT),
         **EXACT,
     )
 
@@ -351,7 +351,7 @@ def test_nobody_hurries_more_than_1_6_times_and_2_metres_a_second():
     grid = course([240.0] * 3, [60.0] * 3, moving=30.0)
     np.testing.assert_allclose(grid.fastest, 30.0, **EXACT)
     np.testing.assert_allclose(
-        grid.ramp, _ramps(grid.position, grid.ends, np.full(3, 1.6 * 4.0 + 2.0), SOFT), **EXACT
+        grid.ramp, ramp_speeds(grid.position, grid.ends, np.full(3, 1.6 * 4.0 + 2.0), SOFT), **EXACT
     )
 
 

@@ -111,13 +111,13 @@ def _with_two(
         return Anchored(car, PAIR, factor, before, errors(car, figures))
 
     bounds = (LEAST_MOTOR, BOUNDS["motor"][1])
-    found = minimize_scalar(
+    best = minimize_scalar(
         lambda m: 1e6 * cost(closed(m))[0] + cost(closed(m))[1],
         bounds=bounds,
         method="bounded",
         options={"xatol": 1e-3},
     )
-    return closed(float(found.x))
+    return closed(float(best.x))
 
 
 def certified_figures(name: str, vehicle: Vehicle) -> tuple[CertifiedFigure, ...]:

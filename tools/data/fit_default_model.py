@@ -21,7 +21,7 @@ from tripwatt.vehicles import load_vehicle
 def published(results: Path) -> list[dict[str, Any]]:
     """Scores of the default model, one for each scheme of an evaluation."""
     evaluations = json.loads(results.read_text(encoding="utf-8"))["evaluations"]
-    found = []
+    schemes = []
     for evaluation in evaluations:
         if "hybrid" in evaluation["models"]:
             scores = {**evaluation["models"]["hybrid"]}
@@ -30,8 +30,8 @@ def published(results: Path) -> list[dict[str, Any]]:
                 start: row and {k: v for k, v in row.items() if k != "reliability"}
                 for start, row in arrival.items()
             }
-            found.append({**{k: v for k, v in evaluation.items() if k != "models"}, **scores})
-    return found
+            schemes.append({**{k: v for k, v in evaluation.items() if k != "models"}, **scores})
+    return schemes
 
 
 def make(data: Path, results: Path | None = None) -> Path:

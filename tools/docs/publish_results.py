@@ -46,8 +46,8 @@ def publish(
         for name in ("uncertainty.md", "evaluation.md"):
             update_coverage(results, page.with_name(name))
     if results["protocol"] == "paper":
-        found = sorted(RESULTS.glob("transfer-*-*.json"))
-        transfers = [json.loads(file.read_text(encoding="utf-8")) for file in found]
+        files = sorted(RESULTS.glob("transfer-*-*.json"))
+        transfers = [json.loads(file.read_text(encoding="utf-8")) for file in files]
         update_paper_page(results, page.with_name("paper.md"), transfers)
         for name in FIGURES:
             drawn = out / "figures" / f"{name}.png"

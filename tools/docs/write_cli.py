@@ -48,8 +48,8 @@ def commands(command: Any, name: str = "tripwatt") -> Iterator[tuple[str, Any]]:
     children = getattr(command, "commands", {})
     if not children:
         yield name, command
-    for child, found in children.items():
-        yield from commands(found, f"{name} {child}")
+    for child, below in children.items():
+        yield from commands(below, f"{name} {child}")
 
 
 def section(name: str, command: Any) -> str:

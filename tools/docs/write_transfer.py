@@ -45,8 +45,8 @@ def publish(out: Path) -> None:
 def renewed(page: str, results: Path = RESULTS) -> str:
     """The page with its generated parts as the results say."""
     for way in WAYS:
-        found = json.loads((results / f"transfer-{way}.json").read_text(encoding="utf-8"))
-        page = pages.with_part(page, way, "\n\n".join(_told(found)))
+        run = json.loads((results / f"transfer-{way}.json").read_text(encoding="utf-8"))
+        page = pages.with_part(page, way, "\n\n".join(_told(run)))
     covariates = json.loads((results / "transfer-covariates.json").read_text(encoding="utf-8"))
     return pages.with_part(page, "covariates", "\n\n".join(markdown(t) for t in _covariates(covariates)))
 

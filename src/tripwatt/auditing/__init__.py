@@ -140,7 +140,7 @@ def audit(logs: Fleet | Iterable[Recorded]) -> Audit:
     for number, leg in zip(order, legs, strict=True):
         findings += [(number, f) for f in by_leg.get(leg.trip_id, [])]
     findings.sort(key=lambda item: item[0])
-    ordered = _told_once([f for _, f in findings], len(trips))
+    ordered = without_repeats([f for _, f in findings], len(trips))
     sound = _without_fault(legs, ordered)
     used_trips = tuple(Trip.from_log(leg) for leg, ok in zip(legs, sound, strict=True) if ok)
     return Audit(used_trips, ordered, len(trips))
@@ -183,11 +183,11 @@ def _legs(trip: Recorded, samples: pd.DataFrame, cuts: Sequence[Cut]) -> tuple[l
     bounds = sorted(edges)
     starts = [a for a, _ in pairwise(bounds) if keep[a]]
     pieces = [samples.iloc[a:b].reset_index(drop=True) for a, b in pairwise(bounds) if keep[a]]
-    driven = [(a, p) for a, p in zip(starts, pieces, strict=True) if _distance(p) >= DRIVEN_M]
+    driven = [(a, p) for a, p in zip(starts, pieces, strict=True) if driven_m(p) >= DRIVEN_M]
     ordered = sorted(cuts, key=lambda cut: cut.first)
-    findings = [_cut_finding(trip.trip_id, samples, cut, driven) for cut in ordered]
+    findings = [finding_of_cut(trip.trip_id, samples, cut, driven) for cut in ordered]
     if cuts and driven:
-        short = [piece for piece in pieces if len(piece) > 1 and _distance(piece) < DRIVEN_M]
+        short = [piece for piece in pieces if len(piece) > 1 and driven_m(piece) < DRIVEN_M]
         findings += [_too_short_finding(trip.trip_id, piece) for piece in short]
     if not driven:
         what = "the car did not move" if not cuts else "no part of the log with a moving car is left"
@@ -200,17 +200,18 @@ def _legs(trip: Recorded, samples: pd.DataFrame, cuts: Sequence[Cut]) -> tuple[l
 
 
 def _too_short_finding(trip_id: str, piece: pd.DataFrame) -> Finding:
-    what = f"{_distance(piece):.0f} m beside a cut are too short for a drive"
+    what = f"{driven_m(piece):.0f} m beside a cut are too short for a drive"
     return between(piece, trip_id, 0, -1, what, "trimmed")
 
 
-def _distance(samples: pd.DataFrame) -> float:
+def driven_m(samples: pd.DataFrame) -> float:
+    """Way of the samples with a speed [m]."""
     speed, time = array(samples, "speed_m_s"), array(samples, "time_s")
     known = np.isfinite(speed)
     return float(np.trapezoid(speed[known], time[known]))
 
 
-def _cut_finding(
+def finding_of_cut(
     trip_id: str, samples: pd.DataFrame, cut: Cut, driven: Sequence[tuple[int, pd.DataFrame]]
 ) -> Finding:
     """A cut at an end trims; one with drives on both sides splits."""
@@ -258,7 +259,7 @@ def _judge_leg(leg: Recorded) -> tuple[Recorded, list[Finding]]:
     return mended, findings
 
 
-def _told_once(findings: Sequence[Finding], n_logs: int) -> tuple[Finding, ...]:
+def without_repeats(findings: Sequence[Finding], n_logs: int) -> tuple[Finding, ...]:
     """A note that every log of a set earns, such as a column the set does not have, is one note on the set."""
     counts = Counter(f.what for f in findings if f.consequence == "noted")
     common = {what for what, n in counts.items() if n == n_logs > 1}

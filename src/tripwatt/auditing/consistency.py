@@ -174,7 +174,7 @@ def _soc_finding(
         return whole(trip.samples, trip.trip_id, what, "set aside")
     if median is None or balance.fits(median, std):
         return None
-    stopped = _stopped_soc(trip, median, std)
+    stopped = stopped_soc(trip, median, std)
     if stopped is not None:
         return stopped
     alike = sum(balance.fits(c, std) for other, c in capacities.items() if other != trip.trip_id)
@@ -185,7 +185,7 @@ def _soc_finding(
     return whole(trip.samples, trip.trip_id, what, "noted" if alike >= OF_ANOTHER_CAR else "set aside")
 
 
-def _stopped_soc(trip: Recorded, capacity_ah: float, std: float) -> Finding | None:
+def stopped_soc(trip: Recorded, capacity_ah: float, std: float) -> Finding | None:
     """A state of charge that fits as long as it moves and then stands: its sensor stopped, the energy is sound."""
     soc = array(trip.samples, "soc")
     known = np.flatnonzero(np.isfinite(soc))
@@ -206,18 +206,18 @@ def blank_soc_faults(samples: pd.DataFrame, trip_id: str) -> Iterator[Change]:
     time = array(samples, "time_s")
     for name in (name for name in ("soc", "displayed_soc") if has(samples, name)):
         soc = array(samples, name)
-        bad = _stray_soc(time, soc)
+        bad = stray_soc(time, soc)
         if bad.any():
             what = f"{signal_name(name)} of {np.nanmin(soc[bad]):g} in {int(bad.sum())} samples is a jump: these values are removed"
             first, last = np.flatnonzero(bad)[[0, -1]].tolist()
             soc = np.where(bad, np.nan, soc)
             yield name, soc, between(samples, trip_id, first, last, what, "noted")
         if name == "soc" and np.isfinite(soc).any():
-            for finding in _missing_soc(time, soc, trip_id):
+            for finding in missing_soc(time, soc, trip_id):
                 yield name, None, finding
 
 
-def _stray_soc(time: FloatArray, soc: FloatArray) -> BoolArray:
+def stray_soc(time: FloatArray, soc: FloatArray) -> BoolArray:
     """Pieces between jumps that are shorter than the longest piece and jump away from it."""
     stray = np.zeros(len(soc), dtype=bool)
     if np.nanmax(soc) > SOC_JUMP:  # a 0 beside it is a sensor that is off, however long it stays
@@ -238,7 +238,8 @@ def _stray_soc(time: FloatArray, soc: FloatArray) -> BoolArray:
     return stray
 
 
-def _missing_soc(time: FloatArray, soc: FloatArray, trip_id: str) -> list[Finding]:
+def missing_soc(time: FloatArray, soc: FloatArray, trip_id: str) -> list[Finding]:
+    """A state of charge that is missing for long at the start or at the end."""
     known = np.flatnonzero(np.isfinite(soc))
     findings: list[Finding] = []
     spans = ((0, int(known[0]), "start"), (int(known[-1]), len(soc) - 1, "end"))

@@ -92,11 +92,11 @@ def _blank_outside(samples: pd.DataFrame, trip_id: str) -> Iterator[Change]:
         highest = min(column.maximum, LARGEST_HEATER_W if "heating" in name else np.inf)
         bad = (values < column.minimum) | (values > highest)
         if name == "speed_m_s":
-            bad |= _spikes(array(samples, "time_s"), values)
+            bad |= speed_spikes(array(samples, "time_s"), values)
         if not bad.any():
             continue
         many = float(bad.mean()) > STRAY_SHARE
-        guess = _guessed_unit(name, values) if many else ""
+        guess = guessed_unit(name, values) if many else ""
         what = f"{signal_name(name)} of {_extremes(values[bad])} {column.unit} in {int(bad.sum())} samples is impossible"
         what += f": {guess}" if guess else ""
         consequence: Consequence = "set aside" if many and name in MEASURED else "noted"
@@ -113,7 +113,7 @@ def _make_speed_positive(samples: pd.DataFrame, trip_id: str) -> Iterator[Change
         yield "speed_m_s", np.where(back, -speed, speed), _span(samples, trip_id, back, what, "noted")
 
 
-def _spikes(time: FloatArray, speed: FloatArray) -> BoolArray:
+def speed_spikes(time: FloatArray, speed: FloatArray) -> BoolArray:
     """Single samples far above or far below both neighbours."""
     spikes = np.zeros(len(speed), dtype=bool)
     if len(speed) > 2:
@@ -129,7 +129,7 @@ def _extremes(values: FloatArray) -> str:
     return f"{low:g}" if low == high else f"{low:g} to {high:g}"
 
 
-def _guessed_unit(name: str, values: FloatArray) -> str:
+def guessed_unit(name: str, values: FloatArray) -> str:
     """What the unit of a column may be whose values cannot be in ours; empty without a guess."""
     middle = float(np.nanmedian(values))
     largest = float(np.nanmax(np.abs(values)))

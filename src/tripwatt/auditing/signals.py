@@ -85,11 +85,11 @@ def _steady(samples: pd.DataFrame) -> BoolArray:
     """Whether each step leaves speed, voltage and current exactly as they were, shape (samples - 1,)."""
     same = np.ones(max(len(samples) - 1, 0), dtype=bool)
     for name in MEASURED:
-        same &= _resting(array(samples, name))
+        same &= resting_steps(array(samples, name))
     return same
 
 
-def _resting(values: FloatArray) -> BoolArray:
+def resting_steps(values: FloatArray) -> BoolArray:
     """Whether each step leaves a value as it was, but for the rounding of means; shape (samples - 1,)."""
     with np.errstate(invalid="ignore"):
         return np.asarray(np.abs(np.diff(values)) <= ROUNDING * (1.0 + np.abs(values[1:])), dtype=bool)
@@ -99,7 +99,7 @@ def freeze_cuts(samples: pd.DataFrame) -> Iterator[Cut]:
     """Runs in which every measured signal stands still although the car moves, or at an end of the log."""
     time, speed = array(samples, "time_s"), array(samples, "speed_m_s")
     steady = _steady(samples)
-    shortest = max(FREEZE_MOVING_S, UNUSUAL * _usual_rest(time, speed, steady))
+    shortest = max(FREEZE_MOVING_S, UNUSUAL * usual_rest_s(time, speed, steady))
     for first, last in runs(steady):
         lasted = time[last] - time[first]
         if last - first < FEWEST_SAMPLES or lasted < shortest:
@@ -112,7 +112,7 @@ def freeze_cuts(samples: pd.DataFrame) -> Iterator[Cut]:
             yield Cut(start, last + 1, f"every signal frozen for {lasted:.1f} s {state}")
 
 
-def _usual_rest(time: FloatArray, speed: FloatArray, steady: BoolArray) -> float:
+def usual_rest_s(time: FloatArray, speed: FloatArray, steady: BoolArray) -> float:
     """How long [s] the signals of the moving car rest in this log between two changes, its 99th percentile."""
     changes = np.flatnonzero(~steady)
     if len(changes) < FEWEST_SAMPLES:
@@ -127,7 +127,7 @@ def frozen_sensor_findings(samples: pd.DataFrame, trip_id: str) -> Iterator[Find
     time, speed = array(samples, "time_s"), array(samples, "speed_m_s")
     for name in ("voltage_v", "current_a"):
         values = array(samples, name)
-        for first, last in runs(_resting(values)):
+        for first, last in runs(resting_steps(values)):
             lasted = time[last] - time[first]
             if lasted < FROZEN_SENSOR_S or last - first < FEWEST_SAMPLES:
                 continue
@@ -164,12 +164,12 @@ def filled_gaps(samples: pd.DataFrame, trip_id: str) -> Iterator[Finding]:
         lasted = time[last] - time[first]
         if lasted < SHORTEST_FILL_S or stop - first < FEWEST_SAMPLES:
             continue
-        if _are_lines(time[first : last + 1], [x[first : last + 1] for x in signals], tolerances):
+        if are_lines(time[first : last + 1], [x[first : last + 1] for x in signals], tolerances):
             what = f"speed, voltage and current are straight lines for {lasted:.1f} s: a filled gap"
             yield between(samples, trip_id, first, last, what, "set aside")
 
 
-def _are_lines(time: FloatArray, signals: list[FloatArray], tolerances: list[float]) -> bool:
+def are_lines(time: FloatArray, signals: list[FloatArray], tolerances: list[float]) -> bool:
     """Whether every signal keeps to its chord, two of them really change, and the car is not just standing.
 
     Real samples beside a gap may be straight by chance, so a tenth of the run at either end does not count.
@@ -227,8 +227,8 @@ def blank_stuck_heater(samples: pd.DataFrame, trip_id: str) -> Iterator[Change]:
         if not has(samples, name):
             continue
         values = array(samples, name)
-        pulses = _pulses(time, values)
-        stuck = _stuck_at(samples, values, pulses) if name == "heating_power_w" else None
+        pulses = short_pulses(time, values)
+        stuck = stuck_level(samples, values, pulses) if name == "heating_power_w" else None
         if stuck is not None:
             what = f"{signal_name(name)} stays at {stuck[0]:g} W in {stuck[1]:.0%} of the samples: all its values are removed"
             yield name, np.full(len(values), np.nan), whole(samples, trip_id, what, "noted")
@@ -241,7 +241,7 @@ def blank_stuck_heater(samples: pd.DataFrame, trip_id: str) -> Iterator[Change]:
             yield name, kept, finding
 
 
-def _stuck_at(
+def stuck_level(
     samples: pd.DataFrame, values: FloatArray, pulses: list[tuple[int, int]]
 ) -> tuple[float, float] | None:
     """The value [W] that a heater signal stands at and its share of the samples; None for one that works.
@@ -262,7 +262,7 @@ def _stuck_at(
     return (mode, share) if contradicted or pulses or long else None
 
 
-def _pulses(time: FloatArray, values: FloatArray) -> list[tuple[int, int]]:
+def short_pulses(time: FloatArray, values: FloatArray) -> list[tuple[int, int]]:
     """Short runs that stand more than `PULSE_W` above the samples before and after them."""
     step = np.diff(values)
     pulses: list[tuple[int, int]] = []

@@ -44,7 +44,7 @@ def mend_stamps(samples: pd.DataFrame, trip_id: str) -> tuple[pd.DataFrame, list
         samples, time = samples[~repeated].reset_index(drop=True), time[~repeated]
     if bool(np.all(np.diff(time) > 0)):
         return samples, [], findings
-    kept = _longest_increasing(time)
+    kept = longest_increasing(time)
     strays = len(time) - len(kept)
     if strays <= STRAY_SHARE * len(time):
         lost = np.setdiff1d(np.arange(len(time)), kept)
@@ -56,7 +56,7 @@ def mend_stamps(samples: pd.DataFrame, trip_id: str) -> tuple[pd.DataFrame, list
     return samples, cuts, findings
 
 
-def _longest_increasing(values: FloatArray) -> IntArray:
+def longest_increasing(values: FloatArray) -> IntArray:
     """Indices of the longest strictly increasing subsequence (patience sorting, O(n log n))."""
     tails: list[float] = []
     tail_index: list[int] = []

@@ -10,9 +10,9 @@ losses that cars have in common: rolling, air drag and gear, each in the proport
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, Final
+from typing import Final, cast
 
 import numpy as np
 
@@ -71,8 +71,8 @@ class Anchored:
     --------
     >>> from tripwatt.vehicles import load_vehicle
     >>> car = load_vehicle("bmw_i3_60ah")
-    >>> found = Anchored(car, "motor", 1.0, np.array([0.02, 0.04]), np.array([-0.01, 0.01]))
-    >>> round(found.anchor("certification").before, 3)
+    >>> met = Anchored(car, "motor", 1.0, np.array([0.02, 0.04]), np.array([-0.01, 0.01]))
+    >>> round(met.anchor("certification").before, 3)
     0.03
     """
 
@@ -97,7 +97,7 @@ class Anchored:
         """
         known = self.vehicle.entries
         entries = {
-            key: (_value(self.vehicle, key), known[key].unit if key in known else UNITS[key])
+            key: (cast(float, self.vehicle.value(key)), known[key].unit if key in known else UNITS[key])
             for key in keys(self.vehicle, self.loss)
         }
         return Anchor(level, self.loss, MappingProxyType(entries), float(self.before.mean()))
@@ -106,11 +106,11 @@ class Anchored:
 def keys(vehicle: Vehicle, loss: str) -> tuple[str, ...]:
     """Entries that a factor changes."""
     if loss == ROAD_LOAD:
-        return *_road_parts(vehicle), _KEYS["gear"]
+        return *road_parts(vehicle), _KEYS["gear"]
     return tuple(_KEYS[one] for one in loss.split(" and "))
 
 
-def _road_parts(vehicle: Vehicle) -> dict[str, str]:
+def road_parts(vehicle: Vehicle) -> dict[str, str]:
     """Entries of a road load, and whether each is rolling or air."""
     if vehicle.road_load.method == "coastdown":
         parts = {"a_n": "rolling", "b_n_s_m": "rolling", "c_n_s2_m2": "air"}
@@ -125,11 +125,6 @@ _KEYS: Final = MappingProxyType(
         "gear": "drivetrain.gearbox_efficiency",
     }
 )
-
-
-def _value(vehicle: Vehicle, key: str) -> float:
-    section, _, name = key.partition(".")
-    return float(getattr(getattr(vehicle, section), name))
 
 
 def scaled(vehicle: Vehicle, loss: str, factor: float) -> Vehicle:
@@ -159,11 +154,10 @@ def scaled(vehicle: Vehicle, loss: str, factor: float) -> Vehicle:
     >>> scaled(car, "motor", 2.0).drivetrain.motor_loss_factor
     2.0
     """
-    parts: dict[str, dict[str, float]] = {}
-    road = _road_parts(vehicle) if loss == ROAD_LOAD else {}
+    values: dict[str, float] = {}
+    road = road_parts(vehicle) if loss == ROAD_LOAD else {}
     for key in keys(vehicle, loss):
-        section, _, name = key.partition(".")
-        value = _value(vehicle, key)
+        value = cast(float, vehicle.value(key))
         if key in road:
             value *= factor ** OPEN[road[key]]
         elif key == _KEYS["gear"]:
@@ -174,11 +168,8 @@ def scaled(vehicle: Vehicle, loss: str, factor: float) -> Vehicle:
             value += (factor - 1.0) * IRON_LOSS_W / speed**2
         else:
             value *= factor
-        parts.setdefault(section, {})[name] = value
-    changes: dict[str, Any] = {
-        section: replace(getattr(vehicle, section), **values) for section, values in parts.items()
-    }
-    return replace(vehicle, **changes)
+        values[key] = value
+    return vehicle.with_values(values)
 
 
 def anchored(vehicle: Vehicle, figures: Sequence[CertifiedFigure], loss: str = ROAD_LOAD) -> Anchored:

@@ -1,4 +1,4 @@
-"""A car from a few figures that its driver knows, and how well these fix its consumption."""
+"""A car from a few figures of its papers, and how well these fix its consumption."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 from types import MappingProxyType
-from typing import Any, Final
+from typing import Any, Final, cast
 
 import numpy as np
 
-from tripwatt.certification.anchoring import ROAD_LOAD, anchored
+from tripwatt.certification.anchoring import ROAD_LOAD, anchored, road_parts
 from tripwatt.certification.consumption import (
     CertifiedFigure,
     charging_efficiency,
@@ -341,8 +341,8 @@ class ConsumptionInterval:
 
     Examples
     --------
-    >>> found = certified_interval(describe_car(body="suv", mass_kg=1900))
-    >>> found.low < found.middle < found.high
+    >>> interval = certified_interval(describe_car(body="suv", mass_kg=1900))
+    >>> interval.low < interval.middle < interval.high
     True
     """
 
@@ -414,19 +414,9 @@ _STEP: Final = 0.02
 
 
 def _with_more(car: Vehicle, part: str) -> Vehicle:
-    load = car.road_load
-    more = 1.0 + _STEP
-    if part == "air":
-        assert load.coastdown_c_n_s2_m2 is not None
-        return replace(car, road_load=replace(load, coastdown_c_n_s2_m2=load.coastdown_c_n_s2_m2 * more))
-    assert load.coastdown_a_n is not None
-    assert load.coastdown_b_n_s_m is not None
-    return replace(
-        car,
-        road_load=replace(
-            load, coastdown_a_n=load.coastdown_a_n * more, coastdown_b_n_s_m=load.coastdown_b_n_s_m * more
-        ),
-    )
+    """The car with more rolling or air drag."""
+    keys = [key for key, kind in road_parts(car).items() if kind == part]
+    return car.with_values({key: cast(float, car.value(key)) * (1.0 + _STEP) for key in keys})
 
 
 @cache

@@ -43,7 +43,7 @@ OutOption = Annotated[
 QueryOption = Annotated[bool, typer.Option("--query", help="Print a URL query string instead of JSON.")]
 
 USUAL: Final = {"ambient_temperature_degc": 20.0, "payload_mass_kg": 0.0, "soc": 0.8}
-"""What a curve is made for where no option says otherwise."""
+"""What a curve is made for by default."""
 
 SERVICES: Final = {
     "here": "HERE Routing v8: ev[freeFlowSpeedTable], ev[trafficSpeedTable], ascent, descent, auxiliaryConsumption.",
@@ -114,7 +114,7 @@ def _curve(
 def _car(
     model: Path | None, vehicle: str | None, overrides: list[str]
 ) -> tuple[Vehicle, Callable[[Plan], float] | None, list[str]]:
-    """The car, its learned correction, and notes about that."""
+    """The car, its correction, and notes about that."""
     from tripwatt.vehicles import load_vehicle, parse_overrides
 
     if vehicle is not None:

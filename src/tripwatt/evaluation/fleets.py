@@ -13,13 +13,13 @@ from typing import Any, Final
 import numpy as np
 import pandas as pd
 
-from tripwatt.arrays import BoolArray, FloatArray, IntArray
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.arrays import FloatArray, IntArray
+from tripwatt.errors import InvalidInput
 from tripwatt.fleet.deviations import LEVEL, with_errors
 from tripwatt.fleet.features import START
 from tripwatt.fleet.model import predict_rows
 from tripwatt.fleet.statistics import TripRows
-from tripwatt.hybrid.groups import GroupPosterior, Scales, Sums, fit_scales, group_posterior
+from tripwatt.hybrid.groups import Scales, Sums, fit_scales, group_posterior
 from tripwatt.uncertainty import ConformalScores
 
 NEWEST_SHARE: Final = 0.2
@@ -101,7 +101,7 @@ def evaluate_rows(rows: TripRows, scales: Scales | None = None) -> FleetEvaluati
     """
     vehicles = sorted(set(rows.texts("vehicle_id").tolist()))
     if len(vehicles) < 2:
-        raise InvalidInput(Fault("too few vehicles", "fleet", f"{len(vehicles)}", "at least 2"))
+        raise InvalidInput.of("too few vehicles", "fleet", f"{len(vehicles)}", "at least 2")
     whole = rows.sums
     scales = scales or fit_scales(whole, START)
     code = np.searchsorted(vehicles, rows.texts("vehicle_id"))
@@ -193,43 +193,27 @@ def own_trips(rows: TripRows, whole: Sums, scales: Scales, most_vehicles: int = 
     started = rows.texts("started_at")
     ids = rows.texts("vehicle_id")
     vehicles = np.random.default_rng(0).permutation(sorted(set(ids.tolist())))[:most_vehicles]
-    errors: dict[int, list[tuple[float, float, float]]] = {k: [] for k in OWN_TRIPS}
+    errors: dict[int, list[tuple[float, ...]]] = {k: [] for k in OWN_TRIPS}
     for vehicle in vehicles:
         index = np.flatnonzero(ids == vehicle)
         index = index[np.argsort([f"{started[i]}" for i in index], kind="stable")]
         fitting = [k for k in OWN_TRIPS if k <= len(index) - 5]
         if not fitting:
             continue
-        test = rows.where(_mask(len(rows), index[max(fitting) : max(fitting) + 10]))
-        observed = test.numbers("observed_wh")
-        others = _nonempty(whole - rows.where(_mask(len(rows), index)).sums)
+        test = rows.take(index[max(fitting) : max(fitting) + 10])
+        others = _nonempty(whole - rows.take(index).sums)
         for k in fitting:
-            known = rows.where(_mask(len(rows), index[:k])).sums
-            pooled = _error(
-                group_posterior(others + known, scales) if others.groups else group_posterior(known, scales),
-                test,
-                observed,
+            known = rows.take(index[:k]).sums
+            errors[k].append(
+                tuple(mean_error(sums, scales, test) for sums in (others + known, known, others))
             )
-            own = _error(group_posterior(known, scales), test, observed) if k else _physics(test, observed)
-            fleet = (
-                _error(group_posterior(others, scales), test, observed)
-                if others.groups
-                else _physics(test, observed)
-            )
-            errors[k].append((pooled, own, fleet))
     found = [(k, len(e), *np.mean(e, axis=0)) for k, e in errors.items() if e]
     return pd.DataFrame(found, columns=["own_trips", "vehicles", "pooled", "own_only", "fleet_only"])
 
 
-def _mask(n: int, index: IntArray) -> BoolArray:
-    found = np.zeros(n, dtype=bool)
-    found[index] = True
-    return found
-
-
-def _error(posterior: GroupPosterior, rows: TripRows, observed: FloatArray) -> float:
-    return float(np.mean(np.abs(predict_rows(posterior, rows)[0] - observed) / np.abs(observed)))
-
-
-def _physics(rows: TripRows, observed: FloatArray) -> float:
-    return float(np.mean(np.abs(rows.numbers("simulated_wh") - observed) / np.abs(observed)))
+def mean_error(sums: Sums, scales: Scales, test: TripRows) -> float:
+    """Mean relative error of some trips by the linear model of others; by the simulation alone without any."""
+    observed, energy = test.numbers("observed_wh"), test.numbers("simulated_wh")
+    if sums.groups:
+        energy = predict_rows(group_posterior(sums, scales), test)[0]
+    return float(np.mean(np.abs(energy - observed) / np.abs(observed)))

@@ -49,7 +49,7 @@ DATA_FEATURES: Final = (
     "winter",
     *TEMPERATURES,
 )
-"""What the data-only model sees of a segment: the speed trace, the road and the departure, nothing simulated."""
+"""What the data-only model takes of a segment: the speed trace, the road and the departure, nothing simulated."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -104,8 +104,8 @@ def forecast_batch(
         file = pq.ParquetFile(source)
     except (OSError, pa.ArrowException) as error:
         got = (str(error).splitlines() or [type(error).__name__])[0][:160]
-        raise InvalidInput(
-            Fault("unreadable Parquet file", f"{source}", got, "a Parquet file of links", WRITE_IT)
+        raise InvalidInput.of(
+            "unreadable Parquet file", f"{source}", got, "a Parquet file of links", WRITE_IT
         ) from error
     with file:
         names = set(file.schema_arrow.names)

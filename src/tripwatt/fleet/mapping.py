@@ -24,7 +24,7 @@ import pyarrow.parquet as pq
 
 from tripwatt.arrays import IntArray
 from tripwatt.auditing import audit
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 from tripwatt.fleet.executors import map_bounded
 from tripwatt.fleet.features import FEATURES, trip_features, trip_variance_wh2
 from tripwatt.fleet.statistics import NO_DRIVER, ROWS, TripRows
@@ -346,7 +346,7 @@ class SampledTrips:
         """From files of segments. O(rows log rows)."""
         tables = [pq.read_table(path) for path in sorted(paths)]
         if not tables:
-            raise InvalidInput(Fault("no trips", "sample", "0", "at least one trip with measured energy"))
+            raise InvalidInput.of("no trips", "sample", "0", "at least one trip with measured energy")
         frame = pa.concat_tables(tables).to_pandas()
         keys = ["car_model", "vehicle_id", "driver", "digest", "drive"]
         frame = frame.sort_values(keys, kind="stable", ignore_index=True)

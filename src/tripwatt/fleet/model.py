@@ -16,7 +16,7 @@ from typing import Any, Final
 import numpy as np
 
 from tripwatt.arrays import FloatArray, IntArray
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 from tripwatt.fleet.corrector import FleetCorrector, FleetTrees, choose_rounds
 from tripwatt.fleet.features import FEATURES, START
 from tripwatt.fleet.mapping import SampledTrips, car_of, map_store, read_rows, sample_of, tasks_of
@@ -139,9 +139,9 @@ class FleetModel:
         if known is None and car_model is None:
             got, fix = repr(vehicle_id), "give the car model of a new vehicle"
             allowed = f"a vehicle with trips, such as {next(iter(self.vehicles()), '')!r}"
-            raise InvalidInput(Fault("unknown vehicle", "vehicle_id", got, allowed, fix))
+            raise InvalidInput.of("unknown vehicle", "vehicle_id", got, allowed, fix)
         if known is not None and car_model not in (None, known):
-            raise InvalidInput(Fault("another car model", "car_model", f"{car_model}", known))
+            raise InvalidInput.of("another car model", "car_model", f"{car_model}", known)
         name = known or car_model or ""
         mean, covariance = self.posterior.weights(name, vehicle_id, driver)
         made = ForecastModel(car_of(name), "fleet")
@@ -254,8 +254,8 @@ def fit_fleet(
     results = list(map_store(tasks_of(store, wanted, work, chosen), executor, workers, progress))
     rows = read_rows(results)
     if len(rows) < MIN_TRIPS:
-        raise InvalidInput(
-            Fault("too few trips", "fleet", f"{len(rows)}", f"at least {MIN_TRIPS} with measured energy")
+        raise InvalidInput.of(
+            "too few trips", "fleet", f"{len(rows)}", f"at least {MIN_TRIPS} with measured energy"
         )
     sample = SampledTrips.read([r.segments for r in results if r.segments])
     return fit_rows(rows, sample, sampling.seed)

@@ -13,7 +13,7 @@ from typing import Any, Final
 import numpy as np
 import pyarrow as pa
 
-from tripwatt.arrays import FloatArray
+from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.fleet.features import FEATURES
 from tripwatt.hybrid.groups import Sums
 
@@ -96,4 +96,8 @@ class TripRows:
 
     def where(self, mask: Any) -> TripRows:
         """Some of the rows."""
-        return TripRows(self.table.filter(pa.array(np.asarray(mask, dtype=bool))))
+        return self.take(np.flatnonzero(mask))
+
+    def take(self, index: IntArray) -> TripRows:
+        """Some of the rows, in their order."""
+        return TripRows(self.table.take(pa.array(np.sort(index))))

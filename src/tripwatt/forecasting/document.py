@@ -1,11 +1,11 @@
 """A forecast as data: what `Forecast.to_dict`, the command line and the service give.
 
-The docstrings of the fields are their descriptions in the service's OpenAPI document.
+The docstrings of the fields are their descriptions in the service's OpenAPI document, the annotated units those of a model's contract.
 """
 
 from __future__ import annotations
 
-from typing import TypeVar
+from typing import Annotated, TypeVar
 
 from typing_extensions import TypedDict  # pydantic takes that of typing from Python 3.12 on
 
@@ -99,30 +99,30 @@ class ForecastResponse(TypedDict):
     trip: str
     given: str
     """what the forecast is conditional on"""
-    energy_wh: float
+    energy_wh: Annotated[float, "Wh"]
     """energy at the battery terminals over the whole trip [Wh]"""
-    quantiles_wh: dict[str, float]
+    quantiles_wh: Annotated[dict[str, float], "Wh"]
     """quantiles of the energy [Wh] by probability"""
-    soc_arrival: float
+    soc_arrival: Annotated[float, "1, displayed"]
     """displayed state of charge at arrival; 0 where the battery is empty before arrival"""
-    soc_quantiles: dict[str, float]
+    soc_quantiles: Annotated[dict[str, float], "1, displayed, by probability"]
     """quantiles of the displayed state of charge at arrival by probability"""
-    empty_at_m: EmptyAt
-    missing_wh: Missing
-    wh_per_display: float
+    empty_at_m: Annotated[EmptyAt, "m, early, expected and late"]
+    missing_wh: Annotated[Missing, "Wh, least, expected and most"]
+    wh_per_display: Annotated[float, "Wh"]
     """energy of a whole display [Wh]"""
-    p_arrive: dict[str, float]
+    p_arrive: Annotated[dict[str, float], "1, by displayed state of charge at the end"]
     """probability to arrive with at least this displayed state of charge; 0: at all"""
     climb: UnknownClimbDocument | None
     """null where the heights of the road are known"""
-    leave_with: LeaveWith | None
+    leave_with: Annotated[LeaveWith | None, "soc_needed, reserve, probability, message"]
     """null where the request has no probability"""
-    series: Series
-    by_cause_wh: dict[str, float]
+    series: Annotated[Series, "by column"]
+    by_cause_wh: Annotated[dict[str, float], "Wh"]
     """energy by cause [Wh]; the sum is energy_wh"""
-    battery_loss_wh: float
+    battery_loss_wh: Annotated[float, "Wh"]
     """heat loss inside the battery, not part of energy_wh [Wh]"""
-    measured_until_s: float
+    measured_until_s: Annotated[float, "s"]
     """time up to which measurements are used [s]; 0 before departure"""
-    flags: list[FlagDocument]
+    flags: Annotated[list[FlagDocument], "code, subject, value, unit, message"]
     """assumptions, and values outside the range of the training trips"""

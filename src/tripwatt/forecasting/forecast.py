@@ -19,7 +19,7 @@ from tripwatt.forecasting.document import (
     Series,
     UnknownClimbDocument,
 )
-from tripwatt.forecasting.expected import ExpectedDrive
+from tripwatt.forecasting.expected import ExpectedTrip
 from tripwatt.forecasting.measured import (
     ChargeReading,
     Columns,
@@ -75,7 +75,7 @@ class Forecast:
 
     Attributes
     ----------
-    drive : ExpectedDrive
+    drive : ExpectedTrip
         The plan, simulated and corrected.
     uncertainty : UncertaintyModel
         Of the model.
@@ -102,13 +102,13 @@ class Forecast:
     --------
     >>> import tripwatt as tw
     >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
-    >>> found = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
-    >>> low, high = found.interval(0.9)
-    >>> bool(low < found.energy_wh < high)
+    >>> forecast = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
+    >>> low, high = forecast.interval(0.9)
+    >>> bool(low < forecast.energy_wh < high)
     True
     """
 
-    drive: ExpectedDrive
+    drive: ExpectedTrip
     uncertainty: UncertaintyModel
     posterior: ResidualPower
     sd_factor: float = 1.0
@@ -191,8 +191,8 @@ class Forecast:
         --------
         >>> import tripwatt as tw
         >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
-        >>> found = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
-        >>> round(found.quantile(0.5), 3) == round(found.energy_wh, 3)
+        >>> forecast = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
+        >>> round(forecast.quantile(0.5), 3) == round(forecast.energy_wh, 3)
         True
         """
         p = require_fraction("p", p)
@@ -218,9 +218,9 @@ class Forecast:
         --------
         >>> import tripwatt as tw
         >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
-        >>> found = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
-        >>> low, high = found.interval(0.9)
-        >>> round(low, 3) == round(found.quantile(0.05), 3), round(high, 3) == round(found.quantile(0.95), 3)
+        >>> forecast = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
+        >>> low, high = forecast.interval(0.9)
+        >>> round(low, 3) == round(forecast.quantile(0.05), 3), round(high, 3) == round(forecast.quantile(0.95), 3)
         (True, True)
         """
         half = 0.5 * require_fraction("level", level)
@@ -243,8 +243,8 @@ class Forecast:
         --------
         >>> import tripwatt as tw
         >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
-        >>> found = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
-        >>> round(found.probability_below(found.quantile(0.75)), 6)
+        >>> forecast = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
+        >>> round(forecast.probability_below(forecast.quantile(0.75)), 6)
         0.75
         """
         energy_wh = require_number("energy_wh", energy_wh)
@@ -256,9 +256,9 @@ class Forecast:
 
     @cached_property
     def charge(self) -> ChargeScale:
-        """Energy by displayed charge: as learned from the car's trips, else of its published values."""
-        found = self.uncertainty.charge
-        return found or ChargeScale.from_book(self.vehicle.battery, self.drive.wh_per_soc)
+        """Energy by displayed charge: fitted to the car's trips, else from its published values."""
+        learned = self.uncertainty.charge
+        return learned or ChargeScale.from_book(self.vehicle.battery, self.drive.wh_per_soc)
 
     @property
     def soc_arrival(self) -> float:
@@ -282,8 +282,8 @@ class Forecast:
         --------
         >>> import tripwatt as tw
         >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
-        >>> found = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
-        >>> found.soc_quantile(0.05) < found.soc_arrival < found.soc_quantile(0.95) < 0.8
+        >>> forecast = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
+        >>> forecast.soc_quantile(0.05) < forecast.soc_arrival < forecast.soc_quantile(0.95) < 0.8
         True
         """
         p = require_fraction("p", p)
@@ -308,9 +308,9 @@ class Forecast:
         --------
         >>> import tripwatt as tw
         >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
-        >>> found = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
-        >>> low, high = found.soc_interval(0.9)
-        >>> round(low, 6) == round(found.soc_quantile(0.05), 6), round(high, 6) == round(found.soc_quantile(0.95), 6)
+        >>> forecast = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
+        >>> low, high = forecast.soc_interval(0.9)
+        >>> round(low, 6) == round(forecast.soc_quantile(0.05), 6), round(high, 6) == round(forecast.soc_quantile(0.95), 6)
         (True, True)
         """
         half = 0.5 * require_fraction("level", level)
@@ -336,8 +336,8 @@ class Forecast:
         --------
         >>> import tripwatt as tw
         >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
-        >>> found = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
-        >>> found.p_arrive(0.1) > found.p_arrive(0.7)
+        >>> forecast = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
+        >>> forecast.p_arrive(0.1) > forecast.p_arrive(0.7)
         True
         """
         reserve = require_fraction("reserve", reserve)
@@ -372,8 +372,8 @@ class Forecast:
         --------
         >>> import tripwatt as tw
         >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
-        >>> found = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
-        >>> found.leaving_with(0.6).soc_arrival < found.soc_arrival
+        >>> forecast = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
+        >>> forecast.leaving_with(0.6).soc_arrival < forecast.soc_arrival
         True
         """
         return forecast_again(self, soc, self._charge_start[0])
@@ -401,9 +401,9 @@ class Forecast:
         --------
         >>> import tripwatt as tw
         >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
-        >>> found = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
-        >>> leave = found.soc_needed(reserve=0.2, probability=0.95)
-        >>> round(found.leaving_with(leave).p_arrive(0.2), 3)
+        >>> forecast = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
+        >>> leave = forecast.soc_needed(reserve=0.2, probability=0.95)
+        >>> round(forecast.leaving_with(leave).p_arrive(0.2), 3)
         0.95
         """
         reserve = require_fraction("reserve", reserve)
@@ -439,8 +439,8 @@ class Forecast:
         --------
         >>> import tripwatt as tw
         >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
-        >>> found = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
-        >>> bool((found.soc_along(0.95) <= found.soc_along(0.5)).all())
+        >>> forecast = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
+        >>> bool((forecast.soc_along(0.95) <= forecast.soc_along(0.5)).all())
         True
         """
         probability = require_fraction("probability", probability)
@@ -484,8 +484,8 @@ class Forecast:
         --------
         >>> import tripwatt as tw
         >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
-        >>> found = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
-        >>> abs(found.series()["energy_wh"].iloc[-1] / found.energy_wh - 1.0) < 1e-9
+        >>> forecast = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
+        >>> abs(forecast.series()["energy_wh"].iloc[-1] / forecast.energy_wh - 1.0) < 1e-9
         np.True_
         """
         return pd.DataFrame(self._series())
@@ -545,8 +545,8 @@ class Forecast:
         --------
         >>> import tripwatt as tw
         >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
-        >>> found = tw.forecast(plan, tw.Departure(soc=0.5, ambient_temperature_degc=5.0))
-        >>> 800.0 < found.climb_to(0.1) < found.climb_to(0.0) < 2000.0
+        >>> forecast = tw.forecast(plan, tw.Departure(soc=0.5, ambient_temperature_degc=5.0))
+        >>> 800.0 < forecast.climb_to(0.1) < forecast.climb_to(0.0) < 2000.0
         True
         """
         if self.climbing is None:
@@ -575,7 +575,7 @@ class Forecast:
         Parameters
         ----------
         route : RouteUncertainty or None
-            Error of speed profiles that are made from links, by their length; None where it was not learned.
+            Error of speed profiles that are made from links, by their length; None where it was not fitted.
         free_flow : FreeFlowUncertainty, optional
             Error of the travel times of an empty road.
 
@@ -588,9 +588,9 @@ class Forecast:
         --------
         >>> import tripwatt as tw
         >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
-        >>> found = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
-        >>> certain = found.with_route_error(None)
-        >>> certain.sd_wh < found.sd_wh, [flag.code for flag in certain.flags if "route" in flag.code]
+        >>> forecast = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
+        >>> certain = forecast.with_route_error(None)
+        >>> certain.sd_wh < forecast.sd_wh, [flag.code for flag in certain.flags if "route" in flag.code]
         (True, ['route_error_unknown'])
         """
         return with_route_error(self, route, free_flow)
@@ -682,8 +682,8 @@ class Forecast:
         --------
         >>> import tripwatt as tw
         >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
-        >>> found = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
-        >>> found.to_dict()["energy_wh"] == found.energy_wh
+        >>> forecast = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
+        >>> forecast.to_dict()["energy_wh"] == forecast.energy_wh
         True
         """
         return forecast_document(self, reserve, probability)
@@ -701,8 +701,8 @@ class Forecast:
         --------
         >>> import tripwatt as tw
         >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
-        >>> found = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
-        >>> list(found.to_frame().columns[:3])
+        >>> forecast = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
+        >>> list(forecast.to_frame().columns[:3])
         ['time_s', 'distance_m', 'energy_wh']
         """
         return self.series()
@@ -719,8 +719,8 @@ class Forecast:
         --------
         >>> import tripwatt as tw
         >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
-        >>> found = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
-        >>> found.plot().savefig("forecast.png")  # doctest: +SKIP
+        >>> forecast = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
+        >>> forecast.plot().savefig("forecast.png")  # doctest: +SKIP
         """
         from tripwatt.forecasting.plots import plot_forecast  # matplotlib is slow to import
 
@@ -826,26 +826,26 @@ def updated(forecast: Forecast, observed: Columns) -> Forecast:
     return with_empty_flag(replace(forecast, posterior=posterior, rest_sd_factor=factor, measured=measured))
 
 
-def forecast_again(found: Forecast, soc: float, read_s: float) -> Forecast:
+def forecast_again(forecast: Forecast, soc: float, read_s: float) -> Forecast:
     """A forecast from another charge; on the way, from that charge at the time of the last reading [s]."""
     departure = Departure(soc=soc)  # checks it
-    if found.maker is None or found.measured is not NOT_MEASURED:
+    if forecast.maker is None or forecast.measured is not NOT_MEASURED:
         charged = ChargeReading(read_s, soc, displayed=True, charged=True)
-        return with_empty_flag(replace(found, measured=replace(found.measured, anchor=charged)))
-    again = found.maker(found.plan.with_departure(departure))
-    kept = (flag for flag in found.flags if flag.code not in OF_CHARGE)
+        return with_empty_flag(replace(forecast, measured=replace(forecast.measured, anchor=charged)))
+    again = forecast.maker(forecast.plan.with_departure(departure))
+    kept = (flag for flag in forecast.flags if flag.code not in OF_CHARGE)
     flags = tuple(dict.fromkeys((*kept, *again.flags)))
-    return replace(again, state_sd_wh=found.state_sd_wh, flags=flags)
+    return replace(again, state_sd_wh=forecast.state_sd_wh, flags=flags)
 
 
-def with_empty_flag(found: Forecast) -> Forecast:
+def with_empty_flag(forecast: Forecast) -> Forecast:
     """The forecast with the flag of a battery that does not hold what the trip takes, where that is expected."""
-    flags = tuple(flag for flag in found.flags if flag.code != "battery_empty")
-    missing = found._missing_wh(found._expected_charge)
+    flags = tuple(flag for flag in forecast.flags if flag.code != "battery_empty")
+    missing = forecast._missing_wh(forecast._expected_charge)
     if missing > 0.0:
-        return replace(found, flags=(*flags, Flag("battery_empty", "battery", missing, "wh")))
+        return replace(forecast, flags=(*flags, Flag("battery_empty", "battery", missing, "wh")))
     # as it is where nothing changes, with what was worked out of it
-    return found if len(flags) == len(found.flags) else replace(found, flags=flags)
+    return forecast if len(flags) == len(forecast.flags) else replace(forecast, flags=flags)
 
 
 def charge_with_spare(spare: Callable[[float], float]) -> float:
@@ -927,8 +927,8 @@ def with_route_error(
             flags.append(Flag("travel_time_error_unknown", "road"))
         if link_m > float(route.length_m[-1]):
             flags.append(Flag("links_too_long", "links", link_m, "m"))
-    found = replace(forecast, route_sd_wh=route_sd_wh, flags=tuple(dict.fromkeys(flags)))
-    return with_empty_flag(found)
+    wider = replace(forecast, route_sd_wh=route_sd_wh, flags=tuple(dict.fromkeys(flags)))
+    return with_empty_flag(wider)
 
 
 def climb_document(forecast: Forecast, levels: tuple[float, ...]) -> UnknownClimbDocument | None:
@@ -943,23 +943,23 @@ def climb_document(forecast: Forecast, levels: tuple[float, ...]) -> UnknownClim
     }
 
 
-def leave_document(found: Forecast, reserve: float, probability: float) -> LeaveWith:
+def leave_document(forecast: Forecast, reserve: float, probability: float) -> LeaveWith:
     """The charge to leave with as plain values, with its sentence."""
-    needed = found.soc_needed(reserve, probability)
+    needed = forecast.soc_needed(reserve, probability)
     sentence = leave_in_words(needed, reserve, probability)
     return {"soc_needed": needed, "reserve": reserve, "probability": probability, "message": sentence}
 
 
-def table_rows(found: Forecast) -> list[tuple[str, str]]:
+def table_rows(forecast: Forecast) -> list[tuple[str, str]]:
     """What a notebook shows of a forecast: names and values."""
-    (low, high), (least, most) = found.interval(BAND), found.soc_interval(BAND)
+    (low, high), (least, most) = forecast.interval(BAND), forecast.soc_interval(BAND)
     return [
-        ("energy", f"{found.energy_wh / 1000.0:.2f} kWh"),
+        ("energy", f"{forecast.energy_wh / 1000.0:.2f} kWh"),
         (f"{BAND:.0%} interval", f"{low / 1000.0:.2f} to {high / 1000.0:.2f} kWh"),
-        ("state of charge at arrival", f"{found.soc_arrival:.0%} ({least:.0%} to {most:.0%})"),
-        ("probability to arrive", f"{found.p_arrive():.1%}"),
-        ("given", found.given),
-        *(("note", message(flag)) for flag in found.flags),
+        ("state of charge at arrival", f"{forecast.soc_arrival:.0%} ({least:.0%} to {most:.0%})"),
+        ("probability to arrive", f"{forecast.p_arrive():.1%}"),
+        ("given", forecast.given),
+        *(("note", message(flag)) for flag in forecast.flags),
     ]
 
 

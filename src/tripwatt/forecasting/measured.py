@@ -13,7 +13,7 @@ import pandas as pd
 from tripwatt.arrays import BoolArray, FloatArray, IntArray
 from tripwatt.auditing.signals import blank_stuck_heater
 from tripwatt.errors import InvalidInput
-from tripwatt.forecasting.expected import ExpectedDrive
+from tripwatt.forecasting.expected import ExpectedTrip
 from tripwatt.hybrid.climate_log import CLIMATE_COLUMNS, CLIMATE_IN_ALL
 from tripwatt.trips import (
     COLUMNS,
@@ -103,9 +103,9 @@ class SegmentReadings:
 
     def touches(self, n: int) -> BoolArray:
         """Which of n segments a reading shows a part of."""
-        found = np.zeros(n, dtype=bool)
-        found[self.seen] = True
-        return found
+        touched = np.zeros(n, dtype=bool)
+        touched[self.seen] = True
+        return touched
 
     def condition(self, prior: PowerPrior, power_w: FloatArray, variance_w2: FloatArray) -> ResidualPower:
         """The residual power given these values of the readings."""
@@ -181,7 +181,7 @@ def checked_samples(columns: Columns, plan: Plan) -> Columns:
 
 
 def read_measured(
-    samples: Columns, drive: ExpectedDrive, process: ResidualProcess
+    samples: Columns, drive: ExpectedTrip, process: ResidualProcess
 ) -> tuple[Measured, PowerReadings]:
     """What samples show of each segment. O(samples), and O(segments x readings) of a state of charge.
 
@@ -223,7 +223,7 @@ def _measured_soc(samples: Columns, battery: Battery) -> FloatArray | None:
     return None
 
 
-def _edges_to(drive: ExpectedDrive, end_s: float) -> FloatArray:
+def _edges_to(drive: ExpectedTrip, end_s: float) -> FloatArray:
     """Edges of the segments, the last one no earlier than the last sample."""
     edges = drive.edges_s.copy()
     edges[-1] = max(edges[-1], end_s)
@@ -231,7 +231,7 @@ def _edges_to(drive: ExpectedDrive, end_s: float) -> FloatArray:
 
 
 def _by_segment(
-    cumulative_wh: FloatArray, time_s: FloatArray, drive: ExpectedDrive
+    cumulative_wh: FloatArray, time_s: FloatArray, drive: ExpectedTrip
 ) -> tuple[FloatArray, FloatArray]:
     """Energy [Wh] and time [h] of each segment that the samples cover; long gaps cover nothing."""
     known = np.isfinite(cumulative_wh)
@@ -248,7 +248,7 @@ def _by_segment(
 def _from_power(
     energy_wh: FloatArray,
     hours: FloatArray,
-    drive: ExpectedDrive,
+    drive: ExpectedTrip,
     process: ResidualProcess,
     driven_s: FloatArray | None,
 ) -> SegmentReadings:
@@ -266,7 +266,7 @@ def _from_power(
     return SegmentReadings(seen, energy_wh[seen] / hours[seen], variance)
 
 
-def _from_soc(time_s: FloatArray, soc: FloatArray, drive: ExpectedDrive) -> SpanReadings:
+def _from_soc(time_s: FloatArray, soc: FloatArray, drive: ExpectedTrip) -> SpanReadings:
     """Mean power between readings of the state of charge that differ by a few steps."""
     known = np.isfinite(soc)
     time_s, soc = time_s[known], soc[known]
@@ -318,9 +318,9 @@ def since_departure(observed: Columns, plan: Plan) -> Columns:
             got, allowed = f"{first:g} to {last:g} s", f"{start:g} to {end:g} s"
             fix = "give times on the clock of the trip"
             raise InvalidInput.of("measured after the trip", f"{WHERE}, time_s", got, allowed, fix)
-    found = {**observed, "time_s": given - start}
-    _require_sign(found, plan)
-    return found
+    samples = {**observed, "time_s": given - start}
+    _require_sign(samples, plan)
+    return samples
 
 
 def _require_sign(observed: Columns, plan: Plan) -> None:
@@ -342,7 +342,7 @@ def _require_sign(observed: Columns, plan: Plan) -> None:
 def along_the_plan(samples: Columns, plan: Plan) -> Columns:
     """Samples of a drive on the clock of its plan: each at the time at which the plan is where the car was. O(samples).
 
-    A car that is late on a planned route has more of it to go than its time tells. Where the car stands longer than
+    A car that is late on a planned route has more of it to go than its time suggests. Where the car stands longer than
     planned, its energy counts and the plan's clock stands still. A driven trace needs no change.
 
     Parameters
@@ -385,14 +385,14 @@ def along_the_plan(samples: Columns, plan: Plan) -> Columns:
         len(parts),
     )
     order = np.arange(len(kept))
-    found = {"time_s": np.interp(place, order, clock[kept]), DRIVEN_S: np.interp(place, order, time[kept])}
+    columns = {"time_s": np.interp(place, order, clock[kept]), DRIVEN_S: np.interp(place, order, time[kept])}
     if energy is not None:
-        found["observed_energy_wh"] = np.interp(place, order, energy[kept])
-    found |= {name: np.interp(place, order, values[kept]) for name, values in powers.items()}
+        columns["observed_energy_wh"] = np.interp(place, order, energy[kept])
+    columns |= {name: np.interp(place, order, values[kept]) for name, values in powers.items()}
     whole = place == np.floor(place)
     for name, values in states.items():
-        found[name] = np.where(whole, values[kept][place.astype(np.int64)], np.nan)
-    return found
+        columns[name] = np.where(whole, values[kept][place.astype(np.int64)], np.nan)
+    return columns
 
 
 def measured_energy(samples: Columns) -> FloatArray | None:

@@ -18,7 +18,7 @@ import pandas as pd
 from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting.donor import DonorModel
-from tripwatt.forecasting.expected import ExpectedDrive
+from tripwatt.forecasting.expected import ExpectedTrip
 from tripwatt.forecasting.forecast import Forecast
 from tripwatt.forecasting.inner import INNER_FOLDS, Again, inner_fits, shown_by
 from tripwatt.forecasting.plausible import impossible_faults
@@ -79,7 +79,7 @@ class HeldOut:
 
 @dataclass(eq=False, repr=False)
 class ForecastModel:
-    """Physics, learned correction and their uncertainty.
+    """Physics, correction and their uncertainty.
 
     Parameters
     ----------
@@ -365,7 +365,7 @@ class ForecastModel:
             climate = corrector.predict_climate(table)
             correction = correction if climate is None else correction - climate
         segments = process_segments(table, factor, corrector.outside_factor(table))
-        drive = ExpectedDrive(plan, self.vehicle, simulation, table, segments, corrector, correction)
+        drive = ExpectedTrip(plan, self.vehicle, simulation, table, segments, corrector, correction)
         posterior = uncertainty.process.prior(segments)
         unfamiliar = compare(table, self.ranges_, self.vehicle, plan.departure)
         forecast = Forecast(
@@ -473,7 +473,7 @@ class ForecastModel:
         return html_table(f"ForecastModel {self._title()}", [("training trips", ""), *rows] if rows else [])
 
 
-def _assumed(drive: ExpectedDrive) -> list[Flag]:
+def _assumed(drive: ExpectedTrip) -> list[Flag]:
     """Flags of a departure without a state of charge, and of a wind from an unknown side."""
     flags, departure = [], drive.plan.departure
     if departure.bms_soc is None and departure.soc is None:

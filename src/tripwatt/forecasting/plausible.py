@@ -9,7 +9,7 @@ import numpy as np
 
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import Fault
-from tripwatt.forecasting.expected import LEAST_RESISTANCE, ExpectedDrive
+from tripwatt.forecasting.expected import LEAST_RESISTANCE, ExpectedTrip
 from tripwatt.forecasting.measured import MOST_STRETCH, WHERE, Columns, measured_energy
 from tripwatt.physics.battery import internal_resistance, largest_power, open_circuit_voltage
 from tripwatt.units import GRAVITY_M_S2, SECONDS_PER_HOUR
@@ -28,7 +28,7 @@ LATE_S: Final = 60.0
 """Time [s] after the end of a driven speed trace up to which samples may belong to it."""
 
 MASS_MARGIN: Final = 0.5
-"""Share by which a correction that was learned may change the energy of climb and speed: a load, or a wrong mass."""
+"""Share by which a correction may change the energy of climb and speed: a load, or a wrong mass."""
 
 ROUNDING_WH: Final = 1.0
 """Error of the sums of a long trip."""
@@ -48,14 +48,14 @@ ELEVATION_ERROR_M: Final = 40.0
 """Error of the difference of two heights of a road [m]: a filled gap of a log jumps by half of it."""
 
 
-def implausible_faults(samples: Columns, drive: ExpectedDrive) -> Iterator[Fault]:
+def implausible_faults(samples: Columns, drive: ExpectedTrip) -> Iterator[Fault]:
     """Every reason why samples measured on the way are not those of this car on this trip. O(samples + segments).
 
     Parameters
     ----------
     samples : mapping of str to ndarray
         Sound samples, timed from the departure.
-    drive : ExpectedDrive
+    drive : ExpectedTrip
 
     Notes
     -----
@@ -85,14 +85,14 @@ def implausible_faults(samples: Columns, drive: ExpectedDrive) -> Iterator[Fault
     yield from _charge_faults(samples, drive, where)
 
 
-def impossible_faults(energy_wh: float, drive: ExpectedDrive) -> Iterator[Fault]:
+def impossible_faults(energy_wh: float, drive: ExpectedTrip) -> Iterator[Fault]:
     """The reason why a forecast energy breaks a law of physics; nothing for one that a car can take. O(samples).
 
     Parameters
     ----------
     energy_wh : float
         Of the whole trip at the battery [Wh].
-    drive : ExpectedDrive
+    drive : ExpectedTrip
 
     Notes
     -----
@@ -119,7 +119,7 @@ def impossible_faults(energy_wh: float, drive: ExpectedDrive) -> Iterator[Fault]
     yield Fault("energy that physics forbids", where, f"{energy_wh / 1000.0:.3g} kWh", allowed, fix)
 
 
-def _battery_most_w(drive: ExpectedDrive) -> float:
+def _battery_most_w(drive: ExpectedTrip) -> float:
     """Largest power of the battery on the way [W]: full, and as warm as it gets."""
     battery, warmest = drive.vehicle.battery, drive.simulation.battery_temperature_degc.max()
     soc = np.asarray(battery.resistance_soc)
@@ -128,13 +128,13 @@ def _battery_most_w(drive: ExpectedDrive) -> float:
     return float(largest_power(open_circuit_voltage(np.ones(1), battery), resistance, floor)[0])
 
 
-def battery_wh(drive: ExpectedDrive) -> float:
+def battery_wh(drive: ExpectedTrip) -> float:
     """Energy that the battery of a car holds at most [Wh]: its charge at the highest open-circuit voltage."""
     battery = drive.vehicle.battery
     return battery.capacity_ah * float(open_circuit_voltage(np.ones(1), battery)[0])
 
 
-def _energy_faults(cumulative: FloatArray, drive: ExpectedDrive, where: str) -> Iterator[Fault]:
+def _energy_faults(cumulative: FloatArray, drive: ExpectedTrip, where: str) -> Iterator[Fault]:
     known = cumulative[np.isfinite(cumulative)]
     most = CAPACITY_MARGIN * battery_wh(drive)
     if len(known) and float(np.ptp(known)) > most:
@@ -146,7 +146,7 @@ def _energy_faults(cumulative: FloatArray, drive: ExpectedDrive, where: str) -> 
 
 
 def _motion_faults(
-    samples: Columns, cumulative: FloatArray, drive: ExpectedDrive, where: str
+    samples: Columns, cumulative: FloatArray, drive: ExpectedTrip, where: str
 ) -> Iterator[Fault]:
     """The fault of an energy below what rolling, climb and speed take on the road that was driven. O(samples)."""
     known = np.flatnonzero(np.isfinite(cumulative))
@@ -181,7 +181,7 @@ def _motion_faults(
         yield Fault("less energy than the drive takes", where, got, allowed, fix)
 
 
-def _least_wh(drive: ExpectedDrive, from_to_m: tuple[float, float], speeds_m_s: tuple[float, float]) -> float:
+def _least_wh(drive: ExpectedTrip, from_to_m: tuple[float, float], speeds_m_s: tuple[float, float]) -> float:
     """Least energy at the terminals [Wh] between two distances of the road as it is known, with the speeds there."""
     features, hours = drive.table.features, drive.table.hours
 
@@ -195,16 +195,16 @@ def _least_wh(drive: ExpectedDrive, from_to_m: tuple[float, float], speeds_m_s: 
     return LEAST_RESISTANCE * between("rolling") + between("climb") + kinetic
 
 
-def _mass_kg(drive: ExpectedDrive) -> float:
+def _mass_kg(drive: ExpectedTrip) -> float:
     return drive.vehicle.body.test_mass_kg + (drive.plan.departure.payload_mass_kg or 0.0)
 
 
-def _weight_wh_m(drive: ExpectedDrive) -> float:
+def _weight_wh_m(drive: ExpectedTrip) -> float:
     """Potential energy of the car by height [Wh/m]."""
     return _mass_kg(drive) * GRAVITY_M_S2 / SECONDS_PER_HOUR
 
 
-def _charge_faults(samples: Columns, drive: ExpectedDrive, where: str) -> Iterator[Fault]:
+def _charge_faults(samples: Columns, drive: ExpectedTrip, where: str) -> Iterator[Fault]:
     allowed = SOC_MARGIN + _descent_wh(drive) / battery_wh(drive)
     for name in ("soc", "displayed_soc"):
         if name not in samples:
@@ -221,7 +221,7 @@ def _largest_rise(values: FloatArray) -> float:
     return float(np.max(values - np.minimum.accumulate(values))) if len(values) else 0.0
 
 
-def _descent_wh(drive: ExpectedDrive) -> float:
+def _descent_wh(drive: ExpectedTrip) -> float:
     """Potential energy of the largest descent of the road [Wh]."""
     if not drive.plan.has_road:
         return _weight_wh_m(drive) * UNKNOWN_DESCENT_M

@@ -12,12 +12,13 @@ from dataclasses import replace
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final, get_origin, get_type_hints
 
 import numpy as np
 import pandas as pd
 
 from tripwatt.errors import InvalidInput, excerpt
+from tripwatt.forecasting.document import ForecastResponse
 from tripwatt.forecasting.model import ForecastModel
 from tripwatt.forecasting.upgrading import version_1_tree
 from tripwatt.hybrid.segments import SEGMENT_S
@@ -215,10 +216,10 @@ def require_usable(model: ForecastModel, where: str) -> None:
     try:
         with np.errstate(all="ignore"):
             before = model.forecast(plan_from_samples(drive, "trial"))
-            found = [before.to_dict(), before.update(observed).to_dict()]
+            documents = [before.to_dict(), before.update(observed).to_dict()]
             planned = replace(before.plan, link_m=250.0)
-            found.append(model.forecast(planned).to_dict())
-            sound = all(math.isfinite(sum(_numbers(document))) for document in found)
+            documents.append(model.forecast(planned).to_dict())
+            sound = all(math.isfinite(sum(_numbers(document))) for document in documents)
     except InvalidInput as error:
         got = error.faults[0].what
     except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
@@ -314,48 +315,26 @@ def contract(model: ForecastModel) -> dict[str, Any]:
         `inputs`: for each column of a trip, and for the payload, its unit, bounds, meaning, whether it is required,
         which samples count, and the range of the training trips where it is watched. `outputs`: name -> unit.
     """
+    payload = {"payload_mass_kg": QUANTITIES["payload_mass_kg"]}
     inputs = []
-    for name in (*ROUTE_COLUMNS, *SIGNALS.values()):
-        column = COLUMNS[name]
+    for name, column in (
+        {name: COLUMNS[name] for name in (*ROUTE_COLUMNS, *SIGNALS.values())} | payload
+    ).items():
         entry: dict[str, Any] = {
             "name": name,
             "unit": column.unit,
             "minimum": _finite(column.minimum) if name != "time_s" else 0.0,
             "maximum": _finite(column.maximum),
             "required": name in REQUIRED_COLUMNS,
-            "samples": "all" if name in ROUTE_COLUMNS else "first",
+            "samples": "all" if name in ROUTE_COLUMNS else "trip" if name in payload else "first",
             "meaning": column.meaning,
         }
         seen = model.ranges_.get(name)
         if seen is not None:
             entry["training"] = [_finite(seen.low), _finite(seen.high)]
         inputs.append(entry)
-    low, high = QUANTITIES["payload_mass_kg"].bounds
-    inputs.append(
-        {
-            "name": "payload_mass_kg",
-            "unit": "kg",
-            "minimum": low,
-            "maximum": high,
-            "required": False,
-            "samples": "trip",
-            "meaning": "load on top of the car's test mass; 0 when not given",
-        }
-    )
-    outputs = {
-        "energy_wh": "Wh",
-        "quantiles_wh": "Wh",
-        "soc_arrival": "1, displayed",
-        "soc_quantiles": "1, displayed, by probability",
-        "wh_per_display": "Wh",
-        "empty_at_m": "m, early, expected and late",
-        "missing_wh": "Wh, least, expected and most",
-        "p_arrive": "1, by displayed state of charge at the end",
-        "leave_with": "soc_needed, reserve, probability, message",
-        "series": "by column",
-        "by_cause_wh": "Wh",
-        "flags": "code, subject, value, unit, message",
-    }
+    answer = get_type_hints(ForecastResponse, include_extras=True)
+    outputs = {name: kind.__metadata__[0] for name, kind in answer.items() if get_origin(kind) is Annotated}
     return {"inputs": inputs, "outputs": outputs}
 
 

@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 
 from tripwatt.arrays import IntArray
-from tripwatt.auditing import audit
+from tripwatt.auditing import Audit, audit
 from tripwatt.forecasting.donor import MASKABLE, DonorModel, unknown_inputs, without_inputs
 from tripwatt.forecasting.inner import shown_by
 from tripwatt.forecasting.model import DEFAULT_CORRECTOR, ForecastModel, HeldOut
@@ -76,8 +76,8 @@ class CarOfTrips:
         chosen = range(len(self.trips)) if members is None else members
         stages = None if self.records is None else identify([self.records[i] for i in chosen], self.vehicle)
         car = self.vehicle if stages is None else stages.applied(self.vehicle)
-        found = calibrate([self.trips[i] for i in chosen], car) if self.calibrated else None
-        return stages, found, car if found is None else found.applied(car)
+        calibration = calibrate([self.trips[i] for i in chosen], car) if self.calibrated else None
+        return stages, calibration, car if calibration is None else calibration.applied(car)
 
     def car(self, members: IntArray) -> Vehicle:
         """The car as some of the trips show it."""
@@ -128,35 +128,23 @@ def train_model(
     --------
     >>> from tripwatt.synthetic import synthetic_fleet
     >>> from tripwatt.vehicles import load_vehicle
-    >>> found = train_model(synthetic_fleet(9), load_vehicle("bmw_i3_60ah"), corrector="linear")
-    >>> found[1]["data"]["name"], found[2]["trips"]
+    >>> trained = train_model(synthetic_fleet(9), load_vehicle("bmw_i3_60ah"), corrector="linear")
+    >>> trained[1]["data"]["name"], trained[2]["trips"]
     ('synthetic', 9)
     """
-    found = audit(fleet)
-    cars = CarOfTrips.from_trips(found.trips, vehicle, identified=identified, calibrated=calibrated)
+    sound = audit(fleet)
+    cars = CarOfTrips.from_trips(sound.trips, vehicle, identified=identified, calibrated=calibrated)
     stages, found_values, car = cars.values()
-    model = ForecastModel(car, corrector, seed).fit(found.trips, car_of=cars.car, progress=progress)
-    model.donor_ = train_donor(found.trips, model, cars.car)
+    model = ForecastModel(car, corrector, seed).fit(sound.trips, car_of=cars.car, progress=progress)
+    model.donor_ = train_donor(sound.trips, model, cars.car)
+    notes = [] if stages is None or not stages.values else [str(stages)]
+    notes += [] if found_values is None else [str(found_values)]
     provenance = {
-        "data": {
-            "name": fleet.name,
-            "citation": fleet.citation,
-            "notes": [
-                *map(message, fleet.notes),
-                *([] if stages is None or not stages.values else [str(stages)]),
-                *([] if found_values is None else [str(found_values)]),
-            ],
-            "logs": len(fleet),
-            "sha256": data_digest(found.trips),
-        },
-        "trips_used": list(model.trip_ids_),
-        "audit": [str(finding) for finding in found.findings],
+        **provenance_of(fleet, sound, model, notes),
         "identified": None if stages is None else dict(stages.values),
         "calibration": None
         if found_values is None
         else {name: [change, found_values.sd[name]] for name, change in found_values.changes.items()},
-        "seed": seed,
-        **versions(),
     }
     return model, provenance, held_out_figures(model.held_out_)
 
@@ -188,12 +176,40 @@ def donor_model(
     seed: int = 0,
     car_of: Callable[[IntArray], Vehicle] | None = None,
 ) -> DonorModel:
-    """Simulate and learn trips with some inputs masked, with one Gaussian process for the whole residual."""
+    """Simulate trips with some inputs masked and fit them, with one Gaussian process for the whole residual."""
     masked = [without_inputs(trip, masked_inputs) for trip in trips]
     model = ForecastModel(vehicle, "gp", seed)
     table = segment_trips(masked, vehicle)
     model.fit_segments(table, again=None if car_of is None else shown_by(masked, table, vehicle, car_of))
     return model.as_donor(masked_inputs)
+
+
+def provenance_of(fleet: Fleet, found: Audit, model: ForecastModel, notes: Sequence[str]) -> dict[str, Any]:
+    """Where a model comes from: data with citation and digest, trips, audit findings, seed, Python and packages.
+
+    Parameters
+    ----------
+    fleet : Fleet
+    found : Audit
+        Of the fleet.
+    model : ForecastModel
+        Fitted on its sound trips, or adapted to them.
+    notes : sequence of str
+        On the data, beside those of the fleet.
+    """
+    return {
+        "data": {
+            "name": fleet.name,
+            "citation": fleet.citation,
+            "notes": [*map(message, fleet.notes), *notes],
+            "logs": len(fleet),
+            "sha256": data_digest(found.trips),
+        },
+        "trips_used": list(model.trip_ids_),
+        "audit": [str(finding) for finding in found.findings],
+        "seed": model.seed,
+        **versions(),
+    }
 
 
 def versions() -> dict[str, Any]:

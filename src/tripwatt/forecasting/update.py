@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tripwatt.arrays import FloatArray
-from tripwatt.forecasting.expected import ExpectedDrive
+from tripwatt.forecasting.expected import ExpectedTrip
 from tripwatt.forecasting.measured import Columns, Measured, PowerReadings
 from tripwatt.hybrid.climate_log import TOLD_BY, logged_climate
 from tripwatt.trips import table_of
@@ -16,7 +16,7 @@ from tripwatt.uncertainty.shrinkage import is_off
 
 
 def updated_power(
-    drive: ExpectedDrive,
+    drive: ExpectedTrip,
     uncertainty: UncertaintyModel,
     samples: Columns,
     measured: Measured,
@@ -52,7 +52,7 @@ def updated_power(
 
 
 def _climate_power(
-    drive: ExpectedDrive, samples: Columns
+    drive: ExpectedTrip, samples: Columns
 ) -> tuple[FloatArray, FloatArray] | tuple[None, None]:
     """Expected and measured power of climate control [W]; NaN in segments that were not measured."""
     if not any(name in samples for name in TOLD_BY):

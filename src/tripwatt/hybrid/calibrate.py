@@ -9,9 +9,8 @@ from typing import Final
 import numpy as np
 
 from tripwatt.arrays import FloatArray
-from tripwatt.errors import Fault, InvalidInput
 from tripwatt.hybrid.parameters import PARAMETERS, changed, sensitivities
-from tripwatt.hybrid.segments import segment_trips
+from tripwatt.hybrid.segments import require_measured, segment_trips
 from tripwatt.trips import Trip, plan_from_trip
 from tripwatt.vehicles import Vehicle
 
@@ -77,14 +76,7 @@ def calibrate(trips: Sequence[Trip], vehicle: Vehicle) -> Calibration:
     >>> sorted(found.changes) == sorted(p.name for p in PARAMETERS)
     True
     """
-    unmeasured = [t.trip_id for t in trips if t.observed_energy_wh is None]
-    faults = [Fault("no measured energy", name, "", "voltage and current") for name in unmeasured]
-    if len(trips) < LEAST_TRIPS:
-        faults.append(
-            Fault("too few trips to calibrate a car", "training", str(len(trips)), f"at least {LEAST_TRIPS}")
-        )
-    if faults:
-        raise InvalidInput(faults)
+    require_measured(trips, LEAST_TRIPS)
     plans = [plan_from_trip(trip) for trip in trips]
     table = segment_trips(trips, vehicle)
     by_change = sensitivities(plans, vehicle, table)

@@ -1,6 +1,6 @@
-"""How near a trip is to what a correction was learned from, and so how much of the correction counts.
+"""How near a trip is to the training of a correction, and so how much of the correction counts.
 
-A correction is known where it was learned. Between the trips of its training it is interpolated; outside of them a share
+A correction is known within its training. Between the trips of its training it is interpolated; outside of them a share
 ``exp(-d² / 2)`` of it is kept, with `d` the distance from the range of each covariate in its standard deviations: the correlation of
 the Gaussian process whose length scale is one standard deviation. The rest is as unknown as before any trip: it comes
 back as variance. The duration of a trip is no such covariate, since the corrections are of power.

@@ -24,7 +24,7 @@ from typing import Any, Final
 import numpy as np
 
 from tripwatt.arrays import FloatArray, IntArray
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 
 ROOT_SD: Final = 3.0
 """Prior standard deviation of the root's own weights, in units of their usual size."""
@@ -423,7 +423,7 @@ def fit_scales(sums: Sums, usual: Scales) -> Scales:
     from scipy.optimize import minimize
 
     if not sums.count.sum():
-        raise InvalidInput(Fault("no trips", "fleet", "0", "at least one trip with measured energy"))
+        raise InvalidInput.of("no trips", "fleet", "0", "at least one trip with measured energy")
     tree, first = Tree.from_groups(sums.groups), usual.logs
 
     def cost(logs: FloatArray) -> tuple[float, FloatArray]:

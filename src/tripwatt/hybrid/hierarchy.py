@@ -32,7 +32,7 @@ from typing import Final
 import numpy as np
 
 from tripwatt.arrays import FloatArray, IntArray
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 from tripwatt.hybrid.familiarity import kept_share
 from tripwatt.hybrid.levels import Level, Mixture
 from tripwatt.hybrid.parameters import PARAMETERS, Parameter
@@ -45,10 +45,10 @@ SHARES: Final = (0.0, 0.25, 0.5, 0.75, 1.0)
 STAGE_SHARES: Final = (0.0, 0.5, 1.0)
 """Shares of each stage where a corrector has several: the grid has every combination."""
 OWN_SCALES: Final = (0.0, 0.25, 0.5, 0.75, 1.0)
-"""At 1 both cars are alike before any trip: each correction is drawn from the same prior. More would say that the book
+"""At 1 both cars are alike before any trip: each correction is drawn from the same prior. More would mean that the published
 values of the second car are worse than those of the first."""
 BOOK_SCALES: Final = (0.5, 1.0, 1.5)
-"""Never 0: no car is as its book says."""
+"""Without 0: published values of a car always have errors."""
 NOISE_SCALES: Final = (0.25, 0.5, 1.0, 2.0, 4.0)
 """Variance of a trip's error over that of the first car's: before any trip, half is as likely as double."""
 MODES: Final = ("effects", "parameters", "both")
@@ -96,7 +96,7 @@ def grid(mode: str = "both", stages: int = 1) -> tuple[Option, ...]:
 def require_mode(mode: str) -> None:
     """Raise `InvalidInput` for an unknown mode."""
     if mode not in MODES:
-        raise InvalidInput(Fault("unknown adaptation mode", "mode", repr(mode), ", ".join(MODES)))
+        raise InvalidInput.of("unknown adaptation mode", "mode", repr(mode), ", ".join(MODES))
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +121,7 @@ class Members:
         """
         if not corrector.processes:
             got, allowed = type(corrector).__name__, "linear, gp, ensemble or split"
-            raise InvalidInput(Fault("corrector cannot be transferred", "corrector", got, allowed))
+            raise InvalidInput.of("corrector cannot be transferred", "corrector", got, allowed)
         return cls(corrector.processes)
 
     @property
@@ -169,7 +169,7 @@ class Members:
         return np.asarray(np.sum([c.predict(table) for c in self.correctors], axis=0))
 
     def familiarity(self, table: SegmentTable) -> FloatArray:
-        """How near each row is to what was learned from: 1 inside, towards 0 far outside, shape (rows,)."""
+        """How near each row is to the training: 1 inside, towards 0 far outside, shape (rows,)."""
         distances: dict[str, FloatArray] = {}
         for corrector in self.correctors:
             for name, beyond in corrector.familiarity.distances(table.features).items():

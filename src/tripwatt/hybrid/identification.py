@@ -1,7 +1,7 @@
 """Values of a car from the signals of its own stages, never from the energy of trips or the power of driving.
 
 A log with the torque of the motor, the power of heater and air conditioner, the power of the standing car or the voltage at rest shows
-what each stage does, while the energy of a trip shows their sum alone. What such a signal tells is put in the place of the published value, in so far
+what each stage does, while the energy of a trip shows their sum alone. The value from such a signal takes the place of the published one, in so far
 as the trips outweigh it: each value has a prior around the published one.
 
 =====================  ==========================================================  =======================================
@@ -43,7 +43,7 @@ from tripwatt.vehicles import Climate, Vehicle
 STRETCH_S: Final = 30.0
 """Stretches over which work is summed, so that torque and speed need not belong to the same moment."""
 FRICTION_SHARE: Final = 0.9
-"""Beyond this share of the largest regenerative torque the friction brakes may take part: such a stretch says nothing of the road."""
+"""Beyond this share of the largest regenerative torque the friction brakes may take part: such a stretch does not measure the road."""
 ROLLING_WIDTH: Final = 0.15
 """Prior standard deviation of rolling and driveline drag: the classes of the EU tyre label (Regulation (EU) 2020/740: 6.5, 7.7, 9.0
 and 10.5 N/kN) lie about so far apart."""
@@ -75,7 +75,7 @@ INTERIOR_WIDTH: Final = 0.7
 """Prior standard deviation of the logarithm of the interior heat capacity: a factor of two of the mass that takes part."""
 COOLER_WIDTH: Final = 0.4
 """Prior standard deviation of the logarithm of sensible cooling over electric power: published figures of 2.5 to 3.5 in total, of which drying
-the air, hot surfaces and the cooling of the battery take what no set-point tells."""
+the air, hot surfaces and the cooling of the battery take power that does not follow from the set-point."""
 IDLE_QUANTILE: Final = 0.25
 """Quantile of the power of a running compressor that stands for its least power."""
 RUNNING_W: Final = 50.0
@@ -103,7 +103,7 @@ STANDING_M_S: Final = 0.1
 CLIMATE_OFF_W: Final = 50.0
 LEAST_STANDING_S: Final = 10.0
 FARTHEST: Final = 3.0
-"""Prior standard deviations beyond which a value tells of a dead or misnamed signal, and not of the car: the published one stays."""
+"""Prior standard deviations beyond which a value comes from a dead or misnamed signal, and not from the car: the published one stays."""
 LEAST_TRIPS: Final = 3
 """Fewest trips with a signal before it changes anything."""
 
@@ -267,7 +267,7 @@ def identify(records: Sequence[StageRecord], vehicle: Vehicle) -> Identified:
     Parameters
     ----------
     records : sequence of StageRecord
-        Of the trips to learn from, recorded with `vehicle`.
+        Of the trips to identify with, recorded with `vehicle`.
     vehicle : Vehicle
         The car with its published values, around which every prior lies.
 

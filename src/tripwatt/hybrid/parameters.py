@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from types import MappingProxyType
-from typing import Any, Final
+from typing import Final, cast
 
 import numpy as np
 
@@ -125,7 +125,7 @@ def parameters_of(vehicle: Vehicle) -> tuple[Parameter, ...]:
     )
     if not beyond:
         return found
-    # loads of the class, of which no figure of the car says anything
+    # loads of the class, on which no figure of the car depends
     return tuple(replace(p, width=math.hypot(p.width, beyond)) if p.name in _LOADS else p for p in found)
 
 
@@ -179,8 +179,7 @@ def changed(vehicle: Vehicle, changes: Mapping[str, float], *, source: str = "")
     for parameter in PARAMETERS:
         factor = 1.0 + changes.get(parameter.name, 0.0)
         for key in parameter.keys if factor != 1.0 else ():
-            section, _, name = key.partition(".")
-            value = getattr(getattr(vehicle, section), name)
+            value = cast(float | None, vehicle.value(key))
             if value is not None:
                 values[key], sources[key] = value * factor, source or f"published value times {factor:.3f}"
     return with_values(vehicle, values, sources)
@@ -202,16 +201,12 @@ def with_values(vehicle: Vehicle, values: Mapping[str, Value], sources: Mapping[
     Vehicle
         The same object where there are no values.
     """
-    entries = dict(vehicle.entries)
-    parts: dict[str, Any] = {}
+    entries = {}
     for key, value in values.items():
-        section, _, name = key.partition(".")
-        part = parts.get(section, getattr(vehicle, section))
-        before = getattr(part, name)
-        parts[section] = replace(part, **{name: value})
-        old = entries.get(key)
+        before, old = vehicle.value(key), vehicle.entries.get(key)
         if old is None:  # a value that no source has
-            unit = next(f.metadata["unit"] for f in fields(part) if f.name == name)
+            section, _, name = key.partition(".")
+            unit = next(f.metadata["unit"] for f in fields(getattr(vehicle, section)) if f.name == name)
             old = Entry(value, unit, "no source", licence="estimate")
         published = f"{before:g}" if isinstance(before, float) else "another curve"
         entries[key] = replace(
@@ -220,7 +215,7 @@ def with_values(vehicle: Vehicle, values: Mapping[str, Value], sources: Mapping[
             source=f"{sources[key]}; published {published}: {old.source}",
             published=before if old.published is None else old.published,
         )
-    return replace(vehicle, entries=MappingProxyType(entries), **parts) if parts else vehicle
+    return vehicle.with_values(values, entries) if values else vehicle
 
 
 def sensitivities(

@@ -1,4 +1,4 @@
-"""Correct power: the residual power of short segments, learned from what is known before departure."""
+"""Correct power: the residual power of short segments, estimated from what is known before departure."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import FloatArray
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 from tripwatt.hybrid.familiarity import FADING, Familiarity
 from tripwatt.hybrid.segments import LINE_CAUSES, SegmentTable
 from tripwatt.learners.gp import AdditiveGP, KernelTerm
@@ -60,7 +60,7 @@ class PowerCorrector:
         InvalidInput
             For one that was made from a fitted one, and not from trips.
         """
-        raise InvalidInput(Fault("corrector cannot be fitted", type(self).__name__, fix=self.refit))
+        raise InvalidInput.of("corrector cannot be fitted", type(self).__name__, fix=self.refit)
 
     def clone_tuned(self) -> PowerCorrector:
         """Make an unfitted copy with the settings that `fit` chose, to fit on a part of the same trips.
@@ -75,7 +75,7 @@ class PowerCorrector:
         InvalidInput
             As `fit`.
         """
-        raise InvalidInput(Fault("corrector cannot be fitted", type(self).__name__, fix=self.refit))
+        raise InvalidInput.of("corrector cannot be fitted", type(self).__name__, fix=self.refit)
 
     @property
     def processes(self) -> tuple[GPCorrector, ...]:
@@ -176,8 +176,8 @@ no other kind of drive."""
 class GPCorrector(PowerCorrector):
     """Additive Gaussian process: calibrated causes plus smooth functions of the departure state.
 
-    The weights are learned from the trips' totals, because rows of a trip are far from independent. The course along
-    the trip is learned from the rows: the remaining residual less the trip's mean is regressed on the same features,
+    The weights are fitted to the trips' totals, because rows of a trip are far from independent. The course along
+    the trip is fitted to the rows: the remaining residual less the trip's mean is regressed on the same features,
     also less their trip's mean. It moves energy along the trip and does not change the total. A total counts by the
     standard deviation of its measurement; a trip whose energy was not measured along the way has no course.
     """
@@ -304,7 +304,7 @@ class LearnerCorrector(PowerCorrector):
         return found * self.familiarity.share(table.features)
 
     def columns(self, table: SegmentTable) -> pd.DataFrame:
-        """What the learner sees of a table."""
+        """The learner's features of a table."""
         return table.features[list(self.features)]
 
 
@@ -331,8 +331,8 @@ class EnsembleCorrector(PowerCorrector):
     def fit(self, table: SegmentTable) -> Self:
         """Fit each member.
 
-        The others weigh every row alike and know no errors: of a trip that was not measured along the way they learn what the
-        first learned of it.
+        The others weigh every row alike and have no errors of measurement: of a trip that was not measured along the way they are fitted to
+        the first one's estimate.
         """
         first, *others = self.members
         first.fit(table)

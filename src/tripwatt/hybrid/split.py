@@ -3,7 +3,7 @@
 A log with the power of heater and air conditioner splits the residual in two. The power of climate control depends on
 temperatures and time, the power of driving on road and speed. Learned separately, neither is disturbed by the noise of
 the other, and each is updated on the way by its own measurements. Where too few trips log climate control, one
-corrector learns both jointly.
+corrector corrects both jointly.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ class SplitCorrector(PowerCorrector):
     Parameters
     ----------
     climate, drive, joint : PowerCorrector
-        `joint` learns the undivided residual where too few trips log their climate control.
+        `joint` is fitted to the undivided residual where too few trips log their climate control.
     split : bool or None
         Whether to correct separately; None decides by the trips of `fit`.
 

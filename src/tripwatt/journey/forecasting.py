@@ -116,7 +116,7 @@ class RoadForecaster:
         return plan_with_weather(plan, road, position, weather), weather
 
     def expected(self, road: Road) -> Road:
-        """Replace free-flow travel times by those that are expected on the road, where the model knows them.
+        """Replace free-flow travel times by those that are expected on the road, where the model has them.
 
         Parameters
         ----------

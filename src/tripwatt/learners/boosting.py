@@ -24,6 +24,7 @@ from tripwatt.learners.rounds import Path, boost, fill_losses, write_leaf_values
 from tripwatt.learners.trees import (
     ClusteredTrees,
     Sample,
+    keep_arguments,
     sum_of_trees,
     validate_rows,
 )
@@ -47,7 +48,7 @@ class ClusteredBoosting(ClusteredTrees):
     max_features : float
         Share of the columns that each split may choose from.
     subsample : float
-        Share of the groups that each round learns from (whole groups; Friedman 2002).
+        Share of the groups that each round is fitted to (whole groups; Friedman 2002).
     correlation : {"independence", "exchangeable", "ar1"}
         Working correlation of the rows of a group; ar1 goes by their order.
     start : {"mean", "zero"}
@@ -151,25 +152,7 @@ class ClusteredBoosting(ClusteredTrees):
         n_jobs: int | None = None,
         random_state: Any = None,
     ) -> None:
-        self.n_rounds = n_rounds
-        self.learning_rate = learning_rate
-        self.max_leaf_nodes = max_leaf_nodes
-        self.max_depth = max_depth
-        self.min_leaf_weight = min_leaf_weight
-        self.max_features = max_features
-        self.subsample = subsample
-        self.correlation = correlation
-        self.start = start
-        self.group_weight = group_weight
-        self.max_rows_per_group = max_rows_per_group
-        self.max_bins = max_bins
-        self.n_folds = n_folds
-        self.patience = patience
-        self.param_grid = param_grid
-        self.loss = loss
-        self.score_rows = score_rows
-        self.n_jobs = n_jobs
-        self.random_state = random_state
+        keep_arguments(self, locals())
 
     def fit(self, X: Any, y: Any, groups: Any = None) -> Self:
         """Choose setting and rounds by leaving groups out, then fit all rows.

@@ -23,7 +23,7 @@ ScoreRows = Literal["all", "last"]
 
 @dataclass(frozen=True)
 class Columns:
-    """How the columns of a table become numbers: levels by column name, learned once.
+    """How the columns of a table become numbers: levels by column name, from the training table.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ class Columns:
         return cls(levels)
 
     def encode(self, X: Any) -> Any:
-        """Numbers for levels; a level that was not learned, and a missing one, become NaN."""
+        """Numbers for levels; a level outside of the training table, and a missing one, become NaN."""
         if not isinstance(X, pd.DataFrame):
             return X
         encoded, faults = {}, []
@@ -112,7 +112,7 @@ class Clusters:
 
 
 def thinned_rows(codes: IntArray, max_rows: int | None) -> IntArray:
-    """Rows to learn from, group after group: at most `max_rows` of each, evenly spaced, first and last kept.
+    """Rows to fit, group after group: at most `max_rows` of each, evenly spaced, first and last kept.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
 """A random forest for clustered rows: whole groups are drawn, left out and scored.
 
-Each tree sees a bootstrap of groups (Karpievitch et al. 2009), so a group that was not drawn is out of bag with
+Each tree takes a bootstrap of groups (Karpievitch et al. 2009), so a group that was not drawn is out of bag with
 all of its rows and the out-of-bag error is an error on new groups. The same property gives leave-one-group-out
 predictions without refits, see `ClusteredForest.leave_groups_out`. See `docs/explanation/learners.md`.
 """
@@ -30,6 +30,7 @@ from tripwatt.learners.trees import (
     Sample,
     Trees,
     TreeShape,
+    keep_arguments,
     sum_of_trees,
     validate_rows,
 )
@@ -153,19 +154,7 @@ class ClusteredForest(ClusteredTrees):
         min_oob_trees: int = 15,
         random_state: Any = None,
     ) -> None:
-        self.n_trees = n_trees
-        self.max_leaf_nodes = max_leaf_nodes
-        self.max_depth = max_depth
-        self.min_leaf_weight = min_leaf_weight
-        self.max_features = max_features
-        self.group_weight = group_weight
-        self.max_rows_per_group = max_rows_per_group
-        self.max_bins = max_bins
-        self.param_grid = param_grid
-        self.loss = loss
-        self.score_rows = score_rows
-        self.min_oob_trees = min_oob_trees
-        self.random_state = random_state
+        keep_arguments(self, locals())
 
     def fit(self, X: Any, y: Any, groups: Any = None) -> Self:
         """Grow and tune the forest.

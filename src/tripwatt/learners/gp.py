@@ -1,4 +1,4 @@
-"""Additive Gaussian process for clustered rows, learned from the clusters' totals.
+"""Additive Gaussian process for clustered rows, fitted to the clusters' totals.
 
 ``y(x) = sum_c f_c(x) + group effect + error`` with independent Gaussian processes `f_c`: a line through the origin in
 one column, or a smooth function of a few. Rows of a cluster are far from independent, so the model is fitted to what

@@ -157,7 +157,7 @@ class Trees:
 
 @dataclass(frozen=True)
 class Sample:
-    """The rows that are learned from, sorted by group, and how groups are scored.
+    """The rows of a fit, sorted by group, and how groups are scored.
 
     Attributes
     ----------
@@ -309,6 +309,13 @@ class ClusteredTrees(RegressorMixin, BaseEstimator):
     def _settings(self) -> list[dict[str, Any]]:
         grid = self.default_grid if isinstance(self.param_grid, str) else self.param_grid
         return settings_of(self._base(), grid)
+
+
+def keep_arguments(estimator: Any, arguments: Mapping[str, Any]) -> None:
+    """Set the arguments of a constructor, its `locals()`, as attributes of their names, as scikit-learn reads them."""
+    for name, value in arguments.items():
+        if value is not estimator:
+            setattr(estimator, name, value)
 
 
 def about_columns(estimator: Any) -> dict[str, Any]:
@@ -467,5 +474,5 @@ def plain(value: Any) -> Any:
 
 
 def seed_of(random_state: Any) -> int:
-    """An integer seed out of whatever scikit-learn takes for one."""
+    """An integer seed from any that scikit-learn takes."""
     return int(check_random_state(random_state).randint(2**31 - 2))

@@ -1,4 +1,4 @@
-"""The diary of a car: each trip as it was forecast before the car had learned it, and what it took."""
+"""The diary of a car: each trip as it was forecast before the model was adapted to it, and what it took."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""A car that learns: a folder with its description, a store of its trips, the model adapted to them, and its diary.
+"""A user's car: a folder with its description, a store of its trips, the model adapted to them, and its diary.
 
-Each new trip is forecast by a model that has not seen it, before it teaches: the scores of the diary are those of forecasts.
+Each new trip is forecast by a model that has not seen it, before the model is adapted to it: the scores of the diary are those of forecasts.
 """
 
 from __future__ import annotations
@@ -43,8 +43,8 @@ DIARY: Final = "diary.parquet"
 MOST_ABOUT_BYTES: Final = 1 << 16
 
 AGAIN: Final = 0.1
-"""While trips are added, the model learns again when this share of its trips is new: an adaptation costs seconds with a
-hundred trips, and one trip in ten changes it little. After the last trip it learns always."""
+"""While trips are added, the model is adapted when this share of its trips is new: an adaptation costs seconds with a
+hundred trips, and one trip in ten changes it little. After the last trip it is always adapted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -260,7 +260,7 @@ class Car:
         return adaptation(base, trips, self.vehicle)
 
     def _keep(self, base: ForecastModel, trips: Sequence[Trip], diary: Diary) -> None:
-        """Write model and diary together: no reader sees one of them without the other."""
+        """Write model and diary together: no reader gets one of them without the other."""
         about = load_metadata(self.base, check_parts=False)
         model, provenance, figures = adapt_model(Fleet(self.name, tuple(trips)), self.vehicle, base, about)
 
@@ -292,7 +292,7 @@ def _in_order(trips: Iterable[Trip]) -> list[Trip]:
 
 
 def create_car(folder: Path | str, vehicle: Vehicle | str | Path, *, base: Path | str | None = None) -> Car:
-    """Make the folder of a car that will learn from its trips.
+    """Make the folder of a car whose model will be adapted to its trips.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Trips that a car finished on the road, and what it learns from them.
+"""Trips that a car finished on the road, and their way into its model.
 
 The trips are files of the folder `live`. The store of the car holds those that it was given, its diary those that it learned: a
 process that is killed at any moment leaves work to do again, and counts no trip twice.
@@ -45,7 +45,7 @@ def has_news(folder: Path) -> bool:
 
 
 def learn_finished(folder: Path | str, *, progress: Callable[[int, int], None] | None = None) -> Learned:
-    """Give a car the trips that it finished on the road: each is forecast before it teaches, and enters the diary.
+    """Give a car the trips that it finished on the road: each is forecast before the model is adapted to it, and enters the diary.
 
     Parameters
     ----------

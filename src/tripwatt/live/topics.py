@@ -21,7 +21,7 @@ SLOW_HOLD_S: Final = 600.0
 """A state of charge or a temperature holds for so long [s]: senders repeat only what changes."""
 
 FAST: Final = frozenset({"speed_m_s", "voltage_v", "current_a", POWER})
-"""What holds for as long as the sender's mapping says; values of these that the broker kept from before do not count."""
+"""What holds for as long as in the sender's mapping; values of these that the broker kept from before do not count."""
 
 MOST_TEXT_BYTES: Final = 64
 MOST_MESSAGE_BYTES: Final = 65_536

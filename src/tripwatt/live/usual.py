@@ -9,7 +9,7 @@ from typing import Final
 from tripwatt.units import SECONDS_PER_HOUR
 
 NEAR_S: Final = 1.5 * SECONDS_PER_HOUR
-"""A trip that began at a time of day further away says nothing of this one [s]."""
+"""A trip that began at a time of day further away is no guide to this one [s]."""
 
 LONGER: Final = 1.1
 """A trip that is longer than the usual one by this factor goes elsewhere."""

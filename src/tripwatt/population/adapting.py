@@ -10,19 +10,18 @@ import numpy as np
 
 from tripwatt.arrays import FloatArray
 from tripwatt.auditing import audit
-from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecasting.donor import DonorModel, unknown_inputs
 from tripwatt.forecasting.model import ForecastModel, HeldOut
 from tripwatt.forecasting.ranges import NEVER_KNOWN, training_ranges
-from tripwatt.forecasting.training import data_digest, held_out_figures, versions
+from tripwatt.forecasting.training import held_out_figures, provenance_of
 from tripwatt.hybrid import SegmentTable, segment_trips
 from tripwatt.hybrid.car_corrector import HierarchicalCorrector
 from tripwatt.hybrid.familiarity import Range
 from tripwatt.hybrid.hierarchy import CarTransfer, Evidence, Posterior, require_mode, term_scales
 from tripwatt.hybrid.parameters import changed, on_road, parameters_of, sensitivities
+from tripwatt.hybrid.segments import require_measured
 from tripwatt.parallel import one_blas_thread
 from tripwatt.trips import Fleet, Trip, plan_from_trip
-from tripwatt.trips.messages import message
 from tripwatt.uncertainty import ChargeScale
 from tripwatt.uncertainty.conformal import ConformalScores
 from tripwatt.uncertainty.scale import T_VARIANCE, TotalScale
@@ -42,14 +41,14 @@ PROTOCOL: Final = "own trips, each left out of the adaptation"
 
 @dataclass(frozen=True, eq=False)
 class Adaptation:
-    """A model on its new car, and what was learned on the way.
+    """A model on its new car, and what was estimated for it.
 
     Attributes
     ----------
     model : ForecastModel
         The adapted model.
     posterior : Posterior
-        What was learned of the car.
+        What was estimated of the car.
     parameters : mapping of str to (float, float)
         Relative change of each physical parameter and its standard deviation.
     masked_inputs : tuple of str
@@ -105,7 +104,7 @@ def adaptation(
     ('Nissan Leaf 24 kWh', 1)
     """
     require_mode(mode)
-    _require_trips(trips)
+    require_measured(trips)
     donor, masked = _donor(base, trips)
     parameters, vehicle = parameters_of(vehicle), on_road(vehicle)
     table = segment_trips(trips, vehicle)
@@ -244,19 +243,8 @@ def adapt_model(
     """
     found = audit(fleet)
     done = adaptation(base, found.trips, vehicle, mode=mode)
-    digest = data_digest(found.trips)
     provenance = {
-        "data": {
-            "name": fleet.name,
-            "citation": fleet.citation,
-            "notes": [*map(message, fleet.notes), *_cars(found.trips)],
-            "logs": len(fleet),
-            "sha256": digest,
-        },
-        "trips_used": list(done.model.trip_ids_),
-        "audit": [str(finding) for finding in found.findings],
-        "seed": base.seed,
-        **versions(),
+        **provenance_of(fleet, found, done.model, _cars(found.trips)),
         "adapted": {
             "trips": len(found.trips),
             "mode": mode,
@@ -268,12 +256,7 @@ def adapt_model(
             if mode != "effects"
             else {},
         },
-        "base": {
-            "sha256": about_base["sha256"],
-            "tripwatt": about_base["tripwatt"],
-            "model": dict(about_base["model"]),
-            "provenance": dict(about_base["provenance"]),
-        },
+        "base": {name: about_base[name] for name in ("sha256", "tripwatt", "model", "provenance")},
     }
     return done.model, provenance, {**held_out_figures(done.model.held_out_), "protocol": PROTOCOL}
 
@@ -284,20 +267,8 @@ def _cars(trips: Sequence[Trip]) -> list[str]:
     return [f"cars {', '.join(cars)} count as one car"] if len(cars) > 1 else []
 
 
-def _require_trips(trips: Sequence[Trip]) -> None:
-    faults = [
-        Fault("no measured energy", t.trip_id, "", "voltage and current")
-        for t in trips
-        if t.observed_energy_wh is None
-    ]
-    if not trips:
-        faults.append(Fault("no trips", "adaptation", "0 after the audit", "at least 1 with measured energy"))
-    if faults:
-        raise InvalidInput(faults)
-
-
 def _donor(base: ForecastModel, trips: Sequence[Trip]) -> tuple[DonorModel, tuple[str, ...]]:
-    """The donor model for the new car, learned with no more inputs than its log has, and the masked inputs."""
+    """The donor model for the new car, fitted with no more inputs than its log has, and the masked inputs."""
     usual = base.as_donor()
     used = {column for term in usual.members.terms for column in term.columns}
     missing = tuple(name for name in unknown_inputs(trips) if name in used)
@@ -317,7 +288,7 @@ def _share_of_energy(
 ) -> float:
     """Root mean square of the errors of own trips, less their constant part, over the energy moved.
 
-    How the errors of this car grow with a trip was seen on the base's trips alone. What another book lacks (wind, tyres, load,
+    How the errors of this car grow with a trip was seen on the base's trips alone. What no published value has (wind, tyres, load,
     the driver) takes a share of the energy, and no error grows faster. Small errors on a few trips do not show that those of
     long ones are smaller than the base's.
     """

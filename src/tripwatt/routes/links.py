@@ -273,15 +273,15 @@ def plan_from_links(
     if not (math.isfinite(step_s) and step_s >= finest):
         raise InvalidInput.of("step out of range", "step_s", f"{step_s}", f"{finest:g} s or more")
     route = _uncut(route)
-    first = _stretches(route)
+    first = first_of_stretches(route)
     length, time = np.add.reduceat(route.length_m, first), np.add.reduceat(route.travel_time_s, first)
     last = np.append(first[1:], len(route)) - 1
     profile = link_profile(
         length,
         time,
-        stop_s=_stops(route, first, last),
-        moving_speed_m_s=_moving_speeds(route, first),
-        speed_limit_m_s=_limits(route, first),
+        stop_s=given_stops(route, first, last),
+        moving_speed_m_s=moving_speeds(route, first),
+        speed_limit_m_s=highest_limits(route, first),
         style=style,
         rng=rng,
         step_s=step_s,
@@ -322,7 +322,7 @@ def _uncut(route: LinkRoute) -> LinkRoute:
     )
 
 
-def _stretches(route: LinkRoute) -> IntArray:
+def first_of_stretches(route: LinkRoute) -> IntArray:
     """Index of the first link of each stretch: short links go with what follows, the last one with what went before."""
     if float(route.length_m.min()) >= SHORTEST_STRETCH_M:
         return np.arange(len(route), dtype=np.int64)
@@ -338,20 +338,20 @@ def _stretches(route: LinkRoute) -> IntArray:
     return np.array(first, dtype=np.int64)
 
 
-def _stops(route: LinkRoute, first: IntArray, last: IntArray) -> FloatArray:
+def given_stops(route: LinkRoute, first: IntArray, last: IntArray) -> FloatArray:
     """Given standstill at the end of each stretch; unknown where it is unknown on one of its links."""
     unknown = np.add.reduceat(np.isnan(route.stop_s).astype(np.float64), first) > 0
     end = route.stop_s[last]
     return np.where(unknown & ~(end > 0), np.nan, np.nan_to_num(end, nan=0.0))
 
 
-def _moving_speeds(route: LinkRoute, first: IntArray) -> FloatArray:
+def moving_speeds(route: LinkRoute, first: IntArray) -> FloatArray:
     """Length over the sum of the moving times of a stretch, unknown where it is unknown on one of its links."""
     moving_s = np.add.reduceat(route.length_m / route.moving_speed_m_s, first)
     return np.asarray(np.add.reduceat(route.length_m, first) / moving_s, dtype=np.float64)
 
 
-def _limits(route: LinkRoute, first: IntArray) -> FloatArray | None:
+def highest_limits(route: LinkRoute, first: IntArray) -> FloatArray | None:
     """Highest speed limit of each stretch, unknown where it is unknown on one of its links."""
     limit = route.speed_limit_m_s
     return None if limit is None else np.asarray(np.maximum.reduceat(limit, first))

@@ -213,7 +213,7 @@ def link_profile(
     given = (stop_s, moving_speed_m_s, speed_limit_m_s)
     stop, moving, limit = (link_column(values, unknown) for values in given)
     raise_faults(link_faults(_rules(length, time, stop, moving, limit), step_s))
-    course = _Course(length, time, stop, moving, limit, style, rng)
+    course = Course(length, time, stop, moving, limit, style, rng)
     speed, driving_s = course.solve()
     waiting_s = course.waiting(speed, driving_s, rng)
     return profile_over_time(course.position, speed, driving_s, waiting_s, course.ends, step_s)
@@ -234,7 +234,7 @@ def _rules(
     ]
 
 
-class _Course:
+class Course:
     """The grid over the links and what is known before the delays are.
 
     `limit` is infinite where there is none, `free` the speed without disturbance, `time` the time to drive and to wait in
@@ -263,7 +263,7 @@ class _Course:
             free = free * np.exp(SPEED_LOG_STD * rng.standard_normal(free.shape))
         self.limit = np.where(np.isnan(limit), np.inf, np.maximum(limit, mean))
         self.free = np.minimum(free, self.limit)
-        dips = _number_of_dips(length, self.time, self.free, np.isnan(stop), style)
+        dips = number_of_dips(length, self.time, self.free, np.isnan(stop), style)
         spacing = max(SPACING_M, float(length.sum()) / MOST_NODES)
         cells = np.maximum(np.maximum(np.ceil(length / spacing), 4), CELLS_PER_DIP * dips).astype(np.int64)
         self.ends = np.cumsum(cells)
@@ -282,7 +282,7 @@ class _Course:
         at_rest = np.zeros(n, dtype=bool)
         at_rest[[0, -1]] = np.isnan(stop[[0, -1]])
         self.most_delay = np.where(at_rest & (dips == 0), 0.0, most)
-        self.ramp = _ramps(self.position, self.ends, np.minimum(self.free, HURRY * mean + 2.0), style)
+        self.ramp = ramp_speeds(self.position, self.ends, np.minimum(self.free, HURRY * mean + 2.0), style)
 
     def drive(self, delay: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Speed at the nodes [m/s] and time between them [s] for a delay of each link, without waiting.
@@ -378,7 +378,7 @@ class _Course:
         return wait
 
 
-def _ramps(position: FloatArray, ends: IntArray, free: FloatArray, style: LinkStyle) -> FloatArray:
+def ramp_speeds(position: FloatArray, ends: IntArray, free: FloatArray, style: LinkStyle) -> FloatArray:
     """Speed that is allowed at each node [m/s] because a faster link is near, 0 where none is.
 
     A change of speed lies on both sides of the point at which two links meet: the car passes it at the mean of the
@@ -399,7 +399,7 @@ def _ramps(position: FloatArray, ends: IntArray, free: FloatArray, style: LinkSt
     return ramp
 
 
-def _number_of_dips(
+def number_of_dips(
     length: FloatArray,
     time: FloatArray,
     free: FloatArray,

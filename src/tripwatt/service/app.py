@@ -277,7 +277,7 @@ class Api:
 
     @operation("GET /v1/map", "library", MapResponse)
     async def get_map(self, request: Request) -> Response:
-        """Return what the service knows of roads, places and weather."""
+        """Return the roads, places and weather of the service."""
         return await self.answering.kept(request, "map")
 
     @operation("GET /v1/map/view", "journeys", ViewResponse)

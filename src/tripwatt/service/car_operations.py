@@ -1,4 +1,4 @@
-"""The endpoints of cars that learn from their trips: made, shown, given logs, erased.
+"""The endpoints of users' cars: made, shown, given logs, erased.
 
 This process stores uploads and keeps track of what is learned; workers read, audit and learn.
 """
@@ -72,7 +72,7 @@ class Learning:
         None while it runs.
     """
 
-    upload: str
+    upload: str = ""
     task: asyncio.Task[None] | None = None
     result: JobResult | None = None
 
@@ -119,7 +119,7 @@ class CarOperations:
             if watch is not None:
                 watch.cancel()
                 await asyncio.gather(watch, return_exceptions=True)
-            tasks = [found.task for found in self.learning.values() if found.task is not None]
+            tasks = [learning.task for learning in self.learning.values() if learning.task is not None]
             for task in tasks:
                 task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
@@ -133,7 +133,7 @@ class CarOperations:
 
     @operation("POST /v1/cars", "cars", CarResponse, NewCarRequest)
     async def new_car(self, request: Request) -> Response:
-        """Make a car that learns from its trips."""
+        """Make a car."""
         require_folder(self.settings.cars)
         return _shown(await self.answering.body_job(request, "new car"), None)
 
@@ -189,10 +189,7 @@ class CarOperations:
                 [Fault(**{"where": "logs", **{k: v for k, v in fault.items() if v}}) for fault in faults]
             )
         self._require_idle(car)
-        found = Learning(upload)
-        self.learning[car] = found
-        job = {"kind": "learn", "car": car, "upload": upload}
-        found.task = asyncio.ensure_future(self._learn(found, job, body))
+        self._start(Learning(upload), {"kind": "learn", "car": car, "upload": upload}, body)
         return await self.get_car(request, car)
 
     async def learn_finished(self, car: str) -> bool:
@@ -203,15 +200,20 @@ class CarOperations:
         bool
             Whether it did.
         """
-        before = self.learning.get(car)
-        if before is not None and before.result is None:
+        if self._is_learning(car):
             return False
-        found = self.learning[car] = Learning("")
-        found.task = asyncio.ensure_future(self._learn(found, {"kind": "learn finished", "car": car}, b""))
-        await asyncio.gather(found.task, return_exceptions=True)
-        return found.result is not None and found.result.status == 200
+        learning = Learning()
+        await asyncio.gather(
+            self._start(learning, {"kind": "learn finished", "car": car}), return_exceptions=True
+        )
+        return learning.result is not None and learning.result.status == 200
 
-    async def _learn(self, found: Learning, job: Mapping[str, Any], body: bytes) -> None:
+    def _start(self, learning: Learning, job: dict[str, Any], body: bytes = b"") -> asyncio.Task[None]:
+        self.learning[job["car"]] = learning
+        learning.task = asyncio.ensure_future(self._learn(learning, job, body))
+        return learning.task
+
+    async def _learn(self, learning: Learning, job: dict[str, Any], body: bytes) -> None:
         try:
             if not self._started:
                 self._started = True
@@ -220,13 +222,15 @@ class CarOperations:
                 except (OSError, TimeoutError, WorkerLost) as error:
                     self._started = False
                     raise Problem("busy", "no worker started", headers={"Retry-After": "30"}) from error
-            found.result = await self.learners.run(dict(job), body, may_queue=True)
+            learning.result = await self.learners.run(job, body, may_queue=True)
         except Problem as problem:
-            found.result = JobResult(problem.status, orjson.dumps(problem.document()), 0.0)
+            learning.result = JobResult(problem.status, orjson.dumps(problem.document()), 0.0)
+
+    def _is_learning(self, car: str) -> bool:
+        return car in self.learning and self.learning[car].result is None
 
     def _require_idle(self, car: str) -> None:
-        found = self.learning.get(car)
-        if found is not None and found.result is None:
+        if self._is_learning(car):
             raise Problem("busy", "the car is learning", headers={"Retry-After": "5"})
 
     def _store(self, place: Path, name: str, content: bytes) -> dict[str, int]:
@@ -244,23 +248,21 @@ class CarOperations:
         used = sum(file.stat().st_size for file in place.parent.rglob("*") if file.is_file())
         if len(sizes) > MOST_FILES or used > self.settings.limits.car_bytes:
             shutil.rmtree(place, ignore_errors=True)
-            limit = self.settings.limits.car_bytes
-            raise Problem(
-                "too-large", f"at most {MOST_FILES} tables and {limit} bytes that are not learned yet"
-            )
+            most = f"{MOST_FILES} tables and {self.settings.limits.car_bytes} bytes"
+            raise Problem("too-large", f"at most {most} that are not learned yet")
         return {"files": len(sizes), "bytes": sum(sizes)}
 
     def _learning(self, car: str) -> dict[str, Any] | None:
         """What a car learns, as `LearningDocument`."""
-        found = self.learning.get(car)
-        if found is None:
+        learning = self.learning.get(car)
+        if learning is None:
             return None
         nothing = dict.fromkeys(("added", "known", "entries")) | {"left_out": [], "faults": []}
-        if found.result is None:
-            done, total = read_progress(require_folder(self.settings.cars) / car, found.upload)
+        if learning.result is None:
+            done, total = read_progress(require_folder(self.settings.cars) / car, learning.upload)
             return {"state": "running", "done": done, "total": total, **nothing}
-        document: Mapping[str, Any] = orjson.loads(found.result.content)
-        if found.result.status != 200:
+        document: Mapping[str, Any] = orjson.loads(learning.result.content)
+        if learning.result.status != 200:
             faults = document.get("faults") or [{"what": document["title"], "where": "logs"}]
             return {"state": "failed", "done": 0, "total": None, **nothing, "faults": faults}
         entries = document["entries"]

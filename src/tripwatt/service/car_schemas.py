@@ -1,4 +1,4 @@
-"""Schemas of the requests and responses of cars that learn from their trips."""
+"""Schemas of the requests and responses of users' cars."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class FindingDocument(ResponseModel):
 
 
 class LogsPreview(ResponseModel):
-    """What the audit says of the tables as they are mapped."""
+    """The audit of the tables as they are mapped."""
 
     logs: int
     drives: int
@@ -161,7 +161,7 @@ class ForecastOnTheWay(ResponseModel):
 
 
 class DiaryEntry(ResponseModel):
-    """A trip as it was forecast before the car had learned it, and what it took."""
+    """A trip as it was forecast before the model was adapted to it, and what it took."""
 
     trip_id: str
     started_at: str

@@ -175,10 +175,10 @@ class Jobs:
 
     def plan(self, body: bytes) -> dict[str, Any]:
         """Return the response to a `PlanRequest`."""
-        found = self.journeys.plan(*self._journey(body, PlanRequest))
-        for road in found["roads"]:
+        journey = self.journeys.plan(*self._journey(body, PlanRequest))
+        for road in journey["roads"]:
             require_finite(road["forecast"])
-        return found
+        return journey
 
     def reach(self, body: bytes) -> dict[str, Any]:
         """Return the response to a `ReachRequest`."""
@@ -334,11 +334,11 @@ class Jobs:
         """Return the cars of the library, or those that words find, each with the models fitted on its trips."""
         cars = {name: model.vehicle.name for name, model in self.models.items()}
         by_name = {row["name"]: row for row in vehicles()}
-        found = tuple(by_name) if search is None else find_vehicles(search)
+        names = tuple(by_name) if search is None else find_vehicles(search)
         return {
             "vehicles": [
                 {**by_name[name], "models": [model for model, car in cars.items() if car == name]}
-                for name in found
+                for name in names
             ]
         }
 

@@ -203,7 +203,7 @@ class ViewResponse(ResponseModel):
 
 
 class MapResponse(ResponseModel):
-    """What this service knows of the world."""
+    """Roads, places and weather of this service."""
 
     roads: bool = Field(description="whether /v1/journeys and /v1/reachable are served")
     places: bool = Field(description="whether places are found by name")

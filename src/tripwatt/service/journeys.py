@@ -102,7 +102,7 @@ class JourneyJobs:
         }
 
     def describe(self) -> dict[str, Any]:
-        """Return what the service knows of the world."""
+        """Return the roads, places and weather of the service."""
         atlas = self.atlas
         return {
             "roads": atlas is not None,

@@ -60,7 +60,7 @@ def examples() -> dict[str, dict[str, Any]]:
     """Return synthetic trips as examples, by name."""
     charge = load_model().fitted_parts("examples")[1].charge
     battery = load_vehicle(EXAMPLE_CAR).battery
-    found = {}
+    by_trip = {}
     for trip in synthetic_fleet(EXAMPLE_COUNT).trips:
         known = trip.departure.to_dict()
         at_departure: dict[str, Any] = {
@@ -72,7 +72,7 @@ def examples() -> dict[str, dict[str, Any]]:
         at_departure["soc"] = float(np.clip(shown, 0.0, 1.0))
         route = [c for c in ("time_s", "speed_m_s", "elevation_m") if c in trip]
         measured = [c for c in ("time_s", "voltage_v", "current_a", "soc") if c in trip]
-        found[trip.trip_id] = {
+        by_trip[trip.trip_id] = {
             "trip": trip.trip_id,
             "title": trip.context.route or trip.trip_id,
             "vehicle": EXAMPLE_CAR,
@@ -88,7 +88,7 @@ def examples() -> dict[str, dict[str, Any]]:
             },
             "observed": columns_of(trip.samples[measured]),
         }
-    return found
+    return by_trip
 
 
 def example_summaries() -> dict[str, Any]:

@@ -102,12 +102,12 @@ def rate_limit_key(address: str) -> str | None:
     (None, '203.0.113.9', '2001:db8::/64')
     """
     try:
-        found = ipaddress.ip_address(address)
+        ip = ipaddress.ip_address(address)
     except ValueError:
         return address
-    if found.is_loopback:
+    if ip.is_loopback:
         return None
-    return str(found) if found.version == 4 else str(ipaddress.ip_network((int(found), 64), strict=False))
+    return str(ip) if ip.version == 4 else str(ipaddress.ip_network((int(ip), 64), strict=False))
 
 
 class ServiceMiddleware:

@@ -83,18 +83,18 @@ class Problem(Exception):
         '/problems/busy'
         """
         status, title = TITLES[self.kind]
-        found: dict[str, Any] = {"type": f"/problems/{self.kind}", "title": title, "status": status}
+        document: dict[str, Any] = {"type": f"/problems/{self.kind}", "title": title, "status": status}
         if self.detail:
-            found["detail"] = self.detail
+            document["detail"] = self.detail
         if instance:
-            found["instance"] = instance
+            document["instance"] = instance
         if self.faults:
-            found["faults"] = [fault_document(fault) for fault in self.faults[:MAX_FAULTS]]
+            document["faults"] = [fault_document(fault) for fault in self.faults[:MAX_FAULTS]]
             unlisted = len(self.faults) - MAX_FAULTS
-            found["detail"] = "; ".join(f"{f['where']}: {f['what']}" for f in found["faults"][:3])
+            document["detail"] = "; ".join(f"{f['where']}: {f['what']}" for f in document["faults"][:3])
             if unlisted > 0:
-                found["more_faults"] = unlisted
-        return found
+                document["more_faults"] = unlisted
+        return document
 
     def response(self, instance: str = "") -> Response:
         """Return the problem as an HTTP response; `instance` is the id of the request."""

@@ -48,8 +48,8 @@ def run_job(jobs: Jobs, job: dict[str, Any], body: bytes) -> tuple[int, bytes]:
     400
     """
     try:
-        found = jobs.run(job, body)
-        return 200, found if isinstance(found, bytes) else orjson.dumps(found)
+        document = jobs.run(job, body)
+        return 200, document if isinstance(document, bytes) else orjson.dumps(document)
     except NotJson as error:
         problem = Problem("not-json", str(error))
     except RemoteError as error:

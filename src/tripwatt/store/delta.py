@@ -145,9 +145,9 @@ class DeltaFolder:
 
     def about(self) -> dict[str, Any]:
         """What was written at its creation."""
-        found = self.open().metadata().description
+        description = self.open().metadata().description
         try:
-            about = json.loads(found or "")
+            about = json.loads(description or "")
         except json.JSONDecodeError:
             about = None
         if not isinstance(about, dict) or "tripwatt_store" not in about:
@@ -214,10 +214,10 @@ class DeltaFolder:
 
     def compact(self, target_size: int) -> dict[str, Any]:
         """Merge small data files of each partition up to a size [bytes]."""
-        found = self._repeated(
+        metrics = self._repeated(
             lambda table: table.optimize.compact(target_size=target_size, writer_properties=_writing())
         )
-        return {name: found[name] for name in ("numFilesAdded", "numFilesRemoved")}
+        return {name: metrics[name] for name in ("numFilesAdded", "numFilesRemoved")}
 
     def try_to_compact(self, target_size: int) -> bool:
         """Merge small data files as `compact` does, unless another writer changes them meanwhile.

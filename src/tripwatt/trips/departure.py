@@ -37,7 +37,7 @@ TEMPERATURES: Final = (
     "cabin_setpoint_degc",
     "battery_temperature_degc",
 )
-"""Fields that the correctors learn from, and that a forecast compares with its training."""
+"""Fields among the features of the correctors, which a forecast compares with its training."""
 
 FIRST_S: Final = 60.0
 """A signal that is logged within this time counts as that of the departure: loggers start one after the other."""
@@ -226,7 +226,7 @@ class Departure:
         samples : Sampled
             Its first sample counts.
         context : Context
-            What the log says beside its samples: season, weather, payload, the trip before.
+            What the log has beside its samples: season, weather, payload, the trip before.
 
         Returns
         -------

@@ -32,7 +32,7 @@ class Field:
     type : {"text", "truth", "time"} or ""
         Kind of a value that is neither a number nor a choice.
     option : str
-        Option of the command line; two fields of one option are given as `A@B`. Empty where nobody is asked.
+        Option of the command line; two fields of one option are given as `A@B`. Empty without one.
     metavar : str
         What the help of the option shows for the value.
     wire : tuple of str

@@ -246,7 +246,7 @@ class Trip(Recorded):
     samples : DataFrame
         One row per sample, canonical columns, float64.
     context : Context
-        What the log says beside its samples.
+        What the log has beside its samples.
     observed_energy_wh : float or None
         Measured energy of the whole drive [Wh]; None without voltage and current.
     step_s : float or None
@@ -276,7 +276,7 @@ class Trip(Recorded):
         samples : DataFrame
             Canonical columns, one row a sample.
         context : Context, optional
-            What the log says beside its samples.
+            What the log has beside its samples.
 
         Returns
         -------

@@ -1,6 +1,6 @@
 """Values that close the gap between a car's simulated and its certified consumption, from `data/table/anchors.csv`.
 
-`python -m benchmarks.anchors --write` computes the file with the physics of the day; `tripwatt.certification` says how. Each row
+`python -m benchmarks.anchors --write` computes the file with the physics of the day by `tripwatt.certification`. Each row
 is an entry of a car: its value, and the mean error of the car before it. The car `*` is what the class has in common.
 """
 
@@ -56,15 +56,15 @@ def anchors() -> Mapping[str, Anchor]:
     >>> anchors()["vw_id4_pro"].level
     'road_load'
     """
-    found: dict[str, Anchor] = {}
+    by_car: dict[str, Anchor] = {}
     for row in records("anchors.csv"):
-        old = found.get(row["car"])
+        old = by_car.get(row["car"])
         entries = {} if old is None else dict(old.entries)
         entries[row["entry"]] = (float(row["value"]), row["unit"])
-        found[row["car"]] = Anchor(
+        by_car[row["car"]] = Anchor(
             row["level"], row["loss"], types.MappingProxyType(entries), float(row["before"])
         )
-    return types.MappingProxyType(found)
+    return types.MappingProxyType(by_car)
 
 
 def anchored_document(name: str, document: Mapping[str, Any]) -> dict[str, Any]:

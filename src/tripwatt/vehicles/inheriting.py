@@ -47,9 +47,9 @@ def bundled_text(name: str) -> str | None:
 @cache
 def _bundled(name: str, depth: int) -> tuple[dict[str, Any], tuple[Fault, ...]]:
     """A bundled file with what it takes over, and its faults. It is read, never changed."""
-    found: list[Fault] = []
-    document = _inherit(tomllib.loads(bundled_text(name) or ""), f"{name}.toml", found, depth)
-    return document, tuple(found)
+    faults: list[Fault] = []
+    document = _inherit(tomllib.loads(bundled_text(name) or ""), f"{name}.toml", faults, depth)
+    return document, tuple(faults)
 
 
 def bundled_bases() -> tuple[str, ...]:
@@ -133,8 +133,8 @@ def _base(name: str, place: str, faults: list[Fault], depth: int) -> dict[str, A
     if depth >= DEEPEST_EXTENSION:
         faults.append(Fault("circular extends", place, name, "files that do not extend one another"))
         return {}
-    document, found = _bundled(name, depth + 1)
-    faults += found
+    document, inherited = _bundled(name, depth + 1)
+    faults += inherited
     return document
 
 

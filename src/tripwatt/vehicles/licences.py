@@ -117,5 +117,5 @@ def _is_text(value: object) -> bool:
 def _licence(source: str, table: Mapping[str, str]) -> str:
     """The licences of the works that a source text cites, empty where its first part is not listed."""
     parts = source.split("; ")
-    found = [next((table[s] for s in table if part.startswith(s)), "") for part in parts]
-    return JOINT.join(dict.fromkeys(name for name in found if name)) if found[0] else ""
+    names = [next((table[s] for s in table if part.startswith(s)), "") for part in parts]
+    return JOINT.join(dict.fromkeys(name for name in names if name)) if names[0] else ""

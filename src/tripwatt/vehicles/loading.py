@@ -78,8 +78,8 @@ def load_vehicle(
         name = str(name_or_path)
         if overrides:
             return _from_library(name, preset, overrides)
-        found = _unchanged(name, preset)
-        return dataclasses.replace(found, entries=dict(found.entries))
+        vehicle = _unchanged(name, preset)
+        return dataclasses.replace(vehicle, entries=dict(vehicle.entries))
     try:
         document = tomllib.loads(_read(path))
     except (tomllib.TOMLDecodeError, RecursionError) as error:
@@ -165,7 +165,7 @@ def find_vehicles(words: str) -> tuple[str, ...]:
     """
     wanted = [_plain(word) for word in words.split()]
     wanted = [word for word in wanted if word]
-    found = []
+    matching = []
     for name, title in vehicle_titles().items():
         years = _years(title)
         texts = {_plain(word) for word in re.split(r"[\s_()/-]+", f"{title} {name}")}
@@ -173,8 +173,8 @@ def find_vehicles(words: str) -> tuple[str, ...]:
         if wanted and all(
             word in texts or (len(word) > 2 and word in whole) or _is_year_in(word, years) for word in wanted
         ):
-            found.append((len(title), name))
-    return tuple(name for _, name in sorted(found))
+            matching.append((len(title), name))
+    return tuple(name for _, name in sorted(matching))
 
 
 def _plain(text: str) -> str:
@@ -185,8 +185,8 @@ def _plain(text: str) -> str:
 
 def _years(title: str) -> tuple[int, int] | None:
     """First and last model year in the brackets at the end of a title."""
-    found = re.search(r"\((\d{4})(?:-(\d{4}))?\)$", title)
-    return None if found is None else (int(found[1]), int(found[2] or found[1]))
+    match = re.search(r"\((\d{4})(?:-(\d{4}))?\)$", title)
+    return None if match is None else (int(match[1]), int(match[2] or match[1]))
 
 
 def _is_year_in(word: str, years: tuple[int, int] | None) -> bool:

@@ -351,9 +351,9 @@ class Battery:
     heat_loss_w_k : float
         From the pack to the outside air [W/K].
     displayed_zero_soc : float
-        State of charge at which the driver sees 0 [1].
+        State of charge at which the display shows 0 [1].
     displayed_full_soc : float
-        State of charge at which the driver sees 1 [1].
+        State of charge at which the display shows 1 [1].
 
     Examples
     --------
@@ -380,7 +380,7 @@ class Battery:
     displayed_full_soc: float = quantity("1", 0.5, 1.0)
 
     def soc_from_displayed(self, displayed_soc: Number) -> Number:
-        """Convert what the driver sees to the state of charge of the battery management.
+        """Convert the displayed to the battery management's state of charge.
 
         Parameters
         ----------
@@ -395,7 +395,7 @@ class Battery:
         return self.displayed_zero_soc + displayed_soc * (self.displayed_full_soc - self.displayed_zero_soc)
 
     def displayed_from_soc(self, soc: Number) -> Number:
-        """Convert the state of charge of the battery management to what the driver sees.
+        """Convert the battery management's state of charge to the displayed one.
 
         Parameters
         ----------

@@ -1,7 +1,7 @@
 """From a car's TOML to a `Vehicle`, with every fault of the file in one message.
 
-An entry is `key = { value = ..., unit = "...", source = "...", estimated = "how" }`; `estimated` is optional and says
-how a value came about that no source states as it stands. `tripwatt.vehicles.licences` says how a file names the
+An entry is `key = { value = ..., unit = "...", source = "...", estimated = "how" }`; `estimated` is optional: how
+a value follows that no source states as it stands. `tripwatt.vehicles.licences` describes how a file names the
 licence of each source. `[preset.NAME.SECTION]` tables replace entries, and
 `without = ["climate"]` in `[preset.NAME]` leaves out an optional part.
 """

@@ -5,8 +5,8 @@ from __future__ import annotations
 import dataclasses
 import types
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Final
+from dataclasses import dataclass, replace
+from typing import Any, Final
 
 from tripwatt.vehicles.parts import (
     Auxiliaries,
@@ -142,3 +142,56 @@ class Vehicle:
     entries: Mapping[str, Entry] = dataclasses.field(repr=False, compare=False, hash=False)
     anchor: str = "published"
     charging: Charging | None = None
+
+    def value(self, key: str) -> Value | None:
+        """Value of a part.
+
+        Parameters
+        ----------
+        key : str
+            "section.key", such as ``"auxiliaries.base_load_w"``.
+
+        Returns
+        -------
+        float, str, tuple of float or None
+            In the unit of the entry; None where the car lacks the part or the value.
+
+        Examples
+        --------
+        >>> from tripwatt.vehicles import load_vehicle
+        >>> load_vehicle("bmw_i3_60ah").value("auxiliaries.base_load_w")
+        300.0
+        """
+        section, _, name = key.partition(".")
+        value: Value | None = getattr(getattr(self, section), name, None)
+        return value
+
+    def with_values(
+        self, values: Mapping[str, Value | None], entries: Mapping[str, Entry] = types.MappingProxyType({})
+    ) -> Vehicle:
+        """A car with other values of its parts.
+
+        Parameters
+        ----------
+        values : mapping of str to (float, str, tuple of float or None)
+            By "section.key", in the unit of the entry.
+        entries : mapping of str to Entry
+            Take the place of those of the car.
+
+        Returns
+        -------
+        Vehicle
+            A copy; nothing is checked.
+
+        Examples
+        --------
+        >>> from tripwatt.vehicles import load_vehicle
+        >>> load_vehicle("bmw_i3_60ah").with_values({"auxiliaries.base_load_w": 250.0}).auxiliaries.base_load_w
+        250.0
+        """
+        by_section: dict[str, dict[str, Value | None]] = {}
+        for key, value in values.items():
+            section, _, name = key.partition(".")
+            by_section.setdefault(section, {})[name] = value
+        parts: dict[str, Any] = {s: replace(getattr(self, s), **own) for s, own in by_section.items()}
+        return replace(self, entries=types.MappingProxyType({**self.entries, **entries}), **parts)

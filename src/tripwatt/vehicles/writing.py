@@ -19,7 +19,7 @@ def vehicle_document(vehicle: Vehicle) -> dict[str, Any]:
     Parameters
     ----------
     vehicle : Vehicle
-        A car with its entries; of a value that was replaced after the car was loaded, the source says so.
+        A car with its entries; the source of a value that was replaced after the car was loaded names that.
 
     Returns
     -------

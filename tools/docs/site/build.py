@@ -117,12 +117,12 @@ def _relinked(page: Path, place: Path) -> str:
     def moved(match: re.Match[str]) -> str:
         target = (page.parent / match[1]).resolve()
         if target.is_relative_to(DOCS):
-            found = target.relative_to(DOCS).as_posix()
+            page_of_site = target.relative_to(DOCS).as_posix()
         else:
-            found = PROJECT.get(target.relative_to(ROOT).as_posix(), "")
-        if not found:
+            page_of_site = PROJECT.get(target.relative_to(ROOT).as_posix(), "")
+        if not page_of_site:
             return match[1]  # Sphinx warns of it
-        return os.path.relpath(found, place.parent).replace(os.sep, "/")
+        return os.path.relpath(page_of_site, place.parent).replace(os.sep, "/")
 
     fences = re.split(r"(^ *```.*?^ *```)", page.read_text("utf-8"), flags=re.MULTILINE | re.DOTALL)
     text = "".join(part if k % 2 else _LINK.sub(moved, part) for k, part in enumerate(fences))
@@ -275,12 +275,12 @@ def build(out: Path) -> str:
             warnings.simplefilter("ignore", PendingDeprecationWarning)
             app = Sphinx(pages, HERE, fresh, trees, "html", status=None, warning=said)
             app.build()
-        found = re.sub(r"\x1b\[[0-9;]*m", "", said.getvalue()).replace(f"{pages}/", "")
-        if not found:
+        faults = re.sub(r"\x1b\[[0-9;]*m", "", said.getvalue()).replace(f"{pages}/", "")
+        if not faults:
             shutil.rmtree(out, ignore_errors=True)
             redirect(fresh)
             shutil.copytree(fresh, out, ignore=shutil.ignore_patterns(".buildinfo", "_sources"))
-    return found
+    return faults
 
 
 if __name__ == "__main__":

@@ -33,7 +33,7 @@ def running_time(view: View) -> Content:
 
 
 def timed_models(view: View) -> list[str]:
-    """Models of the main evaluation that learn, and whose times are known, in table order."""
+    """Models of the main evaluation that are fitted, and whose times are known, in table order."""
     models = view.scores
     return [
         m
@@ -90,7 +90,7 @@ def _beside_others(model: str, fit: Mapping[str, float], predict: Mapping[str, f
 
 
 def running_time_table(view: View) -> Table:
-    """Fit and prediction time of every model that learns."""
+    """Fit and prediction time of every model that is fitted."""
     models = view.scores
     rows = [
         (label(m), number(models[m]["fit_s"], 1.0, 3), number(models[m]["predict_ms"], 1.0, 2))
@@ -110,7 +110,7 @@ def _short(value: float) -> str:
 
 @styled
 def plot_running_time(view: View) -> Figure:
-    """Fit and prediction time of every model that learns, on logarithmic axes.
+    """Fit and prediction time of every model that is fitted, on logarithmic axes.
 
     Parameters
     ----------

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.vehicles.importing.found import Fields, Found
+from tripwatt.vehicles.importing.stated import Fields, Stated
 
 
 def flat_yaml(text: str, where: str) -> dict[str, str]:
@@ -54,7 +54,7 @@ def flat_yaml(text: str, where: str) -> dict[str, str]:
     return result
 
 
-def from_fastsim_yaml(text: str, where: str, row: str | None) -> Found:
+def from_fastsim_yaml(text: str, where: str, row: str | None) -> Stated:
     """A vehicle of FASTSim 3, or one of FASTSim 2 as that version writes it, in YAML."""
     table = flat_yaml(text, where)
     if "veh_pt_type" in table:
@@ -68,7 +68,7 @@ def from_fastsim_yaml(text: str, where: str, row: str | None) -> Found:
     fields = Fields(table, where)
     power = "pt_type.BEV."
     regeneration = fields.optional(f"{power}em.max_regen")
-    found = Found(
+    stated = Stated(
         title=table["name"],
         mass_kg=fields.number("mass_kilograms"),
         load_kg=fields.optional("chassis.cargo_mass_kilograms"),
@@ -87,7 +87,7 @@ def from_fastsim_yaml(text: str, where: str, row: str | None) -> Found:
         ),
     )
     fields.done()
-    return found
+    return stated
 
 
 def _wheels(fields: Fields, inertia: str, wheels: str) -> float | None:
@@ -112,7 +112,7 @@ def _snake(name: str) -> str:
     return re.sub(r"(?<=[a-z0-9])([A-Z])", r"_\1", name).lower()
 
 
-def from_fastsim_csv(text: str, where: str, row: str | None) -> Found:
+def from_fastsim_csv(text: str, where: str, row: str | None) -> Stated:
     """A vehicle of FASTSim 2 in a CSV file: one vehicle, or a table and the scenario name of one."""
     try:
         rows = list(csv.reader(io.StringIO(text, newline="")))
@@ -121,7 +121,7 @@ def from_fastsim_csv(text: str, where: str, row: str | None) -> Found:
     return _from_version_2(_csv_row(rows, where, row), where)
 
 
-def _from_version_2(table: Mapping[str, str], where: str) -> Found:
+def _from_version_2(table: Mapping[str, str], where: str) -> Stated:
     """A vehicle by FASTSim 2's names of its parameters."""
     kind = table.get("veh_pt_type", "")
     if kind != "BEV":
@@ -129,7 +129,7 @@ def _from_version_2(table: Mapping[str, str], where: str) -> Found:
     fields = Fields(table, where)
     cargo = fields.number("cargo_kg")
     mass = fields.optional("veh_override_kg")
-    found = Found(
+    stated = Stated(
         title=table.get("scenario name") or table.get("scenario_name") or Path(where).stem,
         mass_kg=mass if mass else _fastsim_mass(fields, cargo),
         load_kg=cargo if not mass or cargo else None,
@@ -146,7 +146,7 @@ def _from_version_2(table: Mapping[str, str], where: str) -> Found:
         rotating_inertia_kg_m2=_wheels(fields, "wheel_inertia_kg_m2", "num_wheels"),
     )
     fields.done()
-    return found
+    return stated
 
 
 def _fastsim_mass(fields: Fields, cargo: float) -> float:

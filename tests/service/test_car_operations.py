@@ -24,7 +24,6 @@ pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
 import tripwatt as tw
 from tripwatt.live import open_car
 from tripwatt.service.answering import Answering
-from tripwatt.service.car_jobs import CarJobs, uploaded
 from tripwatt.service.car_operations import CarOperations
 from tripwatt.service.metrics import Metrics
 from tripwatt.service.pool import WorkerPool
@@ -325,16 +324,6 @@ def test_the_operations_on_cars_conform_to_their_description(service: Service) -
     assert found.clean, found.text
 
 
-def test_without_a_folder_there_are_no_cars() -> None:
-    jobs = CarJobs()
-    assert jobs.names() == []
-    assert jobs.model("any") is None
-    assert jobs.list() == {"cars": None}
-    with pytest.raises(Problem) as caught:
-        jobs.show("any")
-    assert caught.value.kind == "no-live"
-
-
 def operations(folder: Path, **limits: int) -> CarOperations:
     settings = Settings(cars=folder, limits=Limits(**limits))  # type: ignore[arg-type]
     pool = WorkerPool(settings, lambda event, **more: None)
@@ -357,11 +346,3 @@ def test_what_waits_to_be_learned_has_a_bound_and_expires(tmp_path: Path) -> Non
         os.utime(place, (old, old))
     assert own._store(uploads / "third003", "c.csv", content)["files"] == 1
     assert sorted(place.name for place in uploads.iterdir()) == ["second02", "third003"]
-
-
-def test_an_upload_is_named_by_letters_and_digits(tmp_path: Path) -> None:
-    (tmp_path / "uploads" / "good0001" / "tables").mkdir(parents=True)
-    assert uploaded(tmp_path, "good0001").name == "tables"
-    for name in ("..", "", "missing1", "../uploads/good0001"):
-        with pytest.raises(Problem):
-            uploaded(tmp_path, name)

@@ -10,7 +10,7 @@ from tripwatt.errors import Fault, InvalidInput
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class Stated:
     """What a vehicle file states, in our units; None where it does not.
 
     `mass_kg` is the mass that the source drives with, `load_kg` what of it is load or people.
@@ -69,6 +69,6 @@ class Fields:
         return value * factor
 
     def done(self) -> None:
-        """Raise `InvalidInput` with all that was found."""
+        """Raise `InvalidInput` with every fault."""
         if self.faults:
             raise InvalidInput(self.faults)
