@@ -22,7 +22,8 @@ from sse_starlette import EventSourceResponse, ServerSentEvent
 
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecasting import ForecastModel
-from tripwatt.live import LiveDocument, RoadCar, Sample, has_token, is_car
+from tripwatt.live import RoadCar, Sample, has_token, is_car
+from tripwatt.live.documents import LiveDocument
 from tripwatt.live.tokens import digest_of, token_digest
 from tripwatt.service.car_jobs import CarJobs
 from tripwatt.service.jobs import Jobs
