@@ -312,10 +312,12 @@ class LiveCars:
             for car in [*self.cars.values()]:
                 try:
                     await self.run(car.end_when_silent, time.time())
+                    if car.wants_forecast:
+                        await self.document(car)
                 except OSError as error:
                     self._not_stored("trip", car, error)
-                if car.wants_forecast:
-                    await self.document(car)
+                except Exception as error:  # the other cars are watched all the same
+                    self.log(event="bug", vehicle=car.name, error=repr(error)[:200])
             await asyncio.sleep(SILENCE_CHECK_S)
 
     @contextlib.asynccontextmanager
