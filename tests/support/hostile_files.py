@@ -36,7 +36,7 @@ from tripwatt.live.journal import line_of
 from tripwatt.live.tokens import token_digest
 from tripwatt.routes import parse_route
 from tripwatt.service.jobs import Jobs
-from tripwatt.service.schemas import NotJson
+from tripwatt.service.problems import Problem
 from tripwatt.service.settings import Limits
 from tripwatt.sources.canonical import read_canonical
 from tripwatt.sources.mapping import parse_mapping
@@ -368,7 +368,7 @@ def _read_one(read: Callable[[], Any], found: Found, what: str) -> None:
         if forecast is not None and (fault := absurd(forecast)):
             found.wrong.append(f"{fault}: {what}")
         found.read += 1
-    except (InvalidInput, NotJson):
+    except (InvalidInput, Problem):
         pass
     except Exception:
         found.wrong.append(f"{traceback.format_exc()[-600:]}: {what}")

@@ -24,14 +24,7 @@ from tripwatt.forecasting.upgrading import version_1_tree
 from tripwatt.hybrid.segments import SEGMENT_S
 from tripwatt.hybrid.stored import REFIT, new_converter, parts_tree, structured, tree_parts
 from tripwatt.modelfile import FORMAT_VERSION, Part, read_metadata, read_model, write_model
-from tripwatt.trips import (
-    COLUMNS,
-    QUANTITIES,
-    REQUIRED_COLUMNS,
-    ROUTE_COLUMNS,
-    SIGNALS,
-    plan_from_samples,
-)
+from tripwatt.trips import COLUMNS, QUANTITIES, REQUIRED_COLUMNS, ROUTE_COLUMNS, SIGNALS, plan_from_samples
 from tripwatt.vehicles import Vehicle, vehicle_document, vehicle_from_document
 
 if TYPE_CHECKING:
@@ -126,7 +119,7 @@ def save_model(
     folder : path
         A new or empty folder, or one that holds a model, which is replaced.
     provenance : mapping, optional
-        Where it comes from, such as `trained` gives: data, audit, trips, versions.
+        Where it comes from, such as `fitting.fit_with_provenance` gives: data, audit, trips, versions.
     evaluation : mapping, optional
         Its figures.
 

@@ -11,9 +11,9 @@ import numpy as np
 from tripwatt.arrays import FloatArray
 from tripwatt.auditing import audit
 from tripwatt.forecasting.donor import DonorModel, unknown_inputs
+from tripwatt.forecasting.fitting import held_out_figures, provenance_of
 from tripwatt.forecasting.model import ForecastModel, HeldOut
 from tripwatt.forecasting.ranges import NEVER_KNOWN, training_ranges
-from tripwatt.forecasting.training import held_out_figures, provenance_of
 from tripwatt.hybrid import SegmentTable, segment_trips
 from tripwatt.hybrid.car_corrector import HierarchicalCorrector
 from tripwatt.hybrid.familiarity import Range
@@ -235,7 +235,7 @@ def adapt_model(
     Returns
     -------
     model, provenance, evaluation
-        As of `train_model`; the provenance nests the base's with its digest.
+        As of `fit_with_provenance`; the provenance nests the base's with its digest.
 
     Examples
     --------

@@ -138,7 +138,7 @@ class Jobs:
 
         Raises
         ------
-        NotJson, InvalidInput
+        InvalidInput, Problem
             When the body is wrong.
         """
         return JOB_KINDS[job["kind"]](self, job, body)
