@@ -188,7 +188,8 @@ def _legs(trip: Recorded, samples: pd.DataFrame, cuts: Sequence[Cut]) -> tuple[l
     findings = [finding_of_cut(trip.trip_id, samples, cut, driven) for cut in ordered]
     if cuts and driven:
         short = [piece for piece in pieces if len(piece) > 1 and driven_m(piece) < DRIVEN_M]
-        findings += [_too_short_finding(trip.trip_id, piece) for piece in short]
+        what = "{:.0f} m beside a cut are too short for a drive"
+        findings += [between(p, trip.trip_id, 0, -1, what.format(driven_m(p)), "trimmed") for p in short]
     if not driven:
         what = "the car did not move" if not cuts else "no part of the log with a moving car is left"
         findings.append(whole(samples, trip.trip_id, what, "set aside"))
@@ -197,11 +198,6 @@ def _legs(trip: Recorded, samples: pd.DataFrame, cuts: Sequence[Cut]) -> tuple[l
         name = trip.trip_id if len(driven) == 1 else f"{trip.trip_id}-{number}"
         legs.append(_leg(trip, piece, name, follows=first > 0 and number > 1))
     return legs, findings
-
-
-def _too_short_finding(trip_id: str, piece: pd.DataFrame) -> Finding:
-    what = f"{driven_m(piece):.0f} m beside a cut are too short for a drive"
-    return between(piece, trip_id, 0, -1, what, "trimmed")
 
 
 def driven_m(samples: pd.DataFrame) -> float:

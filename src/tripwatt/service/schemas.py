@@ -26,7 +26,9 @@ from pydantic import (
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import MOST_HINTS, Fault, InvalidInput, excerpt
 from tripwatt.forecasting.document import FlagDocument
-from tripwatt.routes import LinkRoute, route_from_links, route_with_elevation
+from tripwatt.routes import LinkRoute, route_from_links
+from tripwatt.routes.link_objects import route_with_elevation
+from tripwatt.service.problems import Problem
 from tripwatt.service.settings import Limits
 from tripwatt.sources.canonical import LEAST_SAMPLES, canonical_samples
 from tripwatt.trips import ASKED, COLUMNS, LINK_COLUMNS, QUANTITIES, Column, Departure
@@ -412,22 +414,18 @@ class HealthResponse(ResponseModel):
 RequestModel = TypeVar("RequestModel", bound=BaseModel)
 
 
-class NotJson(Exception):
-    """The body of a request is not a JSON document."""
-
-
-def parse_json(body: bytes) -> Any:
-    """Parse the body of a request.
+def parse_json(body: bytes, where: str = "") -> Any:
+    """Parse the body of a request, or a part of it with the prefix `where` of what is wrong.
 
     Raises
     ------
-    NotJson
-        When the body is not JSON. NaN, infinities and numbers beyond the range of a float are not JSON.
+    Problem
+        `not-json`. NaN, infinities and numbers beyond the range of a float are not JSON.
     """
     try:
         return orjson.loads(body)
     except orjson.JSONDecodeError as error:
-        raise NotJson(str(error)) from error
+        raise Problem("not-json", f"{where}{error}") from error
 
 
 def check_request(document: Any, model: type[RequestModel]) -> RequestModel:
