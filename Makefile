@@ -104,7 +104,7 @@ docs: .venv-check/.ready  ## the documentation as a site, into site/; open site/
 bench: .venv-bench/.ready  ## ratios against peers, all measured in one run, into bench.json
 	.venv-bench/bin/python -m benchmarks --out bench.json
 
-peers: .venv-bench/.ready  ## other systems on the same trips, into docs/peers.md
+peers: .venv-bench/.ready  ## other systems on the same trips, into docs/explanation/peers.md
 	.venv-bench/bin/python -m benchmarks.peers --write
 
 bars: .venv-bench/.ready  ## the long measurements against the project's own bars

@@ -1,13 +1,14 @@
 """Anchors of the library and how well its cars meet their certified consumption: `python -m benchmarks.anchors`.
 
-`--write` computes the anchors again with the physics of the day, and renews `anchors.csv` and the table in docs/library.md. Run it
+`--write` computes the anchors again with the physics of the day, and renews `anchors.csv` and the table in docs/reference/library.md. Run it
 after every change of the physics or of the table of cars.
 """
 
 from __future__ import annotations
 
 import csv
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -15,11 +16,13 @@ from typing import Final
 
 import numpy as np
 from tools.command import run
+from tools.data.anchoring import certified_figures, most_probable
 from tools.docs import pages
 
+from benchmarks.measure import Row
 from tripwatt.arrays import FloatArray
-from tripwatt.certification.anchoring import LOSSES, ROAD_LOAD, anchored, errors, scaled
-from tripwatt.certification.consumption import CertifiedFigure, certified_figures
+from tripwatt.certification.anchoring import ROAD_LOAD, anchored, errors, scaled
+from tripwatt.certification.consumption import CertifiedFigure
 from tripwatt.vehicles import Vehicle, load_vehicle, vehicle_from_document, vehicle_names
 from tripwatt.vehicles.anchors import CLASS, Anchor, anchors
 from tripwatt.vehicles.catalogue import catalogue
@@ -58,6 +61,7 @@ BARS: Final = MappingProxyType(
         "largest row of certificates before": 0.08,
     }
 )
+AT_LEAST: Final = ("cars of 2019 or later", "share of rows within 4 % after")
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -101,31 +105,31 @@ def compute() -> tuple[dict[str, Anchor], list[Outcome]]:
     names = [name for name in vehicle_names() if name not in NOT_ANCHORED]
     cars = {name: unanchored(name) for name in names}
     figures = {name: certified_figures(name, cars[name]) for name in names}
-    found: dict[str, Anchor] = {}
+    new: dict[str, Anchor] = {}
     outcomes: dict[str, Outcome] = {}
     common, misses = [], []
     for name in names:
         if not figures[name] or level_of(name) != "road_load":
             continue
-        done = anchored(cars[name], figures[name], LOSSES)
-        found[name] = done.anchor("road_load")
-        outcomes[name] = outcome(name, cars[name], done.vehicle, found[name], figures[name])
-        common.append(anchored(cars[name], figures[name], (CLASS_LOSS,)).factor)
-        misses.append(found[name].before)
+        done = most_probable(cars[name], figures[name])
+        new[name] = done.anchor("road_load")
+        outcomes[name] = outcome(name, cars[name], done.vehicle, new[name], figures[name])
+        common.append(anchored(cars[name], figures[name], CLASS_LOSS).factor)
+        misses.append(new[name].before)
     middle = float(np.median(common))
     efficiency = scaled(cars["vw_id4_pro"], CLASS_LOSS, middle).drivetrain.gearbox_efficiency
     entries = MappingProxyType({"drivetrain.gearbox_efficiency": (efficiency, "1")})
-    found[CLASS] = Anchor("class", CLASS_LOSS, entries, float(np.median(misses)))
+    new[CLASS] = Anchor("class", CLASS_LOSS, entries, float(np.median(misses)))
     for name in names:
         if not figures[name] or level_of(name) == "road_load":
             continue
         own = scaled(cars[name], CLASS_LOSS, middle)
-        done = anchored(own, figures[name], (ROAD_LOAD,))
+        done = anchored(own, figures[name], ROAD_LOAD)
         before = errors(cars[name], figures[name])
         road = done.anchor("certification")
-        found[name] = Anchor("certification", ROAD_LOAD, road.entries, float(before.mean()))
-        outcomes[name] = outcome(name, cars[name], done.vehicle, found[name], figures[name])
-    return found, [outcomes[name] for name in names if name in outcomes]
+        new[name] = Anchor("certification", ROAD_LOAD, road.entries, float(before.mean()))
+        outcomes[name] = outcome(name, cars[name], done.vehicle, new[name], figures[name])
+    return new, [outcomes[name] for name in names if name in outcomes]
 
 
 def outcome(
@@ -137,20 +141,20 @@ def outcome(
 
 def committed() -> list[Outcome]:
     """The errors before and after the anchors of the package."""
-    found = []
+    outcomes = []
     for name, anchor in anchors().items():
         if name == CLASS:
             continue
         before, after = unanchored(name), load_vehicle(name)
-        found.append(outcome(name, before, after, anchor, certified_figures(name, before)))
-    return found
+        outcomes.append(outcome(name, before, after, anchor, certified_figures(name, before)))
+    return outcomes
 
 
-def write_anchors(found: dict[str, Anchor]) -> None:
+def write_anchors(own: dict[str, Anchor]) -> None:
     with TABLE.open("w", encoding="utf-8", newline="") as file:
         out = csv.writer(file, lineterminator="\n")
         out.writerow(["car", "level", "loss", "entry", "value", "unit", "before"])
-        for name, anchor in sorted(found.items()):
+        for name, anchor in sorted(own.items()):
             for key, (value, unit) in anchor.entries.items():
                 out.writerow(
                     [name, anchor.level, anchor.loss, key, f"{value:.6g}", unit, f"{anchor.before:.4f}"]
@@ -179,14 +183,15 @@ def figures_of_bars(outcomes: Sequence[Outcome]) -> dict[str, float]:
 
 
 def met(bar: str, figure: float) -> bool:
-    at_least = bar in ("cars of 2019 or later", "share of rows within 4 % after")
-    return figure >= BARS[bar] if at_least else figure <= BARS[bar]
+    """Whether a figure meets its bar."""
+    return figure >= BARS[bar] if bar in AT_LEAST else figure <= BARS[bar]
 
 
-def limit(bar: str) -> str:
-    """The limit of a bar, for people."""
-    sign = ">=" if met(bar, np.inf) else "<="
-    return f"{sign} {BARS[bar]:g}"
+def bars() -> Iterator[Row]:
+    """The bars on the anchors of the package."""
+    for name, figure in figures_of_bars(committed()).items():
+        least, most = (BARS[name], math.inf) if name in AT_LEAST else (-math.inf, BARS[name])
+        yield Row(f"library: {name}", figure, "", least, most)
 
 
 def render(outcomes: Sequence[Outcome]) -> str:
@@ -220,14 +225,14 @@ def render(outcomes: Sequence[Outcome]) -> str:
 def main(write: bool = False) -> None:
     """Print the table. `--write` computes the anchors again and renews table and page."""
     if write:
-        found, outcomes = compute()
-        write_anchors(found)
+        own, outcomes = compute()
+        write_anchors(own)
     else:
         outcomes = committed()
     table = render(outcomes)
     print(table)
     if write:
-        pages.renew("library.md", "anchors", table)
+        pages.renew("reference/library.md", "anchors", table)
 
 
 if __name__ == "__main__":

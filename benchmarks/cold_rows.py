@@ -5,7 +5,7 @@ on). Whether their energy is that at the wall or at the battery is not stated, s
 23 degC: the ratio of both is free of that. How warm the cabin is kept is not stated either, so the city schedule is simulated with
 climate control off and at 22 degC, with the coast-down and weight of the row and, of everything else, the car of the library that is
 nearest. Nothing is fitted to these rows.
-`--write` renews the table of docs/library.md. Needs the lists of `TRIPWATT_CATALOGUE`.
+`--write` renews the table of docs/reference/library.md. Needs the lists of `TRIPWATT_CATALOGUE`.
 """
 
 from __future__ import annotations
@@ -109,7 +109,7 @@ def compute() -> list[ColdRow]:
     """The usable rows of the list, each with the UDDS of the same car and year."""
     table = pd.read_csv(CATALOGUE / "epa_ev.csv")
     warm = table[(table["cycle"] == CITY) & (table["kwh_per_100mi"] > LEAST_KWH)]
-    found = []
+    rows = []
     for _, row in table[(table["cycle"] == COLD) & (table["kwh_per_100mi"] > LEAST_KWH)].iterrows():
         same = warm[(warm["model"] == row["model"]) & (warm["model_year"] == row["model_year"])]
         if same.empty:
@@ -118,12 +118,12 @@ def compute() -> list[ColdRow]:
         city = driven_wh_per_km(car, schedule("udds"), car.body.test_mass_kg)
         title = f"{row['make']} {row['model']} {row['model_year']}"
         off, heated = (in_the_cold(car, climate) for climate in ("off", "auto"))
-        found.append(
+        rows.append(
             ColdRow(
                 title, float(row["kwh_per_100mi"]), float(same["kwh_per_100mi"].mean()), off, heated, city
             )
         )
-    return found
+    return rows
 
 
 def render(rows: list[ColdRow]) -> str:
@@ -147,11 +147,11 @@ def render(rows: list[ColdRow]) -> str:
 
 
 def main(write: bool = False) -> None:
-    """Print the table. `--write` renews that of docs/library.md."""
+    """Print the table. `--write` renews that of docs/reference/library.md."""
     table = render(compute())
     print(table)
     if write:
-        pages.renew("library.md", "cold", table)
+        pages.renew("reference/library.md", "cold", table)
 
 
 if __name__ == "__main__":

@@ -54,9 +54,9 @@ def synthetic_coverage(trips: int = 600, seed: int = SEED) -> Covered:
 
 def main(trips: int = 600, seed: int = SEED) -> None:
     """Print error, coverage and width."""
-    found = synthetic_coverage(trips, seed)
-    print(f"{found.trips} synthetic trips, {FOLDS} folds, mean APE {found.mape:.4f}")
-    for level, share, width in zip(LEVELS, found.share, found.width_wh, strict=True):
+    covered = synthetic_coverage(trips, seed)
+    print(f"{covered.trips} synthetic trips, {FOLDS} folds, mean APE {covered.mape:.4f}")
+    for level, share, width in zip(LEVELS, covered.share, covered.width_wh, strict=True):
         print(f"{level:.0%} interval: covers {share:.1%}, mean width {width / 1000:.3f} kWh")
 
 

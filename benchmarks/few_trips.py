@@ -77,13 +77,13 @@ def of_car(world: str, seed: int, base: tw.ForecastModel, regression: EnergyRegr
     trips = tw.synthetic_fleet(max(OWN) + ASKED, 30_000 + seed, vehicle=true).trips
     order = rng.permutation(len(trips))  # days have a driver and a weather of their own
     own, asked = ([trips[i] for i in part] for part in (order[ASKED:], order[:ASKED]))
-    found = []
+    errors = []
     for k in OWN:
         model = tw.adapt(base, own[:k], book) if k else for_car(base, book)
         rate = constant(own[:k], asked) if k else np.full(ASKED, np.nan)
         other = without_physics(regression, own[:k], asked, book)
-        found.append(np.column_stack([scored(model, asked), rate, other]))
-    return found
+        errors.append(np.column_stack([scored(model, asked), rate, other]))
+    return errors
 
 
 def line(k: int, rows: np.ndarray) -> bool:
@@ -104,7 +104,7 @@ def line(k: int, rows: np.ndarray) -> bool:
 
 
 def main(cars: int = 100, jobs: int = 2, world: str = "published", write: bool = False) -> int:
-    """A line for each number of own trips; 1 when a bar is missed. `--write` renews docs/synthetic.md, with all worlds."""
+    """A line for each number of own trips; 1 when a bar is missed. `--write` renews docs/reference/synthetic.md, with all worlds."""
     base, regression = tw.load_model(), donor_regression()
     every_met, shown = True, []
     for name in WORLDS if write else (world,):
@@ -115,7 +115,7 @@ def main(cars: int = 100, jobs: int = 2, world: str = "published", write: bool =
             every_met &= line(k, np.concatenate(of_k))
             shown.append(Row.of(name, f"{k} own trips" if k else "published values", of_k))
     if write:
-        pages.renew("synthetic.md", "few-trips", table(shown))
+        pages.renew("reference/synthetic.md", "few-trips", table(shown))
     return int(not write and not every_met)
 
 

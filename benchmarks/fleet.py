@@ -6,31 +6,46 @@
     truth   deviations of vehicles found again; errors by number of own trips; coverage by car model
     update  one night against the whole fit
     peers   statsmodels MixedLM and single fits on the same rows
-    real    the TUM i3 and the Leafs of the VED set as one fleet (data in --data)
+    real    the TUM i3 and the Leafs of the VED set as one fleet
 
-Prints each bar with its figure, and writes those of `scale` into docs/fleet.md with --write. The synthetic fleet and its seed
+Prints each bar with its figure, and writes those of `scale` into docs/howto/fleet.md with --write. The synthetic fleet and its seed
 are fixed.
 """
 
 from __future__ import annotations
 
-import argparse
+import itertools
 import json
+import math
 import os
 import resource
 import shutil
 import signal
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from tools import DATA
+from tools.command import run
 from tools.docs import pages
+from typer import Argument, BadParameter, Option
 
-from benchmarks.bars import Bar, at_least, at_most, missing, shown
+from benchmarks.many_vehicles import CAR_MODELS, FleetPlan, block_of_logs, many_vehicles, vehicle_truth
+from benchmarks.measure import Row, not_measured, report
+from tripwatt.evaluation.fleets import evaluate_rows, mean_error
+from tripwatt.fleet.executors import InProcess
+from tripwatt.fleet.features import FEATURES, SCALES, START
+from tripwatt.fleet.mapping import map_store, read_rows, row_of, segments_of, tasks_of
+from tripwatt.fleet.model import fit_fleet, predict_rows, update_fleet
+from tripwatt.fleet.statistics import ROWS, TripRows
+from tripwatt.hybrid.groups import fit_scales, group_posterior
+from tripwatt.store import add_files, create_store, open_store
+from tripwatt.store.rows import TRIPS, bucket_of
+from tripwatt.trips import Trip
 
 COMMAND = "python -m benchmarks.fleet"
 MB = 1.0 / 1024.0
@@ -61,9 +76,6 @@ def worker_figures() -> tuple[float, float]:
 
 def add_blocks(place: str, plan: Any, blocks: list[tuple[int, int]]) -> int:
     """Make and add some blocks; runs on a worker."""
-    from tripwatt.store import open_store
-    from tripwatt.synthetic.many import block_of_logs
-
     store = open_store(place)
     return sum(
         store.add(block_of_logs(plan, model, block), car_model=plan.car_models[model]).added
@@ -73,8 +85,6 @@ def add_blocks(place: str, plan: Any, blocks: list[tuple[int, int]]) -> int:
 
 def filled(place: str, plan: Any, executor: Any, workers: int) -> None:
     """A store with a synthetic fleet, added by all workers at once."""
-    from tripwatt.store import create_store
-
     create_store(place, buckets=8)
     blocks = plan.blocks()
     several = [blocks[k :: 4 * workers] for k in range(4 * workers)]
@@ -84,11 +94,6 @@ def filled(place: str, plan: Any, executor: Any, workers: int) -> None:
 
 def scale_once(trips: int, workers: int) -> dict[str, float]:
     """CPU and wall time and memory of adding and fitting one synthetic fleet."""
-    from tripwatt.fleet.mapping import map_store, tasks_of
-    from tripwatt.fleet.model import fit_fleet
-    from tripwatt.store import open_store
-    from tripwatt.synthetic.many import FleetPlan
-
     plan = FleetPlan(trips, vehicles=min(200, max(8, trips // 10)))
     folder = tempfile.mkdtemp()
     try:
@@ -118,33 +123,27 @@ def scale_once(trips: int, workers: int) -> dict[str, float]:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def scale(small: int, large: int, workers: int) -> Iterator[Bar]:
-    found = [scale_once(n, workers) for n in (small, large)]
-    exponent = float(np.log(found[1]["cpu_s"] / found[0]["cpu_s"]) / np.log(large / small))
-    how = f"{COMMAND} scale --trips {small} {large} --workers {workers}"
-    per_trip = found[1]["wall_min"] / large
-    yield shown(
+def scale(small: int, large: int, workers: int) -> Iterator[Row]:
+    sizes = [scale_once(n, workers) for n in (small, large)]
+    exponent = float(np.log(sizes[1]["cpu_s"] / sizes[0]["cpu_s"]) / np.log(large / small))
+    per_trip = sizes[1]["wall_min"] / large
+    yield Row(
         f"20,000 trips on {workers} processes, from {large}",
-        how,
-        f"{20_000 * per_trip:.1f} min",
-        "<= 20 min for 2 processes",
+        20_000 * per_trip,
+        "min",
+        note="≤ 20 for 2 processes",
     )
-    yield at_most(f"exponent of the CPU cost, {small} to {large} trips", how, exponent, 1.05)
-    yield at_most("peak memory of a worker", how, found[1]["worker_mb"] / 1024.0, 1.2, "GB")
-    yield shown("the same at the smaller size", how, f"{found[0]['worker_mb'] / 1024.0:.2f} GB", "flat")
-    yield at_most("from store to statistics", how, found[1]["map_ms"], 15.0, "ms CPU a trip")
-    yield shown("making and adding", how, f"{found[1]['add_ms']:.1f} ms CPU a trip", "")
-    minutes = 1e6 * found[1]["cpu_s"] / large / 16.0 / 60.0
-    yield shown("1e6 trips on 16 cores, on paper", how, f"{minutes:.0f} min", "<= 30 min")
+    yield Row(f"exponent of the CPU cost, {small} to {large} trips", exponent, most=1.05)
+    yield Row("peak memory of a worker", sizes[1]["worker_mb"] / 1024.0, "GB", most=1.2)
+    yield Row("the same at the smaller size", sizes[0]["worker_mb"] / 1024.0, "GB", note="flat")
+    yield Row("from store to statistics", sizes[1]["map_ms"], "ms CPU a trip", most=15.0)
+    yield Row("making and adding", sizes[1]["add_ms"], "ms CPU a trip")
+    minutes = 1e6 * sizes[1]["cpu_s"] / large / 16.0 / 60.0
+    yield Row("1e6 trips on 16 cores, on paper", minutes, "min", note="≤ 30")
 
 
 def fitted(trips: int, vehicles: int, models: int = 4, days: float = 3.65) -> tuple[Any, Any, Any, str]:
     """Plan, store, model and folder of a synthetic fleet, in this process."""
-    from tripwatt.fleet.executors import InProcess
-    from tripwatt.fleet.model import fit_fleet
-    from tripwatt.store import open_store
-    from tripwatt.synthetic.many import CAR_MODELS, FleetPlan
-
     plan = FleetPlan(trips, vehicles=vehicles, car_models=CAR_MODELS[:models], days_between=days)
     folder = tempfile.mkdtemp()
     filled(f"{folder}/s", plan, InProcess(), 1)
@@ -153,58 +152,47 @@ def fitted(trips: int, vehicles: int, models: int = 4, days: float = 3.65) -> tu
 
 
 def rows_of(store: Any, folder: str) -> Any:
-    from tripwatt.fleet.executors import InProcess
-    from tripwatt.fleet.mapping import map_store, read_rows, tasks_of
-
     return read_rows(map_store(tasks_of(store, store.trip_rows(), f"{folder}/rows"), InProcess(), 1))
 
 
-def truth(trips: int = 1200, vehicles: int = 60) -> Iterator[Bar]:
+def truth(trips: int = 1200, vehicles: int = 60) -> Iterator[Row]:
     """Twenty trips a vehicle by default."""
-    from tripwatt.fleet.evaluation import evaluate_rows
-    from tripwatt.synthetic.many import vehicle_truth
-    from tripwatt.trips import Trip
-
-    how = f"{COMMAND} truth"
     plan, store, model, folder = fitted(trips, vehicles, days=18.0)  # a year of 20 trips
     rows = rows_of(store, folder)
     X, models = rows.X, rows.texts("car_model")
     own = {vehicle_truth(plan, n).vehicle_id: vehicle_truth(plan, n) for n in range(vehicles)}
     names = sorted(own)
     ids, who, simulated = rows.texts("vehicle_id"), rows.texts("driver"), rows.numbers("simulated_wh")
-    found, true, driven = [], [], []
+    estimated, true, driven = [], [], []
     for name in names:
         its = models == own[name].car_model
         shares = {driver: share for driver, _, share in own[name].drivers}
         driven.append(np.mean([shares[driver] for driver in who[ids == name]]) * simulated[its].mean())
         usual = X[its].mean(axis=0)
         base, _ = model.posterior.weights(own[name].car_model)
-        found.append(float(usual @ (model.posterior.weights(own[name].car_model, name)[0] - base)))
+        estimated.append(float(usual @ (model.posterior.weights(own[name].car_model, name)[0] - base)))
         true.append(own_energy_wh(plan, own[name], rows.where(its)))
     together = [a + b for a, b in zip(true, driven, strict=True)]
     centred = [[v - np.mean([w for w, n in zip(values, names, strict=True) if own[n].car_model == own[m].car_model])
-                for v, m in zip(values, names, strict=True)] for values in (found, true, together)]  # fmt: skip
+                for v, m in zip(values, names, strict=True)] for values in (estimated, true, together)]  # fmt: skip
     correlation = float(np.corrcoef(centred[0], centred[1])[0, 1])
-    yield at_least(
+    yield Row(
         f"deviations of vehicles at {trips // vehicles} trips, correlation with the truth",
-        how,
         correlation,
-        0.9,
+        least=0.9,
     )
     text = "the same against the vehicle with the drivers of its trips"
-    yield shown(text, how, f"{np.corrcoef(centred[0], centred[2])[0, 1]:.3f}", "")
+    yield Row(text, float(np.corrcoef(centred[0], centred[2])[0, 1]))
     text = "the vehicle against the vehicle with its drivers, both true: what no estimate can part"
-    yield shown(text, how, f"{np.corrcoef(centred[1], centred[2])[0, 1]:.3f}", "")
+    yield Row(text, float(np.corrcoef(centred[1], centred[2])[0, 1]))
     evaluation = evaluate_rows(rows)
     for row in evaluation.own.to_dict("records"):
         best = min(row["own_only"], row["fleet_only"])
-        yield at_most(
+        yield Row(
             f"pooled error at {row['own_trips']:.0f} own trips over the better of own and fleet only",
-            how,
             row["pooled"] / best,
-            1.0,
+            most=1.0,
         )
-    from tripwatt.synthetic.many import FleetPlan, many_vehicles
 
     later = FleetPlan(
         trips + 4 * vehicles, vehicles, plan.car_models, plan.seed, plan.minutes, plan.days_between
@@ -221,17 +209,12 @@ def truth(trips: int = 1200, vehicles: int = 60) -> Iterator[Bar]:
         )
     for name, its in inside.items():
         share = 100.0 * float(np.mean(its))
-        met = 87.0 <= share <= 93.0
-        yield Bar(
-            f"90 % intervals of {name}, {len(its)} later trips", how, f"{share:.1f} %", "87 to 93 %", met
-        )
+        yield Row(f"90 % intervals of {name}, {len(its)} later trips", share, "%", least=87.0, most=93.0)
     shutil.rmtree(folder, ignore_errors=True)
 
 
 def own_energy_wh(plan: Any, truth_: Any, rows: Any) -> float:
     """Energy that a vehicle's own deviations add to the mean trip of its model, from the simulated energy by cause."""
-    from tripwatt.fleet.features import FEATURES, SCALES
-
     x = rows.X.mean(axis=0) / SCALES
     energy = dict(zip(FEATURES, x, strict=True))
     rolling, drag, heat, base = truth_.own
@@ -243,14 +226,7 @@ def own_energy_wh(plan: Any, truth_: Any, rows: Any) -> float:
     )
 
 
-def update(trips: int = 5000, vehicles: int = 100) -> Iterator[Bar]:
-    from tripwatt.fleet.executors import InProcess
-    from tripwatt.fleet.hierarchy import posterior
-    from tripwatt.fleet.model import update_fleet
-    from tripwatt.fleet.statistics import Sums
-    from tripwatt.synthetic.many import FleetPlan, many_vehicles
-
-    how = f"{COMMAND} update"
+def update(trips: int = 5000, vehicles: int = 100) -> Iterator[Row]:
     began = cpu_s()
     plan, store, model, folder = fitted(trips, vehicles)
     whole = cpu_s() - began
@@ -267,22 +243,18 @@ def update(trips: int = 5000, vehicles: int = 100) -> Iterator[Bar]:
         store.add(its, car_model=car_model)
     updated, rows = update_fleet(model, store, f"{folder}/w", InProcess())
     night = cpu_s() - began
-    yield at_most(f"a night of {len(rows)} trips, share of the cost of all {trips}", how, night / whole, 0.03)
-    full = posterior(Sums.from_rows(rows_of(store, folder)), model.posterior.scales)
+    yield Row(f"a night of {len(rows)} trips, share of the cost of all {trips}", night / whole, most=0.03)
+    full = group_posterior(rows_of(store, folder).sums, model.posterior.scales)
     worst = float(np.abs(full.mean - updated.posterior.mean).max() / np.abs(full.mean).max())
-    yield at_most("weights of the update against those of all trips, relative", how, worst, 1e-10)
+    yield Row("weights of the update against those of all trips, relative", worst, most=1e-10)
     shutil.rmtree(folder, ignore_errors=True)
 
 
-def store_bars(rows: int = 1_000_000) -> Iterator[Bar]:
+def store_bars(rows: int = 1_000_000) -> Iterator[Row]:
     """Writers at once, and a long table of trips."""
     import pyarrow as pa
     import pyarrow.dataset as ds
 
-    from tripwatt.store import create_store
-    from tripwatt.store.rows import TRIPS, bucket_of
-
-    how = f"{COMMAND} store"
     folder = tempfile.mkdtemp()
     store = create_store(f"{folder}/s")
     vehicles = [f"V{k:05d}" for k in range(5000)]
@@ -322,33 +294,28 @@ def store_bars(rows: int = 1_000_000) -> Iterator[Bar]:
     began = time.perf_counter()
     listed = store.rows.read(["vehicle_id", "trip_id", "energy_wh"], ds.field("energy_wh") > 0.0).num_rows
     everything = time.perf_counter() - began
-    yield at_most(f"trips of one vehicle ({len(frame)}) of {rows} rows", how, one, 1.0, "s")
-    yield at_most(f"trips of one day ({len(some)}) of {rows} rows", how, day, 1.0, "s")
-    yield at_most(f"{listed} rows listed, three columns", how, everything, 1.0, "s")
+    yield Row(f"trips of one vehicle ({len(frame)}) of {rows} rows", one, "s", most=1.0)
+    yield Row(f"trips of one day ({len(some)}) of {rows} rows", day, "s", most=1.0)
+    yield Row(f"{listed} rows listed, three columns", everything, "s", most=1.0)
     shutil.rmtree(folder, ignore_errors=True)
 
 
-def peers(trips: int = 2000, vehicles: int = 100) -> Iterator[Bar]:
+def peers(trips: int = 2000, vehicles: int = 100) -> Iterator[Row]:
     """The mixed model of statsmodels on the same rows: random intercepts by vehicle for each of a few features."""
     import statsmodels.api as sm
 
-    from tripwatt.fleet.hierarchy import fit_scales, posterior
-    from tripwatt.fleet.statistics import Sums
-
-    how = f"{COMMAND} peers"
     rows = synthetic_rows(trips, vehicles)
     # every tenth trip is held out
     held = np.arange(len(rows)) % 10 == 0
     train, test = rows.where(~held), rows.where(held)
     began = time.process_time()
-    sums = Sums.from_rows(train)
-    found = posterior(sums, fit_scales(sums))
+    sums = train.sums
+    pooled = group_posterior(sums, fit_scales(sums, START))
     ours_s = time.process_time() - began
-    from tripwatt.fleet.model import predict_rows
 
     observed = test.numbers("observed_wh")
-    ours = float(np.mean(np.abs(predict_rows(found, test)[0] - observed) / observed))
-    root = np.sqrt(train.weight)
+    ours = float(np.mean(np.abs(predict_rows(pooled, test)[0] - observed) / observed))
+    root = 1.0 / np.sqrt(train.numbers("variance_wh2"))
     X, y = train.X * root[:, None], train.residual_wh * root
     keep = np.abs(X).max(axis=0) > 1e-9
     random = np.array([i for i in (0, 1, 6, 7) if keep[i]])  # air, rolling, base load, climate
@@ -360,30 +327,23 @@ def peers(trips: int = 2000, vehicles: int = 100) -> Iterator[Bar]:
         if name in peer.random_effects:
             energy[i] += float(test.X[i, random] @ np.asarray(peer.random_effects[name]))
     theirs = float(np.mean(np.abs(energy - observed) / observed))
-    yield at_most(f"error over that of statsmodels MixedLM ({100 * theirs:.2f} %)", how, ours / theirs, 1.0)
-    yield at_least("times faster than statsmodels MixedLM", how, theirs_s / ours_s, 10.0)
+    yield Row(f"error over that of statsmodels MixedLM ({100 * theirs:.2f} %)", ours / theirs, most=1.0)
+    yield Row("times faster than statsmodels MixedLM", theirs_s / ours_s, least=10.0)
     began = time.process_time()
     names = sorted(set(train.texts("vehicle_id").tolist()))
     for name in names:
-        its = Sums.from_rows(train.where(train.texts("vehicle_id") == name))
-        posterior(its, fit_scales(its))
+        its = train.where(train.texts("vehicle_id") == name).sums
+        group_posterior(its, fit_scales(its, START))
     single_s = time.process_time() - began
-    yield shown(
-        f"the pooled fit against {len(names)} single fits", how, f"{single_s / ours_s:.1f} x faster", ""
-    )
+    yield Row(f"the pooled fit against {len(names)} single fits", single_s / ours_s, "x faster")
 
 
 def synthetic_rows(trips: int, vehicles: int) -> Any:
     """Rows of a synthetic fleet without a store."""
     import pyarrow as pa
 
-    from tripwatt.fleet.mapping import row_of, segments_of
-    from tripwatt.fleet.statistics import ROWS, TripRows
-    from tripwatt.synthetic.many import FleetPlan, many_vehicles
-    from tripwatt.trips import Trip
-
     plan = FleetPlan(trips, vehicles=vehicles)
-    found = []
+    rows = []
     for log in many_vehicles(plan):
         car_model = plan.car_models[int(str(log.context.car)[1:]) % len(plan.car_models)]
         table = segments_of(Trip.from_log(log), car_model, charge=False)
@@ -394,66 +354,44 @@ def synthetic_rows(trips: int, vehicles: int) -> Any:
             "digest": log.trip_id,
         }
         if table is not None:
-            found.append(row_of(Trip.from_log(log), table, about))
-    return TripRows.join([pa.Table.from_pylist(found, schema=ROWS)])
+            rows.append(row_of(Trip.from_log(log), table, about))
+    return TripRows.join([pa.Table.from_pylist(rows, schema=ROWS)])
 
 
-def real(data: Path) -> Iterator[Bar]:
+def real() -> Iterator[Row]:
     """The i3 of the TUM set and the Leafs of the VED set as one fleet, by their own trips and together."""
-    from tripwatt.fleet.evaluation import _error
-    from tripwatt.fleet.executors import InProcess
-    from tripwatt.fleet.hierarchy import fit_scales, posterior
-    from tripwatt.fleet.statistics import Sums
-    from tripwatt.store import add_files, create_store
-
-    how = f"{COMMAND} real"
-    if not (data / "tum").is_dir() or not (data / "ved").is_dir():
-        yield missing("real cars as one fleet", how, f"no {data}")
+    if not (DATA / "tum").is_dir() or not (DATA / "ved").is_dir():
+        yield not_measured("real cars as one fleet", f"no {DATA}")
         return
     folder = tempfile.mkdtemp()
     store = create_store(f"{folder}/s")
-    add_files(store, data / "tum", car_model="bmw_i3_60ah", vehicle_id="i3", dataset="tum")
-    add_files(store, data / "ved", car_model="nissan_leaf_24", dataset="ved")
+    add_files(store, DATA / "tum", car_model="bmw_i3_60ah", vehicle_id="i3", dataset="tum")
+    add_files(store, DATA / "ved", car_model="nissan_leaf_24", dataset="ved")
     rows = rows_of(store, folder)
     ids = rows.texts("vehicle_id")
-    sums = Sums.from_rows(rows)
-    scales = fit_scales(sums)
+    sums = rows.sums
+    scales = fit_scales(sums, START)
     fold = np.random.default_rng(0).permutation(len(rows)) % 10
     for vehicle in sorted(set(ids.tolist())):
         its = ids == vehicle
         errors = {"pooled": [], "own": []}  # type: dict[str, list[float]]
-        only = fit_scales(Sums.from_rows(rows.where(its)))
+        only = fit_scales(rows.where(its).sums, START)
         for k in range(10):
             held = its & (fold == k)
             if not held.any():
                 continue
             test = rows.where(held)
-            observed = test.numbers("observed_wh")
-            pooled = posterior(sums - Sums.from_rows(test), scales)
-            own = posterior(Sums.from_rows(rows.where(its & ~held)), only) if (its & ~held).any() else None
-            errors["pooled"] += [_error(pooled, test, observed)] * len(test)
-            if own is not None:
-                errors["own"] += [_error(own, test, observed)] * len(test)
+            errors["pooled"] += [mean_error(sums - test.sums, scales, test)] * len(test)
+            if (its & ~held).any():
+                errors["own"] += [mean_error(rows.where(its & ~held).sums, only, test)] * len(test)
         pooled_, own_ = (float(np.mean(e)) if e else float("nan") for e in errors.values())
         text = f"{vehicle} ({int(its.sum())} trips): fleet {100 * pooled_:.2f} %, alone {100 * own_:.2f} %"
-        yield (
-            at_most(f"{text}; ratio", how, pooled_ / own_, 1.03)
-            if its.sum() > 10
-            else shown(text, how, f"{pooled_ / own_:.3f}", "")
-        )
+        yield Row(f"{text}; ratio", pooled_ / own_, most=1.03 if its.sum() > 10 else math.inf)
     shutil.rmtree(folder, ignore_errors=True)
-    del InProcess
 
 
-def same(trips: int = 160, vehicles: int = 16) -> Iterator[Bar]:
+def same(trips: int = 160, vehicles: int = 16) -> Iterator[Row]:
     """One process, two processes of a cluster, and a cluster one of whose workers is killed."""
-    from tripwatt.fleet.executors import InProcess
-    from tripwatt.fleet.model import fit_fleet
-    from tripwatt.store import open_store
-    from tripwatt.synthetic.many import CAR_MODELS, FleetPlan, many_vehicles
-    from tripwatt.trips import Trip
-
-    how = f"{COMMAND} same"
     plan = FleetPlan(trips, vehicles=vehicles, car_models=CAR_MODELS[:2])
     folder = tempfile.mkdtemp()
     filled(f"{folder}/s", plan, InProcess(), 1)
@@ -462,7 +400,7 @@ def same(trips: int = 160, vehicles: int = 16) -> Iterator[Bar]:
     with dask(2) as (_, client):
         models["Dask"] = fit_fleet(store, f"{folder}/b", client.get_executor(pure=False, retries=3), 2)
         victim = next(iter(client.run(os.getpid).values()))
-        killed = []
+        killed: list[int] = []
 
         def kill(done: int, total: int) -> None:
             if done >= total // 3 and not killed:
@@ -483,7 +421,7 @@ def same(trips: int = 160, vehicles: int = 16) -> Iterator[Bar]:
             )
             for n in ("xx", "xy", "yy")
         )
-        yield at_most(f"sums, {name} against one process, relative", how, sums, 1e-10)
+        yield Row(f"sums, {name} against one process, relative", sums, most=1e-10)
         worst = max(
             abs(
                 first.forecast(t, vehicle_id=t.context.car).energy_wh
@@ -491,48 +429,39 @@ def same(trips: int = 160, vehicles: int = 16) -> Iterator[Bar]:
             )
             for t in logs
         )
-        yield at_most(f"forecasts, {name} against one process", how, worst, 1e-6, "Wh")
+        yield Row(f"forecasts, {name} against one process", worst, "Wh", most=1e-6)
     shutil.rmtree(folder, ignore_errors=True)
 
 
-def write(bars: list[Bar]) -> None:
-    """Put what `scale` printed between the marks of the page."""
-    rows = "\n".join(f"| {bar.text} | {bar.figure} |" for bar in bars)
-    table = f"`{bars[0].measure}` printed:\n\n| what | printed |\n|---|---:|\n{rows}"
-    pages.renew("fleet.md", "costs", table)
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(prog=COMMAND)
-    names = ("scale", "same", "store", "truth", "update", "peers", "real")
-    parser.add_argument("what", nargs="*", choices=[*names, []], default=[])
-    parser.add_argument("--trips", nargs=2, type=int, default=(2000, 20_000))
-    parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--data", type=Path, default=Path("../shared/data"))
-    parser.add_argument("--json", type=Path)
-    parser.add_argument("--write", action="store_true", help="write the costs of `scale` into docs/fleet.md")
-    given = parser.parse_args()
-    found = []
-    for name in given.what or names:
-        bars = {
-            "scale": lambda: scale(*given.trips, given.workers),
-            "same": same,
-            "store": store_bars,
-            "truth": truth,
-            "update": update,
-            "peers": peers,
-            "real": lambda: real(given.data),
-        }[name]
-        printed = []
-        for bar in bars():
-            print(f"{bar.text} | {bar.figure} | {bar.required} | {bar.verdict}", flush=True)
-            printed.append(bar)
-        found += [bar.__dict__ for bar in printed]
-        if given.write and name == "scale":
-            write(printed)
-    if given.json is not None:
-        given.json.write_text(json.dumps(found, indent=1), encoding="utf-8")
+def main(
+    what: Annotated[list[str] | None, Argument()] = None,
+    trips: tuple[int, int] = (2000, 20_000),
+    workers: int = 2,
+    json_to: Annotated[Path | None, Option("--json")] = None,
+    write: bool = False,
+) -> int:
+    """Print the parts, all unless some are named; 1 when a bound is missed. `--write` renews the costs of `scale` in the docs."""
+    parts: dict[str, Callable[[], Iterator[Row]]] = {
+        "scale": lambda: scale(*trips, workers),
+        "same": same,
+        "store": store_bars,
+        "truth": truth,
+        "update": update,
+        "peers": peers,
+        "real": real,
+    }
+    if unknown := set(what or ()) - set(parts):
+        raise BadParameter(f"{', '.join(sorted(unknown))}: none of {', '.join(parts)}")
+    measured = {name: list(parts[name]()) for name in what or parts}
+    if write:
+        how = f"{COMMAND} scale --trips {trips[0]} {trips[1]} --workers {workers}"
+        rows = "\n".join(f"| {row.name} | {row.figure} |" for row in measured["scale"])
+        pages.renew("howto/fleet.md", "costs", f"`{how}` printed:\n\n| what | printed |\n|---|---:|\n{rows}")
+    if json_to is not None:
+        document = [vars(row) for rows in measured.values() for row in rows]
+        json_to.write_text(json.dumps(document, indent=1), encoding="utf-8")
+    return report(itertools.chain(*measured.values()))
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

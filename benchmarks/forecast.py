@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import statistics
 import subprocess
 import sys
 import tempfile
@@ -12,23 +13,17 @@ from pathlib import Path
 
 import pandas as pd
 
-from benchmarks.measure import Row, median_seconds, reference_loop, tum_folder
+from benchmarks.measure import Row, not_measured, reference_loop, report, seconds, tum_folder
 from tripwatt.forecasting import ForecastModel, load_model
 from tripwatt.synthetic import synthetic_fleet
 from tripwatt.trips import plan_from_samples
 
 TRIP_S = 1300.0
 RUNS = 101
-ONE = "one forecast of 1,300 s at 1 Hz, in process"
+MOST_MS = {"one forecast of 1,300 s at 1 Hz, in process": 5.0}
 LONG_TRIP_H = 12
 LITTLE = 0.4
 """Measured over driven current of the first half of the long trip."""
-LONG = f"one forecast of {LONG_TRIP_H} h at 1 Hz, in process, with its interval"
-LONG_UPDATE = f"one update after half of {LONG_TRIP_H} h, in process, with its interval"
-GROWTH = f"growth exponent of the forecast from 1,300 s to {LONG_TRIP_H} h"
-GROWTH_UPDATE = f"growth exponent of the update from 1,300 s to {LONG_TRIP_H} h"
-COMMAND = "tripwatt forecast, the whole command"
-FIT_TUM = "fit on the TUM trips, one process"
 
 
 def run() -> Iterator[Row]:
@@ -40,24 +35,33 @@ def run() -> Iterator[Row]:
     seen = samples[samples["time_s"] <= 0.5 * TRIP_S]
     before = model.forecast(trip)
     jobs: dict[str, Callable[[], object]] = {
-        ONE: lambda: model.forecast(trip),
+        "one forecast of 1,300 s at 1 Hz, in process": lambda: model.forecast(trip),
         "one forecast with all that is answered": lambda: model.forecast(trip).to_dict(),
         "one update after half of the trip, with all that is answered": lambda: before.update(seen).to_dict(),
         "load the model of the package": load_model,
     }
     for name, job in jobs.items():
-        yield Row(name, 1000.0 * median_seconds(job, runs=RUNS), "ms")
-        yield Row(f"{name}: processor time", 1000.0 * processor_seconds(job), "ms")
+        yield Row(name, 1000.0 * seconds(job, RUNS), "ms", most=MOST_MS.get(name, math.inf))
+        yield Row(
+            f"{name}: processor time",
+            1000.0 * seconds(job, RUNS, of=statistics.mean, clock=time.process_time),
+            "ms",
+        )
     yield from long_trips(model, samples)
     with tempfile.TemporaryDirectory() as scratch:
         table = Path(scratch) / "trip.csv"
         samples.to_csv(table, index=False)
-        yield Row(COMMAND, commanding("forecast", str(table)), "s")
+        yield Row("tripwatt forecast, the whole command", commanding("forecast", str(table)), "s", most=1.5)
         folder = tum_folder()
         if folder is None:
-            print("no TUM trips at hand: fitting is not measured", file=sys.stderr)
+            yield not_measured("fit on the TUM trips, one process")
             return
-        yield Row(FIT_TUM, commanding("fit", str(folder), "--out", f"{scratch}/model", runs=1), "s")
+        yield Row(
+            "fit on the TUM trips, one process",
+            commanding("fit", str(folder), "--out", f"{scratch}/model", runs=1),
+            "s",
+            most=60,
+        )
 
 
 def samples_of(duration_s: float) -> pd.DataFrame:
@@ -68,12 +72,13 @@ def samples_of(duration_s: float) -> pd.DataFrame:
 
 def long_trips(model: ForecastModel, samples: pd.DataFrame) -> Iterator[Row]:
     """A trip of many hours, which repeats a short one: best of some runs, and the growth from one to the other."""
+    samples = samples.drop(columns=["soc", "displayed_soc"], errors="ignore")  # a repeated trip would charge
     repeats = round(LONG_TRIP_H * 3600.0 / (TRIP_S + 1.0))
     clock = samples["time_s"] - samples["time_s"].iloc[0]
     long = pd.concat(
         [samples.assign(time_s=clock + (TRIP_S + 1.0) * k) for k in range(repeats)], ignore_index=True
     )
-    seconds: list[tuple[float, float]] = []
+    took: list[tuple[float, float]] = []
     for log in (samples, long):
         plan = plan_from_samples(log, "bench")
         seen = log[log["time_s"] <= 0.5 * log["time_s"].iloc[-1]]
@@ -81,43 +86,24 @@ def long_trips(model: ForecastModel, samples: pd.DataFrame) -> Iterator[Row]:
             current_a=seen["current_a"] * LITTLE
         )  # six hours as driven take more than a battery holds
         before = model.forecast(plan)
-        seconds.append(
+        took.append(
             (
-                best_seconds(lambda plan=plan: model.forecast(plan).sd_wh),
-                best_seconds(lambda seen=seen, before=before: before.update(seen).sd_wh),
+                seconds(lambda plan=plan: model.forecast(plan).sd_wh, 15, of=min),
+                seconds(lambda seen=seen, before=before: before.update(seen).sd_wh, 15, of=min),
             )
         )
-    for name, k in ((LONG, 0), (LONG_UPDATE, 1)):
-        yield Row(name, 1000.0 * seconds[1][k], "ms")
-    for name, k in ((GROWTH, 0), (GROWTH_UPDATE, 1)):
-        yield Row(name, math.log(seconds[1][k] / seconds[0][k]) / math.log(repeats), "1")
-
-
-def best_seconds(job: Callable[[], object], runs: int = 15) -> float:
-    """Shortest wall time of some runs [s]."""
-    took = []
-    for _ in range(runs):
-        started = time.perf_counter()
-        job()
-        took.append(time.perf_counter() - started)
-    return min(took)
-
-
-def processor_seconds(job: Callable[[], object], runs: int = RUNS) -> float:
-    """Mean processor time of a run [s]: what a busy machine does not change."""
-    job()
-    started = time.process_time()
-    for _ in range(runs):
-        job()
-    return (time.process_time() - started) / runs
+    for k, (name, most) in enumerate((("forecast", 25.0), ("update after half", 15.0))):
+        text = f"one {name} of {LONG_TRIP_H} h at 1 Hz, in process, with its interval"
+        yield Row(text, 1000.0 * took[1][k], "ms", most=most)
+        growth = math.log(took[1][k] / took[0][k]) / math.log(repeats)
+        yield Row(f"growth exponent of the {name} from 1,300 s to {LONG_TRIP_H} h", growth, most=1.1)
 
 
 def commanding(*arguments: str, runs: int = 5) -> float:
     """Median wall time of a command [s], the start of the interpreter included."""
     command = [sys.executable, "-m", "tripwatt.cli", *arguments]
-    return median_seconds(lambda: subprocess.run(command, check=True, capture_output=True), runs=runs)
+    return seconds(lambda: subprocess.run(command, check=True, capture_output=True), runs)
 
 
 if __name__ == "__main__":
-    for row in run():
-        print(f"{row.name}: {row.value:.4g} {row.unit}")
+    report(run())

@@ -24,8 +24,8 @@ AMBIENT = "s(ambient_temperature_degc)"
 
 def terms(changed: Mapping[str, str | None]) -> tuple[str, ...]:
     """Table 2 with some terms replaced, or left out where the replacement is None."""
-    found = [changed.get(term, term) for term in TABLE2]
-    return tuple(term for term in found if term is not None)
+    chosen = [changed.get(term, term) for term in TABLE2]
+    return tuple(term for term in chosen if term is not None)
 
 
 CHOICES: Mapping[str, dict[str, Any]] = {
@@ -57,11 +57,11 @@ def measure() -> None:
     for name, settings in CHOICES.items():
         model = correctors.gamm(**settings)
         energy = model.predict_held_out(table, np.arange(len(table)))[table.last_rows]
-        found = summarise_errors(observed, energy, 0)
-        low, high = found.mape_ci95
+        errors = summarise_errors(observed, energy, 0)
+        low, high = errors.mape_ci95
         print(
-            f"| {name} | {100 * found.mape:.1f} | {100 * low:.1f} to {100 * high:.1f} | {100 * found.median_ape:.1f} "
-            f"| {100 * found.max_ape:.1f} |",
+            f"| {name} | {100 * errors.mape:.1f} | {100 * low:.1f} to {100 * high:.1f} | {100 * errors.median_ape:.1f} "
+            f"| {100 * errors.max_ape:.1f} |",
             flush=True,
         )
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +18,7 @@ from tools import DATA
 from tools.command import run
 
 import tripwatt as tw
+from benchmarks.measure import Row, report
 from tripwatt.arrays import FloatArray
 from tripwatt.evaluation.metrics import absolute_percentage_error
 from tripwatt.sources.tum import REFERENCE_TRIPS
@@ -50,16 +50,6 @@ _MEASURED = {
 }
 
 
-@dataclass(frozen=True)
-class Row:
-    """One figure and its bounds."""
-
-    text: str
-    value: float
-    least: float
-    most: float
-
-
 def logged(trip: Trip, what: str) -> pd.DataFrame:
     """The table of a poor logger of "soc" or "power": samples now and then, rounded."""
     time = trip.array("time_s")
@@ -89,7 +79,7 @@ def half_known(trips: Sequence[Trip], what: str) -> list[Trip]:
 
 def forecast_split(
     true: Mapping[str, float],
-    found: Mapping[str, Trip],
+    logged_trips: Mapping[str, Trip],
     seed: int,
     fitted: int = FITTED,
     corrector: str = "split",
@@ -97,7 +87,8 @@ def forecast_split(
     """Energy, forecast and 90 % interval of the trips that were not fitted on [Wh], shape (trips, 4)."""
     order = np.random.default_rng(seed).permutation(sorted(true))
     known, asked = (
-        [found[name] for name in part if name in found] for part in (order[:fitted], order[fitted:])
+        [logged_trips[name] for name in part if name in logged_trips]
+        for part in (order[:fitted], order[fitted:])
     )
     model = tw.ForecastModel(tw.load_vehicle(VEHICLE), corrector, seed).fit(known)
     forecasts = [model.forecast(trip) for trip in asked]
@@ -108,38 +99,33 @@ def forecast_split(
 def rows_of(trips: Sequence[Trip], what: str, splits: int) -> Iterator[Row]:
     """All rows of one logger."""
     true = {trip.trip_id: float(trip.observed_energy_wh or np.nan) for trip in trips}
-    found = {trip.trip_id: trip for trip in half_known(trips, what)}
-    rows = np.concatenate([forecast_split(true, found, seed) for seed in range(splits)])
+    half = {trip.trip_id: trip for trip in half_known(trips, what)}
+    rows = np.concatenate([forecast_split(true, half, seed) for seed in range(splits)])
     energy, forecast, low, high = rows.T
     name = f"{what}, {FITTED} trips fitted, {len(rows)} forecasts of {splits} splits"
-    yield Row(f"{name}: mean error", float(absolute_percentage_error(energy, forecast).mean()), 0.0, ERROR)
+    yield Row(f"{name}: mean error", float(absolute_percentage_error(energy, forecast).mean()), most=ERROR)
     inside = (low <= energy) & (energy <= high)
-    yield Row(f"{name}: coverage of the 90 % interval", float(inside.mean()), COVERAGE, 1.0)
+    yield Row(f"{name}: coverage of the 90 % interval", float(inside.mean()), least=COVERAGE)
     width = float((high - low).sum() / energy.sum())
-    yield Row(f"{name}: width of the 90 % interval over the energy", width, 0.0, np.inf)
-    error = np.array([(t.observed_energy_wh or np.nan) - true[name] for name, t in found.items()])
-    carried = np.array([t.observed_energy_std_wh or np.nan for t in found.values()])
-    yield Row(f"{name}: median standard error [Wh]", float(np.nanmedian(carried)), 0.0, np.inf)
-    yield Row(
-        f"{name}: errors in units of it", float(np.sqrt(np.nanmean((error / carried) ** 2))), 0.0, np.inf
-    )
+    yield Row(f"{name}: width of the 90 % interval over the energy", width)
+    error = np.array([(t.observed_energy_wh or np.nan) - true[name] for name, t in half.items()])
+    carried = np.array([t.observed_energy_std_wh or np.nan for t in half.values()])
+    yield Row(f"{name}: median standard error [Wh]", float(np.nanmedian(carried)))
+    yield Row(f"{name}: errors in units of it", float(np.sqrt(np.nanmean((error / carried) ** 2))))
 
 
-def rows(data: Path, splits: int = SPLITS) -> Iterator[Row]:
+def rows(splits: int = SPLITS) -> Iterator[Row]:
     """All rows."""
-    trips = [t for t in tw.read_trips(data, "tum") if t.trip_id in REFERENCE_TRIPS and t.observed_energy_wh]
+    trips = [
+        t for t in tw.read_trips(DATA / "tum", "tum") if t.trip_id in REFERENCE_TRIPS and t.observed_energy_wh
+    ]
     for what in PERIOD_S:
         yield from rows_of(trips, what, splits)
 
 
 def main(splits: int = SPLITS) -> int:
     """Print the rows of so many random splits; 1 when a bound is missed."""
-    met = True
-    for row in rows(DATA / "tum", splits):
-        inside = row.least <= row.value <= row.most
-        met &= inside
-        print(f"{'yes' if inside else 'NO':3} {row.value:12.6g}  {row.text}", flush=True)
-    return 0 if met else 1
+    return report(rows(splits))
 
 
 if __name__ == "__main__":

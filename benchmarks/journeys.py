@@ -13,7 +13,6 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 
 from tests.support.router_server import valhalla_serving
@@ -21,43 +20,44 @@ from tools import DATA
 from tools.command import run
 
 import tripwatt as tw
-from tripwatt.journey import Atlas, Drive, JourneyOptions, Place, find_reach, journey_with, open_atlas
+from benchmarks.measure import Row, not_measured, report, seconds
+from tripwatt.journey import (
+    Atlas,
+    JourneyOptions,
+    Place,
+    RoadForecaster,
+    find_reach,
+    journey_with,
+    open_atlas,
+)
 from tripwatt.routes import plan_from_links, route_from_links
+from tripwatt.routes.documents import Node
 from tripwatt.routes.maps import MapFolder, build_map
 from tripwatt.routes.maps.engine import valhalla_folder
-from tripwatt.routes.routers.servers import osrm_leg
+from tripwatt.routes.routers.servers import OsrmRouter
 
 RUNS = 5
 PAIRS = (("Vaduz", "Ruggell"), ("Balzers", "Bendern"), ("Ruggell", "Balzers"), ("Nendeln", "Triesen"))
 WORDS = ("vad", "tries", "landstr", "landstr 11 vad", "sch", "malb", "s", "im ", "gamprin", "haupt")
 
 
-@dataclass(frozen=True)
-class Row:
-    """One figure and its bound; without a value the reason."""
-
-    text: str
-    value: float | None
-    bound: float
-    unit: str = ""
-    why: str = ""
-
-
 def cutting() -> Iterator[Row]:
     """Largest relative change of the energy of 20 km at 50 km/h as 1, 20 and 200 links."""
     model, departure = tw.load_model(), tw.Departure(soc=0.8, ambient_temperature_degc=10.0)
-    found = []
+    energies = []
     for number in (1, 20, 200):
         links = [{"length_m": 20_000.0 / number, "speed_m_s": 50.0 / 3.6}] * number
-        found.append(model.forecast(plan_from_links(route_from_links(links)), departure).energy_wh)
-    yield Row("energy of 20 km as 1, 20, 200 links: largest change", max(found) / min(found) - 1.0, 0.02)
+        energies.append(model.forecast(plan_from_links(route_from_links(links)), departure).energy_wh)
+    yield Row(
+        "energy of 20 km as 1, 20, 200 links: largest change", max(energies) / min(energies) - 1.0, most=0.02
+    )
     plans = []
     for answer in _osrm_answers():
-        parts = osrm_leg(answer, "benchmark")
+        parts = OsrmRouter.parts(Node(answer, "benchmark"))
         stops = (Place(47.0, 9.0), Place(47.0, 9.3))
-        plans.append(model.forecast(parts.road(stops, "benchmark").plan(), departure).energy_wh)
+        plans.append(model.forecast(parts.road(stops).plan(), departure).energy_wh)
     yield Row(
-        "OSRM by annotation against by steps: change of the energy", abs(plans[0] / plans[1] - 1.0), 0.02
+        "OSRM by annotation against by steps: change of the energy", abs(plans[0] / plans[1] - 1.0), most=0.02
     )
 
 
@@ -88,42 +88,36 @@ def _osrm_answers() -> Iterator[dict[str, object]]:
 
 def _best(work: Callable[[], object]) -> float:
     """Best time of `RUNS` [ms]."""
-    times = []
-    for _ in range(RUNS):
-        began = time.perf_counter()
-        work()
-        times.append(1000.0 * (time.perf_counter() - began))
-    return min(times)
+    return 1000.0 * seconds(work, RUNS, of=min, warm_up=False)
 
 
 def valhalla() -> Iterator[Row]:
     """Building a map, planning, finding places, reach."""
     names = ("build of the map", "plan of 20 km, p50", "search for places, p50", "area of reach")
-    bounds = ((10.0, "s"), (40.0, "ms"), (10.0, "ms"), (2000.0, "ms"))
     extract = DATA / "osm" / "liechtenstein.osm.pbf"
     why = "" if valhalla_folder() is not None else "Valhalla is not prepared"
     why = why or ("" if extract.is_file() else f"no extract at {extract}")
     if why:
-        yield from (
-            Row(name, None, bound, unit, why) for name, (bound, unit) in zip(names, bounds, strict=True)
-        )
+        yield from (not_measured(name, why) for name in names)
         return
     with tempfile.TemporaryDirectory() as folder:
         began = time.perf_counter()
         built = build_map(extract, Path(folder) / "map")
-        yield Row(names[0], time.perf_counter() - began, *bounds[0])
+        yield Row(names[0], time.perf_counter() - began, "s", most=10.0)
         with _atlas(built) as (atlas, how):
-            yield Row(f"{names[1]} ({how})", _plan_ms(atlas), *bounds[1])
+            yield Row(f"{names[1]} ({how})", _plan_ms(atlas), "ms", most=40.0)
             assert atlas.places is not None
-            found = [_best(lambda word=word: atlas.places.search(word)) for word in WORDS]
-            yield Row(names[2], statistics.median(found), *bounds[2])
-            drive = Drive(tw.load_model(), tw.Departure(soc=0.1, ambient_temperature_degc=5.0))
+            times = [_best(lambda word=word: atlas.places.search(word)) for word in WORDS]
+            yield Row(names[2], statistics.median(times), "ms", most=10.0)
+            drive = RoadForecaster(tw.load_model(), tw.Departure(soc=0.1, ambient_temperature_degc=5.0))
             (start,) = atlas.places.search("Vaduz", limit=1)
-            yield Row(f"{names[3]} ({how})", _best(lambda: find_reach(drive, start, atlas)), *bounds[3])
+            yield Row(
+                f"{names[3]} ({how})", _best(lambda: find_reach(drive, start, atlas)), "ms", most=2000.0
+            )
 
 
 def _plan_ms(atlas: Atlas) -> float:
-    drive = Drive(tw.load_model(), tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
+    drive = RoadForecaster(tw.load_model(), tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
     assert atlas.places is not None
     options, times = JourneyOptions(answers=False), []
     for names in PAIRS:
@@ -152,12 +146,8 @@ def rows() -> Iterator[Row]:
 
 
 def main() -> int:
-    missed = False
-    for row in rows():
-        figure = row.why if row.value is None else f"{row.value:.4g} {row.unit}"
-        missed = missed or (row.value is not None and row.value > row.bound)
-        print(f"{row.text}: {figure} (at most {row.bound:g} {row.unit})")
-    return 1 if missed else 0
+    """Print the rows; 1 when a bound is missed."""
+    return report(rows())
 
 
 if __name__ == "__main__":

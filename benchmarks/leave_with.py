@@ -20,7 +20,7 @@ from tests.support.service_process import Service, serving
 from tools.command import run
 
 import tripwatt as tw
-from benchmarks.measure import Row
+from benchmarks.measure import Row, report
 from tripwatt.forecasting import Forecast, ForecastModel
 from tripwatt.population import for_car
 from tripwatt.trips import Departure, Plan
@@ -40,11 +40,6 @@ PROBABILITIES: Final = (0.5, 0.9, 0.95)
 RESERVE: Final = 0.1
 KNOWN: Final = Departure(ambient_temperature_degc=5.0, cabin_setpoint_degc=21.0)
 
-LARGEST: Final = "charge to leave with: largest difference of the chance to arrive from the one asked for"
-DEPENDS: Final = "charge to leave with: largest difference between plans with other charges"
-UNEXPLAINED: Final = "charge to leave with: answers off by more than 0.01 without a reason"
-ANSWERED: Final = "charge to leave with: questions answered"
-HTTP: Final = "charge to leave with over HTTP, 100 seeded questions: largest difference of the chance"
 WORST: Final = 0.01
 OVER_HTTP: Final = 100
 
@@ -110,47 +105,45 @@ def over_http(service: Service, count: int) -> Iterator[Answer]:
     for car, road, charge, probability in random.Random(9).sample(every, count):
         trip = {**known, "links": links_of(road), "vehicle": car, "reserve": RESERVE}
         asked = service.forecast({**trip, "soc": charge, "probability": probability}).raise_for_status()
-        found = asked.json()["leave_with"]
-        soc, message = found["soc_needed"], found["message"]
+        leave_with = asked.json()["leave_with"]
+        soc, message = leave_with["soc_needed"], leave_with["message"]
         leaving = service.forecast({**trip, "soc": min(soc, 1.0)}).raise_for_status()
         chance = leaving.json()["p_arrive"][f"{RESERVE:g}"]
         yield Answer(car, road, charge, probability, soc, chance, message)
 
 
-def spread(found: Sequence[Answer]) -> float:
+def spread(answered: Sequence[Answer]) -> float:
     """Largest difference of the charge to leave with between plans of one trip that have other charges."""
     by_trip: dict[tuple[str, str, float], list[float]] = {}
-    for one in found:
+    for one in answered:
         by_trip.setdefault((one.car, one.road, one.probability), []).append(one.soc)
     return max(max(values) - min(values) for values in by_trip.values())
 
 
-def measured(cars: Sequence[str] | None = None) -> list[Row]:
+def rows(cars: Sequence[str] | None = None) -> Iterator[Row]:
     """The rows of the benchmark, over the whole library unless cars are given."""
-    found = list(answers(vehicle_names() if cars is None else cars))
+    answered = list(answers(vehicle_names() if cars is None else cars))
     with tempfile.TemporaryDirectory() as scratch, serving(Path(scratch), "--workers", "1") as service:
         asked = list(over_http(service, OVER_HTTP))
-    return [
-        Row(ANSWERED, len(found), ""),
-        *(
-            Row(f"of them: {why}", sum(one.exception == why for one in found), "")
-            for why in ("any charge", "not even full")
-        ),
-        Row(LARGEST, max(one.off for one in found), ""),
-        Row(UNEXPLAINED, sum(one.off > WORST for one in found), ""),
-        Row(DEPENDS, spread(found), ""),
-        Row(HTTP, max(one.off for one in asked), ""),
-    ]
+    text = "charge to leave with"
+    yield Row(f"{text}: questions answered", len(answered))
+    for why in ("any charge", "not even full"):
+        yield Row(f"of them: {why}", sum(one.exception == why for one in answered))
+    chance = "largest difference of the chance to arrive from the one asked for"
+    yield Row(f"{text}: {chance}", max(one.off for one in answered), most=WORST)
+    yield Row(
+        f"{text}: answers off by more without a reason", sum(one.off > WORST for one in answered), most=0
+    )
+    yield Row(f"{text}: largest difference between plans with other charges", spread(answered), most=0.001)
+    yield Row(
+        f"{text} over HTTP, {OVER_HTTP} seeded questions: {chance}", max(one.off for one in asked), most=WORST
+    )
 
 
 def main(cars: int = 0) -> int:
     """Print the rows of all cars, or of a seeded sample of so many; 1 when a bound is missed."""
     names = sorted(vehicle_names())
-    rows = measured(random.Random(1).sample(names, cars) if cars else names)
-    for row in rows:
-        print(f"{row.name:90s} {row.value:10.5g}")
-    values = {row.name: row.value for row in rows}
-    return 0 if max(values[LARGEST], values[HTTP]) <= WORST and values[UNEXPLAINED] == 0.0 else 1
+    return report(rows(random.Random(1).sample(names, cars) if cars else names))
 
 
 if __name__ == "__main__":

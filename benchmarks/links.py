@@ -12,7 +12,6 @@ Dataset whose speed is logged without gaps of more than four seconds, and EPA's 
 from __future__ import annotations
 
 import json
-import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated, Any
@@ -24,6 +23,7 @@ from tools.command import run
 from tools.docs import pages
 from typer import Option
 
+from benchmarks.measure import seconds
 from tripwatt.physics import simulate_trip
 from tripwatt.routes import (
     LinkRoute,
@@ -42,10 +42,11 @@ LENGTHS_M = (250.0, 1000.0)
 FOLDS = 5
 EVALUATIONS = 60
 MOST_GAP_S = 4.0
-Driver = Callable[[LinkRoute, Trip], Trip]
+Driver = Callable[[LinkRoute, Trip], Plan]
+Energy = Callable[[Trip | Plan], float]
 
 
-def constant(route: LinkRoute, trip: Trip) -> Trip:
+def constant(route: LinkRoute, trip: Trip) -> Plan:
     """Each link at its mean speed, changed from one second to the next."""
     ends = np.cumsum(route.travel_time_s)
     at = np.arange(np.ceil(ends[-1]) + 1.0)
@@ -60,7 +61,7 @@ def constant(route: LinkRoute, trip: Trip) -> Trip:
     return Plan.from_samples(trip.trip_id, pd.DataFrame(samples), trip.departure)
 
 
-def true_speed(route: LinkRoute, trip: Trip) -> Trip:
+def true_speed(route: LinkRoute, trip: Trip) -> Plan:
     """The true trace, with the elevation known at the ends of the links only."""
     time, speed = trip.array("time_s"), trip.array("speed_m_s")
     position = np.concatenate(([0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(time))))
@@ -72,16 +73,14 @@ def true_speed(route: LinkRoute, trip: Trip) -> Trip:
 
 
 def styled(style: LinkStyle | None = None, seed: int | None = None) -> Driver:
-    def drive(route: LinkRoute, trip: Trip) -> Trip:
+    def drive(route: LinkRoute, trip: Trip) -> Plan:
         rng = None if seed is None else np.random.default_rng(seed)
         return plan_from_links(route, style=style, rng=rng).with_departure(trip.departure)
 
     return drive
 
 
-def differences(
-    trips: Sequence[Trip], length_m: float, driver: Driver, energy: Callable[[Trip], float]
-) -> np.ndarray:
+def differences(trips: Sequence[Trip], length_m: float, driver: Driver, energy: Energy) -> np.ndarray:
     """(energy on the link-made profile - energy on the true trace) / the latter, of each trip."""
     return np.array([energy(driver(links_of_trip(t, length_m), t)) / energy(t) - 1.0 for t in trips])
 
@@ -109,18 +108,18 @@ def kept_times(trips: Sequence[Trip], length_m: float) -> dict[str, float]:
         late = np.abs(np.diff(passed) - route.travel_time_s)
         off.append(late)
         share.append(late / route.travel_time_s)
-    seconds, relative = np.concatenate(off), np.concatenate(share)
+    late, relative = np.concatenate(off), np.concatenate(share)
     return {
-        "links": len(seconds),
-        "within_1_s_or_2_percent": float(np.mean((seconds <= 1.0) | (relative <= 0.02))),
-        "q99_s": float(np.quantile(seconds, 0.99)),
-        "largest_s": float(seconds.max()),
+        "links": len(late),
+        "within_1_s_or_2_percent": float(np.mean((late <= 1.0) | (relative <= 0.02))),
+        "q99_s": float(np.quantile(late, 0.99)),
+        "largest_s": float(late.max()),
     }
 
 
-def in_folds(trips: Sequence[Trip], energy: Callable[[Trip], float]) -> dict[float, np.ndarray]:
+def in_folds(trips: Sequence[Trip], energy: Energy) -> dict[float, np.ndarray]:
     """Differences of each trip under a style that was calibrated on the trips of the other folds."""
-    found = {length: np.zeros(len(trips)) for length in LENGTHS_M}
+    off = {length: np.zeros(len(trips)) for length in LENGTHS_M}
     for fold in range(FOLDS):
         held = np.arange(len(trips)) % FOLDS == fold
         style = calibrate_style(
@@ -129,13 +128,13 @@ def in_folds(trips: Sequence[Trip], energy: Callable[[Trip], float]) -> dict[flo
             most_evaluations=EVALUATIONS,
         )
         for length in LENGTHS_M:
-            found[length][held] = differences(
+            off[length][held] = differences(
                 [t for t, h in zip(trips, held, strict=True) if h], length, styled(style), energy
             )
-    return found
+    return off
 
 
-def corrected(trips: Sequence[Trip], made: Sequence[Trip], energy: Callable[[Trip], float]) -> np.ndarray:
+def corrected(trips: Sequence[Trip], made: Sequence[Trip | Plan], energy: Energy) -> np.ndarray:
     """Relative errors against the *measured* energy, leaving out one trip at a time, of the simplest correction.
 
     Four coefficients (simulated energy, hours, hours times kelvins below and above 20 °C outside) by least squares on
@@ -156,8 +155,8 @@ def corrected(trips: Sequence[Trip], made: Sequence[Trip], energy: Callable[[Tri
     errors = []
     for k in range(len(trips)):
         others = np.arange(len(trips)) != k
-        found = np.linalg.lstsq(rows[others], np.ones(len(trips) - 1), rcond=None)[0]
-        errors.append(float(rows[k] @ found) - 1.0)
+        coefficients = np.linalg.lstsq(rows[others], np.ones(len(trips) - 1), rcond=None)[0]
+        errors.append(float(rows[k] @ coefficients) - 1.0)
     return np.array(errors)
 
 
@@ -167,19 +166,14 @@ def milliseconds(number: int, repeats: int = 30) -> float:
     unknown = np.full(number, np.nan)
     length = np.full(number, 250.0)
     route = LinkRoute(length, length / rng.uniform(4.0, 30.0, number), unknown, unknown)
-    taken = []
-    for _ in range(repeats):
-        started = time.perf_counter()
-        plan_from_links(route)
-        taken.append(time.perf_counter() - started)
-    return float(np.median(taken)) * 1e3
+    return 1e3 * seconds(lambda: plan_from_links(route), repeats, warm_up=False)
 
 
 def measure() -> dict[str, Any]:
     car = load_vehicle("bmw_i3_60ah")
     trips = [resample(t) for t in read_logs(DATA / "tum").reference_trips()]
 
-    def energy(trip: Trip) -> float:
+    def energy(trip: Trip | Plan) -> float:
         return simulate_trip(car, trip).simulated_energy_wh
 
     calibrated = in_folds(trips, energy)
@@ -259,7 +253,7 @@ def default_style() -> None:
 def main(
     json_to: Annotated[Path | None, Option("--json")] = None, write: bool = False, defaults: bool = False
 ) -> None:
-    """Print the figures. `--write` renews docs/routes.md, `--defaults` derives the default style."""
+    """Print the figures. `--write` renews docs/reference/routes.md, `--defaults` derives the default style."""
     if defaults:
         default_style()
         return
@@ -268,7 +262,7 @@ def main(
     if json_to is not None:
         json_to.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
     if write:
-        pages.renew("routes.md", "links", table(result))
+        pages.renew("reference/routes.md", "links", table(result))
 
 
 if __name__ == "__main__":

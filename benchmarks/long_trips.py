@@ -47,11 +47,11 @@ def scored(model: tw.ForecastModel, trips: Sequence[Trip]) -> np.ndarray:
     """Energy relative to the forecast, whether each of `LEVELS` holds it, and the width of the last, a row for each trip."""
     rows = []
     for trip in trips:
-        found = model.forecast(plan_from_trip(trip))
+        forecast = model.forecast(plan_from_trip(trip))
         observed = float(trip.observed_energy_wh or np.nan)
-        inside = [low <= observed <= high for low, high in map(found.interval, LEVELS)]
-        low, high = found.interval(LEVELS[-1])
-        rows.append([found.energy_wh / observed - 1.0, *inside, (high - low) / found.energy_wh])
+        inside = [low <= observed <= high for low, high in map(forecast.interval, LEVELS)]
+        low, high = forecast.interval(LEVELS[-1])
+        rows.append([forecast.energy_wh / observed - 1.0, *inside, (high - low) / forecast.energy_wh])
     return np.array(rows, dtype=np.float64).reshape(len(rows), len(LEVELS) + 2)
 
 
@@ -68,7 +68,7 @@ def of_car(world: str, seed: int, base: tw.ForecastModel) -> tuple[np.ndarray, n
 def main(
     trips: int = 560, cars: int = 100, jobs: int = 2, world: str = "published", write: bool = False
 ) -> int:
-    """Print the coverage; 1 when a bar is missed. `--write` renews docs/synthetic.md, with all worlds; so does `--world all`."""
+    """Print the coverage; 1 when a bar is missed. `--write` renews docs/reference/synthetic.md, with all worlds; so does `--world all`."""
     car = tw.load_vehicle(CAR)
     own = tw.fit(tw.synthetic_fleet(TRAINING, 1, vehicle=car).trips, car)
     parallel = Parallel(n_jobs=jobs)
@@ -89,7 +89,7 @@ def main(
         ]
     print(table(rows), flush=True)
     if write:
-        pages.renew("synthetic.md", "long-trips", table(rows))
+        pages.renew("reference/synthetic.md", "long-trips", table(rows))
         return 0
     bound = [row for row in rows if row.world in ("its own", "published")]
     return int(not all(BAR[0] <= row.inside[-1] <= BAR[1] for row in bound))

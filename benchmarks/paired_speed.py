@@ -57,7 +57,7 @@ def measured(python: str, folder: Path) -> Measured:
         subprocess.run(command, check=True, capture_output=True, cwd=folder)
         return time.perf_counter() - start
 
-    found = {
+    times_s = {
         "tripwatt --help": seconds("--help"),
         "tripwatt forecast of the example trip": seconds("forecast", "trip.csv"),
         "tripwatt fit on the synthetic fleet": seconds("fit", "--out", f"model-{time.monotonic_ns()}"),
@@ -73,7 +73,7 @@ def measured(python: str, folder: Path) -> Measured:
             return time.perf_counter() - start
 
         times = [answered() for _ in range(REQUESTS)]
-    return {**found, "a forecast of the service, median": statistics.median(times)}
+    return {**times_s, "a forecast of the service, median": statistics.median(times)}
 
 
 def compared(old: str, new: str, runs: int, folder: Path, tell: Callable[[str], None] = print) -> None:
@@ -99,7 +99,7 @@ def compared(old: str, new: str, runs: int, folder: Path, tell: Callable[[str], 
 def main(old: Path, new: Path, runs: int = RUNS) -> None:
     """Compare two Pythons with tripwatt[service] by pairs of runs."""
     with tempfile.TemporaryDirectory() as place:
-        compared(*(str(p.absolute()) for p in (old, new)), runs, Path(place))
+        compared(str(old.absolute()), str(new.absolute()), runs, Path(place))
 
 
 if __name__ == "__main__":

@@ -2,7 +2,7 @@
 
 Each is given the speed of a second, the grade of the road and the outside temperature of the logged trips, and forecasts their
 energy at the battery; none is fitted on them, but the constant, which leaves each trip out. Times are of one process, in one
-run, with the building of the car left out. `--write` puts the table into docs/peers.md.
+run, with the building of the car left out. `--write` puts the table into docs/explanation/peers.md.
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ from __future__ import annotations
 import contextlib
 import io
 import logging
-import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,7 +20,7 @@ import pandas as pd
 from tools import command
 from tools.docs import pages
 
-from benchmarks.measure import Row, tum_folder
+from benchmarks.measure import Row, seconds, tum_folder
 from benchmarks.pipeline import fastsim_drive
 from tripwatt.auditing import audit
 from tripwatt.physics import simulate_trip
@@ -64,20 +63,20 @@ class Cars:
 
 def all_cars() -> list[Cars]:
     """The BMW i3 of the TUM, both Nissan Leafs of the VED, and the synthetic world."""
-    found = []
+    cars = []
     folder = tum_folder()
     if folder is not None:
         fleet = read_logs(folder, "tum")
-        found.append(
+        cars.append(
             Cars.of("BMW i3 (TUM)", "bmw_i3_60ah", fleet.reference_trips(), ("BMW", "i3 22 kWh", "2014"))
         )
         ved = audit(read_logs(folder.parent / "ved", "ved")).trips
         leaf = ("Nissan", "Leaf SV", "2013")
         for car in ("VED10", "VED541"):
             own = [trip for trip in ved if trip.trip_id.startswith(f"{car}-")]
-            found.append(Cars.of(f"Nissan Leaf ({car[:3]} {car[3:]})", "nissan_leaf_24", own, leaf))
+            cars.append(Cars.of(f"Nissan Leaf ({car[:3]} {car[3:]})", "nissan_leaf_24", own, leaf))
     trips = synthetic_fleet(60, 3).trips
-    return [*found, Cars.of("synthetic i3", "bmw_i3_60ah", trips, ("BMW", "i3 22 kWh", "2014"))]
+    return [*cars, Cars.of("synthetic i3", "bmw_i3_60ah", trips, ("BMW", "i3 22 kWh", "2014"))]
 
 
 def ambient_degc(trip: Trip) -> float:
@@ -131,7 +130,7 @@ def fastsim3(cars: Cars) -> Job:
             part.pop("specific_pwr_watts_per_kilogram", None)
     car = fastsim.Vehicle.from_dict(about)
     udds = fastsim.Cycle.from_resource("udds.csv").to_dict()
-    drives = [fastsim_drive(fastsim, car, udds, trip, grade(trip)) for trip in cars.trips]
+    drives = [fastsim_drive(fastsim, car, udds, trip, grade(trip).tolist()) for trip in cars.trips]
 
     def job() -> np.ndarray:
         energies = []
@@ -220,8 +219,8 @@ def routee(cars: Cars) -> Job:
     links, owner = pd.concat(tables, ignore_index=True), np.concatenate(trips)
 
     def job() -> np.ndarray:
-        found = model.predict(links).to_numpy(dtype=np.float64)[:, 0]
-        return np.bincount(owner, weights=1000.0 * found)
+        energy_kwh = model.predict(links).to_numpy(dtype=np.float64)[:, 0]
+        return np.bincount(owner, weights=1000.0 * energy_kwh)
 
     return job
 
@@ -264,12 +263,7 @@ def scored(cars: Cars, system: str) -> Score:
     """Error, bias, and seconds of drive in a second of this process: the best of three runs."""
     build, given = SYSTEMS[system]
     job = build(cars)
-    job()  # compiles what is compiled
-    best = np.inf
-    for _ in range(3):
-        started = time.perf_counter()
-        energies = job()
-        best = min(best, time.perf_counter() - started)
+    best, energies = seconds(job, 3, of=min), job()
     error, total = energies - cars.observed_wh, float(cars.observed_wh.sum())
     return Score(
         cars.title,
@@ -291,7 +285,7 @@ HEAD: Final = (
 
 def run() -> list[Score]:
     """Every system on every car; a system that is not installed is left out."""
-    found = []
+    scores = []
     for cars in all_cars():
         for system in SYSTEMS:
             try:
@@ -300,8 +294,8 @@ def run() -> list[Score]:
                 print(f"{system}: {error}")
                 continue
             print(score.line, flush=True)
-            found.append(score)
-    return found
+            scores.append(score)
+    return scores
 
 
 def rows() -> Iterator[Row]:
@@ -314,14 +308,15 @@ def rows() -> Iterator[Row]:
         if ours is not None and ours.cars == score.cars:
             name = f"error by energy, physics alone, {score.cars}"
             ratio = score.weighted / ours.weighted
-            yield Row(name, 100.0 * ours.weighted, "%", score.system, 100.0 * score.weighted, ratio)
+            theirs = 100.0 * score.weighted
+            yield Row(name, 100.0 * ours.weighted, "%", peer=score.system, peer_value=theirs, ratio=ratio)
 
 
 def main(write: bool = False) -> None:
-    """Print the table. `--write` renews that of docs/peers.md."""
+    """Print the table. `--write` renews that of docs/explanation/peers.md."""
     table = "\n".join([HEAD, *(score.line for score in run())])
     if write:
-        pages.renew("peers.md", "peers", table)
+        pages.renew("explanation/peers.md", "peers", table)
 
 
 if __name__ == "__main__":

@@ -10,15 +10,11 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmarks.measure import Row, median_seconds, medians_in_turn, reference_loop, tum_folder
+from benchmarks.measure import Row, medians_in_turn, not_measured, reference_loop, seconds, tum_folder
 from tripwatt.physics import simulate_trip
 from tripwatt.sources import read_logs
 from tripwatt.trips import Trip, resample
 from tripwatt.vehicles import load_vehicle
-
-READ_VED = "read the 211 VED trips"
-EVALUATE_TUM = "evaluate the TUM trips, whole protocol"
-EVALUATE_SYNTHETIC = "evaluate the synthetic fleet"
 
 PEAK_MEMORY = """
 import resource, sys
@@ -30,35 +26,27 @@ print(sum(len(t) for t in fleet.trips), resource.getrusage(resource.RUSAGE_SELF)
 
 def run() -> Iterator[Row]:
     """All rows, as they are measured."""
-    yield from quick()
-    folder = tum_folder()
-    if folder is not None:
-        yield Row(EVALUATE_TUM, evaluating(str(folder)), "s")
-    yield Row(EVALUATE_SYNTHETIC, evaluating(), "s")
-
-
-def quick() -> Iterator[Row]:
-    """All rows but the evaluations."""
+    yield Row("evaluate the synthetic fleet", evaluating(), "s", most=60)
     yield Row("reference loop", reference_loop(), "s")
     folder = tum_folder()
     if folder is None:
-        print("no TUM trips at hand: reading and simulating are not measured", file=sys.stderr)
+        yield not_measured("reading and simulating the TUM trips")
     else:
         yield from _reading(folder)
         ved = folder.parent / "ved"
         if ved.is_dir():
-            yield Row(READ_VED, median_seconds(lambda: read_logs(ved, "ved")), "s")
+            yield Row("read the 211 VED trips", seconds(lambda: read_logs(ved, "ved")), "s", most=3)
         yield from _simulating([resample(t, 1.0) for t in read_logs(folder, "tum").trips])
 
 
 def _reading(folder: Path) -> Iterator[Row]:
-    yield Row("read the TUM trips", median_seconds(lambda: read_logs(folder, "tum")), "s")
+    yield Row("read the TUM trips", seconds(lambda: read_logs(folder, "tum")), "s", most=4)
     answer = subprocess.run(
         [sys.executable, "-c", PEAK_MEMORY, str(folder)], check=True, capture_output=True, text=True
     )
     rows, peak = answer.stdout.split()
     yield Row("rows of the TUM trips", float(rows), "rows")
-    yield Row("peak memory of reading the TUM trips", float(peak), "MB")
+    yield Row("peak memory of reading the TUM trips", float(peak), "MB", most=1024)
 
 
 def _simulating(trips: Sequence[Trip]) -> Iterator[Row]:
@@ -67,7 +55,9 @@ def _simulating(trips: Sequence[Trip]) -> Iterator[Row]:
     job, driven_s = _fastsim(trips)
     our_s, their_s = medians_in_turn(lambda: [simulate_trip(car, t) for t in trips], job)
     ours, theirs = simulated_s / our_s, driven_s / their_s
-    yield Row("simulate the trips at 1 Hz, one process", ours, "s/s", "FASTSim", theirs, ours / theirs)
+    text = "simulate the trips at 1 Hz, one process"
+    yield Row(text, ours, "s/s", least=1e6, peer="FASTSim", peer_value=theirs, ratio=ours / theirs)
+    yield Row(f"{text}, times FASTSim", ours / theirs, least=20)
 
 
 def _fastsim(trips: Sequence[Trip]) -> tuple[Callable[[], None], float]:
@@ -125,6 +115,6 @@ def evaluating(*arguments: str, out: Path | None = None, runs: int = 1) -> float
     with tempfile.TemporaryDirectory() as scratch:
         target = str(out or Path(scratch) / "out")
         command = [sys.executable, "-m", "tripwatt.cli", "evaluate", *arguments, "--out", target]
-        return median_seconds(
+        return seconds(
             lambda: subprocess.run(command, check=True, capture_output=True), runs=runs, warm_up=False
         )

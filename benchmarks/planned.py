@@ -54,7 +54,7 @@ def forecasts(trips: Sequence[Trip], folds: int = 0) -> list[dict[str, Forecast]
     car = load_vehicle("bmw_i3_60ah")
     segments, routes = segment_trips(trips, car), linked_trips(trips, car)
     free = FreeFlowTrips.from_trips(trips, car)
-    found: dict[int, dict[str, Forecast]] = {}
+    by_trip: dict[int, dict[str, Forecast]] = {}
     fold = np.arange(len(trips)) % (folds or len(trips))
     for number in range(int(fold.max()) + 1):
         others = np.flatnonzero(fold != number)
@@ -62,9 +62,9 @@ def forecasts(trips: Sequence[Trip], folds: int = 0) -> list[dict[str, Forecast]
             segments.take(others), routes=routes.take(others), free_flow=free.take(others)
         )
         for k in np.flatnonzero(fold == number).tolist():
-            found[k] = _forecasts_of(trips[k], k, model, free)
-        print(f"{len(found)} of {len(trips)} trips", file=sys.stderr, flush=True)
-    return [found[k] for k in range(len(trips))]
+            by_trip[k] = _forecasts_of(trips[k], k, model, free)
+        print(f"{len(by_trip)} of {len(trips)} trips", file=sys.stderr, flush=True)
+    return [by_trip[k] for k in range(len(trips))]
 
 
 def _forecasts_of(trip: Trip, k: int, model: ForecastModel, free: FreeFlowTrips) -> dict[str, Forecast]:
@@ -142,14 +142,15 @@ def charge_scores(trips: Sequence[Trip], made: Sequence[Forecast]) -> dict[str, 
     ]
     if not rows:
         return None
-    found = Coverage.from_bounds(*np.array(rows).T, UPDATE_LEVEL)
+    shown, low, high = np.array(rows).T
+    coverage = Coverage.from_bounds(shown, low, high, UPDATE_LEVEL)
     return {
-        "n_trips": found.trips,
-        "coverage": found.share,
-        "coverage_ci95": found.ci95,
-        "inside": found.inside,
-        "interval_width": found.width,
-        "needed_width": found.needed_width,
+        "n_trips": coverage.trips,
+        "coverage": coverage.share,
+        "coverage_ci95": coverage.ci95,
+        "inside": coverage.inside,
+        "interval_width": coverage.width,
+        "needed_width": coverage.needed_width,
     }
 
 
@@ -157,8 +158,8 @@ def measure(folder: Path, folds: int = 0) -> dict[str, Any]:
     """The results file; of a number of folds in place of one for each trip."""
     fleet = read_logs(folder)
     trips = fleet.reference_trips()
-    found = forecasts(trips, folds)
-    driven = [f["driven trace"] for f in found]
+    by_trip = forecasts(trips, folds)
+    driven = [f["driven trace"] for f in by_trip]
     return {
         "protocol": "links",
         "scheme": f"{folds}_folds" if folds else "leave_one_trip_out",
@@ -169,7 +170,7 @@ def measure(folder: Path, folds: int = 0) -> dict[str, Any]:
         "synthetic": False,
         "citation": fleet.citation,
         "versions": {name: version(name) for name in ("tripwatt", *PACKAGES)},
-        "known": {name: scores(trips, [f[name] for f in found], driven) for name in (*LINKS_M, FREE_FLOW)},
+        "known": {name: scores(trips, [f[name] for f in by_trip], driven) for name in (*LINKS_M, FREE_FLOW)},
     }
 
 

@@ -17,6 +17,7 @@ from tools import CATALOGUE
 from tools.command import run
 from tools.docs import pages
 
+from benchmarks.measure import Row
 from tripwatt.certification.describing import (
     LABEL_FACTOR,
     LABEL_SHARES,
@@ -98,8 +99,8 @@ def without_consumption() -> Iterator[Trial]:
         car = describe_car(
             mass_kg=mass, usable_battery_kwh=energy, motor_power_kw=power, body=body, heat_pump=pump
         )
-        found = certified_interval(car)
-        yield Trial(description, published, found.middle, found.low, found.high)
+        interval = certified_interval(car)
+        yield Trial(description, published, interval.middle, interval.low, interval.high)
 
 
 def label_kwh_per_100km(name: str) -> float:
@@ -122,8 +123,8 @@ def with_label() -> Iterator[Trial]:
         }
         body = row["body"][0].value if "body" in row else "suv"
         own = described(given, body, procedure="epa", without=(name,))
-        found = certified_interval(own)
-        yield Trial(car.title, published, found.middle, found.low, found.high)
+        interval = certified_interval(own)
+        yield Trial(car.title, published, interval.middle, interval.low, interval.high)
 
 
 def summary(trials: list[Trial]) -> tuple[float, float]:
@@ -131,13 +132,26 @@ def summary(trials: list[Trial]) -> tuple[float, float]:
     return float(np.mean([t.held for t in trials])), float(np.median([t.width for t in trials]))
 
 
+def both() -> dict[str, list[Trial]]:
+    """What is known of the cars -> their trials."""
+    return {
+        "without the consumption": list(without_consumption()),
+        "with the label of the EPA alone": list(with_label()),
+    }
+
+
+def bars() -> Iterator[Row]:
+    """The bars on described cars."""
+    for what, trials in both().items():
+        held, width = summary(trials)
+        yield Row(f"described cars {what}: WLTP figure inside the 90 % interval", held, least=LEAST_HELD)
+        yield Row(f"described cars {what}: median width", width, most=MOST_WIDTH)
+
+
 def main(write: bool = False) -> None:
-    """Print both tables. `--write` renews that of docs/vehicles.md."""
+    """Print both tables. `--write` renews that of docs/reference/vehicles.md."""
     rows = []
-    for title, trials in (
-        ("without the consumption", list(without_consumption())),
-        ("with the label of the EPA alone", list(with_label())),
-    ):
+    for title, trials in both().items():
         print(
             f"\n{title}\n\n| car | WLTP, kWh/100 km | described | 90 % interval | held |\n|---|---:|---:|---|---|"
         )
@@ -150,7 +164,7 @@ def main(write: bool = False) -> None:
         rows.append(f"| {title} | {sum(t.held for t in trials)} of {len(trials)} | {100 * width:.0f} |")
     if write:
         head = "| described | inside the 90 % interval | median width of it [%] |\n|---|---:|---:|"
-        pages.renew("vehicles.md", "six-numbers", "\n".join([head, *rows]))
+        pages.renew("reference/vehicles.md", "six-numbers", "\n".join([head, *rows]))
 
 
 if __name__ == "__main__":

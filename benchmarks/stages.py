@@ -9,7 +9,7 @@ them, VED logs have no torque and no voltage at rest worth the name.
 The i3 stands there twice: with its published values, and with values that are identified from the same signals on the other half
 of the trips (`tripwatt.hybrid.identification`), so that no value has seen the seconds that it is held against.
 
-Prints the tables as Markdown; with ``--docs``, writes docs/stages.md and its figures; with ``--identify``, prints the values from
+Prints the tables as Markdown; with ``--docs``, writes docs/explanation/stages.md and its figures; with ``--identify``, prints the values from
 every second trip. Needs TRIPWATT_DATA. Costs one simulation of each trip and car, and arrays.
 """
 
@@ -22,7 +22,7 @@ from typing import Any, Final
 
 import numpy as np
 import pandas as pd
-from tools import DATA
+from tools import DATA, DOCS
 from tools.command import run
 
 from tripwatt.auditing import audit
@@ -36,17 +36,16 @@ from tripwatt.vehicles import Vehicle, load_vehicle
 
 SPEEDS_KM_H: Final = (0.0, 10.0, 30.0, 50.0, 70.0, 100.0, 150.0)
 TORQUES_NM: Final = (-90.0, -50.0, -20.0, 20.0, 50.0, 90.0, 260.0)
-DOCS: Final = Path(__file__).parents[1] / "docs"
 HEAD: Final = """# Each stage of the simulation against its own signal
 
 `python -m benchmarks.stages --docs` writes this page from the logs of the BMW i3 (TUM) and of two Nissan Leafs (VED). The
 sum of a trip can be right although its parts are wrong, so each part stands beside the signal that measures it: means
 over seconds, with the default car and nothing fitted; for the BMW i3 also with values that are identified from these signals on
-the other half of the trips ([how](decisions/physics-07-identification.md)). Warm trips have outside air of 15 °C and more. The standing car
+the other half of the trips ([how](../decisions/physics-07-identification.md)). Warm trips have outside air of 15 °C and more. The standing car
 is the median power at standstill less that of climate control. Torque and power of a log are not of exactly the same
 moment, so the loss while braking is indicative. VED logs change speed and current at different moments: their bins of
 speed are blurred. The air conditioner, the heat capacity of the cabin and the moving load of the Leaf have values from the logs of the BMW i3
-([the values](vehicles.md#values-from-the-logs-of-one-car)). Blower, rear window and seats are no part of heater and air conditioner in any log, and none here.
+([the values](../reference/vehicles.md#values-from-the-logs-of-one-car)). Blower, rear window and seats are no part of heater and air conditioner in any log, and none here.
 
 """
 WARM_DEGC: Final = 15.0
@@ -172,7 +171,7 @@ def identified_cars(vehicle: Vehicle, trips: Sequence[Trip]) -> list[Vehicle]:
 def base_loads(rows: pd.DataFrame, moving_load_w: float) -> pd.DataFrame:
     """Median power without climate control [W] at standstill and while the car coasts, beside the car's base load."""
     coasting = (rows["speed_m_s"] > COASTING_M_S) & (rows["torque_nm"].abs() < COASTING_NM)
-    found = []
+    states = []
     for name, mask in (("standing", _standing(rows)), ("coasting", coasting)):
         for off in (False, True):
             chosen = rows[mask & ((rows["climate"] < CLIMATE_OFF_W) | (not off))]
@@ -180,9 +179,9 @@ def base_loads(rows: pd.DataFrame, moving_load_w: float) -> pd.DataFrame:
                 middle = part["less_climate"].median()
                 climate = "off" if off else "any"
                 simulated = part["base_w"].mean() + (moving_load_w if name == "coasting" else 0.0)
-                found.append((name, season, climate, middle, simulated, simulated / middle - 1.0, len(part)))
+                states.append((name, season, climate, middle, simulated, simulated / middle - 1.0, len(part)))
     return pd.DataFrame(
-        found,
+        states,
         columns=["state", "season", "climate control", "measured", "simulated", "difference", "seconds"],
     )
 
@@ -207,15 +206,15 @@ def resting_voltage(rows: pd.DataFrame) -> pd.DataFrame:
 
 def energy_per_charge(rows: pd.DataFrame) -> pd.DataFrame:
     """Energy of each whole unit of charge [kWh]: measured, and by the simulated voltage at the measured current."""
-    found = []
+    seasons = []
     for season, part in rows.dropna(subset=["soc"]).groupby("season"):
         trips = part.groupby("trip")
         drop = float((trips["soc"].first() - trips["soc"].last()).sum())
         hours = part["step_s"] * WH_PER_J
         measured = float((part["battery"] * hours).sum()) / drop / 1000.0
         simulated = float((part["voltage_simulated"] * part["current_a"] * hours).sum()) / drop / 1000.0
-        found.append((season, measured, simulated, simulated / measured - 1.0))
-    return pd.DataFrame(found, columns=["season", "measured", "simulated", "difference"])
+        seasons.append((season, measured, simulated, simulated / measured - 1.0))
+    return pd.DataFrame(seasons, columns=["season", "measured", "simulated", "difference"])
 
 
 def trip_errors(rows: pd.DataFrame) -> pd.DataFrame:
@@ -224,13 +223,13 @@ def trip_errors(rows: pd.DataFrame) -> pd.DataFrame:
     sums = rows.assign(e=rows["battery"] * hours, s=rows["battery_simulated"] * hours).groupby("trip")
     trips = sums.agg(e=("e", "sum"), s=("s", "sum"), speed=("speed_m_s", "mean"), season=("season", "first"))
     error = trips["s"] / trips["e"] - 1.0
-    found = []
+    seasons = []
     for name, part in (*error.groupby(trips["season"]), ("all", error)):
         speed = trips.loc[part.index, "speed"]
         together = float(np.corrcoef(part, speed)[0, 1]) if len(part) > 2 else np.nan
-        found.append((name, part.mean(), part.abs().mean(), together, len(part)))
+        seasons.append((name, part.mean(), part.abs().mean(), together, len(part)))
     columns = ["season", "bias", "mean error", "correlation with mean speed", "trips"]
-    return pd.DataFrame(found, columns=columns)
+    return pd.DataFrame(seasons, columns=columns)
 
 
 def _compared(groups: Any, measured: str) -> pd.DataFrame:
@@ -330,13 +329,13 @@ def main(docs: bool = False, identified: bool = False) -> None:
         rows = read_seconds(cars, trips)
         parts.append(f"## {title}")
         parts += [f"### {head}\n\n{markdown(table)}" for head, table in tables_of(vehicle, rows)]
-        parts.append(f"![Measured and simulated power over speed: {title}](images/stages-{place}.png)")
+        parts.append(f"![Measured and simulated power over speed: {title}](../images/stages-{place}.png)")
         if docs:
             figure(rows, DOCS / "images" / f"stages-{place}.png")
     text = "\n\n".join(parts) + "\n"
     print(text)
     if docs:
-        (DOCS / "stages.md").write_text(HEAD + text, encoding="utf-8")
+        (DOCS / "explanation" / "stages.md").write_text(HEAD + text, encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -3,7 +3,7 @@
 Each of the nine points of `SPEEDS_KM_H` and `AMBIENT_DEGC` is ten minutes at a constant speed on a flat road in calm air, with a car that is
 warm at the start and climate control on. Beside it stands what the published mass and drag area of the car give with the losses of its
 class: a plain formula, without an anchor. Where both differ by more than `APART`, the causes are listed, largest first. `--write` renews
-the table in docs/library.md.
+the table in docs/reference/library.md.
 """
 
 from __future__ import annotations
@@ -89,13 +89,13 @@ def _parts(run: Simulation, speed_km_h: float) -> dict[str, float]:
     step = np.diff(run.time_s, prepend=run.time_s[0])
     power, km = run.power_by_cause_w, speed_km_h * DURATION_S / SECONDS_PER_HOUR
     energy = {cause: float(np.sum(power[cause] * step)) * WH_PER_J / km for cause in power}
-    found = {
+    parts = {
         "rolling": energy["rolling"],
         "air": energy["air"],
         "climate": energy["hvac"],
         "base load": energy["base_load"],
     }
-    return {**found, "drivetrain": sum(energy.values()) - sum(found.values())}
+    return {**parts, "drivetrain": sum(energy.values()) - sum(parts.values())}
 
 
 @cache
@@ -175,14 +175,14 @@ class CarRow:
 
     name: str
     title: str
-    found: tuple[Point, ...]
+    simulated: tuple[Point, ...]
     expected: tuple[Point, ...]
 
     @property
     def apart(self) -> tuple[float, ...]:
         """Relative difference at each point."""
-        pairs = zip(self.found, self.expected, strict=True)
-        return tuple(found.wh_per_km / plain.wh_per_km - 1.0 for found, plain in pairs)
+        pairs = zip(self.simulated, self.expected, strict=True)
+        return tuple(simulated.wh_per_km / plain.wh_per_km - 1.0 for simulated, plain in pairs)
 
     @property
     def farthest(self) -> int:
@@ -192,8 +192,8 @@ class CarRow:
     def causes(self) -> list[str]:
         """What makes the largest difference, part by part, the largest first."""
         i = self.farthest
-        found, plain = self.found[i], self.expected[i]
-        change = {part: (found.parts[part] - plain.parts[part]) / plain.wh_per_km for part in PARTS}
+        simulated, plain = self.simulated[i], self.expected[i]
+        change = {part: (simulated.parts[part] - plain.parts[part]) / plain.wh_per_km for part in PARTS}
         sign = 1.0 if self.apart[i] > 0.0 else -1.0
         order = sorted((p for p in PARTS if sign * change[p] > WORTH), key=lambda p: -sign * change[p])
         return [f"{part} {100.0 * change[part]:+.0f} % ({self._why(part, POINTS[i])})" for part in order]
@@ -219,10 +219,10 @@ class CarRow:
             return f"drag area {own:.2f} m², published {published:.2f}, its kind of body {classes.drag_area_m2[body(self.name)]:.2f}"
         if part == "drivetrain":
             i = POINTS.index(point)
-            wheels = [p.parts["rolling"] + p.parts["air"] for p in (self.found[i], self.expected[i])]
+            wheels = [p.parts["rolling"] + p.parts["air"] for p in (self.simulated[i], self.expected[i])]
             shares = [
                 p.parts["drivetrain"] / w
-                for p, w in zip((self.found[i], self.expected[i]), wheels, strict=True)
+                for p, w in zip((self.simulated[i], self.expected[i]), wheels, strict=True)
             ]
             return f"loses {100 * shares[0]:.0f} % of the energy at the wheels, the class {100 * shares[1]:.0f} %{changed}"
         if part == "climate":
@@ -233,10 +233,10 @@ class CarRow:
 
 def rows(names: Sequence[str] | None = None) -> list[CarRow]:
     """Every car of the library, in order of its title."""
-    found = []
+    cars = []
     for name in vehicle_names() if names is None else names:
         car = load_vehicle(name)
-        found.append(
+        cars.append(
             CarRow(
                 name,
                 car.title,
@@ -244,7 +244,7 @@ def rows(names: Sequence[str] | None = None) -> list[CarRow]:
                 tuple(expected(name, *point) for point in POINTS),
             )
         )
-    return sorted(found, key=lambda row: (row.title, row.name))
+    return sorted(cars, key=lambda row: (row.title, row.name))
 
 
 MIDDLE: Final = POINTS.index((110.0, 20.0))
@@ -256,14 +256,14 @@ def beside_siblings(table: Sequence[CarRow]) -> dict[str, dict[str, float]]:
     models: dict[str, list[CarRow]] = {}
     for row in table:
         models.setdefault(model_of(row.title), []).append(row)
-    found = {}
+    beside = {}
     for group in models.values():
-        points = sorted((row.found[MIDDLE] for row in group), key=lambda point: point.wh_per_km)
+        points = sorted((row.simulated[MIDDLE] for row in group), key=lambda point: point.wh_per_km)
         middle = points[len(points) // 2]
         for row in group if len(group) > 1 else ():
-            parts = row.found[MIDDLE].parts
-            found[row.name] = {p: (parts[p] - middle.parts[p]) / middle.wh_per_km for p in PARTS}
-    return found
+            parts = row.simulated[MIDDLE].parts
+            beside[row.name] = {p: (parts[p] - middle.parts[p]) / middle.wh_per_km for p in PARTS}
+    return beside
 
 
 def render(table: Sequence[CarRow]) -> str:
@@ -277,7 +277,7 @@ def render(table: Sequence[CarRow]) -> str:
     for row in table:
         low, high = min(row.apart), max(row.apart)
         beside = f"{100 * sum(siblings[row.name].values()):+.0f} %" if row.name in siblings else "–"
-        points = " | ".join(f"{point.wh_per_km:.0f}" for point in row.found)
+        points = " | ".join(f"{point.wh_per_km:.0f}" for point in row.simulated)
         lines.append(
             f"| {row.title} | `{row.name}` | {points} | {100 * low:+.0f} to {100 * high:+.0f} % | {beside} |"
         )
@@ -299,11 +299,11 @@ def render(table: Sequence[CarRow]) -> str:
     lines += ["", "| car | name | beside siblings | parts | masses, drag areas |", "|---|---|---:|---|---|"]
     for row in table:
         parts = siblings.get(row.name, {})
-        by = sum(parts.values())
-        if abs(by) > APART:
+        total = sum(parts.values())
+        if abs(total) > APART:
             shown = ", ".join(f"{p} {100 * v:+.0f} %" for p, v in parts.items() if abs(v) > WORTH)
             lines.append(
-                f"| {row.title} | `{row.name}` | {100 * by:+.0f} % | {shown} | {_of_model(row, table)} |"
+                f"| {row.title} | `{row.name}` | {100 * total:+.0f} % | {shown} | {_of_model(row, table)} |"
             )
     return "\n".join(lines)
 
@@ -320,11 +320,11 @@ def _of_model(row: CarRow, table: Sequence[CarRow]) -> str:
 
 
 def main(write: bool = False) -> None:
-    """Print the table. `--write` renews that of docs/library.md."""
+    """Print the table. `--write` renews that of docs/reference/library.md."""
     table = render(rows())
     print(table)
     if write:
-        pages.renew("library.md", "steady", table)
+        pages.renew("reference/library.md", "steady", table)
 
 
 if __name__ == "__main__":

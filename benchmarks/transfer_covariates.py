@@ -1,10 +1,10 @@
 """What of a correction is about the car and what about the world: zero-shot transfer with other covariates, both ways.
 
-    python benchmarks/transfer_covariates.py DATA [--out docs/results/transfer-covariates.json]
+    python -m benchmarks.transfer_covariates [--out docs/results/transfer-covariates.json]
 
-DATA holds `tum` and `ved`. A process is learned on one car and corrects the other's physics, by half and in full;
+A process is fitted on one car and corrects the other's physics, by half and in full;
 scored on the second half in time of the other car's trips of 2 km and more, as `tripwatt transfer` does. Nothing of the
-other car is learned, and no value of a car comes from the other's logs.
+other car is fitted, and no value of a car comes from the other's logs.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from tools import DATA, DOCS
@@ -67,7 +68,7 @@ VARIANTS = {
 
 def direction(
     source: Sequence[Trip], target: Sequence[Trip], cars: tuple[Vehicle, Vehicle]
-) -> dict[str, object]:
+) -> dict[str, Any]:
     hidden = unknown_inputs(target)
     scored = segment_trips(target[len(target) // 2 :], cars[1])
     observed = scored.totals_wh(scored.observed_power_w)
@@ -116,11 +117,11 @@ def main(out: Path = DOCS / "results" / "transfer-covariates.json") -> None:
     car_10 = [t for t in ved if t.context.car == "10"]
     i3, leaf = load_vehicle("bmw_i3_60ah"), load_vehicle("nissan_leaf_24")
     tum.sort(key=lambda trip: str(trip.context.started_at))
-    found = [
+    ways = [
         direction(tum, car_10, (i3, leaf)),
         direction(ved, tum, (without_data(leaf, "tum"), without_data(i3, "tum"))),
     ]
-    for way in found:
+    for way in ways:
         print(f"{way['from']} -> {way['to']}, physics {100 * way['physics'][0]:.1f} %")
         for row in way["variants"]:
             pair = row["half_minus_car_free"]
@@ -128,7 +129,7 @@ def main(out: Path = DOCS / "results" / "transfer-covariates.json") -> None:
             print(
                 f"  {row['covariates']:70s} half {100 * row['half'][0]:5.1f} full {100 * row['full'][0]:5.1f}  {told}"
             )
-    out.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+    out.write_text(json.dumps(ways, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

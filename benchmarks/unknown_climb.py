@@ -12,7 +12,7 @@ from __future__ import annotations
 import itertools
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
@@ -23,6 +23,7 @@ from tools.command import run
 from tools.docs import pages
 
 import tripwatt as tw
+from benchmarks.measure import Row, report
 from tripwatt.arrays import FloatArray
 from tripwatt.forecasting import Forecast, ForecastModel
 from tripwatt.physics import grade_from_elevation
@@ -61,28 +62,6 @@ ambient_temperature_degc = { column = "Temperature", unit = "degC" }
 usable_capacity_kwh = 6.1
 """,
 }
-
-
-@dataclass(frozen=True)
-class Row:
-    """One figure and its bounds."""
-
-    text: str
-    value: float
-    least: float = -np.inf
-    most: float = np.inf
-
-    @property
-    def met(self) -> bool:
-        """Whether the figure lies within its bounds."""
-        return self.least <= self.value <= self.most
-
-    @property
-    def line(self) -> str:
-        """As a row of Markdown."""
-        ends = [f"{sign} {end:g}" for sign, end in (("≥", self.least), ("≤", self.most)) if np.isfinite(end)]
-        met = ("yes" if self.met else "no") if ends else ""
-        return f"| {self.text} | {self.value:.3g} | {', '.join(ends)} | {met} |"
 
 
 def trips_of(name: str, data: Path, folder: Path) -> tuple[list[Trip], Vehicle]:
@@ -132,31 +111,31 @@ def hidden_forecasts(
 ) -> dict[str, list[Forecast]]:
     """Forecasts of each trip by models without it: with heights ("known"), and without them by terrain."""
     fold = np.random.default_rng(0).permutation(len(trips)) % folds
-    found: dict[str, list[Forecast]] = {"known": [None] * len(trips)}  # type: ignore[list-item]
+    by_terrain: dict[str, list[Forecast]] = {"known": [None] * len(trips)}  # type: ignore[list-item]
     for terrain in WIDER:
-        found[terrain] = [None] * len(trips)  # type: ignore[list-item]
+        by_terrain[terrain] = [None] * len(trips)  # type: ignore[list-item]
     for k in range(folds):
         model = ForecastModel(car, corrector).fit([t for t, f in zip(trips, fold, strict=True) if f != k])
         for i in np.flatnonzero(fold == k):
-            found["known"][i] = model.forecast(trips[i])
+            by_terrain["known"][i] = model.forecast(trips[i])
             for terrain in WIDER:
                 forecast = model.forecast(without_heights(trips[i], terrain))
                 assert forecast.climbing is not None
                 net = net_climbs(terrain, without=name)
-                found[terrain][i] = replace(forecast, climbing=replace(forecast.climbing, net=net))
-    return found
+                by_terrain[terrain][i] = replace(forecast, climbing=replace(forecast.climbing, net=net))
+    return by_terrain
 
 
 def coverage_rows(text: str, inside: Sequence[bool], bound: bool = True) -> Iterator[Row]:
     """Coverage of the 90 % interval; of few trips the Clopper-Pearson interval has to contain the level."""
     n, hits = len(inside), int(sum(inside))
     if n >= LARGE:
-        yield Row(f"{text}: 90 % interval covers, of {n}", hits / n, *(COVERS if bound else ()))
+        yield Row(f"{text}: 90 % interval covers, of {n}", hits / n, "", *(COVERS if bound else ()))
         return
     low, high = binomtest(hits, n).proportion_ci(0.95, "exact")
     bounds = (0.0, LEVEL, LEVEL, 1.0) if bound else (0.0, 1.0, 0.0, 1.0)
-    yield Row(f"{text}: covers {hits} of {n}; lower end of Clopper-Pearson's interval", low, *bounds[:2])
-    yield Row(f"{text}: upper end of it", high, *bounds[2:])
+    yield Row(f"{text}: covers {hits} of {n}; lower end of Clopper-Pearson's interval", low, "", *bounds[:2])
+    yield Row(f"{text}: upper end of it", high, "", *bounds[2:])
 
 
 def width(forecast: Forecast) -> float:
@@ -169,16 +148,18 @@ def log_rows(data: Path, folder: Path, corrector: str = "split") -> Iterator[Row
     """Coverage and width of logs with hidden heights."""
     for name in ("tum", "sedan", "twizy"):
         trips, car = trips_of(name, data, folder)
-        found = hidden_forecasts(name, trips, car, corrector)
+        by_terrain = hidden_forecasts(name, trips, car, corrector)
         observed = [float(t.observed_energy_wh or np.nan) for t in trips]
-        for what, forecasts in found.items():
+        for what, forecasts in by_terrain.items():
             inside = [
                 f.interval(LEVEL)[0] <= o <= f.interval(LEVEL)[1]
                 for f, o in zip(forecasts, observed, strict=True)
             ]
             yield from coverage_rows(f"{name}, {what}", inside, bound=what == "unknown")
         for what, base in (("flat", "known"), ("unknown", "flat")):
-            ratio = np.median([width(a) / width(b) for a, b in zip(found[what], found[base], strict=True)])
+            ratio = np.median(
+                [width(a) / width(b) for a, b in zip(by_terrain[what], by_terrain[base], strict=True)]
+            )
             yield Row(f"{name}: median width {what} over {base}", float(ratio), most=WIDER[what])
 
 
@@ -233,7 +214,7 @@ def region_rows(data: Path, folder: Path) -> Iterator[Row]:
         scale = region_scale(trips_of(name, data, folder)[0])
         own = REGION_SCALE_M.get(name)
         bounds = () if own is None else (own - 0.05, own + 0.05)
-        yield Row(f"{name}: scale of the net climb over 10 km [m]", scale, *bounds)
+        yield Row(f"{name}: scale of the net climb over 10 km [m]", scale, "", *bounds)
 
 
 def bounds(only: str | None = None) -> Iterator[Row]:
@@ -251,15 +232,13 @@ def bounds(only: str | None = None) -> Iterator[Row]:
 
 
 def main(only: Literal["regions", "logs", "routes"] | None = None, write: bool = False) -> int:
-    """Print the rows; 1 when a bound is missed. `--write` renews the table of docs/uncertainty.md."""
-    rows = []
-    for row in bounds(only):
-        rows.append(row)
-        print(f"{'' if row.met else 'MISSED '}{row.text}: {row.value:.4g}", flush=True)
+    """Print the rows; 1 when a bound is missed. `--write` renews the table of docs/explanation/uncertainty.md."""
+    rows = list(bounds(only))
+    missed = report(rows)
     if write:
         head = "| What | Figure | Bound | Met |\n|:--|--:|--:|:--|"
-        pages.renew("uncertainty.md", "climb", "\n".join([head, *(row.line for row in rows)]))
-    return int(not write and not all(row.met for row in rows))
+        pages.renew("explanation/uncertainty.md", "climb", "\n".join([head, *(row.cells for row in rows)]))
+    return int(missed and not write)
 
 
 if __name__ == "__main__":

@@ -110,8 +110,8 @@ def tabulated(trips: list[Trip], car: Any) -> SegmentTable:
 def left_out(table: SegmentTable, name: str, i: int) -> np.ndarray:
     """Residual power that is left of trip i by a corrector of all others [W]."""
     train = np.delete(np.arange(len(table)), i)
-    found = table.take([i])
-    return found.residual_w - VARIANTS[name][1]().fit(table.take(train)).predict(found)
+    held_out = table.take([i])
+    return held_out.residual_w - VARIANTS[name][1]().fit(table.take(train)).predict(held_out)
 
 
 def left_out_calibrated(trips: list[Trip], i: int) -> np.ndarray:
@@ -126,14 +126,14 @@ def figures(table: SegmentTable, left: list[np.ndarray]) -> list[float]:
     energy = table.totals_wh(table.observed_power_w)
     hours = [table.hours[a:b] for a, b in zip(table.offsets[:-1], table.offsets[1:], strict=True)]
     errors = np.array([h @ r for h, r in zip(hours, left, strict=True)])
-    found = [float(np.mean(np.abs(errors) / energy)), float(np.sqrt(np.mean(errors**2))) / 1000.0]
+    scores = [float(np.mean(np.abs(errors) / energy)), float(np.sqrt(np.mean(errors**2))) / 1000.0]
     for fraction in FRACTIONS:
         rest = [
             h[np.cumsum(h) > fraction * h.sum() + 1e-12] @ r[np.cumsum(h) > fraction * h.sum() + 1e-12]
             for h, r in zip(hours, left, strict=True)
         ]
-        found.append(float(np.mean(np.abs(rest) / energy)))
-    return found
+        scores.append(float(np.mean(np.abs(rest) / energy)))
+    return scores
 
 
 def rows() -> dict[str, list[float]]:
@@ -142,22 +142,22 @@ def rows() -> dict[str, list[float]]:
         raise SystemExit("no TUM trips at hand")
     trips = list(read_logs(folder).reference_trips())
     table = tabulated(trips, load_vehicle("bmw_i3_60ah"))
-    found = {}
+    variants = {}
     for name in VARIANTS:
         left = Parallel(-1)(delayed(left_out)(table, name, i) for i in range(len(table)))
-        found[name] = figures(table, left)
+        variants[name] = figures(table, left)
     left = Parallel(-1)(delayed(left_out_calibrated)(trips, i) for i in range(len(table)))
-    found[CALIBRATED] = figures(table, left)
-    return found
+    variants[CALIBRATED] = figures(table, left)
+    return variants
 
 
-def as_markdown(found: Mapping[str, list[float]]) -> str:
+def as_markdown(variants: Mapping[str, list[float]]) -> str:
     about = {name: text for name, (text, _) in VARIANTS.items()}
     about[CALIBRATED] = "the default, after mass, drags and base load are calibrated in the fold"
     head = "| variant | mean APE | RMSE | no update at 25 % | 50 % | 75 % |\n|---|---|---|---|---|---|"
     lines = [
         f"| {about[name]} | {ape:.4f} | {rmse:.3f} kWh | {' | '.join(f'{r:.4f}' for r in rest)} |"
-        for name, (ape, rmse, *rest) in found.items()
+        for name, (ape, rmse, *rest) in variants.items()
     ]
     return "\n".join([head, *lines])
 

@@ -1,20 +1,22 @@
 """Physics alone on the logged trips of the VED's Leafs: nothing is fitted on them. Where the error comes from, by weather.
 
-Run: ``python -m benchmarks.ved_trips`` (``--write`` also renews the tables in docs/ved.md). Needs TRIPWATT_DATA.
+Run: ``python -m benchmarks.ved_trips`` (``--write`` also renews the tables in docs/explanation/ved.md). Needs TRIPWATT_DATA.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final
 
 import numpy as np
+from tools import DATA
 from tools.command import run
 from tools.docs import pages
 
-from benchmarks.measure import data_folder
+from benchmarks.measure import Row
 from tripwatt.auditing import audit
 from tripwatt.physics import simulate, simulate_trip
 from tripwatt.physics.simulate import conditions_at_departure
@@ -123,8 +125,8 @@ def given_bias(results: Sequence[Outcome]) -> float:
 
 def classes(results: Sequence[Outcome]) -> list[list[Outcome]]:
     """The trips of each class of outside air that has any."""
-    found = [[r for r in results if low < r.ambient_degc <= high] for low, high in pairwise(EDGES_DEGC)]
-    return [group for group in found if group]
+    groups = [[r for r in results if low < r.ambient_degc <= high] for low, high in pairwise(EDGES_DEGC)]
+    return [group for group in groups if group]
 
 
 def by_weather(results: Sequence[Outcome]) -> list[str]:
@@ -152,12 +154,18 @@ def by_weather(results: Sequence[Outcome]) -> list[str]:
     return lines
 
 
+def bars() -> Iterator[Row]:
+    """The bars on cars that the physics has not met."""
+    for row in scores(outcomes(read_logs(DATA / "ved", "ved").trips, load_vehicle(CAR))):
+        name = f"physics of the VED's Leafs, trips over 2 km, {row.name}, {row.n_trips} trips"
+        most = (ERROR_BAR, BIAS_BAR) if row.name in BARS_ON else (math.inf, math.inf)
+        yield Row(f"{name}: energy-weighted error", row.error, most=most[0])
+        yield Row(f"{name}: size of the bias", abs(row.bias), most=most[1])
+
+
 def report() -> tuple[str, bool]:
     """Both tables as markdown, and whether the bars are met; raises FileNotFoundError without the data."""
-    folder = data_folder("ved")
-    if folder is None:
-        raise FileNotFoundError("no VED trips: set TRIPWATT_DATA")
-    fleet = read_logs(folder, "ved")
+    fleet = read_logs(DATA / "ved", "ved")
     vehicle = load_vehicle(CAR)
     lines = ["| trips over 2 km | car | trips | energy-weighted error | bias |", "|---|---|---:|---:|---:|"]
     met = True
@@ -173,7 +181,7 @@ def report() -> tuple[str, bool]:
 
 
 def main(write: bool = False) -> int:
-    """Print the tables; 1 when a bar is missed. `--write` renews docs/ved.md."""
+    """Print the tables; 1 when a bar is missed. `--write` renews docs/explanation/ved.md."""
     text, met = report()
     print(text)
     print(
@@ -181,7 +189,7 @@ def main(write: bool = False) -> int:
         f"{CLASS_BIAS_BAR:.0%} in each class of {CLASS_TRIPS} trips): {'met' if met else 'MISSED'}"
     )
     if write:
-        pages.renew("ved.md", "tables", text)
+        pages.renew("explanation/ved.md", "tables", text)
     return int(not met and not write)
 
 

@@ -44,12 +44,18 @@ def drives(model: tw.ForecastModel) -> Iterator[Width]:
         pieces = max(km // 5, 1)
         plan = tw.read_route([{"length_m": 1000.0 * km / pieces, "speed_m_s": km_h / 3.6}] * pieces)
         for degc in DEGC:
-            air = dict.fromkeys(("ambient_temperature_degc", "battery_temperature_degc"), float(degc))
-            known = Departure(soc=0.9, cabin_temperature_degc=float(degc), cabin_setpoint_degc=21.0, **air)
-            found = model.forecast(plan, known)
-            low, high = found.interval(0.9)
-            outside = any(flag.code == "outside_training" for flag in found.flags)
-            yield Width(km, km_h, degc, high - low, (high - low) / found.energy_wh, low, outside)
+            cold = float(degc)
+            known = Departure(
+                soc=0.9,
+                ambient_temperature_degc=cold,
+                battery_temperature_degc=cold,
+                cabin_temperature_degc=cold,
+                cabin_setpoint_degc=21.0,
+            )
+            forecast = model.forecast(plan, known)
+            low, high = forecast.interval(0.9)
+            outside = any(flag.code == "outside_training" for flag in forecast.flags)
+            yield Width(km, km_h, degc, high - low, (high - low) / forecast.energy_wh, low, outside)
 
 
 def _narrowest(rows: Sequence[Width]) -> str:

@@ -69,7 +69,7 @@ def _siblings() -> pd.DataFrame:
         }
     )
     table = table[(table[["mass", "rolling", "air"]] > 0.0).all(axis=1)].drop_duplicates()
-    values = np.log(table[["mass", "rolling", "air"]])
+    values = table[["mass", "rolling", "air"]].apply(np.log)
     values = values - values.groupby(table["model"]).transform("first")
     return values[(values != 0.0).any(axis=1)].reset_index(drop=True)
 

@@ -17,8 +17,8 @@ from hypothesis import strategies as st
 import tripwatt as tw
 from tripwatt.certification import certified_interval
 from tripwatt.journey import JourneyOptions
-from tripwatt.live import LiveForecaster
-from tripwatt.trips.schema import require_fraction
+from tripwatt.live import RoadCar
+from tripwatt.trips.columns import require_fraction
 
 LINKS = [{"length_m": 5000.0, "speed_m_s": 15.0}]
 TRACK = b'{"type": "LineString", "coordinates": [[9.5, 47.1], [9.52, 47.12], [9.53, 47.13]]}'
@@ -35,7 +35,7 @@ FRACTIONS: Final[dict[str, Callable[[Any], Any]]] = {
     "soc_needed, reserve": lambda value: FOUND.soc_needed(reserve=value),
     "to_dict": lambda value: FOUND.to_dict(reserve=value),
     "JourneyOptions": lambda value: JourneyOptions(reserve=value),
-    "LiveForecaster": lambda value: LiveForecaster(tw.load_model(), reserve=value),
+    "RoadCar": lambda value: RoadCar("no folder is made", reserve=value),
     "certified_interval": lambda value: certified_interval(tw.load_vehicle("vw_id3"), level=value),
     "Departure.soc": lambda value: tw.Departure(soc=value),
     "Departure.bms_soc": lambda value: tw.Departure(bms_soc=value),
@@ -146,7 +146,7 @@ FIELDS: Final[dict[str, tuple[Any, ...]]] = {
     "follows_trip": (1, 0, "yes", "true", [True], 1.0),
     "cabin_logged": (1, 0, "yes", [True], 1.0),
     "terrain": ("alps", "Flat", "", 1, True, ["flat"], b"flat"),
-    "started_at": (
+    "departs_at": (
         "2024-01-05",
         "2024-01-05T08:00",
         dt.date(2024, 1, 5),
@@ -179,9 +179,9 @@ def test_every_field_of_a_departure_is_checked() -> None:
 def test_what_a_departure_takes() -> None:
     when = pd.Timestamp("2024-01-05T08:30")
     found = tw.Departure(
-        season="winter", started_at=when, follows_trip=np.True_, weather="sunny", extras=["roof_box"]
+        season="winter", departs_at=when, follows_trip=np.True_, weather="sunny", extras=["roof_box"]
     )  # type: ignore[arg-type]
-    assert (found.started_at, found.extras) == (when, ("roof_box",))
+    assert (found.departs_at, found.extras) == (when, ("roof_box",))
     with pytest.raises(tw.InvalidInput, match="did you mean 'winter'"):
         tw.Departure(season="wintr")
 

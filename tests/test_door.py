@@ -55,7 +55,8 @@ def python(code: str) -> str:
 def test_names_of_the_door_are_listed_and_in_the_change_log():
     assert set(tw.__all__) - {"__version__"} == NAMES
     assert set(dir(tw)) >= NAMES
-    log = (ROOT / "CHANGELOG.md").read_text("utf-8")
+    releases = (ROOT / "docs" / "whatsnew").glob("*.md")
+    log = "".join(page.read_text("utf-8") for page in (ROOT / "CHANGELOG.md", *releases))
     assert not [name for name in NAMES if f"`{name}`" not in log]
     with pytest.raises(AttributeError, match="no attribute 'forcast'"):
         tw.forcast  # noqa: B018

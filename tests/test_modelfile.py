@@ -82,7 +82,7 @@ def test_a_newer_format_is_refused_with_what_is_known(
     monkeypatch.setattr(modelfile, "FORMAT_VERSION", 7)
     write(tmp_path / "newer")
     monkeypatch.undo()
-    with pytest.raises(InvalidInput, match=r"format_version: got 7; allowed: 1; update tripwatt"):
+    with pytest.raises(InvalidInput, match=r"format_version: got 7; allowed: 1, 2; update tripwatt"):
         read_model(tmp_path / "newer")
 
 

@@ -1,6 +1,6 @@
 /**
- * Writes `src/api/types.ts` from the service's OpenAPI document, which comes from standard input: `make types` in the
- * folder above.
+ * Writes `src/api/types.ts` and `src/api/fields.ts` from the service's OpenAPI document, which comes from standard input:
+ * `make types` in the folder above.
  */
 
 import { writeFile } from "node:fs/promises";
@@ -10,9 +10,8 @@ import { fileURLToPath } from "node:url";
 import openapiTS, { astToString } from "openapi-typescript";
 
 const HERE = dirname(fileURLToPath(import.meta.url));
-const OUT = process.argv[2] ?? join(HERE, "src", "api", "types.ts");
-const HEAD =
-  "/** Documents of the service, written by `types.mjs` from its OpenAPI document. Do not edit. */\n\n";
+const OUT = process.argv[2] ?? join(HERE, "src", "api");
+const WRITTEN = "written by `types.mjs` from the OpenAPI document of the service. Do not edit. */\n\n";
 
 /** A part of the document without texts, examples and problems, and without "one of two fields", which the service checks. */
 function slim(node, key = "") {
@@ -22,7 +21,15 @@ function slim(node, key = "") {
   if (key === "properties" || key === "schemas") {
     return Object.fromEntries(entries.map(([name, part]) => [name, slim(part)]));
   }
-  const left = new Set(["title", "description", "summary", "examples", "default", ...(node.properties ? ["oneOf"] : [])]);
+  const left = new Set([
+    "title",
+    "description",
+    "summary",
+    "example",
+    "examples",
+    "default",
+    ...(node.properties ? ["oneOf"] : []),
+  ]);
   return Object.fromEntries(
     entries
       .filter(([name]) => !left.has(name) && !(key === "responses" && name !== "200"))
@@ -30,11 +37,27 @@ function slim(node, key = "") {
   );
 }
 
-const { paths, components, ...rest } = JSON.parse(await text(process.stdin));
-const types = await openapiTS(slim({ ...rest, paths, components }), {
+/** What a form needs of a field of the departure: unit and bounds of a number, or choices. */
+function fieldOf({ anyOf, ...more }) {
+  const given = anyOf.find(({ type }) => type !== "null");
+  if (given.type === "array") return { choices: given.items.enum, several: true };
+  if (given.enum) return { choices: given.enum };
+  return { unit: more["x-unit"], minimum: given.minimum, maximum: given.maximum };
+}
+
+const document = JSON.parse(await text(process.stdin));
+const types = await openapiTS(slim(document), {
   defaultNonNullable: false,
   emptyObjectsUnknown: true,
   rootTypes: true,
   rootTypesNoSchemaPrefix: true,
 });
-await writeFile(OUT, HEAD + astToString(types));
+const { properties } = document.components.schemas.ForecastRequest;
+const fields = Object.entries(properties)
+  .filter(([, schema]) => schema["x-label"])
+  .map(([name, schema]) => `  ${name}: ${JSON.stringify(fieldOf(schema))},\n`);
+await writeFile(join(OUT, "types.ts"), `/** Documents of the service, ${WRITTEN}${astToString(types)}`);
+await writeFile(
+  join(OUT, "fields.ts"),
+  `/** The fields of a departure, ${WRITTEN}export const FIELDS = {\n${fields.join("")}} as const;\n`,
+);

@@ -7,9 +7,9 @@ from pathlib import Path
 
 from tripwatt.auditing import audit
 from tripwatt.errors import Fault, InvalidInput
+from tripwatt.forecasting.fitting import CarOfTrips
 from tripwatt.forecasting.forecast import Forecast
 from tripwatt.forecasting.model import DEFAULT_CORRECTOR, ForecastModel
-from tripwatt.forecasting.training import CarOfTrips
 from tripwatt.physics import Simulation, simulate_trip
 from tripwatt.population import adaptation, for_car
 from tripwatt.routes import (
@@ -50,7 +50,7 @@ def read_route(
     Returns
     -------
     Plan
-        With what the file knows of the departure.
+        With what the file has of the departure.
 
     Raises
     ------
@@ -83,7 +83,7 @@ def _planned(route: LinkRoute | Track, where: str, speed_m_s: float | None, trip
             "points without times and speeds",
             "give speed_m_s in Python, --speed KM/H on the command line",
         )
-        raise InvalidInput(Fault("speed is missing", where, got, "a mean speed for the track", fix))
+        raise InvalidInput.of("speed is missing", where, got, "a mean speed for the track", fix)
     return plan_from_route(route, speed_m_s=speed_m_s, trip_id=trip_id)
 
 
@@ -160,7 +160,7 @@ def forecast(
     """
     if departure is not None and not isinstance(departure, Departure):
         got, fix = f"{departure!r}"[:40], "for example Departure(soc=0.8)"
-        raise InvalidInput(Fault("unknown type", "departure", got, "a Departure", fix))
+        raise InvalidInput.of("unknown type", "departure", got, "a Departure", fix)
     if not isinstance(plan, Plan | Trip):
         plan = read_route(plan)
     return for_car(model, vehicle).forecast(plan, departure)
@@ -254,7 +254,7 @@ def adapt(
 
 
 def simulate(trip: Plan | Trip, vehicle: Vehicle | str, departure: Departure | None = None) -> Simulation:
-    """Simulate a drive with a car: physics alone, nothing learned. O(samples).
+    """Simulate a drive with a car: physics alone, without a correction. O(samples).
 
     Parameters
     ----------

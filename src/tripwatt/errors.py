@@ -1,4 +1,4 @@
-"""What can go wrong, said once: every problem names what, where, what was found and what is allowed.
+"""What can go wrong, written once: every problem names what, where, what came and what is allowed.
 
 The library raises; the command line and the service translate. All faults of an input travel together in
 one `InvalidInput`, so that a user mends a file once.
@@ -7,11 +7,11 @@ one `InvalidInput`, so that a user mends a file once.
 from __future__ import annotations
 
 import reprlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence, Sized
 from dataclasses import dataclass
 from importlib.util import find_spec
 from types import MappingProxyType
-from typing import Any, Final
+from typing import Any, Final, Self
 
 MOST_FAULTS: Final = 50
 """Faults of one kind that are listed one by one; the others are counted."""
@@ -66,11 +66,11 @@ class Fault:
     where : str
         File, row, column, key or argument.
     got : str
-        What was found there.
+        What is there instead.
     allowed : str
         What would have been right.
     fix : str
-        What the user can do, empty when `allowed` says it all.
+        What the user can do, empty when `allowed` is enough.
 
     Examples
     --------
@@ -150,6 +150,17 @@ def _is_there(module: str) -> bool:
         return True
 
 
+def and_more(bad: Sized, what: str = "rows") -> str:
+    """What a message adds to the first of several wrong values; empty for a single one.
+
+    Examples
+    --------
+    >>> and_more([4, 7, 9]), and_more([4])
+    (' (and 2 more rows)', '')
+    """
+    return f" (and {len(bad) - 1} more {what})" if len(bad) > 1 else ""
+
+
 def first_faults(faults: Sequence[Fault], where: str, most: int = MOST_FAULTS) -> list[Fault]:
     """The first faults, and one more with the number of those that are left out.
 
@@ -164,12 +175,12 @@ def first_faults(faults: Sequence[Fault], where: str, most: int = MOST_FAULTS) -
 
 
 class InvalidInput(TripwattError):
-    """An input that cannot be used, with every fault that was found in it.
+    """An input that cannot be used, with every fault of it.
 
     Parameters
     ----------
     faults : Fault or iterable of Fault
-        What was found; the message has a line for each.
+        What is wrong; the message has a line for each.
 
     Examples
     --------
@@ -182,8 +193,45 @@ class InvalidInput(TripwattError):
         self.faults: tuple[Fault, ...] = (faults,) if isinstance(faults, Fault) else tuple(faults)
         super().__init__("\n".join(map(str, self.faults)))
 
+    @classmethod
+    def of(cls, what: str, where: str, got: str = "", allowed: str = "", fix: str = "") -> Self:
+        """The error of a single fault; the arguments are those of `Fault`.
+
+        Examples
+        --------
+        >>> print(InvalidInput.of("no trips", "data/", "0 CSV files"))
+        no trips: data/: got 0 CSV files
+        """
+        return cls(Fault(what, where, got, allowed, fix))
+
     def __reduce__(self) -> tuple[type[InvalidInput], tuple[tuple[Fault, ...]]]:
         return (type(self), (self.faults,))  # survives the way back from a worker process
+
+
+def raise_faults(faults: Iterable[Fault]) -> None:
+    """Raise `InvalidInput` with all faults when there is one.
+
+    Parameters
+    ----------
+    faults : iterable of Fault
+        What is wrong; it is exhausted before the error is raised.
+
+    Raises
+    ------
+    InvalidInput
+        With every fault, in their order.
+
+    Examples
+    --------
+    >>> raise_faults([])
+    >>> raise_faults([Fault("no trips", "data/")])
+    Traceback (most recent call last):
+        ...
+    tripwatt.errors.InvalidInput: no trips: data/
+    """
+    listed = tuple(faults)
+    if listed:
+        raise InvalidInput(listed)
 
 
 class RemoteError(InvalidInput):

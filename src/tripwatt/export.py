@@ -2,7 +2,7 @@
 
 These services describe a car by what it takes at a constant speed on a level road, by what a metre of height costs and
 brings back, and by a power that flows all the time. All of it is simulated here: drives of half an hour, but at most
-20 km, from the given departure, so that a cold cabin and cold tyres count with their share. `docs/export.md` says what
+20 km, from the given departure, so that a cold cabin and cold tyres count with their share. `docs/howto/export.md` lists what
 each service takes, in which unit, and where that is written.
 """
 
@@ -16,8 +16,8 @@ from typing import Final
 
 import numpy as np
 
-from tripwatt.arrays import FloatArray
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.arrays import FloatArray, IntArray
+from tripwatt.errors import InvalidInput
 from tripwatt.physics import Simulation, simulate_trip
 from tripwatt.routes import plan_from_links, route_from_links
 from tripwatt.trips import Departure, Flag, Plan, table_of
@@ -71,12 +71,12 @@ class ConsumptionCurve:
     mass_kg : float
         Test mass and payload.
     capacity_wh : float
-        Energy between an empty and a full battery, as the driver sees them.
+        Energy between an empty and a full battery, as displayed.
     reference_wh_km : float
         Energy at 110 km/h, auxiliaries included.
     """
 
-    speed_km_h: np.ndarray[tuple[int], np.dtype[np.int64]]
+    speed_km_h: IntArray
     energy_wh_km: FloatArray
     traffic_energy_wh_km: FloatArray
     auxiliary_power_w: float
@@ -117,7 +117,7 @@ def consumption_curve(
     departure : Departure, optional
         Temperatures, payload and state of charge; what is unknown is left to the defaults of `simulate`.
     correction : callable, optional
-        Energy [Wh] to be added to the simulated one of a trip, such as a learned one. Its power at the lowest speed,
+        Energy [Wh] to be added to the simulated one of a trip, such as a corrector's. Its power at the lowest speed,
         where driving takes least, counts as auxiliary; what it is more or less at other speeds and in traffic counts
         as driving, so that the whole is right at every speed. Slopes and changes of speed are those of the simulation:
         no log holds half an hour of a steep road.
@@ -137,8 +137,7 @@ def consumption_curve(
     departure = departure or Departure()
     physics = _Driver(vehicle, departure, None)
     drive, learned_w = physics.with_correction(correction)
-    speeds = []
-    levels = []
+    speeds, levels = [], []
     for speed in range(LOWEST_KM_H, HIGHEST_KM_H + 1, STEP_KM_H):
         level, flags = drive.constant(speed * M_S_PER_KM_H)
         if flags:
@@ -147,14 +146,8 @@ def consumption_curve(
         levels.append(level)
     if not speeds:
         where = f"{vehicle.name} at {LOWEST_KM_H} km/h"
-        raise InvalidInput(
-            Fault(
-                "car cannot hold the speed",
-                where,
-                "; ".join(map(message, flags)),
-                "a car that can hold the speed",
-            )
-        )
+        got = "; ".join(map(message, flags))
+        raise InvalidInput.of("car cannot hold the speed", where, got, "a car that can hold the speed")
     mass = vehicle.body.test_mass_kg + (departure.payload_mass_kg or 0.0)
     reference = REFERENCE_KM_H * M_S_PER_KM_H
     flat, up, down = (physics.constant(reference, grade)[0] for grade in (0.0, SLOPE, -SLOPE))
@@ -196,9 +189,11 @@ class _Driver:
             return self, 0.0
         slow = self.steady(LOWEST_KM_H * M_S_PER_KM_H)
         power = correction(slow) * SECONDS_PER_HOUR / slow.duration_s
-        return replace(
-            self, correction=lambda trip: correction(trip) - power * trip.duration_s / SECONDS_PER_HOUR
-        ), power
+
+        def of_driving(trip: Plan) -> float:
+            return correction(trip) - power * trip.duration_s / SECONDS_PER_HOUR
+
+        return replace(self, correction=of_driving), power
 
     def trip(self, speed_m_s: FloatArray, grade: float = 0.0) -> Plan:
         samples = {"time_s": np.arange(float(len(speed_m_s))), "speed_m_s": speed_m_s}
@@ -232,9 +227,8 @@ class _Driver:
         """Energy per kilometre [Wh/km] at 110 km/h with auxiliaries."""
         trip = self.steady(ABRP_KM_H * M_S_PER_KM_H)
         energy = simulate_trip(self.vehicle, trip).simulated_energy_wh
-        return (energy + (0.0 if self.correction is None else self.correction(trip))) / (
-            trip.distance_m / 1000.0
-        )
+        correction = 0.0 if self.correction is None else self.correction(trip)
+        return (energy + correction) / (trip.distance_m / 1000.0)
 
     def in_traffic(self, speed_m_s: float) -> float:
         """Energy per kilometre [Wh/km] without auxiliaries on links of which only the mean speed is known."""
@@ -251,9 +245,8 @@ class _Driver:
         up = np.concatenate((slow * hold, np.linspace(slow, fast, change_s + 1)))
         kinetic_wh = 0.5 * inertia_kg * (fast**2 - slow**2) * WH_PER_J
         spent = self._change_wh(up, len(hold))
-        saved = self._change_wh(
-            np.concatenate((fast * hold, np.linspace(fast, slow, change_s + 1))), len(hold)
-        )
+        down = np.concatenate((fast * hold, np.linspace(fast, slow, change_s + 1)))
+        saved = self._change_wh(down, len(hold))
         return _share(kinetic_wh / spent), _share(-saved / kinetic_wh)
 
     def _change_wh(self, speed: FloatArray, start: int) -> float:
@@ -272,8 +265,8 @@ def _here(curve: ConsumptionCurve) -> dict[str, str]:
     per_m = curve.energy_wh_km / 1000.0
     traffic = curve.traffic_energy_wh_km / 1000.0
     return {
-        "ev[freeFlowSpeedTable]": ",".join(_pairs(curve.speed_km_h, per_m, ",", 4)),
-        "ev[trafficSpeedTable]": ",".join(_pairs(curve.speed_km_h, traffic, ",", 4)),
+        "ev[freeFlowSpeedTable]": ",".join(_pairs(curve.speed_km_h, per_m, 4)),
+        "ev[trafficSpeedTable]": ",".join(_pairs(curve.speed_km_h, traffic, 4)),
         "ev[auxiliaryConsumption]": f"{curve.auxiliary_power_w / SECONDS_PER_HOUR:.4f}",
         "ev[ascent]": f"{curve.ascent_wh_m:.3f}",
         "ev[descent]": f"{curve.descent_wh_m:.3f}",
@@ -283,22 +276,25 @@ def _here(curve: ConsumptionCurve) -> dict[str, str]:
 
 def _tomtom(curve: ConsumptionCurve) -> dict[str, str]:
     speed, energy = _rising_end(curve.speed_km_h[:25], curve.energy_wh_km[:25] / 10.0)
+    shares = {
+        "accelerationEfficiency": curve.acceleration_efficiency,
+        "decelerationEfficiency": curve.deceleration_efficiency,
+        "uphillEfficiency": curve.uphill_efficiency,
+        "downhillEfficiency": curve.downhill_efficiency,
+    }
     return {
         "vehicleEngineType": "electric",
-        "constantSpeedConsumptionInkWhPerHundredkm": ":".join(_pairs(speed, energy, ",", 2)),
+        "constantSpeedConsumptionInkWhPerHundredkm": ":".join(_pairs(speed, energy, 2)),
         "auxiliaryPowerInkW": f"{curve.auxiliary_power_w / 1000.0:.3f}",
         "vehicleWeight": f"{curve.mass_kg:.0f}",
-        "accelerationEfficiency": f"{math.floor(curve.acceleration_efficiency * 1000) / 1000:.3f}",
-        "decelerationEfficiency": f"{math.floor(curve.deceleration_efficiency * 1000) / 1000:.3f}",
-        "uphillEfficiency": f"{math.floor(curve.uphill_efficiency * 1000) / 1000:.3f}",
-        "downhillEfficiency": f"{math.floor(curve.downhill_efficiency * 1000) / 1000:.3f}",
+        **{name: f"{math.floor(share * 1000) / 1000:.3f}" for name, share in shares.items()},
     }
 
 
 def _mapbox(curve: ConsumptionCurve) -> dict[str, str]:
     return {
         "engine": "electric",
-        "energy_consumption_curve": ";".join(_pairs(curve.speed_km_h, curve.energy_wh_km, ",", 0)),
+        "energy_consumption_curve": ";".join(_pairs(curve.speed_km_h, curve.energy_wh_km, 0)),
         "auxiliary_consumption": f"{curve.auxiliary_power_w:.0f}",
         "ev_max_charge": f"{curve.capacity_wh:.0f}",
         "ascent": f"{min(curve.ascent_wh_m, 1000.0):.3f}",
@@ -306,22 +302,12 @@ def _mapbox(curve: ConsumptionCurve) -> dict[str, str]:
     }
 
 
-def _abrp(curve: ConsumptionCurve) -> dict[str, str]:
-    return {"ref_consumption": f"{curve.reference_wh_km:.0f}"}
+def _pairs(speed_km_h: IntArray, energy: FloatArray, digits: int) -> list[str]:
+    least = np.maximum(energy, 0.01).tolist()
+    return [f"{v},{e:.{digits}f}" for v, e in zip(speed_km_h.tolist(), least, strict=True)]
 
 
-def _pairs(
-    speed_km_h: np.ndarray[tuple[int], np.dtype[np.int64]], energy: FloatArray, between: str, digits: int
-) -> list[str]:
-    return [
-        f"{v}{between}{e:.{digits}f}"
-        for v, e in zip(speed_km_h.tolist(), np.maximum(energy, 0.01).tolist(), strict=True)
-    ]
-
-
-def _rising_end(
-    speed: np.ndarray[tuple[int], np.dtype[np.int64]], energy: FloatArray
-) -> tuple[np.ndarray[tuple[int], np.dtype[np.int64]], FloatArray]:
+def _rising_end(speed: IntArray, energy: FloatArray) -> tuple[IntArray, FloatArray]:
     """Without the last points as long as they fall, which TomTom does not take."""
     last = len(speed)
     while last > 1 and energy[last - 1] < energy[last - 2]:
@@ -330,7 +316,12 @@ def _rising_end(
 
 
 EXPORTS: Final[Mapping[str, Callable[[ConsumptionCurve], dict[str, str]]]] = MappingProxyType(
-    {"here": _here, "tomtom": _tomtom, "mapbox": _mapbox, "abrp": _abrp}
+    {
+        "here": _here,
+        "tomtom": _tomtom,
+        "mapbox": _mapbox,
+        "abrp": lambda c: {"ref_consumption": f"{c.reference_wh_km:.0f}"},
+    }
 )
 """The services that a curve can be exported to."""
 
@@ -364,13 +355,8 @@ def export_curve(
     ['ref_consumption']
     """
     if service not in EXPORTS:
-        raise InvalidInput(Fault("unknown service", "service", repr(service), ", ".join(EXPORTS)))
-    curve = consumption_curve(
-        vehicle,
-        departure,
-        correction=correction,
-    )
-    return EXPORTS[service](curve)
+        raise InvalidInput.of("unknown service", "service", repr(service), ", ".join(EXPORTS))
+    return EXPORTS[service](consumption_curve(vehicle, departure, correction=correction))
 
 
 def render_query(parameters: Mapping[str, str]) -> str:

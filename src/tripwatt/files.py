@@ -19,7 +19,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import IO, Final
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 
 if sys.platform != "win32":
     import fcntl
@@ -36,14 +36,7 @@ MOST_CONTENT_BYTES: Final = 1 << 28
 _EXCHANGE: Final = 2
 """Flag of `renameat2`, see renameat2(2)."""
 _AT_FDCWD: Final = -100
-_NO_EXCHANGE: Final = (
-    errno.EINVAL,
-    errno.ENOSYS,
-    errno.EXDEV,
-    errno.EBUSY,
-    errno.EOPNOTSUPP,
-    errno.EPERM,
-)
+_NO_EXCHANGE: Final = (errno.EINVAL, errno.ENOSYS, errno.EXDEV, errno.EBUSY, errno.EOPNOTSUPP, errno.EPERM)
 """Errors of a file system that cannot exchange two names, and of a mount point."""
 
 
@@ -84,11 +77,9 @@ def read_file(
     except (OSError, ValueError) as error:
         got = getattr(error, "strerror", None) or str(error)
         fix = "write its content into a file first" if got == _NOT_REGULAR else ""
-        raise InvalidInput(Fault(what, f"{path}", got, allowed, fix)) from error
+        raise InvalidInput.of(what, f"{path}", got, allowed, fix) from error
     if len(content) > most_bytes:
-        raise InvalidInput(
-            Fault("file too large", f"{path}", f"over {most_bytes} bytes", f"{most_bytes} bytes")
-        )
+        raise InvalidInput.of("file too large", f"{path}", f"over {most_bytes} bytes", f"{most_bytes} bytes")
     return content
 
 
@@ -127,7 +118,7 @@ def read_text_file(path: Path | str, most_bytes: int, **more: str) -> str:
     try:
         return read_file(path, most_bytes, **more).decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise InvalidInput(Fault("not a text file", f"{path}", str(error)[:120], "text in UTF-8")) from error
+        raise InvalidInput.of("not a text file", f"{path}", str(error)[:120], "text in UTF-8") from error
 
 
 def require_small_content(
@@ -144,16 +135,16 @@ def require_small_content(
     InvalidInput
         When the content is too large.
     """
-    found = zipfile.ZipFile(archive)
-    total = sum(entry.file_size for entry in found.infolist())
+    opened = zipfile.ZipFile(archive)
+    total = sum(entry.file_size for entry in opened.infolist())
     if total > most_bytes:
-        raise InvalidInput(
-            Fault("archive too large", where, f"{total} bytes when inflated", f"at most {most_bytes} bytes")
+        raise InvalidInput.of(
+            "archive too large", where, f"{total} bytes when inflated", f"at most {most_bytes} bytes"
         )
-    return found
+    return opened
 
 
-def write_file(path: Path, write: Callable[[Path], None]) -> None:
+def write_file(path: Path, write: Callable[[Path], object]) -> None:
     """Write one file, whole or not at all: `write` fills another name beside it, which then takes its place.
 
     A symbolic link stays one: the file that it points to is replaced.
@@ -167,6 +158,15 @@ def write_file(path: Path, write: Callable[[Path], None]) -> None:
     with _beside(path, folder=False) as partial:
         write(partial)
         partial.replace(path)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a file of text in UTF-8, whole or not at all: see `write_file`."""
+
+    def write(partial: Path) -> None:
+        partial.write_text(text, encoding="utf-8")
+
+    write_file(path, write)
 
 
 def replace_folder(out: Path, write: Callable[[Path], None]) -> None:
@@ -313,9 +313,7 @@ def folder_lock(folder: Path) -> Iterator[None]:
     descriptor = _locked(folder)
     if descriptor is None and sys.platform != "win32":
         fix = "wait for it to end, or choose another folder"
-        raise InvalidInput(
-            Fault("another run writes this output", f"{folder}", "a run at work", "one run", fix)
-        )
+        raise InvalidInput.of("another run writes this output", f"{folder}", "a run at work", "one run", fix)
     try:
         yield
     finally:

@@ -13,19 +13,16 @@ import io
 import json
 import os
 import time
-import zipfile
-import zlib
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, Final, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
-from tripwatt.errors import Fault, InvalidInput, excerpt
+from tripwatt.errors import Fault, InvalidInput, excerpt, raise_faults
 from tripwatt.files import read_file, replace_folder, require_small_content
 
 Arrays = Mapping[str, npt.NDArray[Any]]
@@ -33,7 +30,9 @@ Part = Arrays | Mapping[str, Any]
 """Arrays for a part named `*.npz`, plain JSON values for one named `*.json`."""
 
 FORMAT: Final = "tripwatt model"
-FORMAT_VERSION: Final = 1
+FORMAT_VERSION: Final = 2
+READABLE: Final = (1, 2)
+"""Versions that are read. A version that was ever released stays here; what its parts mean is told by who wrote them."""
 METADATA: Final = "metadata.json"
 _SUFFIXES: Final = (".npz", ".json")
 _BLANK: Final = "0" * 64
@@ -118,7 +117,7 @@ def read_model(folder: Path | str) -> ModelFile:
 
     def read(path: Path) -> ModelFile:
         metadata = _read_metadata(path)
-        return _READERS[int(metadata["format_version"])](path, metadata)
+        return ModelFile(metadata, _read_parts(path, metadata["parts"]))
 
     return _while_replaced(read, Path(folder))
 
@@ -168,39 +167,39 @@ def _kept_open(path: Path) -> Iterator[tuple[int, int] | None]:
 
 def _identity(folder: Path | int) -> tuple[int, int] | None:
     try:
-        found = os.stat(folder)
+        status = os.stat(folder)
     except OSError:
         return None
-    return found.st_dev, found.st_ino
+    return status.st_dev, status.st_ino
 
 
 def _read_metadata(path: Path) -> dict[str, Any]:
     where = f"{path}"
     if not path.is_dir():
         got = "a file" if path.exists() else "nothing"
-        raise InvalidInput(Fault("no model", where, got, "a folder that `tripwatt fit` wrote"))
+        raise InvalidInput.of("no model", where, got, "a folder that `tripwatt fit` wrote")
     raw = _bytes(path / METADATA)
     if raw is None:
         fix = "give the whole folder that `tripwatt fit` wrote"
-        raise InvalidInput(Fault("no model", where, f"no {METADATA}", f"a folder with {METADATA}", fix))
+        raise InvalidInput.of("no model", where, f"no {METADATA}", f"a folder with {METADATA}", fix)
     try:
         document = _parse(raw)
     except (ValueError, RecursionError) as error:
         raise InvalidInput(_damage_fault(path / METADATA, str(error)[:120], "JSON")) from error
     if not isinstance(document, dict) or document.get("format") != FORMAT:
-        found = document.get("format") if isinstance(document, dict) else type(document).__name__
-        raise InvalidInput(Fault("no model", f"{path / METADATA}, format", excerpt(found), repr(FORMAT)))
+        actual = document.get("format") if isinstance(document, dict) else type(document).__name__
+        raise InvalidInput.of("no model", f"{path / METADATA}, format", excerpt(actual), repr(FORMAT))
     version = document.get("format_version")
-    if not isinstance(version, int) or version not in _READERS:
+    if not isinstance(version, int) or version not in READABLE:
         fix = "update tripwatt" if isinstance(version, int) and version > FORMAT_VERSION else ""
-        known = ", ".join(map(str, sorted(_READERS)))
+        known = ", ".join(map(str, READABLE))
         place = f"{path / METADATA}, format_version"
-        raise InvalidInput(Fault("unknown model format", place, excerpt(version), known, fix))
+        raise InvalidInput.of("unknown model format", place, excerpt(version), known, fix)
     digest = str(document.get("sha256"))
     blanked = raw.replace(f'"sha256": "{digest}"'.encode(), f'"sha256": "{_BLANK}"'.encode(), -1)
-    found = hashlib.sha256(blanked).hexdigest()
-    if found != digest:
-        raise InvalidInput(_damage_fault(path / METADATA, f"SHA-256 {found}", f"SHA-256 {digest[:64]}"))
+    actual = hashlib.sha256(blanked).hexdigest()
+    if actual != digest:
+        raise InvalidInput(_damage_fault(path / METADATA, f"SHA-256 {actual}", f"SHA-256 {digest[:64]}"))
     _require_list_of_parts(document.get("parts"), path / METADATA)
     return document
 
@@ -236,81 +235,51 @@ def require_place(folder: Path) -> None:
     """
     allowed = "a new or empty folder, or a folder with a model"
     if folder.exists() and not folder.is_dir():
-        raise InvalidInput(Fault("output is not a folder", "--out", f"{folder}", allowed))
+        raise InvalidInput.of("output is not a folder", "--out", f"{folder}", allowed)
     if folder.is_dir() and any(folder.iterdir()) and not (folder / METADATA).is_file():
-        raise InvalidInput(Fault("folder contains other files", "--out", f"{folder}", allowed))
+        raise InvalidInput.of("folder contains other files", "--out", f"{folder}", allowed)
     nearest = next(place for place in folder.absolute().parents if place.exists())
     if not nearest.is_dir() or not os.access(nearest, os.W_OK | os.X_OK):
         got = f"{folder}: no permission to write into {nearest}"
-        raise InvalidInput(Fault("cannot write the model", "--out", got, "a writable folder"))
+        raise InvalidInput.of("cannot write the model", "--out", got, "a writable folder")
 
 
-def _read_version_1(path: Path, metadata: Mapping[str, Any]) -> ModelFile:
-    parts: dict[str, Part] = {}
-    faults = []
+def _read_parts(path: Path, listed: Mapping[str, Any]) -> dict[str, Part]:
     content = {  # read in one go, so that a model that is replaced all the time is whole for long enough
         name: _bytes(path / name) if Path(name).name == name and Path(name).suffix in _SUFFIXES else None
-        for name in metadata["parts"]
+        for name in listed
     }
+    parts: dict[str, Part] = {}
+    faults: list[Fault] = []
     for name, raw in content.items():
-        about, place = metadata["parts"][name], path / name
-        if raw is None:
-            faults.append(
-                Fault(
-                    "part of the model is missing",
-                    f"{place}",
-                    "nothing",
-                    "the file that `tripwatt fit` wrote",
-                )
-            )
-            continue
-        found = hashlib.sha256(raw).hexdigest()
-        if found != about["sha256"]:
-            got = f"{len(raw)} bytes, SHA-256 {found}"
-            faults.append(_damage_fault(place, got, f"{about['bytes']} bytes, SHA-256 {about['sha256']}"))
-            continue
         try:
-            parts[name] = _decode(place, raw)
+            parts[name] = _checked_part(path / name, raw, listed[name])
         except InvalidInput as error:
-            faults.extend(error.faults)
-        except _DAMAGE as error:
-            faults.append(_damage_fault(place, str(error)[:120], "arrays without pickled objects, or JSON"))
-    if faults:
-        raise InvalidInput(faults)
-    return ModelFile(metadata, parts)
+            faults += error.faults
+    raise_faults(faults)
+    return parts
 
 
-_DAMAGE: Final = (
-    ValueError,
-    OSError,
-    EOFError,
-    zipfile.BadZipFile,
-    zlib.error,
-    MemoryError,
-    RecursionError,
-    NotImplementedError,
-    RuntimeError,
-    KeyError,
-    TypeError,
-    SyntaxError,
-)
-"""What NumPy and zipfile raise for damaged archives and headers."""
-
-
-_READERS: Final[Mapping[int, Callable[[Path, Mapping[str, Any]], ModelFile]]] = MappingProxyType(
-    {1: _read_version_1}
-)
-"""Version of the format -> its reader. A version that was ever released stays here."""
+def _checked_part(place: Path, raw: bytes | None, about: Mapping[str, Any]) -> Part:
+    if raw is None:
+        allowed = "the file that `tripwatt fit` wrote"
+        raise InvalidInput.of("part of the model is missing", f"{place}", "nothing", allowed)
+    actual = hashlib.sha256(raw).hexdigest()
+    if actual != about["sha256"]:
+        got = f"{len(raw)} bytes, SHA-256 {actual}"
+        raise InvalidInput(_damage_fault(place, got, f"{about['bytes']} bytes, SHA-256 {about['sha256']}"))
+    try:
+        return _decode(place, raw)
+    except InvalidInput:
+        raise
+    except Exception as error:  # damaged archives and headers make NumPy and zipfile raise a dozen types
+        allowed = "arrays without pickled objects, or JSON"
+        raise InvalidInput(_damage_fault(place, str(error)[:120], allowed)) from error
 
 
 def _damage_fault(place: Path, got: str, allowed: str) -> Fault:
-    return Fault(
-        "part of the model is damaged or altered",
-        f"{place}",
-        got,
-        allowed,
-        "copy the model again, or fit it again",
-    )
+    fix = "copy the model again, or fit it again"
+    return Fault("part of the model is damaged or altered", f"{place}", got, allowed, fix)
 
 
 def _bytes(path: Path) -> bytes | None:
@@ -322,7 +291,7 @@ def _bytes(path: Path) -> bytes | None:
 def _encode(name: str, part: Part) -> bytes:
     suffix = Path(name).suffix
     if Path(name).name != name or suffix not in _SUFFIXES or name == METADATA:
-        raise InvalidInput(Fault("invalid name of a part", "parts", repr(name), "NAME.npz or NAME.json"))
+        raise InvalidInput.of("invalid name of a part", "parts", repr(name), "NAME.npz or NAME.json")
     if suffix == ".json":
         return (json.dumps(part, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()
     arrays = {key: np.asarray(value) for key, value in part.items()}
@@ -357,4 +326,4 @@ def _place(out: Path, content: Mapping[str, bytes]) -> None:
         replace_folder(out, write)
     except OSError as error:
         got = f"{out}: {error.strerror or error}"
-        raise InvalidInput(Fault("cannot write the model", "--out", got, "a writable folder")) from error
+        raise InvalidInput.of("cannot write the model", "--out", got, "a writable folder") from error

@@ -7,19 +7,18 @@ import pytest
 from benchmarks import anchors as bench
 from benchmarks.anchors import unanchored
 from tests.support.cars import some_cars
-from tools.docs import pages
-
-from tripwatt.certification import anchored, certified_figures, scaled
-from tripwatt.certification.anchoring import (
+from tools.data.anchoring import (
     LOSSES,
     PAIR,
-    ROAD_LOAD,
     ROW_TOLERANCE,
-    Anchored,
-    _motorway_loss_wh_per_km,
-    errors,
-    keys,
+    certified_figures,
+    most_probable,
+    motorway_loss_wh_per_km,
 )
+from tools.docs import pages
+
+from tripwatt.certification import anchored, scaled
+from tripwatt.certification.anchoring import ROAD_LOAD, Anchored, errors, keys
 from tripwatt.certification.consumption import driven_wh_per_km
 from tripwatt.vehicles import load_vehicle
 from tripwatt.vehicles.anchors import anchors
@@ -82,18 +81,18 @@ def test_the_most_probable_loss_closes_the_mean(name: str) -> None:
     """Of losses that meet city and highway alike, the one that changes the motorway least."""
     car = unanchored(name)
     figures = certified_figures(name, car)
-    each = {loss: anchored(car, figures, (loss,)) for loss in LOSSES}
-    published = _motorway_loss_wh_per_km(car)
+    each = {loss: anchored(car, figures, loss) for loss in LOSSES}
+    published = motorway_loss_wh_per_km(car)
 
     def cost(found: Anchored) -> float:
         rows = (found.after / 0.02) ** 2
-        motorway = np.log(_motorway_loss_wh_per_km(found.vehicle) / published) / 0.45
+        motorway = np.log(motorway_loss_wh_per_km(found.vehicle) / published) / 0.45
         return float(rows.sum() + motorway**2) + 1e6 * (abs(found.after.mean()) > 1e-3)
 
-    found = anchored(car, figures)
+    found = most_probable(car, figures)
     assert found.loss == min(each, key=lambda loss: cost(each[loss]))
     # no car's drivetrain takes a third of a motorway's energy because a map is scaled beyond its schedules
-    assert _motorway_loss_wh_per_km(found.vehicle) < 0.3 * driven_wh_per_km(
+    assert motorway_loss_wh_per_km(found.vehicle) < 0.3 * driven_wh_per_km(
         found.vehicle, (np.arange(2.0), np.full(2, 36.0)), car.body.test_mass_kg
     )
     assert found.before.tolist() == errors(car, figures).tolist()
@@ -110,10 +109,10 @@ def test_two_losses_meet_a_city_and_a_highway_that_one_cannot() -> None:
     car = unanchored("audi_e_tron_55")
     figures = certified_figures("audi_e_tron_55", car)
     single = min(
-        (anchored(car, figures, (loss,)) for loss in LOSSES), key=lambda a: float(np.abs(a.after).max())
+        (anchored(car, figures, loss) for loss in LOSSES), key=lambda a: float(np.abs(a.after).max())
     )
     assert np.abs(single.after).max() > ROW_TOLERANCE
-    found = anchored(car, figures)
+    found = most_probable(car, figures)
     assert found.loss == PAIR
     assert np.abs(found.after).max() < 0.01
     assert found.vehicle.drivetrain.motor_loss_factor < 1.0
@@ -126,15 +125,15 @@ def test_marked_rows_do_not_count_and_bounds_hold() -> None:
     car = unanchored("vw_id4_pro")
     city, highway = certified_figures("vw_id4_pro", car)
     wrong = dataclasses.replace(highway, wh_per_km=5.0 * highway.wh_per_km, outlier=True)
-    assert anchored(car, [city, wrong]).after.shape == (1,)
-    assert anchored(car, [dataclasses.replace(city, outlier=True)]).after.shape == (1,)
+    assert most_probable(car, [city, wrong]).after.shape == (1,)
+    assert most_probable(car, [dataclasses.replace(city, outlier=True)]).after.shape == (1,)
     far = dataclasses.replace(city, wh_per_km=10.0 * city.wh_per_km)
-    done = anchored(car, [far], ("motor",))
+    done = anchored(car, [far], "motor")
     assert done.factor == 2.5
     assert done.after[0] < -0.5
-    assert anchored(car, [dataclasses.replace(city, wh_per_km=1.0)], (ROAD_LOAD,)).factor == 0.3
+    assert anchored(car, [dataclasses.replace(city, wh_per_km=1.0)], ROAD_LOAD).factor == 0.3
     met = dataclasses.replace(city, wh_per_km=city.wh_per_km * (1.0 + errors(car, [city])[0]))
-    assert anchored(car, [met], ("gear",)).factor == 1.0
+    assert anchored(car, [met], "gear").factor == 1.0
 
 
 def test_bars_have_figures_and_verdicts() -> None:
@@ -156,7 +155,7 @@ def test_bars_have_figures_and_verdicts() -> None:
 
 
 def test_the_page_shows_every_anchored_car() -> None:
-    page = pages.of_page("library.md", "anchors")
+    page = pages.of_page("reference/library.md", "anchors")
     for name, anchor in anchors().items():
         if name != "*":
             shown = f"{100 * anchor.before:+.1f} %"
@@ -168,4 +167,4 @@ def test_the_page_shows_every_anchored_car() -> None:
 def test_names_that_the_benchmark_lists_are_cars() -> None:
     for name in (*bench.NOT_ANCHORED, *bench.OWN_ROAD_LOAD, *bench.REASONS):
         load_vehicle(name)
-    assert {load_vehicle(n).anchor for n in bench.NOT_ANCHORED} == {"book"}
+    assert {load_vehicle(n).anchor for n in bench.NOT_ANCHORED} == {"published"}

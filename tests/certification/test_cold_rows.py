@@ -26,4 +26,4 @@ def test_measured_rises_lie_between_no_heating_and_a_warm_cabin() -> None:
     assert all(row.off < row.measured < row.heated for row in rows)
     three = next(row for row in rows if row.title == "Tesla Model 3 Long Range AWD 2022")
     assert three.measured == pytest.approx(25.0 / 18.3, rel=0.01)
-    assert cold_rows.render(rows) in pages.of_page("library.md", "cold")
+    assert cold_rows.render(rows) in pages.of_page("reference/library.md", "cold")

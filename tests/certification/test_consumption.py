@@ -3,17 +3,17 @@
 import dataclasses
 
 import pytest
+from tools.data.anchoring import WH_PER_KM, certified_figures
 
 from tripwatt.certification import (
     CertifiedFigure,
-    certified_figures,
     charging_efficiency,
     driven_wh_per_km,
     relative_error,
     schedule,
     simulated_wh_per_km,
 )
-from tripwatt.certification.consumption import WH_PER_KM, wltp_test_mass
+from tripwatt.certification.consumption import wltp_test_mass
 from tripwatt.vehicles import load_vehicle
 
 

@@ -42,7 +42,7 @@ def test_the_formula_is_that_of_the_published_mass_and_drag_area() -> None:
 
 
 def test_every_car_that_is_apart_has_a_cause_on_the_page() -> None:
-    table = pages.of_page("library.md", "steady")
+    table = pages.of_page("reference/library.md", "steady")
     for name in vehicle_names():
         lines = [line for line in table.splitlines() if f"| `{name}` |" in line]
         assert lines, f"{name}: run python -m benchmarks.steady --write"
@@ -54,7 +54,7 @@ def test_every_car_that_is_apart_has_a_cause_on_the_page() -> None:
 
 @pytest.mark.parametrize("name", CARS[:3])
 def test_the_page_has_the_figures_of_the_day(name: str) -> None:
-    page = pages.of_page("library.md", "steady")
+    page = pages.of_page("reference/library.md", "steady")
     line = next(line for line in page.splitlines() if f"| `{name}` |" in line)
     shown = [float(cell) for cell in line.split("|")[3:12]]
     found = [steady.driven(load_vehicle(name), *point).wh_per_km for point in steady.POINTS]

@@ -147,7 +147,7 @@ def test_faults_of_options_model_and_trip_come_in_one_message(run: Run, tmp_path
 
 def test_a_damaged_model_is_refused(run: Run, trip: Path, tmp_path: Path) -> None:
     shutil.copytree(model_folder(), tmp_path / "model")
-    file = min((tmp_path / "model").glob("corrector*.npz"))
+    file = tmp_path / "model" / "model.npz"
     raw = bytearray(file.read_bytes())
     raw[len(raw) // 2] ^= 1
     file.write_bytes(raw)
@@ -172,6 +172,9 @@ def test_fit_writes_a_model_that_forecast_and_inspect_take(run: Run, trip: Path,
     about = json.loads(run("inspect", out, "--json").out)
     assert about["model"]["corrector"] == "linear"
     assert about["provenance"]["data"]["name"] == "synthetic"
+    old = Path(__file__).parents[1] / "fixtures" / "model_0_2_0" / "split"
+    shutil.copytree(old, tmp_path / "old")
+    assert json.loads(run("inspect", tmp_path / "old", "--upgrade", "--json").out)["format_version"] == 2
     shown = run("inspect", out)
     assert shown.code == 0
     assert "ambient_temperature_degc" in shown.out

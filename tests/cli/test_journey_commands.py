@@ -13,7 +13,7 @@ from tests.support.roads import osrm, valhalla_answers
 from tests.support.router_server import RouterServer, answering, write_map
 
 import tripwatt as tw
-from tripwatt.journey import Drive, JourneyOptions, find_reach, open_atlas, plan_journey
+from tripwatt.journey import JourneyOptions, RoadForecaster, find_reach, open_atlas, plan_journey
 from tripwatt.routes.places import Place
 
 ROADS = osrm(annotated=True)
@@ -148,7 +148,7 @@ def test_reach_has_the_numbers_of_python(run: Run, folder: Path) -> None:
         asked = ("reach", "47.0, 9.0", "--soc", 0.1, "--ambient", 10, "--map", named)
         document, shown = run(*asked, "--json"), run(*asked)
         atlas = open_atlas(named)
-        drive = Drive(tw.load_model(), tw.Departure(soc=0.1, ambient_temperature_degc=10.0), None)
+        drive = RoadForecaster(tw.load_model(), tw.Departure(soc=0.1, ambient_temperature_degc=10.0), None)
         same = find_reach(drive, Place(47.0, 9.0), atlas)
     assert (document.code, shown.code) == (0, 0)
     assert numbers(json.loads(document.out)) == pytest.approx(numbers(same.to_dict()), rel=1e-9)

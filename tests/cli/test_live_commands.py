@@ -13,7 +13,7 @@ from tripwatt.cli import app
 from tripwatt.cli.on_road import sentence
 from tripwatt.cli.serve import make_cars_folder
 from tripwatt.errors import InvalidInput
-from tripwatt.live import open_live_car
+from tripwatt.live import RoadCar
 
 
 def run(*arguments: object) -> str:
@@ -24,11 +24,11 @@ def run(*arguments: object) -> str:
 
 def test_a_token_is_printed_once_and_is_that_of_the_car(tmp_path: Path) -> None:
     printed = run("car", "token", tmp_path / "leaf").strip()
-    with open_live_car(tmp_path / "leaf") as car:
+    with RoadCar(tmp_path / "leaf") as car:
         assert car.accepts(printed)
     made = json.loads(run("car", "token", tmp_path / "leaf", "--json"))
     assert made["car"] == f"{tmp_path / 'leaf'}"
-    with open_live_car(tmp_path / "leaf") as car:
+    with RoadCar(tmp_path / "leaf") as car:
         assert (car.accepts(made["token"]), car.accepts(printed)) == (True, False)
 
 

@@ -1,15 +1,24 @@
 """The forecast: nothing leaks, parts add up, what was measured counts exactly, uncertainty behaves."""
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
+import pandas as pd
 import pytest
+from scipy.stats import t as student
 from tests.support.dense_process import DensePower, component_covariance, covariance
 
+import tripwatt as tw
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import ForecastModel
+from tripwatt.forecasting.expected import ExpectedTrip
+from tripwatt.forecasting.forecast import Forecast
+from tripwatt.forecasting.measured import ChargeReading
+from tripwatt.hybrid import SegmentTable
 from tripwatt.synthetic import synthetic_fleet
-from tripwatt.trips import Trip
+from tripwatt.trips import Departure, Plan, Trip
+from tripwatt.uncertainty import RouteUncertainty, UncertaintyModel
 from tripwatt.uncertainty.conformal import ConformalScores
 from tripwatt.uncertainty.process import (
     ComponentProcess,
@@ -321,3 +330,512 @@ def test_scores_and_probabilities_are_inverse():
     for level in (0.1, 0.5, 0.9, 0.96, 0.99):
         assert scores.probability(scores.factor(level)) == pytest.approx(0.5 + level / 2, abs=1e-9)
         assert scores.probability(-scores.factor(level)) == pytest.approx(0.5 - level / 2, abs=1e-9)
+
+
+EXACT = {"rel": 1e-9, "abs": 1e-9}
+
+
+STEP_S = np.array([60.0, 120.0, 180.0])
+
+
+HOURS = np.array([1 / 60, 1 / 30, 1 / 20])
+
+
+SIMULATED_W = np.array([3000.0, 12000.0, 6000.0])
+
+
+CORRECTION_W = np.array([100.0, -200.0, 50.0])
+
+
+EXPECTED_W = np.array([3100.0, 11800.0, 6050.0])
+
+
+ENERGY_WH = np.array([3100 / 60, 11800 / 30, 6050 / 20])
+
+
+SPEED_M_S = np.array([5.0, 20.0, 10.0])
+
+
+MOVED_W = np.array([1000.0, 9000.0, 4000.0])
+
+
+HVAC_W = np.array([800.0, 600.0, 500.0])
+
+
+SD_W = np.array([400.0, 300.0, 200.0])
+
+
+VOLTAGE_V = 350.0
+
+
+CAPACITY_AH = 60.0
+
+
+WH_PER_SOC = CAPACITY_AH * VOLTAGE_V
+
+
+ZERO, FULL = 0.1, 0.9
+
+
+START_SOC = 0.5
+
+
+START = 0.5
+"""The battery management's half is half of the display as well."""
+
+
+WH_PER_DISPLAY = WH_PER_SOC * (FULL - ZERO)
+
+
+SCORES = ConformalScores.from_errors([0.5, -1.0, 1.5, -2.0])
+
+
+SD_FACTOR, STATE_SD_WH, ROUTE_SD_WH = 1.5, 18.0, 24.0
+
+
+BESIDE_SD_WH = 30.0
+"""Of 18 and 24."""
+
+
+AIR_W, ROLLING_W = np.array([500.0, 4000.0, 2000.0]), np.array([300.0, 1500.0, 900.0])
+
+
+CLIMB_W, ACCELERATION_W = np.array([0.0, 1000.0, -500.0]), np.array([200.0, 0.0, -100.0])
+
+
+LEAST_WH = np.array([600 / 60, 3750 / 30, 850 / 20])
+"""Half of air and rolling, the climb and the kinetic energy, in each segment."""
+
+
+JOINT = np.array([0.2, 0.5, 0.6, 0.7, 0.8, 0.9])
+
+
+CLIMATE = np.array([0.4, 0.7, 0.7, 0.7, 0.8, 0.9])
+
+
+DRIVE = np.array([0.1, 0.25, 0.3, 0.3, 0.3, 0.3])
+
+
+SPLIT_FACTOR = np.array([1.2, 1.5, 1.5, 1.5, 1.5, 1.5])
+
+
+JOINT_FACTOR = np.array([1.1, 1.4, 1.4, 1.4, 1.4, 1.4])
+
+
+ONE_SIXTH = (1 / 6 - 0.1) / (0.25 - 0.1)
+"""Place of a sixth of the trip, where the first segment ends, between the first two fractions of the shrinkage."""
+
+
+CONSTANT_W, DRIVE_NOISE, CLIMATE_SD_W, CLIMATE_NOISE = 500.0, 0.5, 300.0, 80.0
+
+
+ONE_PROCESS = ResidualProcess(
+    ComponentProcess(CONSTANT_W, 0.0, 0.0, 300.0, DRIVE_NOISE),
+    ComponentProcess(CLIMATE_SD_W, 0.0, 0.0, 300.0, CLIMATE_NOISE),
+    climate_limit_w=600.0,
+    split=False,
+)
+
+
+NOISE_W2 = (DRIVE_NOISE * (100.0 + 0.3 * MOVED_W)) ** 2
+
+
+BOTH_W2 = CONSTANT_W**2 + CLIMATE_SD_W**2
+"""Covariance of two segments."""
+
+
+class LoggedClimate:
+    """A corrector that corrects the climate control by 50 W."""
+
+    def predict_climate(self, table: SegmentTable) -> np.ndarray:
+        return np.full(len(table.hours), 50.0)
+
+
+def car():
+    usual = load_vehicle("bmw_i3_60ah")
+    battery = dataclasses.replace(
+        usual.battery, capacity_ah=CAPACITY_AH, displayed_zero_soc=ZERO, displayed_full_soc=FULL
+    )
+    return dataclasses.replace(usual, battery=battery)
+
+
+def drive() -> ExpectedTrip:
+    time = np.arange(361.0)
+    samples = pd.DataFrame({"time_s": time, "speed_m_s": np.full(361, 12.0)})
+    plan = Plan.from_samples("by hand", samples, Departure(soc=START))
+    features = pd.DataFrame(
+        {
+            "speed_m_s": SPEED_M_S,
+            "hvac_w": HVAC_W,
+            "air_w": AIR_W,
+            "rolling_w": ROLLING_W,
+            "climb_w": CLIMB_W,
+            "acceleration_w": ACCELERATION_W,
+        }
+    )
+    table = SegmentTable(("by hand",), np.array([0, 3]), features, HOURS, SIMULATED_W)
+    segments = Segments(np.array([30.0, 120.0, 270.0]), STEP_S, MOVED_W, HVAC_W)
+    simulation = SimpleNamespace(
+        time_s=np.array([0.0, 120.0, 360.0]),
+        soc=np.array([START_SOC, 0.49, 0.48]),
+        terminal_voltage_v=np.array([VOLTAGE_V - 10.0, VOLTAGE_V, VOLTAGE_V + 10.0]),
+        battery_loss_w=np.array([999.0, 300.0, 600.0]),
+        energy_by_cause_wh={"aero": np.array([0.0, 500.0]), "hvac": np.array([0.0, 240.0])},
+    )
+    return ExpectedTrip(plan, car(), simulation, table, segments, LoggedClimate(), CORRECTION_W)
+
+
+def uncertainty(split: bool = False) -> UncertaintyModel:
+    shrinkage = UpdateShrinkage(CLIMATE, DRIVE, JOINT, SPLIT_FACTOR, JOINT_FACTOR)
+    process = dataclasses.replace(ONE_PROCESS, split=split)
+    return UncertaintyModel(process, TotalScale(np.ones(4)), SCORES, shrinkage)
+
+
+@pytest.fixture
+def forecast() -> Forecast:
+    posterior = DensePower.from_covariance(np.diag(SD_W**2))
+    return Forecast(drive(), uncertainty(), posterior, SD_FACTOR, 1.0, STATE_SD_WH, ROUTE_SD_WH)
+
+
+def departing(split: bool = False) -> Forecast:
+    """As the process has it, with a known state and not on a planned route."""
+    known = uncertainty(split)
+    expected = drive()
+    posterior = known.process.prior(expected.segments)
+    return Forecast(expected, known, posterior, SD_FACTOR)
+
+
+TOTAL_WH = 3100 / 60 + 11800 / 30 + 6050 / 20
+
+
+CUMULATIVE_SD_WH = np.array(
+    [
+        np.hypot(SD_FACTOR * 400 / 60, BESIDE_SD_WH / 6),
+        np.hypot(SD_FACTOR * np.sqrt((400 / 60) ** 2 + 10.0**2), BESIDE_SD_WH / 2),
+        np.hypot(SD_FACTOR * np.sqrt((400 / 60) ** 2 + 10.0**2 + 10.0**2), BESIDE_SD_WH),
+    ]
+)
+"""The errors of a planned route and of an unknown state grow with the time: 60, 180 and 360 of 360 s."""
+
+
+SD_WH = CUMULATIVE_SD_WH[-1]
+
+
+TAIL_90 = 2.0 * student.ppf(0.95, 4) / student.ppf(0.9, 4)
+"""Four scores reach to a level of 4 / 5; beyond, the largest grows as a t distribution with 4 degrees of freedom."""
+
+
+def charge_sd(energy_sd_wh: float, energy_wh: float, display_sd: float = 0.01) -> float:
+    """Of energy, display and capacity."""
+    return np.sqrt(
+        (energy_sd_wh / WH_PER_DISPLAY) ** 2 + display_sd**2 + (0.03 * energy_wh / WH_PER_DISPLAY) ** 2
+    )
+
+
+def powered(**columns: float) -> pd.DataFrame:
+    """The first minute at 4 kW."""
+    return pd.DataFrame({"time_s": np.arange(61.0), "voltage_v": 400.0, "current_a": 10.0, **columns})
+
+
+def test_energy_and_its_standard_deviation(forecast):
+    np.testing.assert_allclose(forecast.power_w, EXPECTED_W, rtol=1e-12)
+    np.testing.assert_allclose(forecast.segment_energy_wh, ENERGY_WH, rtol=1e-12)
+    assert forecast.energy_wh == pytest.approx(TOTAL_WH, **EXACT)
+    assert forecast.sd_wh == pytest.approx(SD_WH, **EXACT)
+
+
+def test_intervals_quantiles_and_probabilities(forecast):
+    for level, factor in ((0.2, 0.5), (0.4, 1.0), (0.5, 1.25), (0.8, 2.0), (0.9, TAIL_90)):
+        assert forecast.interval(level) == pytest.approx(
+            (TOTAL_WH - factor * SD_WH, TOTAL_WH + factor * SD_WH), **EXACT
+        )
+        low, high = 0.5 - level / 2, 0.5 + level / 2
+        assert forecast.quantile(low) == pytest.approx(TOTAL_WH - factor * SD_WH, **EXACT)
+        assert forecast.quantile(high) == pytest.approx(TOTAL_WH + factor * SD_WH, **EXACT)
+        assert forecast.probability_below(TOTAL_WH + factor * SD_WH) == pytest.approx(high, **EXACT)
+        assert forecast.probability_below(TOTAL_WH - factor * SD_WH) == pytest.approx(low, **EXACT)
+    assert forecast.quantile(0.5) == pytest.approx(TOTAL_WH, **EXACT)
+
+
+def test_a_low_energy_stays_above_the_least_of_the_road(forecast):
+    least = LEAST_WH.sum()
+    straight, rest = 0.75 * (TOTAL_WH - least), 0.25 * (TOTAL_WH - least)
+    half = straight + 100.0
+    wide = dataclasses.replace(forecast, sd_factor=1e-9, state_sd_wh=half / 2.0, route_sd_wh=0.0)
+    expected = least + rest * np.exp(-100.0 / rest)
+    assert wide.quantile(0.1) == pytest.approx(
+        expected, rel=1e-6
+    )  # the largest score, 2, is of a level of 0.8
+    assert wide.probability_below(expected) == pytest.approx(0.1, rel=1e-6)
+    assert wide.probability_below(least) == 0.0
+    assert wide.quantile(0.9) == pytest.approx(TOTAL_WH + half, rel=1e-6)
+    boundless = dataclasses.replace(wide, state_sd_wh=1e9)
+    assert boundless.quantile(0.001) >= least
+
+
+def test_arrival(forecast):
+    left = START - TOTAL_WH / WH_PER_DISPLAY
+    sd = charge_sd(SD_WH, TOTAL_WH)
+    assert forecast.soc_arrival == pytest.approx(left, **EXACT)
+    for level, factor in ((0.2, 0.5), (0.5, 1.25), (0.8, 2.0), (0.9, TAIL_90)):
+        assert forecast.soc_interval(level) == pytest.approx(
+            (left - factor * sd, left + factor * sd), **EXACT
+        )
+        assert forecast.p_arrive(left - factor * sd) == pytest.approx(0.5 + level / 2, **EXACT)
+        assert forecast.p_arrive(left + factor * sd) == pytest.approx(0.5 - level / 2, **EXACT)
+    beyond = 2.0 * student.cdf(left / sd / 2.0 * student.ppf(0.9, 4), 4) - 1.0
+    assert forecast.p_arrive() == pytest.approx(0.5 + beyond / 2, **EXACT)
+    assert forecast.empty_at_m == (None, None, None)
+
+
+def test_arrival_from_the_charge_of_the_battery_management(forecast):
+    plan = dataclasses.replace(forecast.plan, departure=Departure(bms_soc=START_SOC))
+    managed = dataclasses.replace(forecast, drive=dataclasses.replace(forecast.drive, plan=plan))
+    left = START - TOTAL_WH / WH_PER_DISPLAY
+    sd = charge_sd(SD_WH, TOTAL_WH, 0.02)
+    assert managed.soc_arrival == pytest.approx(left, **EXACT)
+    assert managed.soc_interval(0.5) == pytest.approx((left - 1.25 * sd, left + 1.25 * sd), **EXACT)
+    assert managed.series()["displayed_soc_high"][0] == pytest.approx(START + TAIL_90 * 0.02, **EXACT)
+
+
+def test_a_battery_that_runs_empty(forecast):
+    plan = dataclasses.replace(forecast.plan, departure=Departure(soc=0.03))
+    weak = dataclasses.replace(forecast, drive=dataclasses.replace(forecast.drive, plan=plan))
+    assert weak.soc_arrival == 0.0
+    sd = charge_sd(SD_WH, TOTAL_WH)
+    short = TOTAL_WH / WH_PER_DISPLAY - 0.03
+    assert short < 2.0 * sd
+    assert weak.p_arrive() == pytest.approx(
+        0.5 - np.interp(short / sd, [0, 0.5, 1, 1.5, 2], [0, 0.1, 0.2, 0.3, 0.4]), **EXACT
+    )
+    early, expected, late = weak.empty_at_m
+    # the display is at 0 when 504 Wh are taken: in the third segment, at 30 of whose 302.5 Wh
+    share = (0.03 * WH_PER_DISPLAY - 3100 / 60 - 11800 / 30) / (6050 / 20)
+    assert expected == pytest.approx(2700.0 + 1800.0 * share, **EXACT)
+    assert early < expected
+    assert late is None
+    assert (weak.series()["displayed_soc"] >= 0.0).all()
+
+
+def test_probabilities_to_arrive_are_given_for_four_charges_and_the_reserve(forecast):
+    assert list(forecast.to_dict()["p_arrive"]) == ["0", "0.05", "0.1", "0.2"]
+    assert list(forecast.to_dict(0.15)["p_arrive"]) == ["0", "0.05", "0.1", "0.2", "0.15"]
+    assert list(forecast.to_dict()["quantiles_wh"]) == [
+        *("0.025", "0.05", "0.1", "0.25", "0.5", "0.75", "0.9", "0.95", "0.975")
+    ]
+
+
+def test_the_charge_to_leave_with(forecast):
+    sd = charge_sd(SD_WH, TOTAL_WH)
+    tail = SCORES.factor(0.9)
+    needed = 0.1 + TOTAL_WH / WH_PER_DISPLAY + tail * sd  # the reserve, what is taken, and 19 of 20 trips
+    assert forecast.soc_needed() == pytest.approx(needed, abs=1e-5)
+    assert forecast.soc_needed(0.2, 0.5) == pytest.approx(0.2 + TOTAL_WH / WH_PER_DISPLAY, abs=1e-5)
+
+
+def test_series(forecast):
+    series = forecast.series()
+    energy = np.concatenate(([0.0], np.cumsum(ENERGY_WH)))
+    half = TAIL_90 * np.concatenate(([0.0], CUMULATIVE_SD_WH))
+    low = energy - half
+    assert np.all(half[1:] < 0.75 * (energy - np.cumsum([0.0, *LEAST_WH]))[1:])
+    charge = START - energy / WH_PER_DISPLAY
+    charge_half = [0.0, *(TAIL_90 * charge_sd(CUMULATIVE_SD_WH[k], energy[k + 1]) for k in range(3))]
+    expected = {
+        "time_s": [0.0, 60.0, 180.0, 360.0],
+        "distance_m": [0.0, 300.0, 2700.0, 4500.0],
+        "energy_wh": energy,
+        "energy_low_wh": low,
+        "energy_high_wh": energy + half,
+        "displayed_soc": charge,
+        "displayed_soc_low": charge - charge_half,
+        "displayed_soc_high": charge + charge_half,
+    }
+    assert list(series) == list(expected)
+    for name, values in expected.items():
+        np.testing.assert_allclose(series[name], values, rtol=1e-9, atol=1e-12, err_msg=name)
+
+
+def test_causes(forecast):
+    simulated = 3000 / 60 + 12000 / 30 + 6000 / 20
+    causes = forecast.by_cause_wh
+    assert causes["aero"] == pytest.approx(500.0, **EXACT)
+    assert causes["hvac"] == pytest.approx(240.0 + simulated - 740.0, **EXACT)
+    assert causes["learned_correction"] == pytest.approx(100 / 60 - 200 / 30 + 50 / 20, **EXACT)
+    assert forecast.battery_loss_wh == pytest.approx((300 * 120 + 600 * 240) / 3600, **EXACT)
+
+
+def test_a_planned_route_adds_its_share_of_the_energy():
+    route = RouteUncertainty(np.array([250.0, 1000.0]), np.array([0.0004, 0.0016]), 20)
+    driven = departing()
+    assert driven.with_route_error(route).to_dict() == driven.to_dict()
+    on_links = dataclasses.replace(
+        driven, drive=dataclasses.replace(driven.drive, plan=dataclasses.replace(driven.plan, link_m=625.0))
+    )
+    found = on_links.with_route_error(route)
+    assert found.route_sd_wh == pytest.approx(np.sqrt(0.001) * TOTAL_WH, **EXACT)
+    assert found.sd_wh == pytest.approx(np.hypot(driven.sd_wh, found.route_sd_wh), **EXACT)
+    assert found.flags == ()
+    longer = dataclasses.replace(
+        on_links,
+        drive=dataclasses.replace(driven.drive, plan=dataclasses.replace(driven.plan, link_m=1500.0)),
+    )
+    (flag,) = longer.with_route_error(route).flags
+    assert (flag.code, flag.value) == ("links_too_long", 1500.0)
+    (flag,) = on_links.with_route_error(None).flags
+    assert flag.code == "route_error_unknown"
+    assert on_links.with_route_error(None).sd_wh == pytest.approx(driven.sd_wh, **EXACT)
+
+
+def test_an_update_by_power():
+    updated = departing().update(powered())
+    residual = 4000.0 - 3100.0
+    first = BOTH_W2 + NOISE_W2[0] + CLIMATE_NOISE**2
+    gain = BOTH_W2 / (first + 1.0)
+    share = 0.2 + ONE_SIXTH * (0.5 - 0.2)
+    rest = share * gain * residual
+    ahead = (11800 + rest) / 30 + (6050 + rest) / 20
+    assert updated.measured_until_s == 60.0
+    assert updated.energy_wh == pytest.approx(4000 / 60 + ahead, **EXACT)
+    # what is left of the constant after the first segment was seen, and what is new in each
+    constant = BOTH_W2 - gain * BOTH_W2
+    new = NOISE_W2 + CLIMATE_NOISE**2
+    variance = constant * (1 / 30 + 1 / 20) ** 2 + new[1] / 30**2 + new[2] / 20**2
+    factor = 1.1 + ONE_SIXTH * (1.4 - 1.1)
+    assert updated.sd_wh == pytest.approx(SD_FACTOR * factor * np.sqrt(variance), rel=1e-9)
+    np.testing.assert_allclose(
+        updated.series()["energy_wh"],
+        np.cumsum([0.0, 4000 / 60, (11800 + rest) / 30, (6050 + rest) / 20]),
+        rtol=1e-9,
+    )
+    # without a reading of the charge, the energy is taken from that of the departure
+    assert updated.soc_arrival == pytest.approx(START - updated.energy_wh / WH_PER_DISPLAY, **EXACT)
+
+
+def test_an_update_by_power_with_climate_control_beside_it():
+    logged = powered(heating_power_w=1000.0, aircon_power_w=150.0)
+    updated = departing(split=True).update(logged)
+    climate = 1150.0 - 800.0 - 50.0
+    driving = 900.0 - climate
+    climate_gain = CLIMATE_SD_W**2 / (CLIMATE_SD_W**2 + CLIMATE_NOISE**2 + 1.0)
+    drive_gain = CONSTANT_W**2 / (CONSTANT_W**2 + NOISE_W2[0] + 1.0)
+    rest = (0.4 + ONE_SIXTH * 0.3) * climate_gain * climate + (0.1 + ONE_SIXTH * 0.15) * drive_gain * driving
+    assert updated.energy_wh == pytest.approx(4000 / 60 + (11800 + rest) / 30 + (6050 + rest) / 20, **EXACT)
+    constant = CLIMATE_SD_W**2 * (1 - climate_gain) + CONSTANT_W**2 * (1 - drive_gain)
+    new = NOISE_W2 + CLIMATE_NOISE**2
+    variance = constant * (1 / 30 + 1 / 20) ** 2 + new[1] / 30**2 + new[2] / 20**2
+    factor = 1.2 + ONE_SIXTH * (1.5 - 1.2)
+    assert updated.sd_wh == pytest.approx(SD_FACTOR * factor * np.sqrt(variance), rel=1e-9)
+
+
+def test_climate_control_that_was_off_is_left_out_of_the_rest():
+    known = uncertainty(split=True)
+    off = np.array([0.0, 0.0, 0.0, 0.8, 0.8, 0.8])
+    known = dataclasses.replace(known, shrinkage=dataclasses.replace(known.shrinkage, off=off))
+    start = dataclasses.replace(departing(split=True), uncertainty=known)
+    log = pd.DataFrame(
+        {
+            "time_s": np.arange(181.0),
+            "voltage_v": 400.0,
+            "current_a": 10.0,
+            "heating_power_w": 0.0,
+            "aircon_power_w": 50.0,
+        }
+    )
+    updated = start.update(log)
+    # after half of the trip; the last segment was to have 500 W, corrected by 50 W
+    seen = np.array([4000.0 - 3100.0, 4000.0 - 11800.0]) - (50.0 - (HVAC_W[:2] + 50.0))
+    noise = NOISE_W2[:2] + 1.0
+    drive_gain = CONSTANT_W**2 / (1.0 + CONSTANT_W**2 * np.sum(1.0 / noise))
+    driving = 0.3 * drive_gain * np.sum(seen / noise)
+    assert updated.energy_wh == pytest.approx(
+        4000 / 60 + 4000 / 30 + (6050 - 0.8 * 550 + driving) / 20, **EXACT
+    )
+    drawn = start.update(log.assign(aircon_power_w=51.0))  # more than fans take
+    assert drawn.posterior.mean_w[2] != pytest.approx(updated.posterior.mean_w[2], abs=1.0)
+
+
+def test_a_departure_without_climate_control_has_no_energy_for_it():
+    model, plan = tw.load_model(), tw.read_route([{"length_m": 20000.0, "speed_m_s": 20.0}])
+    known = tw.Departure(soc=0.8, ambient_temperature_degc=-5.0, cabin_setpoint_degc=21.0)
+    auto, off = (model.forecast(plan, dataclasses.replace(known, climate=mode)) for mode in ("auto", "off"))
+    drive = auto.drive
+    climate_wh = float((drive.table.hours * drive.climate_w).sum())
+    assert climate_wh > 300.0
+    # the battery is as cold in both, so little else changes
+    assert auto.energy_wh - off.energy_wh == pytest.approx(climate_wh, rel=0.05)
+    assert off.by_cause_wh["hvac"] == pytest.approx(0.0, abs=0.2)  # a second of the base load, at the end
+    assert (off.drive.climate_w == 0.0).all()
+    heat = model.forecast(plan, dataclasses.replace(known, climate="heat"))
+    assert heat.energy_wh == pytest.approx(auto.energy_wh, rel=1e-12)
+    assert model.forecast(plan, known).energy_wh == auto.energy_wh
+
+
+def test_a_burst_of_the_heater_counts_up_to_the_limit():
+    burst = departing(split=True).update(powered(heating_power_w=3000.0, aircon_power_w=0.0))
+    climate, driving = 600.0, 900.0 - (3000.0 - 850.0)
+    climate_gain = CLIMATE_SD_W**2 / (CLIMATE_SD_W**2 + CLIMATE_NOISE**2 + 1.0)
+    drive_gain = CONSTANT_W**2 / (CONSTANT_W**2 + NOISE_W2[0] + 1.0)
+    rest = (0.4 + ONE_SIXTH * 0.3) * climate_gain * climate + (0.1 + ONE_SIXTH * 0.15) * drive_gain * driving
+    assert burst.energy_wh == pytest.approx(4000 / 60 + (11800 + rest) / 30 + (6050 + rest) / 20, **EXACT)
+
+
+def test_an_update_by_charge():
+    readings = pd.DataFrame({"time_s": [0.0, 20.0, 40.0, 60.0], "soc": [0.50, 0.49, 0.48, 0.47]})
+    updated = departing().update(readings)
+    # steps of 0.01: the first mark that is three steps away is the last reading
+    taken = 0.03 * WH_PER_SOC
+    residual = taken * 60.0 - 3100.0
+    error_w2 = ((0.01 * WH_PER_SOC) ** 2 / 6.0 + (0.03 * taken) ** 2) * 60.0**2
+    first = BOTH_W2 + NOISE_W2[0] + CLIMATE_NOISE**2
+    seen = first * residual / (first + error_w2)
+    share = 0.2 + ONE_SIXTH * (0.5 - 0.2)
+    rest = share * BOTH_W2 * residual / (first + error_w2)
+    energy = np.array([(3100 + seen) / 60, (11800 + rest) / 30, (6050 + rest) / 20])
+    assert updated.energy_wh == pytest.approx(energy.sum(), rel=1e-9)
+    # arrival counts from the last reading, not from the first
+    left = (0.47 - ZERO) / (FULL - ZERO) - energy[1:].sum() / WH_PER_DISPLAY
+    assert updated.soc_arrival == pytest.approx(left, rel=1e-9)
+    sd = charge_sd(updated.sd_wh, energy[1:].sum(), 0.02)
+    assert updated.p_arrive(left - 1.5 * sd) == pytest.approx(0.8, rel=1e-9)
+
+
+def test_displayed_charge_is_converted_before_it_counts():
+    times = {"time_s": [0.0, 20.0, 40.0, 60.0]}
+    shown = departing().update(pd.DataFrame({**times, "displayed_soc": [0.50, 0.48, 0.46, 0.44]}))
+    managed = departing().update(pd.DataFrame({**times, "soc": [0.500, 0.484, 0.468, 0.452]}))
+    assert shown.energy_wh == pytest.approx(managed.energy_wh, rel=1e-9)
+    assert shown.soc_arrival == pytest.approx(managed.soc_arrival, rel=1e-9)
+    assert shown.measured.anchor == ChargeReading(60.0, 0.44, True)
+    assert managed.measured.anchor == ChargeReading(60.0, 0.452, False)
+
+
+def test_what_is_unknown_of_route_and_state_counts_from_the_last_reading_of_the_charge(forecast):
+    within_second = ChargeReading(150.0, 0.48, True)
+    read = dataclasses.replace(
+        forecast, measured=dataclasses.replace(forecast.measured, anchor=within_second)
+    )
+    own = np.sqrt(SD_WH**2 - BESIDE_SD_WH**2)
+    left = (0.25 / 30 + 1 / 20) / (1 / 60 + 1 / 30 + 1 / 20)
+    assert read.sd_wh == pytest.approx(np.hypot(own, left * BESIDE_SD_WH), rel=1e-9)
+
+
+@pytest.mark.parametrize(("until_s", "counts"), [(47.0, False), (48.0, True), (60.0, True)])
+def test_a_segment_counts_from_four_fifths_of_its_time_on(until_s, counts):
+    log = powered()[lambda rows: rows["time_s"] <= until_s]
+    updated = departing().update(log)
+    if not counts:
+        assert updated.posterior.mean_w.tolist() == [0.0, 0.0, 0.0]
+        return
+    # a part of a segment tells of the whole as far as its noise allows
+    error_w2 = (1.0 - until_s / 60.0) * NOISE_W2[0] + 1.0
+    share = np.interp(until_s / 360.0, [0.0, 0.1, 0.25], [0.0, 0.2, 0.5])
+    gain = BOTH_W2 / (BOTH_W2 + NOISE_W2[0] + CLIMATE_NOISE**2 + error_w2)
+    assert updated.posterior.mean_w[1] == pytest.approx(share * gain * 900.0, rel=1e-9)
+
+
+def test_a_gap_of_fifteen_seconds_is_bridged_and_a_longer_one_is_not():
+    for gap_s, hours in ((15.0, 60.0), (16.0, 44.0)):
+        log = powered()
+        kept = log[(log["time_s"] <= 20.0) | (log["time_s"] >= 20.0 + gap_s)]
+        assert departing().update(kept).measured.hours[0] * 3600.0 == pytest.approx(hours, rel=1e-9)

@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pandas as pd
 import pytest
-from tests.forecasting.test_values import PROCESS
+from tests.forecasting.test_forecast import ONE_PROCESS
 from tests.support.cars import some_cars
 from tests.support.dense_process import DensePower, covariance
 
@@ -122,7 +122,7 @@ def test_the_prior_without_its_matrix_is_the_prior(segments):
         1000.0,
         True,
     )
-    for process in (both, PROCESS):
+    for process in (both, ONE_PROCESS):
         hours = rng.uniform(0.0, 1.0, segments) / 120.0
         dense = DensePower.from_covariance(covariance(process, trip)).energy_wh(hours)[1]
         np.testing.assert_allclose(process.prior(trip).energy_wh(hours)[1], dense, rtol=1e-9)

@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import minimize
 from scipy.stats import norm
 from scipy.stats import t as student
-from tests.forecasting import test_values as by_hand
+from tests.forecasting import test_forecast as by_hand
 
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import ForecastModel
@@ -96,7 +96,9 @@ def test_a_segment_that_took_long_is_no_evidence_of_its_power(stretch, counts):
     drive = by_hand.drive()
     ends = drive.edges_s.copy()
     ends[1:] += (stretch - 1.0) * 60.0  # the first segment took longer than planned, the others as planned
-    readings = _from_power(np.array([60.0, 400.0, 300.0]), by_hand.HOURS.copy(), drive, by_hand.PROCESS, ends)
+    readings = _from_power(
+        np.array([60.0, 400.0, 300.0]), by_hand.HOURS.copy(), drive, by_hand.ONE_PROCESS, ends
+    )
     assert (0 in readings.seen) is counts
     assert len(readings.power_w) == 2 + counts
     assert readings.power_w[-1] == pytest.approx(300.0 * 20)
@@ -214,7 +216,7 @@ def test_climate_control_that_was_off_stays_off():
         drawn = 0.1 * expected * (np.arange(40) >= 30) if i < 12 else expected + rng.normal(0.0, 100.0, 40)
         climate = drawn - expected
         held_out.append(HeldOutResidual(segments, climate + rng.normal(0, 100, 40), climate, expected))
-    split = dataclasses.replace(by_hand.PROCESS, split=True)
+    split = dataclasses.replace(by_hand.ONE_PROCESS, split=True)
     own = np.array([split.sd_wh(trip.segments) for trip in held_out])
     found = UpdateShrinkage.from_trips(split, held_out, own)
     # after half of the trip, ten segments of nothing and ten of a tenth are to come: 95 % is not drawn
@@ -238,10 +240,10 @@ def test_the_mean_width_never_grows_on_the_way():
         segments = by_hand_segments(rng, 30)
         size = np.where(np.arange(30) < 15, 1.0, 4.0)  # the second half errs more than the process believes
         held_out.append(HeldOutResidual(segments, rng.normal(0.0, 800.0, 30) * size))
-    own = np.array([by_hand.PROCESS.sd_wh(trip.segments) for trip in held_out])
-    found = UpdateShrinkage.from_trips(by_hand.PROCESS, held_out, own)
+    own = np.array([by_hand.ONE_PROCESS.sd_wh(trip.segments) for trip in held_out])
+    found = UpdateShrinkage.from_trips(by_hand.ONE_PROCESS, held_out, own)
     before = own.mean()
-    rests = np.array([_rests(by_hand.PROCESS, trip) for trip in held_out])
+    rests = np.array([_rests(by_hand.ONE_PROCESS, trip) for trip in held_out])
     for k, factor in enumerate(found.joint_sd_factor):
         rest = factor * rests[:, k, 5].mean()
         assert rest <= before * (1.0 + 1e-9)
@@ -255,7 +257,7 @@ def by_hand_segments(rng: np.random.Generator, n: int) -> Segments:
 
 
 def test_errors_of_power_add_up_as_the_process_says():
-    course = TimeCourse.from_process(by_hand.PROCESS)
+    course = TimeCourse.from_process(by_hand.ONE_PROCESS)
     assert course == TimeCourse(float(np.hypot(500.0, 300.0)), ())  # two constants, no drift
     assert course.hours(7.0) == pytest.approx(7.0, rel=1e-12)
     mixed = TimeCourse(100.0, ((300.0, 600.0), (50.0, 60.0)))

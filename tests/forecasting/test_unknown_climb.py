@@ -15,7 +15,7 @@ import tripwatt as tw
 from tripwatt.forecasting.forecast import p_above
 from tripwatt.hybrid import segment_trips
 from tripwatt.hybrid.energy_errors import unknown_climb_wh
-from tripwatt.journey.forecasting import Drive
+from tripwatt.journey.forecasting import RoadForecaster
 from tripwatt.routes import terrain
 from tripwatt.routes.terrain import net_climbs
 from tripwatt.trips import TERRAINS, Plan, plan_from_trip
@@ -207,5 +207,5 @@ def test_reach_and_charge_to_leave_with_allow_for_the_climb():
     leave = unknown.soc_needed(0.1, 0.95)
     assert unknown.leaving_with(leave).p_arrive(0.1) == pytest.approx(0.95, abs=0.01)
     assert float(unknown.soc_along(0.95)[-1]) < float(level.soc_along(0.95)[-1])
-    drive = Drive(tw.load_model(), replace(COLD, terrain="mountains"))
+    drive = RoadForecaster(tw.load_model(), replace(COLD, terrain="mountains"))
     assert drive.departure.terrain == "mountains"

@@ -7,11 +7,11 @@ from tools.docs.render_pages import render
 
 
 def test_the_page_prints_what_it_shows(tmp_path):
-    page = DOCS / "gam.md"
+    page = DOCS / "explanation" / "gam.md"
     result = render(page, tmp_path)
     assert result.failed == 0
     assert result.attempted > 15
-    shown = set(re.findall(r"\(images/([\w-]+\.png)\)", page.read_text(encoding="utf-8")))
+    shown = set(re.findall(r"\(\.\./images/([\w-]+\.png)\)", page.read_text(encoding="utf-8")))
     assert shown == {path.name for path in tmp_path.iterdir()}
     assert all((DOCS / "images" / name).is_file() for name in shown)
 

@@ -12,7 +12,8 @@ from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import ForecastModel
 from tripwatt.hybrid import SegmentTable, power_corrector, segment_trips
 from tripwatt.hybrid.familiarity import FADING, Familiarity, Range
-from tripwatt.hybrid.stored import corrector_of_parts, corrector_parts
+from tripwatt.hybrid.power import PowerCorrector
+from tripwatt.hybrid.stored import new_converter, parts_tree, structured, tree_parts
 from tripwatt.synthetic import VEHICLE, synthetic_fleet
 from tripwatt.trips import Departure, plan_from_trip
 from tripwatt.vehicles import load_vehicle
@@ -105,21 +106,15 @@ def test_a_forecast_far_outside_is_that_of_the_physics_and_wider() -> None:
 
 @pytest.mark.parametrize("name", ["linear", "gp", "boosting"])
 def test_a_stored_correction_fades_as_the_fitted_one(name) -> None:
-    again = corrector_of_parts(*corrector_parts(FITTED[name]))
+    converter = new_converter()
+    values = parts_tree(tree_parts(converter.unstructure(FITTED[name], PowerCorrector)))
+    again = structured(values, PowerCorrector, converter, "a corrector")
     for degc in (SEEN.low, SEEN.high + SEEN.sd, SEEN.high + 3.0 * SEEN.sd):
         np.testing.assert_array_equal(again.predict(at(degc)), FITTED[name].predict(at(degc)))
         np.testing.assert_array_equal(again.outside_factor(at(degc)), FITTED[name].outside_factor(at(degc)))
 
 
-def test_a_process_of_an_older_version_fades_by_the_ranges_that_it_kept() -> None:
-    about, arrays = corrector_parts(FITTED["gp"])
-    del about["familiar"]
-    again = corrector_of_parts(about, arrays)
-    far = at(SEEN.high + 2.0 * SEEN.sd)
-    np.testing.assert_allclose(again.predict(far), FITTED["gp"].predict(far), rtol=1e-12)
-
-
 @pytest.mark.parametrize("values", [[0.0, 1.0, 0.0], [0.0, float("nan"), 1.0], [float("-inf"), 1.0, 1.0]])
 def test_a_stored_range_that_is_none_is_refused(values) -> None:
     with pytest.raises(InvalidInput, match="no range"):
-        Familiarity.from_dict({AMBIENT: values})
+        Familiarity({AMBIENT: Range(*values)})

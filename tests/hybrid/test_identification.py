@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tripwatt.hybrid import (
+    Identified,
     StageRecord,
     identify,
     identify_trips,
@@ -18,8 +19,7 @@ from tripwatt.hybrid.identification import (
     DRAG_WIDTH,
     LEAST_TRIPS,
     ROLLING_WIDTH,
-    _fade_values,
-    _published_road,
+    published_road,
 )
 from tripwatt.hybrid.parameters import changed
 from tripwatt.physics import simulate_trip
@@ -120,31 +120,40 @@ def test_the_fade_of_recovery_is_found_from_torque():
     assert same.regeneration.full_speed_m_s == pytest.approx(2.5, abs=0.6)
 
 
+def from_braking(rows: list[np.ndarray]) -> Identified:
+    """Values from braking power alone."""
+    nothing = np.empty((0, 4)), np.empty((0, 2))
+    return identify(
+        [StageRecord(10.0, nothing[0], braking, np.nan, None, nothing[1]) for braking in rows], BOOK
+    )
+
+
 def test_the_published_fade_counts_as_five_trips():
     """At 1 m/s and a full share from 2 m/s on, published 0.5 to 2.5 m/s; 10 J in every bin of a trip."""
     speed = (np.arange(20) + 0.5) * 0.25
     own, book = np.clip(speed - 1.0, 0.0, 1.0), np.clip((speed - 0.5) / 2.0, 0.0, 1.0)
     trips = [np.column_stack((np.full(20, 10.0), 10.0 * own))] * 5
-    found, number = _fade_values(trips, BOOK)
+    identified = from_braking(trips)
+    found = identified.values
     fade = np.clip(
         (speed - found["regeneration.zero_speed_m_s"])
         / (found["regeneration.full_speed_m_s"] - found["regeneration.zero_speed_m_s"]),
         0.0,
         1.0,
     )
-    assert number == 5
+    assert set(identified.trips.values()) == {5}
     assert np.abs(fade - 0.5 * (own + book)).max() < 0.06
-    many, _ = _fade_values(trips * 200, BOOK)
-    assert many == pytest.approx(
+    many = from_braking(trips * 200).values
+    assert dict(many) == pytest.approx(
         {"regeneration.zero_speed_m_s": 1.0, "regeneration.full_speed_m_s": 2.0}, abs=0.05
     )
-    assert _fade_values(trips[:2], BOOK) == ({}, 0)
+    assert from_braking(trips[:2]).values == {}
 
 
 def test_speeds_without_braking_keep_the_published_fade():
     speed = (np.arange(20) + 0.5) * 0.25
     possible = np.where(speed > 2.0, 10.0, 0.0)
-    found, _ = _fade_values([np.column_stack((possible, possible))] * 500, BOOK)
+    found = from_braking([np.column_stack((possible, possible))] * 500).values
     zero, full = found["regeneration.zero_speed_m_s"], found["regeneration.full_speed_m_s"]
     assert np.clip((1.0 - zero) / (full - zero), 0.0, 1.0) == pytest.approx(0.25, abs=0.1)
     assert full < 2.3
@@ -153,7 +162,7 @@ def test_speeds_without_braking_keep_the_published_fade():
 @pytest.mark.parametrize("share", [0.3, 1.3])
 def test_a_torque_of_another_car_leaves_the_fade(share):
     trips = [np.column_stack((np.full(20, 10.0), np.full(20, 10.0 * share)))] * 5
-    assert _fade_values(trips, BOOK) == ({}, 0)
+    assert from_braking(trips).values == {}
 
 
 def test_braking_power_is_summed_by_low_speed():
@@ -417,7 +426,7 @@ def at_speed(speed_m_s: float, force_n: float, trips: int = 12) -> list[StageRec
 @pytest.mark.parametrize("name", ["bmw_i3_60ah", "hyundai_kona_64", "nissan_leaf_24", "vw_id4_pro"])
 def test_the_published_force_is_divided_and_kept(name):
     car = load_vehicle(name)
-    road = _published_road(car)
+    rolling_n, area_m2, area_width = published_road(car)
     weight = car.body.test_mass_kg * 9.80665
     density = car.road_load.coastdown_air_density_kg_m3 or 1.2
     for speed in (10.0, 20.0, 30.0):
@@ -425,24 +434,24 @@ def test_the_published_force_is_divided_and_kept(name):
         published = (
             weight * (constant + linear * speed) + 0.5 * density * car.road_load.drag_area_m2 * speed**2
         )
-        divided = road.rolling_n + 0.5 * density * road.drag_area_m2 * speed**2
+        divided = rolling_n + 0.5 * density * area_m2 * speed**2
         assert divided == pytest.approx(published, rel=0.12)
-    assert 0.004 < road.rolling_n / weight < 0.016
-    assert DRAG_WIDTH <= road.drag_width < 0.25
+    assert 0.004 < rolling_n / weight < 0.016
+    assert DRAG_WIDTH <= area_width < 0.25
 
 
 @pytest.mark.parametrize("share", [0.85, 1.0, 1.15])
 @pytest.mark.parametrize("speed", [8.0, 15.0, 30.0])
 def test_one_speed_shows_a_force_and_leaves_each_value_plausible(speed, share):
     """The force of the trips is met; each value stays within two of its own widths, the less sure one moves more."""
-    road = _published_road(BOOK)
-    force = share * (road.rolling_n + 0.6 * road.drag_area_m2 * speed**2)
+    rolling_n, area_m2, area_width = published_road(BOOK)
+    force = share * (rolling_n + 0.6 * area_m2 * speed**2)
     found = identify(at_speed(speed, force), BOOK).applied(BOOK)
     rolling = found.road_load.rolling_coefficients[0] * BOOK.body.test_mass_kg * 9.80665
     area = found.road_load.drag_area_m2
     assert rolling + 0.6 * area * speed**2 == pytest.approx(force, rel=0.02)
-    assert abs(rolling / road.rolling_n - 1.0) < 2.0 * ROLLING_WIDTH
-    assert abs(area / road.drag_area_m2 - 1.0) < 2.0 * road.drag_width
+    assert abs(rolling / rolling_n - 1.0) < 2.0 * ROLLING_WIDTH
+    assert abs(area / area_m2 - 1.0) < 2.0 * area_width
 
 
 def test_warm_trips_show_no_rise_in_the_cold():

@@ -16,9 +16,9 @@ from tripwatt.journey import (
     Atlas,
     AtlasSettings,
     ChargingCurve,
-    Drive,
     JourneyOptions,
     Place,
+    RoadForecaster,
     find_reach,
     open_atlas,
     plan_journey,
@@ -145,10 +145,10 @@ def test_roads_are_labelled_and_the_fastest_is_first(model):
 
 
 def test_what_climate_wind_and_speed_cost(model):
-    wind = Weather(0.0, wind_speed_m_s=8.0, wind_from_deg=90.0)
-    found = journey(model, weather=wind)
-    off = journey(model, replace(COLD, climate="off"), weather=wind, answers=False)
-    calm = journey(model, weather=Weather(0.0), answers=False)
+    windy = replace(COLD, wind_speed_m_s=8.0, wind_from_deg=90.0)
+    found = journey(model, windy)
+    off = journey(model, replace(windy, climate="off"), answers=False)
+    calm = journey(model, answers=False)
     assert found.costs_wh["climate"] == pytest.approx(found.forecast.energy_wh - off.forecast.energy_wh)
     assert found.costs_wh["wind"] == pytest.approx(found.forecast.energy_wh - calm.forecast.energy_wh)
     assert min(found.costs_wh.values()) > 100.0
@@ -176,7 +176,7 @@ def test_the_speed_with_which_the_journey_arrives_is_the_highest_one(model):
     assert not found.arrives
     advice = found.speed.speed_m_s
     assert advice in [pytest.approx(v * KM_H) for v in (120.0, 110.0, 100.0, 90.0, 80.0)]
-    drive = Drive(model, tw.Departure(soc=0.88, ambient_temperature_degc=10.0))
+    drive = RoadForecaster(model, tw.Departure(soc=0.88, ambient_temperature_degc=10.0))
     road = found.roads[0].road
     assert drive.forecast(capped(road, advice)).p_arrive(0.1) >= 0.95
     assert drive.forecast(capped(road, advice + 10.0 * KM_H)).p_arrive(0.1) < 0.95
@@ -276,16 +276,18 @@ def test_the_error_of_the_weather_widens_the_interval(model):
             return tuple(Weather(0.0, 3.0, 90.0, hours_ahead=self.hours) for _ in places)
 
     departure = tw.Departure(soc=0.9)
-    by_hand = Drive(model, departure, Weather(0.0, 3.0, 90.0)).forecast(straight(A, B, level=True))
+    known = replace(departure, ambient_temperature_degc=0.0, wind_speed_m_s=3.0, wind_from_deg=90.0)
+    by_hand = RoadForecaster(model, known).forecast(straight(A, B, level=True))
     soon, late = (
-        Drive(model, departure, Source(hours)).forecast(straight(A, B, level=True)) for hours in (0.0, 96.0)
+        RoadForecaster(model, departure, Source(hours)).forecast(straight(A, B, level=True))
+        for hours in (0.0, 96.0)
     )
     assert by_hand.energy_wh == pytest.approx(soon.energy_wh) == pytest.approx(late.energy_wh)
     assert by_hand.sd_wh < soon.sd_wh < late.sd_wh
     # the standard deviation of the wind at the car is half of 1.0 and 2.6 m/s, that of the temperature 1.0 and 2.6 K
     parts = [np.sqrt(found.state_sd_wh**2 - by_hand.state_sd_wh**2) for found in (soon, late)]
     assert parts[1] / parts[0] == pytest.approx(2.6, rel=0.03)
-    known = Drive(model, COLD, Source(0.0)).forecast(straight(A, B, level=True))
+    known = RoadForecaster(model, COLD, Source(0.0)).forecast(straight(A, B, level=True))
     assert known.state_sd_wh < soon.state_sd_wh  # the driver knows the temperature
 
 
@@ -354,7 +356,7 @@ def test_every_unknown_place_is_named(model):
 
 
 def test_a_charge_reaches_as_far_as_the_forecast_says(model):
-    drive = Drive(model, tw.Departure(soc=0.3, ambient_temperature_degc=10.0))
+    drive = RoadForecaster(model, tw.Departure(soc=0.3, ambient_temperature_degc=10.0))
     found = find_reach(drive, A, MADE)
     assert not found.map_ends
     sure, likely = found.outlines[0.95], found.outlines[0.5]
@@ -368,7 +370,7 @@ def test_a_charge_reaches_as_far_as_the_forecast_says(model):
 
 
 def test_a_reserve_shortens_the_reach(model):
-    drive = Drive(model, tw.Departure(soc=0.3, ambient_temperature_degc=10.0))
+    drive = RoadForecaster(model, tw.Departure(soc=0.3, ambient_temperature_degc=10.0))
     forecast = drive.forecast(straight(A, Place(47.0, 11.0)))
     shares = [reached_share(forecast, 0.5, reserve) for reserve in (0.0, 0.15, 0.3, 0.31)]
     assert shares == sorted(shares, reverse=True)
@@ -378,7 +380,7 @@ def test_a_reserve_shortens_the_reach(model):
 
 
 def test_the_outline_is_made_of_the_farthest_point_in_each_direction(model):
-    drive = Drive(model, tw.Departure(soc=0.3, ambient_temperature_degc=10.0))
+    drive = RoadForecaster(model, tw.Departure(soc=0.3, ambient_temperature_degc=10.0))
     places = [Place(47.2, 9.0), Place(47.0, 9.1), Place(46.9, 9.0), Place(47.1, 9.0)]
     roads = [straight(A, place) for place in places]
     found = reach_along(roads, [drive.forecast(road) for road in roads], A, 0.0, "source")
@@ -396,7 +398,7 @@ def test_the_outline_is_made_of_the_farthest_point_in_each_direction(model):
 
 
 def test_directions_without_a_road_are_left_out(model):
-    drive = Drive(model, tw.Departure(soc=0.1, ambient_temperature_degc=10.0))
+    drive = RoadForecaster(model, tw.Departure(soc=0.1, ambient_temperature_degc=10.0))
     south = replace(MADE, router=MadeRouter(fails_at=47.0001))
     found = find_reach(drive, A, south)
     assert max(place.latitude_deg for place in found.outlines[0.5]) < 47.001
@@ -413,7 +415,7 @@ def test_a_router_that_fails_ends_the_search_at_once(model):
             raise RemoteError([])
 
     with pytest.raises(RemoteError):
-        find_reach(Drive(model, COLD), A, replace(MADE, router=Broken()))
+        find_reach(RoadForecaster(model, COLD), A, replace(MADE, router=Broken()))
     assert len(calls) == 1
 
 
@@ -451,5 +453,7 @@ def test_the_departure_counts_for_the_hour_of_the_weather(model):
             return tuple(Weather(5.0, hours_ahead=1.0) for _ in places)
 
     noon = dt.datetime(2030, 1, 1, 12, 0, tzinfo=dt.UTC)
-    Drive(model, tw.Departure(soc=0.9, started_at=noon), Source()).forecast(straight(A, Place(47.0, 9.2)))
+    RoadForecaster(model, tw.Departure(soc=0.9, departs_at=noon), Source()).forecast(
+        straight(A, Place(47.0, 9.2))
+    )
     assert noon < asked[0] < noon + dt.timedelta(minutes=10)

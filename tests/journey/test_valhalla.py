@@ -18,7 +18,7 @@ from tests.support.router_server import valhalla_serving
 import tripwatt as tw
 from tripwatt.cli.sentences import chance_to_arrive, unknown_climb_in_words
 from tripwatt.errors import InvalidInput
-from tripwatt.journey import Atlas, Drive, JourneyOptions, find_reach, open_atlas, plan_journey
+from tripwatt.journey import Atlas, JourneyOptions, RoadForecaster, find_reach, open_atlas, plan_journey
 from tripwatt.routes.links import FLAT_ROAD
 from tripwatt.routes.maps import MapFolder, build_map
 from tripwatt.routes.maps.engine import valhalla_folder
@@ -171,11 +171,11 @@ def test_alternatives_are_other_roads(atlas: Atlas) -> None:
 
 def test_the_area_of_reach_of_a_small_charge(atlas: Atlas, model: tw.ForecastModel) -> None:
     start = atlas.places.search("Vaduz", limit=1)[0]
-    drive = Drive(model, tw.Departure(soc=0.05, ambient_temperature_degc=10.0))
+    drive = RoadForecaster(model, tw.Departure(soc=0.05, ambient_temperature_degc=10.0))
     found = find_reach(drive, start, atlas)
     sure, likely = (max(start.distance_m(p) for p in found.outlines[level]) for level in (0.95, 0.5))
     assert 500.0 < sure < likely < 15_000.0
-    more = find_reach(Drive(model, replace(drive.departure, soc=0.08)), start, atlas)
+    more = find_reach(RoadForecaster(model, replace(drive.departure, soc=0.08)), start, atlas)
     assert max(start.distance_m(p) for p in more.outlines[0.95]) > sure
 
 
@@ -220,7 +220,7 @@ def test_a_mountain_road_without_heights_has_no_certain_verdict(
     journey = plan_journey(["Vaduz", "Malbun"], departure, atlas=atlas, model=model)
     road = journey.roads[0].road
     bare = replace(road.links, elevation_position_m=None, elevation_m=None, flags=(FLAT_ROAD,))
-    found = Drive(model, departure).forecast(road.with_links(bare))
+    found = RoadForecaster(model, departure).forecast(road.with_links(bare))
     assert "unknown_climb" in {flag.code for flag in found.flags}
     climb = found.climb_to(0.1)
     assert climb is not None
@@ -230,5 +230,5 @@ def test_a_mountain_road_without_heights_has_no_certain_verdict(
     assert sentence.startswith("This is not certain: the heights of the road are unknown.")
     assert f"{climb:,.0f} m of climb" in sentence
     assert found.quantile(0.999) > found.energy_wh + 3000.0  # of the 5 kWh that the climb takes
-    mountains = Drive(model, replace(departure, terrain="mountains")).forecast(road.with_links(bare))
+    mountains = RoadForecaster(model, replace(departure, terrain="mountains")).forecast(road.with_links(bare))
     assert mountains.quantile(0.99) > found.quantile(0.99)

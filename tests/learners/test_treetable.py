@@ -26,8 +26,6 @@ def test_sum_is_that_of_the_library(zero_as_missing: bool, missing_in_training: 
     trees = TreeTable.from_text(booster.model_to_string(), 40)
     for rows in (X, fresh):
         assert np.array_equal(trees.sum(rows), booster.predict(rows, raw_score=True))
-    again = TreeTable.from_arrays(trees.to_arrays())
-    assert np.array_equal(again.sum(fresh), trees.sum(fresh))
 
 
 def test_no_tree_and_levels() -> None:

@@ -19,7 +19,7 @@ import pandas as pd
 from tests.live.messages import NOON_S, abrp_messages, over_a_bad_connection
 
 from tripwatt.forecasting import Forecast
-from tripwatt.live import Broker, Follower, LiveCar, Sample, TopicJoiner, open_live_car, sample_from_abrp
+from tripwatt.live import Broker, Follower, RoadCar, Sample, TopicJoiner, sample_from_abrp
 from tripwatt.live.live_trip import SILENCE_S
 
 MOSQUITTO: Final = shutil.which("mosquitto") or shutil.which("/usr/sbin/mosquitto")
@@ -111,7 +111,7 @@ async def _replay(
     victim: subprocess.Popen[bytes] | None,
 ) -> list[Replayed]:
     async with AsyncExitStack() as stack:
-        cars = {d.name: stack.enter_context(open_live_car(folder / "cars" / d.name)) for d in drives}
+        cars = {d.name: stack.enter_context(RoadCar(folder / "cars" / d.name)) for d in drives}
         for car in cars.values():
             car.set_plan({}, NOON_S)
         tasks = [
@@ -155,7 +155,7 @@ async def _subscribed(where: Broker, followers: int) -> None:
 
 
 async def _send(
-    where: Broker, drive: Sent, car: LiveCar, start: int, stop: int, *, wait: bool = True
+    where: Broker, drive: Sent, car: RoadCar, start: int, stop: int, *, wait: bool = True
 ) -> None:
     """Send a part of a drive. Without `wait`, what is sent last may not be with the car when this returns."""
     before = sum(car.counts.values())
@@ -177,7 +177,7 @@ async def _until(condition: Callable[[], bool]) -> None:
     raise AssertionError("it did not come true in a minute")
 
 
-def _judged(drive: Sent, car: LiveCar, forecast: Forecast) -> Replayed:
+def _judged(drive: Sent, car: RoadCar, forecast: Forecast) -> Replayed:
     expected = drive.table()
     difference = abs(car.update(forecast).energy_wh - forecast.update(expected).energy_wh)
     assert car.update(forecast).energy_wh != forecast.energy_wh

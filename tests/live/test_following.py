@@ -13,7 +13,8 @@ from typing import Any
 import pandas as pd
 import pytest
 from tests.live.brokers import MOSQUITTO, Sent, broker, replay
-from tests.live.messages import NOON_S, abrp_messages, measured, samples_of
+from tests.live.messages import NOON_S, abrp_messages, measured
+from tests.support.service_process import serving
 
 pytest.importorskip("aiomqtt", reason="the extra tripwatt[live] is not installed")
 
@@ -21,11 +22,12 @@ import aiomqtt
 
 import tripwatt as tw
 from tripwatt.cli.on_road import sentence
-from tripwatt.errors import Fault, InvalidInput
-from tripwatt.live import Broker, Follower, LiveForecaster, Sample, TopicJoiner, following, open_live_car
+from tripwatt.errors import InvalidInput
+from tripwatt.live import Broker, Follower, RoadCar, TopicJoiner, following, issue_token
 from tripwatt.live.discovery import SENSORS, discovery
+from tripwatt.live.folder import finished_names, forecasts_of
 from tripwatt.live.live_trip import SILENCE_S
-from tripwatt.routes import links_of_trip, plan_from_links
+from tripwatt.service.live_schemas import LiveResponse
 from tripwatt.synthetic import example_trip
 from tripwatt.trips import plan_from_samples
 
@@ -47,9 +49,17 @@ def drive() -> pd.DataFrame:
     return measured(example_trip()).iloc[:300]
 
 
-@pytest.fixture
-def forecaster() -> LiveForecaster:
-    return LiveForecaster(tw.load_model(), plan_from_samples(example_trip()), reserve=0.2)
+MODEL = tw.load_model()
+LINKS = [{"length_m": 9000.0, "speed_m_s": 14.0}]
+
+
+def request() -> dict[str, Any]:
+    """The whole trip as a speed trace."""
+    return {"samples": {name: values.tolist() for name, values in example_trip().items()}, "reserve": 0.2}
+
+
+def opened(folder: Path) -> RoadCar:
+    return RoadCar(folder, lambda _: MODEL)
 
 
 async def publish(where: Broker, rows: pd.DataFrame) -> None:
@@ -79,7 +89,8 @@ def following_car(
     shown: list[dict[str, Any]] = []
 
     async def run() -> None:
-        with open_live_car(folder) as car:
+        with opened(folder) as car:
+            car.set_plan(request())
             follower = Follower(car, TopicJoiner("ovms", ROOT), shown.append, every_s=0.1, **more)
             task = asyncio.ensure_future(follower.follow(where))
             try:
@@ -103,7 +114,7 @@ async def subscribed(where: Broker) -> None:
 
 @needs_broker
 def test_the_forecast_over_mqtt_is_that_of_update(
-    drive: pd.DataFrame, forecaster: LiveForecaster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    drive: pd.DataFrame, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(following, "FLUSH_S", 0.3)
     published: list[dict[str, Any]] = []
@@ -139,13 +150,12 @@ def test_the_forecast_over_mqtt_is_that_of_update(
             tmp_path / "leaf",
             where,
             work_and_look,
-            forecaster=forecaster,
             publish_to="tripwatt/leaf",
             announce_below="homeassistant",
         )
     assert found_by_home_assistant == dict(discovery("leaf", "tripwatt/leaf", "homeassistant"))
     table = drive[["time_s", *METRICS]]
-    own = forecaster.model.forecast(forecaster.plan).update_since_departure(table)
+    own = MODEL.forecast(plan_from_samples(example_trip())).update_since_departure(table)
     found = shown[-1]["forecast"]
     assert found["energy_wh"] == pytest.approx(own.energy_wh, abs=1e-6)
     assert found["soc_quantiles"] == {
@@ -186,114 +196,95 @@ def test_a_broker_that_is_killed_costs_no_message_that_comes_after_it(
 
 @needs_broker
 def test_the_command_prints_a_line_for_new_messages(drive: pd.DataFrame, tmp_path: Path) -> None:
-    (tmp_path / "route.json").write_text(json.dumps([{"length_m": 9000.0, "speed_m_s": 14.0}]))
+    (tmp_path / "route.json").write_text(json.dumps(LINKS))
     with broker(tmp_path) as (where, _):
-        command = [sys.executable, "-m", "tripwatt.cli", "live", f"{tmp_path / 'leaf'}"]
-        command += ["--mqtt", f"mqtt://127.0.0.1:{where.port}", "--source", "abrp", "--topic", "leaf/tlm"]
-        command += ["--plan", f"{tmp_path / 'route.json'}", "--every", "0.2", "--json"]
-        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
-
-            async def send() -> None:
-                await subscribed(where)
-                async with aiomqtt.Client(where.host, where.port) as client:
-                    for message in abrp_messages(drive):
-                        await client.publish("leaf/tlm", json.dumps(message), qos=1)
-
-            asyncio.run(send())
-            assert process.stdout is not None
-            for line in process.stdout:
-                found = json.loads(line)
-                if found["messages"]["new"] == len(drive):
-                    break
-            process.terminate()
-            process.stdout.read()
-    plan = tw.read_route([{"length_m": 9000.0, "speed_m_s": 14.0}])
-    with open_live_car(tmp_path / "leaf") as car:
-        own = car.update(tw.load_model().forecast(plan, car.departure()))
+        found = printed_by_the_command(tmp_path, where, list(abrp_messages(drive)))
+    plan = tw.read_route(LINKS)
+    with RoadCar(tmp_path / "leaf") as car:
+        assert car.plan is not None, "it is kept for the next start of the command"
+        own = car.update(MODEL.forecast(plan, car.departure()))
     assert found["forecast"]["energy_wh"] == pytest.approx(own.energy_wh, abs=1e-6)
-    assert sentence(found).startswith(
+    assert sentence(found).startswith(  # type: ignore[arg-type]
         f"leaf: {found['trip']['distance_m'] / 1000.0:.1f} km driven, 300 messages, "
     )
 
 
-def test_a_forecast_is_of_what_is_known_of_the_departure(forecaster: LiveForecaster, tmp_path: Path) -> None:
-    bare = tw.read_route([{"length_m": 9000.0, "speed_m_s": 14.0}])
-    given = LiveForecaster(forecaster.model, bare.with_departure(tw.Departure(soc=0.5)))
-    with open_live_car(tmp_path / "leaf") as car:
-        unknown = given.at_departure(car)
-        assert given.at_departure(car) is unknown
-        car.add(Sample(NOON_S, {"displayed_soc": 0.9, "ambient_temperature_degc": -8.0}))
-        known = given.at_departure(car)
-        assert known.plan.departure == tw.Departure(soc=0.5, ambient_temperature_degc=-8.0)
-        assert known.energy_wh > unknown.energy_wh
+@needs_broker
+def test_mqtt_and_http_give_equal_documents(drive: pd.DataFrame, tmp_path: Path) -> None:
+    """The same plan and the same messages, over a broker to the command and over HTTP to the service."""
+    pytest.importorskip("fastapi", reason="the extra tripwatt[service] is not installed")
+    (tmp_path / "route.json").write_text(json.dumps(LINKS))
+    (tmp_path / "logs").mkdir()
+    messages = list(abrp_messages(drive))
+    token = issue_token(tmp_path / "cars" / "leaf")
+    with serving(tmp_path / "logs", "--workers", "1", "--cars", f"{tmp_path / 'cars'}") as service:
+        assert service.client.put("/v1/live/leaf/plan", json={"links": LINKS}).status_code == 200
+        for message in messages:
+            sent = service.client.post("/v1/telemetry", json={"token": token, "tlm": message})
+            assert sent.status_code == 200, sent.text
+        over_http = service.client.get("/v1/live/leaf").json()
+    LiveResponse.model_validate(over_http)
+    with broker(tmp_path) as (where, _):
+        over_mqtt = printed_by_the_command(tmp_path, where, messages)
+    for document in (over_http, over_mqtt):
+        assert document.pop("seconds_since_message") >= 0.0
+    assert over_mqtt == over_http
+    assert over_mqtt["forecast"]["distance_m"] == pytest.approx(9000.0, rel=1e-3)
 
 
-def test_what_cannot_be_of_the_trip_leaves_the_forecast_at_departure(
-    forecaster: LiveForecaster, tmp_path: Path
+def printed_by_the_command(folder: Path, where: Broker, messages: list[dict[str, Any]]) -> dict[str, Any]:
+    """The last line that `tripwatt live --json` prints of some messages."""
+    command = [sys.executable, "-m", "tripwatt.cli", "live", f"{folder / 'leaf'}"]
+    command += ["--mqtt", f"mqtt://127.0.0.1:{where.port}", "--source", "abrp", "--topic", "leaf/tlm"]
+    command += ["--plan", f"{folder / 'route.json'}", "--every", "0.2", "--json"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+
+        async def send() -> None:
+            await subscribed(where)
+            async with aiomqtt.Client(where.host, where.port) as client:
+                for message in messages:
+                    await client.publish("leaf/tlm", json.dumps(message), qos=1)
+
+        asyncio.run(send())
+        assert process.stdout is not None
+        assert process.stderr is not None
+        document: dict[str, Any] = {}
+        for line in process.stdout:
+            document = json.loads(line)
+            if document["messages"]["new"] == len(messages):
+                break
+        process.terminate()
+        process.stdout.read()
+        said = process.stderr.read()
+    assert "waiting for messages of leaf/tlm at 127.0.0.1; the trip is forecast on its plan" in said
+    return document
+
+
+@needs_broker
+def test_a_forecast_over_mqtt_reaches_the_diary(
+    drive: pd.DataFrame, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with open_live_car(tmp_path / "leaf") as car:
-        for k in range(60):
-            car.add(Sample(NOON_S + k, {"speed_m_s": 10.0, "displayed_soc": 0.3 if k < 50 else 0.9}))
-        found = forecaster.document(car)
-        assert found["forecast"]["measured_until_s"] == 0.0
-        assert [fault["what"] for fault in found["faults"]] == ["charge rises"]
-        shown = sentence(car.about(NOON_S) | found)
-        assert "charge rises" in shown
+    monkeypatch.setattr(following, "FLUSH_S", 0.3)
+    made: list[Any] = []
 
+    async def work(follower: Follower, shown: list[dict[str, Any]]) -> None:
+        await subscribed(where)
+        await until(lambda: shown)
+        await publish(where, drive)
+        await until(lambda: shown[-1]["messages"]["new"] == len(drive))
+        made.extend(follower.car.forecasts)
+        assert follower.car.received_s is not None
+        follower.car.end_when_silent(follower.car.received_s + SILENCE_S)
 
-def test_a_plan_that_cannot_be_forecast_is_a_fault(
-    forecaster: LiveForecaster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def refuse(*_: object) -> None:
-        raise InvalidInput(Fault("no road", "plan"))
-
-    monkeypatch.setattr(type(forecaster.model), "forecast", refuse)
-    with open_live_car(tmp_path / "leaf") as car:
-        found = forecaster.document(car)
-    assert found == {
-        "plan": None,
-        "usual_trip": None,
-        "forecast": None,
-        "faults": [{"what": "no road", "where": "plan"}],
-    }
-
-
-def test_the_plan_of_a_trip_that_has_ended_is_not_used_again(
-    drive: pd.DataFrame, forecaster: LiveForecaster, tmp_path: Path
-) -> None:
-    with open_live_car(tmp_path / "leaf") as car:
-        follower = Follower(car, TopicJoiner("ovms", ROOT), print, forecaster)
-        for sample in samples_of(drive):
-            car.add(sample)
-        assert car.received_s is not None
-        now_s = car.received_s
-        follower._look_for_the_end(now_s)
-        assert follower.document(now_s)["forecast"] is not None
-        follower._look_for_the_end(now_s + SILENCE_S)
-        assert (car.trip, forecaster.plan) == (None, None)
-        assert follower.document(now_s)["forecast"] is None
-
-
-def test_without_a_plan_the_road_is_that_of_the_usual_trip(
-    drive: pd.DataFrame, forecaster: LiveForecaster, tmp_path: Path
-) -> None:
-    without = LiveForecaster(forecaster.model)
-    with open_live_car(tmp_path / "leaf") as car:
-        for sample in samples_of(drive):
-            car.add(sample)
-        assert without.document(car) == {"plan": None, "usual_trip": None, "forecast": None, "faults": []}
-        assert car.received_s is not None
-        car.end_when_silent(car.received_s + SILENCE_S)
-        (log,) = car.logs()
-        for sample in samples_of(drive.iloc[:150], NOON_S + 86_400.0):
-            car.add(sample)
-        found = without.document(car)
-        plan = plan_from_links(links_of_trip(log)).with_departure(car.departure())
-        own = car.update(forecaster.model.forecast(plan))
-        assert (found["plan"], found["usual_trip"]) == ("usual", log.trip_id)
-        assert found["forecast"]["energy_wh"] == pytest.approx(own.energy_wh, abs=1e-6)
-        assert found["forecast"]["measured_until_s"] > 100.0
-        assert without.document(car) == found
+    with broker(tmp_path) as (where, _):
+        shown = following_car(tmp_path / "leaf", where, work)
+    departing, first, *_ = made
+    assert (departing.at_s, departing.energy_wh) == (0.0, shown[0]["forecast"]["energy_wh"])
+    on_the_way = {document["forecast"]["energy_wh"]: document["forecast"] for document in shown}
+    ends = on_the_way[first.energy_wh]["quantiles_wh"]
+    assert (first.low_wh, first.high_wh) == (ends["0.05"], ends["0.95"])
+    (name,) = finished_names(tmp_path / "leaf")
+    assert forecasts_of(tmp_path / "leaf", f"leaf-{name}") == tuple(made)
 
 
 @pytest.mark.parametrize("url", ["", "host", "http://host", "mqtt://", "mqtt://host:x", "mqtt://host:99999"])

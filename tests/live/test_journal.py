@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tripwatt.errors import InvalidInput
-from tripwatt.live import Sample
+from tripwatt.live import Sample, sample_from_abrp
 from tripwatt.live import journal as module
 from tripwatt.live.journal import Journal, line_of, sample_of
 
@@ -40,7 +40,7 @@ def test_samples_are_read_to_the_last_bit_in_the_order_of_their_arrival(path: Pa
 
 
 def test_a_position_is_not_stored() -> None:
-    sample = Sample(T0, {"speed_m_s": 1.0}, position_deg=(48.1, 11.5))
+    sample = sample_from_abrp({"utc": T0, "speed": 3.6, "lat": 48.1, "lon": 11.5})
     assert line_of(sample) == line_of(Sample(T0, {"speed_m_s": 1.0}))
 
 

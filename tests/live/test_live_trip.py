@@ -41,7 +41,7 @@ def fed(*samples: Sample) -> tuple[TripFinder, list[LiveTrip]]:
 def test_the_thresholds_are_those_of_the_documentation() -> None:
     assert (MOVING_M_S, BEFORE_S, STANDING_S, PARKED_S) == (1.0, 180.0, 300.0, 60.0)
     assert (SILENCE_S, live_trip.LEAST_M, HOLD_S, LATE_S) == (600.0, 200.0, 10.0, 30.0)
-    page = (ROOT / "docs" / "live.md").read_text("utf-8")
+    page = (ROOT / "docs" / "howto" / "live.md").read_text("utf-8")
     for text in (
         "first sample of 1 m/s or more; a standstill of up to 180 s before it",
         "300 s below 1 m/s, 60 s with the gear in park",

@@ -15,7 +15,7 @@ pytest.importorskip("deltalake", reason="the extra tripwatt[fleet] is not instal
 
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
-from tripwatt.live import Diary, OwnCar, Score, create_car, forget_car, is_car, issue_token, open_car
+from tripwatt.live import Car, create_car, forget_car, is_car, issue_token, open_car
 from tripwatt.live import own_car as module
 from tripwatt.population import for_car
 from tripwatt.synthetic import synthetic_fleet
@@ -44,14 +44,14 @@ def base(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def learned(logs: tuple[Log, ...], base: Path, tmp_path_factory: pytest.TempPathFactory) -> OwnCar:
+def learned(logs: tuple[Log, ...], base: Path, tmp_path_factory: pytest.TempPathFactory) -> Car:
     car = create_car(tmp_path_factory.mktemp("cars") / "leaf", "nissan_leaf_24", base=base)
     assert car.add(Fleet("first", logs[:4])) == module.Learned(added=4, known=0, entries=4)
     return car
 
 
 def test_each_forecast_is_of_a_model_that_has_not_seen_the_trip(
-    learned: OwnCar, logs: tuple[Log, ...], base: Path, tmp_path: Path
+    learned: Car, logs: tuple[Log, ...], base: Path, tmp_path: Path
 ) -> None:
     table = learned.diary.table
     assert table["trip_id"].tolist() == [log.trip_id for log in logs[:4]]
@@ -74,7 +74,7 @@ def test_each_forecast_is_of_a_model_that_has_not_seen_the_trip(
 
 
 def test_the_last_model_has_learned_every_trip_and_forecasts_like_one_adapted_to_them(
-    learned: OwnCar, logs: tuple[Log, ...], base: Path
+    learned: Car, logs: tuple[Log, ...], base: Path
 ) -> None:
     from tripwatt.api import adapt
 
@@ -89,7 +89,7 @@ def test_the_last_model_has_learned_every_trip_and_forecasts_like_one_adapted_to
 
 
 def test_trips_are_learned_by_departure_once_and_later_ones_go_on(
-    logs: tuple[Log, ...], learned: OwnCar, base: Path, tmp_path: Path
+    logs: tuple[Log, ...], learned: Car, base: Path, tmp_path: Path
 ) -> None:
     car = create_car(tmp_path / "leaf", "nissan_leaf_24", base=base)
     seen: list[tuple[int, int]] = []
@@ -102,78 +102,7 @@ def test_trips_are_learned_by_departure_once_and_later_ones_go_on(
     assert f"{car!r}".endswith("4 trips in its diary>")
 
 
-def test_scores_by_hand() -> None:
-    table = pd.DataFrame(
-        {
-            "energy_wh": [1000.0, 2000.0, -100.0],
-            "forecast_wh": [1200.0, 1900.0, 0.0],
-            "low_wh": [1000.0, 1700.0, -50.0],
-            "high_wh": [1400.0, 1950.0, 50.0],
-            "book_forecast_wh": [900.0, 2100.0, 100.0],
-            "book_low_wh": [0.0, 2000.0, -100.0],
-            "book_high_wh": [999.0, 3000.0, 200.0],
-            "ambient_temperature_degc": [4.9, 5.0, 20.0],
-            "cause_air_wh": [300.0, 500.0, 10.0],
-            "cause_base_load_wh": [900.0, 1400.0, -10.0],
-        }
-    )
-    score = Score.of(table)
-    assert score.trips == 3
-    assert score.error == pytest.approx((0.2 + 0.05) / 2), (
-        "the trip without consumption has no relative error"
-    )
-    assert score.weighted_error == pytest.approx((200 + 100 + 100) / 3100)
-    assert score.bias == pytest.approx((200 - 100 + 100) / 3100)
-    assert score.coverage == pytest.approx(1 / 3), "an interval holds its ends"
-    assert score.width == pytest.approx((400 + 250 + 100) / 3100)
-    assert score.inside == 1
-    assert score.needed_width == pytest.approx(2.0 * score.width), "the third trip lies two half widths away"
-    book = Score.of(table, "book_")
-    assert book.coverage == pytest.approx(2 / 3)
-    assert book.bias == pytest.approx((-100 + 100 + 200) / 3100)
-    diary = Diary(table)
-    assert {name: s.trips for name, s in diary.by_temperature().items()} == {
-        "below 5 °C": 1,
-        "5 to 20 °C": 1,
-        "20 °C and more": 1,
-    }
-    assert diary.latest(2)[0].weighted_error == pytest.approx(200 / 2100)
-    dated = table.assign(
-        started_at=["2023-12-31T23:00:00", "2024-02-29T08:00:00", "2024-03-01T08:00:00"],
-        distance_m=[5000.0, 9000.0, 700.0],
-    )
-    winter, spring = Diary(dated).by_season().items()
-    assert winter == (
-        "december_to_february",
-        {
-            "trips": 2,
-            "distance_m": 14_000.0,
-            "energy_wh": 3000.0,
-            "error": pytest.approx(300 / 3000),
-            "coverage": 0.5,
-        },
-    )
-    assert (spring[0], spring[1]["trips"], spring[1]["energy_wh"]) == ("march_to_may", 1, -100.0)
-    undated = Diary(dated.assign(started_at=["", "2024-08-31T23:59:00", "2024-09-01"]))
-    assert list(undated.by_season()) == ["june_to_august", "september_to_november"]
-    assert diary.by_cause_wh() == {"air": 810.0, "base_load": 2290.0, "not_forecast": pytest.approx(-200.0)}
-    assert sum(diary.by_cause_wh().values()) == pytest.approx(table["energy_wh"].sum())
-    nothing = Diary.empty()
-    assert nothing.score.to_dict() == {
-        "trips": 0,
-        "error": None,
-        "weighted_error": None,
-        "bias": None,
-        "coverage": None,
-        "width": None,
-        "inside": 0,
-        "needed_width": None,
-    }
-    assert nothing.by_cause_wh() == {}
-    assert f"{nothing!r}" == "<Diary without a trip>"
-
-
-def test_causes_of_a_diary_add_up(learned: OwnCar) -> None:
+def test_causes_of_a_diary_add_up(learned: Car) -> None:
     diary = learned.diary
     assert sum(diary.by_cause_wh().values()) == pytest.approx(diary.table["energy_wh"].sum())
     assert (diary.table["low_wh"] < diary.table["forecast_wh"]).all()
@@ -186,13 +115,13 @@ def test_how_often_a_model_learns_again(
     """With a third of the trips new it learns after 1, 2, 3, 4 and 6 trips, and at the end."""
     monkeypatch.setattr(module, "AGAIN", 1 / 3)
     counts: list[int] = []
-    adapted = OwnCar._adapted
+    adapted = Car._adapted
 
-    def counting(self: OwnCar, base: tw.ForecastModel, trips: list[tw.Trip]):  # type: ignore[no-untyped-def]
+    def counting(self: Car, base: tw.ForecastModel, trips: list[tw.Trip]):  # type: ignore[no-untyped-def]
         counts.append(len(trips))
         return adapted(self, base, trips)
 
-    monkeypatch.setattr(OwnCar, "_adapted", counting)
+    monkeypatch.setattr(Car, "_adapted", counting)
     car = create_car(tmp_path / "car", "nissan_leaf_24", base=base)
     car.add(logs)
     assert counts == [1, 2, 3, 4, 6]
@@ -200,7 +129,7 @@ def test_how_often_a_model_learns_again(
 
 
 def test_a_crash_between_store_and_model_is_caught_up(
-    logs: tuple[Log, ...], learned: OwnCar, base: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    logs: tuple[Log, ...], learned: Car, base: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     car = create_car(tmp_path / "leaf", "nissan_leaf_24", base=base)
     with monkeypatch.context() as patch:
@@ -208,7 +137,7 @@ def test_a_crash_between_store_and_model_is_caught_up(
         def crash(*_: object) -> None:
             raise KeyboardInterrupt
 
-        patch.setattr(OwnCar, "_keep", crash)
+        patch.setattr(Car, "_keep", crash)
         with pytest.raises(KeyboardInterrupt):
             car.add(logs[:4])
     assert len(car.diary) == 0
@@ -233,7 +162,7 @@ def test_a_described_car_keeps_its_description(tmp_path: Path) -> None:
 
 
 def test_what_is_no_car_is_refused_and_files_of_others_stay(
-    learned: OwnCar, logs: tuple[Log, ...], tmp_path: Path
+    learned: Car, logs: tuple[Log, ...], tmp_path: Path
 ) -> None:
     with pytest.raises(InvalidInput, match=r"not a car.*no such folder"):
         open_car(tmp_path / "nowhere")

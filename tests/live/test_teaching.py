@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 import pytest
@@ -16,11 +17,10 @@ pytest.importorskip("deltalake", reason="the extra tripwatt[fleet] is not instal
 import tripwatt as tw
 from tripwatt.cli import app
 from tripwatt.errors import InvalidInput
-from tripwatt.live import LiveCar, create_car, has_news, learn_finished, open_car, open_live_car
+from tripwatt.live import RoadCar, create_car, has_news, learn_finished, open_car
 from tripwatt.live import own_car as own_module
-from tripwatt.live.live_car import FORECASTS, finished_names, forecasts_of
+from tripwatt.live.folder import finished_names, forecasts_of
 from tripwatt.live.live_trip import STANDING_S
-from tripwatt.live.on_the_way import EVERY_S, MadeForecast, OnTheWay, read_forecasts
 from tripwatt.live.teaching import TAUGHT
 from tripwatt.store import TripStore
 from tripwatt.synthetic import synthetic_fleet
@@ -46,7 +46,7 @@ def table(number: int) -> pd.DataFrame:
     return measured(synthetic_fleet(3, seed=5).logs[number].samples)
 
 
-def drive(car: LiveCar, number: int, *, ends: bool = True) -> None:
+def drive(car: RoadCar, number: int, *, ends: bool = True) -> None:
     """One of three trips, a day apart; with what follows it until it has ended."""
     start_s = NOON_S + DAY_S * number
     samples = samples_of(table(number), start_s)
@@ -58,8 +58,13 @@ def drive(car: LiveCar, number: int, *, ends: bool = True) -> None:
         car.add(later, now_s=later.time_s)
 
 
+def made(energy_wh: float, low_wh: float, high_wh: float) -> Any:
+    """The part of a forecast that a diary keeps."""
+    return {"energy_wh": energy_wh, "quantiles_wh": {"0.05": low_wh, "0.95": high_wh}}
+
+
 def test_a_finished_trip_is_forecast_then_learned_and_counts_once(folder: Path) -> None:
-    with open_live_car(folder) as car:
+    with RoadCar(folder) as car:
         assert not has_news(folder)
         drive(car, 0)
         assert has_news(folder)
@@ -88,7 +93,7 @@ def test_a_process_that_is_killed_while_it_learns_counts_no_trip_twice(
     folder: Path, monkeypatch: pytest.MonkeyPatch, killed: str
 ) -> None:
     """Killed before the store has the trip, before model and diary have it, and before it is noted as done."""
-    with open_live_car(folder) as car:
+    with RoadCar(folder) as car:
         drive(car, 0)
 
     class Killed(BaseException):
@@ -99,8 +104,8 @@ def test_a_process_that_is_killed_while_it_learns_counts_no_trip_twice(
 
     place, name = {
         "store": (TripStore, "add"),
-        "model": (own_module.OwnCar, "_keep"),
-        "note": (learn_finished.__globals__, "write_file"),
+        "model": (own_module.Car, "_keep"),
+        "note": (learn_finished.__globals__, "write_text"),
     }[killed]
     with monkeypatch.context() as patched:
         if isinstance(place, dict):
@@ -117,7 +122,7 @@ def test_a_process_that_is_killed_while_it_learns_counts_no_trip_twice(
 
 
 def test_a_damaged_file_of_a_trip_does_not_hold_up_the_others(folder: Path) -> None:
-    with open_live_car(folder) as car:
+    with RoadCar(folder) as car:
         drive(car, 0)
         drive(car, 1)
     first, second = finished_names(folder)
@@ -129,7 +134,7 @@ def test_a_damaged_file_of_a_trip_does_not_hold_up_the_others(folder: Path) -> N
 
 
 def test_a_damaged_note_only_costs_work(folder: Path) -> None:
-    with open_live_car(folder) as car:
+    with RoadCar(folder) as car:
         drive(car, 0)
     learn_finished(folder)
     for content in ("{", "[]", '{"trips": 1}'):
@@ -139,7 +144,7 @@ def test_a_damaged_note_only_costs_work(folder: Path) -> None:
 
 
 def test_a_folder_that_is_no_car_has_no_news_and_learns_nothing(tmp_path: Path) -> None:
-    with open_live_car(tmp_path / "zoe") as car:
+    with RoadCar(tmp_path / "zoe") as car:
         drive(car, 0)
         assert len(car.logs()) == 1
     assert not has_news(tmp_path / "zoe")
@@ -148,50 +153,36 @@ def test_a_folder_that_is_no_car_has_no_news_and_learns_nothing(tmp_path: Path) 
 
 
 def test_forecasts_of_the_way_stay_with_their_trip_through_a_restart(folder: Path) -> None:
-    with open_live_car(folder) as car:
-        assert not car.keep_forecast(1.0, 0.5, 1.5), "the car is on no trip"
+    with RoadCar(folder) as car:
+        assert not car.keep_forecast(made(1.0, 0.5, 1.5)), "the car is on no trip"
         drive(car, 0, ends=False)
         assert car.trip is not None
-        assert car.keep_forecast(2000.0, 1500.0, 2500.0, departing=True)
-        assert not car.keep_forecast(2010.0, 1500.0, 2500.0, departing=True), "there is one of the departure"
+        assert car.keep_forecast(made(2000.0, 1500.0, 2500.0), departing=True)
+        assert not car.keep_forecast(made(2010.0, 1500.0, 2500.0), departing=True), (
+            "there is one of the departure"
+        )
         assert car.wants_forecast
-        assert car.keep_forecast(2100.0, 1700.0, 2400.0)
-        assert not car.keep_forecast(2101.0, 1700.0, 2400.0), "too soon"
+        assert car.keep_forecast(made(2100.0, 1700.0, 2400.0))
+        assert not car.keep_forecast(made(2101.0, 1700.0, 2400.0)), "too soon"
         assert not car.wants_forecast
-        way = [asdict(made) for made in car.forecasts]
+        way = [asdict(row) for row in car.forecasts]
         at_s, distance_m = car.trip.last_s - car.trip.start_s, car.trip.distance_m
     assert [row["energy_wh"] for row in way] == [2000.0, 2100.0]
     assert (way[0]["at_s"], way[0]["distance_m"]) == (0.0, 0.0)
     assert (way[1]["at_s"], way[1]["distance_m"]) == pytest.approx((at_s, distance_m))
-    with open_live_car(folder) as car:  # the trip is found again in the journal
-        assert [asdict(made) for made in car.forecasts] == way
+    with RoadCar(folder) as car:  # the trip is found again in the journal
+        assert [asdict(row) for row in car.forecasts] == way
         drive(car, 0)
         assert car.trip is None
         assert car.forecasts == ()
     (name,) = finished_names(folder)
-    assert [asdict(made) for made in forecasts_of(folder, f"leaf-{name}")] == way
+    assert [asdict(row) for row in forecasts_of(folder, f"leaf-{name}")] == way
     assert forecasts_of(folder, "leaf-other") == ()
     assert forecasts_of(folder, "../../leaf") == ()
 
 
-def test_the_forecasts_of_a_trip_have_a_bound_and_a_distance(tmp_path: Path) -> None:
-    path = tmp_path / FORECASTS
-    way = OnTheWay(path)
-    made = [way.add(5.0, MadeForecast(k * EVERY_S / 2.0, k, 1.0, 0.5, 2.0)) for k in range(5)]
-    assert made == [True, False, True, False, True]
-    assert not way.add(5.0, MadeForecast(1e9, 1.0, float("nan"), 0.5, 2.0))
-    assert [row.distance_m for row in read_forecasts(path)] == [0.0, 2.0, 4.0]
-    assert way.is_due(6.0, 0.0), "of another trip"
-    assert way.add(6.0, MadeForecast(0.0, 0.0, 7.0, 0.5, 9.0))
-    assert [row.energy_wh for row in OnTheWay(path).of(6.0)] == [7.0]
-    for content in ("{", "[]", '{"start_s": 1, "forecasts": [{}]}', '{"start_s": 1, "forecasts": [1]}'):
-        path.write_text(content)
-        assert read_forecasts(path) == ()
-    assert read_forecasts(tmp_path / "missing") == ()
-
-
 def test_the_command_learns_what_the_car_finished(folder: Path) -> None:
-    with open_live_car(folder) as car:
+    with RoadCar(folder) as car:
         drive(car, 0)
     for expected in (
         "1 trips added, 0 were known, 1 in the diary",

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from tripwatt.errors import InvalidInput
 from tripwatt.live import Sample, TopicJoiner
-from tripwatt.live.topics import SLOW_HOLD_S, SOURCE_NAMES, TIME_WAIT_S
+from tripwatt.live.telemetry import FORMATS
+from tripwatt.live.topics import SLOW_HOLD_S, TIME_WAIT_S
 
 T0 = 1_700_000_000.0
 OVMS, TESLA = "ovms/me/leaf/metric", "teslamate/cars/1"
@@ -49,7 +50,7 @@ def test_the_metrics_of_ovms_are_joined_by_the_time_of_the_car() -> None:
             "speed_m_s": 25.0,
             "voltage_v": 360.5,
             "current_a": -12.0,
-            "soc": 0.555,
+            "displayed_soc": 0.555,
             "elevation_m": 500.0,
             "ambient_temperature_degc": -3.0,
             "cabin_temperature_degc": 20.0,
@@ -106,7 +107,7 @@ def test_what_the_broker_kept_is_no_speed_and_no_power() -> None:
     ovms(timed, "m.time.utc", T0)
     ovms(timed, "v.p.speed", 36)
     found = timed.flush()
-    assert found == Sample(T0, {"soc": 0.5, "speed_m_s": 10.0})
+    assert found == Sample(T0, {"displayed_soc": 0.5, "speed_m_s": 10.0})
 
 
 def test_a_sender_without_its_time_is_awaited_and_then_joined_by_arrival() -> None:
@@ -179,7 +180,7 @@ def test_messages_of_abrp_come_in_one_topic() -> None:
 def test_a_source_is_known_and_a_topic_is_of_one_car(source: str, root: str) -> None:
     with pytest.raises(InvalidInput):
         TopicJoiner(source, root)
-    assert SOURCE_NAMES == ("ovms", "teslamate", "abrp")
+    assert tuple(FORMATS) == ("ovms", "teslamate", "abrp")
 
 
 METRICS = ["m.time.utc", "v.p.speed", "v.b.current", "v.b.voltage", "v.c.charging", "v.e.on", "x"]

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import datetime as dt
 
-import pandas as pd
 import pytest
 
-from tripwatt.live.usual import NEAR_S, road_of, usual_departure
-from tripwatt.trips import Log
+from tripwatt.live.usual import NEAR_S, usual_departure
 
 
 def at(day: int, hour: int, minute: int = 0) -> float:
@@ -48,14 +46,6 @@ def test_the_nearest_departure_by_time_of_day(
 ) -> None:
     assert usual_departure(earlier, departure) == expected
     assert usual_departure(iter(reversed(earlier)), departure) == expected
-
-
-def test_a_trip_without_a_road_has_none() -> None:
-    table = pd.DataFrame({"time_s": [0.0, 60.0, 120.0], "speed_m_s": [10.0, 10.0, 10.0]})
-    road = road_of(Log.from_samples("there", table))
-    assert road is not None
-    assert road.distance_m == pytest.approx(1200.0)
-    assert road_of(Log.from_samples("too fast", table.assign(speed_m_s=89.0))) is None
 
 
 def test_the_bound_is_an_hour_and_a_half() -> None:

@@ -65,7 +65,7 @@ def whole_answer(page: Any, act: Callable[[], Any]) -> Any:
     """The response with all answers that an action leads to."""
 
     def is_whole(response: Any) -> bool:
-        asked = response.url.endswith("/v1/plan") and response.request.post_data_json
+        asked = response.url.endswith("/v1/journeys") and response.request.post_data_json
         return bool(asked) and asked.get("alternatives") == 2
 
     with page.expect_response(is_whole) as planned:
@@ -133,7 +133,7 @@ def test_a_click_sets_a_then_b_and_dragging_b_gives_the_new_arrival(page: Any) -
     bx, by = centre(page, ".end-to")
     page.mouse.move(bx, by)
     page.mouse.down()
-    with page.expect_response(lambda r: r.url.endswith("/v1/plan")) as draft:
+    with page.expect_response(lambda r: r.url.endswith("/v1/journeys")) as draft:
         page.mouse.move(bx + 8, by)
     quick = draft.value.request.post_data_json
     assert quick["answers"] is False

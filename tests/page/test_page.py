@@ -209,9 +209,10 @@ def test_a_wrong_link_is_named(look: Look) -> None:
     page.get_by_role("textbox").fill('[{"length_m": -5, "speed_m_s": 10}, {"length_m": 500}]')
     page.get_by_role("button", name="Read the JSON").click()
     page.locator(".trip .faults li").nth(1).wait_for()
-    faults = page.locator(".trip .faults li").all_inner_texts()
-    assert "length_m" in faults[0]
-    assert "travel_time_s" in faults[1]
+    second, first = page.locator(".trip .faults li").all_inner_texts()
+    assert "link 1, length_m" in first
+    assert "link 2" in second
+    assert "travel_time_s" in second
 
 
 def test_links_are_typed_into_a_table(look: Look) -> None:
@@ -257,6 +258,26 @@ def test_a_road_of_unknown_heights_has_no_certain_verdict(look: Look) -> None:
     sent, flat = asked(page, "/v1/forecast", lambda: country.select_option("flat"))
     assert sent["terrain"] == flat["climb"]["terrain"] == "flat"
     page.locator(".chance-good").wait_for()
+
+
+def test_weather_and_extras_are_fields_of_the_request(look: Look, service: Service) -> None:
+    page = look()
+    more = page.locator("details.more")
+    more.locator("summary").click()
+    assert page.get_by_role("checkbox", name="Wind from").count() == 0
+    sent, _ = asked(page, "/v1/forecast", lambda: more.get_by_role("checkbox", name="Wind").check())
+    assert sent["wind_speed_m_s"] == pytest.approx(30.0 / 3.6)
+    assert "wind_from_deg" not in sent
+    page.get_by_text("The direction of the wind of 30\u00a0km/h along the road is unknown.").wait_for()
+    sent, _ = asked(page, "/v1/forecast", lambda: more.get_by_role("checkbox", name="Rain").check())
+    assert sent["rain_mm_h"] == 2.0
+    sent, answer = asked(page, "/v1/forecast", lambda: more.get_by_role("checkbox", name="Trailer").check())
+    assert sent["extras"] == ["trailer"]
+    assert service.forecast(sent).json() == answer
+    sent, _ = asked(page, "/v1/forecast", lambda: slider(page, "Wind").fill("50"))
+    assert sent["wind_speed_m_s"] == pytest.approx(50.0 / 3.6)
+    sent, _ = asked(page, "/v1/forecast", lambda: page.get_by_role("button", name="Reset").click())
+    assert not {"wind_speed_m_s", "rain_mm_h", "extras"} & set(sent)
 
 
 def test_the_speed_of_a_track_is_changed_after_the_upload(look: Look) -> None:
@@ -385,7 +406,7 @@ def test_britain_has_miles_and_degrees_celsius(look: Look) -> None:
 
 WORD = re.compile(r"[^\W\d_]{3,}")
 NAMES = re.compile(r"tripwatt|\d\s(min|kWh)|^kWh|^\[")
-SAME = {"Links", "Start", "Pause", "Token", "Name", "← Reserve 10\u00a0%", "Deutsch", "English"}
+SAME = {"Links", "Start", "Pause", "Token", "Name", "← Reserve 10\u00a0%", "Deutsch", "English", "Wind"}
 
 SHOWN_TEXT = """
 () => {

@@ -23,6 +23,6 @@ def test_mean_absolute_error_over_all_temperatures(rows) -> None:
 
 
 def test_the_documented_rows_are_those_of_now(rows) -> None:
-    assert pages.of_page("argonne.md", "argonne") == render_rows(rows).strip(), (
+    assert pages.of_page("explanation/argonne.md", "argonne") == render_rows(rows).strip(), (
         "run: python -m benchmarks.argonne --write"
     )

@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tripwatt.errors import InvalidInput
 from tripwatt.physics import CAUSES, DriveConditions, simulate, simulate_trip
 from tripwatt.physics.road_load import rolling_factor
 from tripwatt.trips import STEEPEST_GRADE, Context, Departure, Plan, Trip, plan_from_samples
@@ -251,50 +250,6 @@ def test_finer_samples_of_the_same_drive_give_the_same_energy(trace, pieces) -> 
         assert fine[cause][-1] == pytest.approx(coarse[cause][-1], rel=1e-9, abs=1e-9)
 
 
-@given(
-    st.lists(
-        st.sampled_from(["time", "speed", "grade", "soc", "ambient", "shape"]),
-        min_size=1,
-        max_size=6,
-        unique=True,
-    )
-)
-@EXAMPLES
-def test_every_bad_argument_is_named_at_once(broken) -> None:
-    time, speed, grade = np.arange(5.0), np.full(5, 3.0), np.zeros(5)
-    hvac, conditions = None, {}
-    expected = set()
-    if "time" in broken:
-        time[3] = time[2]
-        expected.add("time_s")
-    if "speed" in broken:
-        speed[1] = np.nan
-        expected.add("speed_m_s")
-    if "grade" in broken:
-        grade[0] = 3.0
-        expected.add("grade")
-    if "soc" in broken:
-        conditions["initial_soc"] = 80.0
-        expected.add("initial_soc")
-    if "ambient" in broken:
-        conditions["ambient_temperature_degc"] = np.nan
-        expected.add("ambient_temperature_degc")
-    if "shape" in broken:
-        hvac = np.zeros(4)
-        expected.add("hvac_power_w")
-    with pytest.raises(InvalidInput) as caught:
-        simulate(
-            load_vehicle("bmw_i3_60ah"),
-            time,
-            speed,
-            grade=grade,
-            hvac_power_w=hvac,
-            conditions=DriveConditions(**conditions),
-        )
-    named = " ".join(fault.where for fault in caught.value.faults)
-    assert all(name in named for name in expected)
-
-
 def test_inputs_are_left_alone(i3: Vehicle) -> None:
     time, speed, elevation = np.arange(60.0), np.linspace(0.0, 20.0, 60), np.linspace(0.0, 10.0, 60)
     before = [a.copy() for a in (time, speed, elevation)]
@@ -472,6 +427,8 @@ def energy_wh(car: Vehicle, plan: Plan, departure: Departure) -> float:
 
 
 CITY = city()
+
+
 CARS = ("bmw_i3_60ah", "nissan_leaf_40", "vw_id3", "tesla_model_3_lr")
 """With resistive heating and with a heat pump, with a sensor's lower end and without."""
 

@@ -137,9 +137,9 @@ def test_a_point_of_a_published_map() -> None:
 def test_the_car_with_induction_machines_meets_its_certificate() -> None:
     """Before anchoring within 8 % in the mean, where the map of magnets missed 24 %."""
     from benchmarks.anchors import unanchored
+    from tools.data.anchoring import certified_figures
 
     from tripwatt.certification.anchoring import errors
-    from tripwatt.certification.consumption import certified_figures
 
     car = unanchored("audi_e_tron_55")
     assert abs(float(errors(car, certified_figures("audi_e_tron_55", car)).mean())) < 0.08

@@ -33,13 +33,8 @@ COMMAND = re.compile(r"^ *(?:\$ )?(?:\w+=\S* )*(?:\.venv/bin/|python3? -m )?trip
 
 
 def current(page: Path) -> str:
-    """The text of a page without what is history: released sections of the change log."""
-    text = page.read_text("utf-8")
-    return (
-        re.split(r"^## \[\d", text, maxsplit=1, flags=re.MULTILINE)[0]
-        if page.name == "CHANGELOG.md"
-        else text
-    )
+    """The text of a page; nothing of a release, which is history."""
+    return "" if page.parent.name == "whatsnew" else page.read_text("utf-8")
 
 
 def code_of(text: str) -> list[str]:

@@ -2,7 +2,8 @@
 
 from pathlib import Path
 
-from tools.quality.mutants import named_mutants, ordered, read_map
+from tools import ROOT
+from tools.quality.mutants import ROOMS, named_mutants, ordered, read_map
 from tools.quality.mutating import mutants_of
 
 SOURCE = '''"""Text of 3 words."""
@@ -38,6 +39,10 @@ def test_every_mutant_is_a_program_and_one_change(tmp_path: Path) -> None:
         text = mutant.applied(path.read_bytes())
         compile(text, "module.py", "exec")
         assert text != SOURCE.encode()
+
+
+def test_rooms_of_mutants_exist() -> None:
+    assert [room for room in ROOMS if not (ROOT / "src" / "tripwatt" / room).is_dir()] == []
 
 
 def test_named_places_exist_and_change() -> None:

@@ -169,7 +169,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
         pytest.importorskip(name, reason="needs the extra tripwatt[docs]")
     out = tmp_path_factory.mktemp("site") / "site"
     built = subprocess.run(
-        [sys.executable, str(DOCS / "site" / "build.py"), str(out)], capture_output=True, text=True
+        [sys.executable, "-m", "tools.docs.site.build", str(out)], capture_output=True, text=True, cwd=ROOT
     )
     assert (built.returncode, built.stderr) == (0, "")
     return out
@@ -187,6 +187,15 @@ def test_every_page_of_the_repository_is_in_the_site(site: Path, pages: dict[str
         assert page.relative_to(DOCS).with_suffix(".html").as_posix() in pages
     for name in ("contributing", "changes", "security", "notice", "licence"):
         assert f"project/{name}.html" in pages
+
+
+def test_old_addresses_lead_to_the_pages_of_now(site: Path) -> None:
+    for old, new in {
+        "car": "howto/own-car",
+        "service": "reference/service",
+        "model": "explanation/car-model",
+    }.items():
+        assert f'url={new}.html"' in (site / f"{old}.html").read_text("utf-8")
 
 
 def test_every_name_of_the_door_is_described(site: Path, pages: dict[str, Found]) -> None:
@@ -212,7 +221,7 @@ def test_no_page_asks_another_host_for_a_file(site: Path, pages: dict[str, Found
 
 
 def test_formulas_are_drawn_without_a_script(site: Path) -> None:
-    text = (site / "gam.html").read_text("utf-8")
+    text = (site / "explanation" / "gam.html").read_text("utf-8")
     assert text.count("<math") > 20
     assert "$" not in re.sub(r"<(pre|script|style)\b.*?</\1>", "", text, flags=re.DOTALL)
 

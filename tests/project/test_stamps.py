@@ -49,16 +49,17 @@ def test_a_file_of_results_is_in_the_table() -> None:
 
 FOLLOWS = {
     "README.md": {"example", "results"},
-    "docs/results.md": {"paper", "forecast", "links"},
-    "docs/paper.md": {"paper-page"},
-    "docs/evaluation.md": {"coverage"},
-    "docs/uncertainty.md": {"coverage"},
-    "docs/transfer.md": {"tum-ved", "ved-tum", "covariates"},
-    "docs/model.md": {"parameters"},
-    "docs/vehicles.md": {"licences"},
-    "docs/fleet.md": {"costs"},
+    "docs/explanation/results.md": {"paper", "forecast", "links"},
+    "docs/explanation/paper.md": {"paper-page"},
+    "docs/explanation/evaluation.md": {"coverage"},
+    "docs/explanation/uncertainty.md": {"coverage"},
+    "docs/explanation/transfer.md": {"tum-ved", "ved-tum", "covariates"},
+    "docs/explanation/car-model.md": {"parameters"},
+    "docs/reference/vehicles.md": {"licences"},
+    "docs/howto/fleet.md": {"costs"},
+    "docs/reference/forecast.md": {"departure"},
 }
-OTHERWISE = {"docs/cli.md"}
+OTHERWISE = {"docs/reference/cli.md"}
 """Parts of pages that follow from stamped files or from the code alone, each with a test of its own; times of a machine; and a whole page."""
 
 
@@ -184,8 +185,8 @@ def test_a_moved_command_and_place_have_their_new_names() -> None:
         "docs/publish_results.py {work}/forecast": "-m tools.docs.publish_results {work}/forecast",
         "-m benchmarks.few_trips --cars 12 --write docs/synthetic.md": "-m benchmarks.few_trips --cars 12 --write",
         "-m benchmarks.anchors --write": "-m benchmarks.anchors --write",
-        "docs/synthetic.md#few trips begin": "docs/synthetic.md#few-trips",
-        "docs/peers.md#peers:begin": "docs/peers.md#peers",
+        "docs/synthetic.md#few trips begin": "docs/reference/synthetic.md#few-trips",
+        "docs/peers.md#peers:begin": "docs/explanation/peers.md#peers",
         "docs/results/paper.json": "docs/results/paper.json",
     }
     assert {old: moved.renamed(old) for old in names} == names

@@ -23,7 +23,7 @@ from tripwatt.report.panels.gamm_summary import PAPER_TABLE2
 from tripwatt.report.view import View
 from tripwatt.vehicles import load_vehicle
 
-PAGE = ROOT / "docs" / "paper.md"
+PAGE = ROOT / "docs" / "explanation" / "paper.md"
 
 
 @pytest.fixture(scope="module")
@@ -51,10 +51,10 @@ def test_every_element_of_the_paper_is_there_and_one_click_away(page: str) -> No
 
 
 def test_every_figure_of_the_page_is_committed(page: str) -> None:
-    shown = set(re.findall(r"\]\((images/[^)]+)\)", page))
+    shown = set(re.findall(r"\]\(\.\./(images/[^)]+)\)", page))
     assert shown == {f"images/paper-{name}.png" for name in (*FIGURES, *SCHEMATICS)}
     for name in shown:
-        assert (PAGE.parent / name).stat().st_size < 150_000
+        assert (PAGE.parents[1] / name).stat().st_size < 150_000
 
 
 def test_no_element_is_without_numbers(page: str) -> None:
@@ -156,5 +156,5 @@ def test_the_schematics_show_what_the_code_does() -> None:
 
 
 def test_the_committed_page_has_no_image_that_nothing_shows() -> None:
-    drawn = {file.name for file in Path(PAGE.parent / "images").glob("paper-*.png")}
+    drawn = {file.name for file in Path(PAGE.parents[1] / "images").glob("paper-*.png")}
     assert drawn == {f"paper-{name}.png" for name in (*FIGURES, *SCHEMATICS)}

@@ -1,4 +1,4 @@
-"""Laws of the driver model: limits are limits, distance is covered, comfort holds, a stop is a standstill."""
+"""The driver model: laws of the speed over a route, and its numbers, each bound from both sides."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tripwatt.errors import InvalidInput
-from tripwatt.routes.driver import DriverStyle, draw_dwell, reachable_speed, smooth_field, speed_profile
+from tripwatt.routes import LinkStyle, driver, profile
+from tripwatt.routes.driver import (
+    DriverStyle,
+    draw_dwell,
+    profile_over_time,
+    reachable_speed,
+    smooth_field,
+    speed_profile,
+)
 
 links = st.lists(
     st.tuples(
@@ -17,6 +25,8 @@ links = st.lists(
     min_size=1,
     max_size=12,
 )
+
+
 styles = st.builds(
     DriverStyle,
     acceleration_m_s2=st.floats(0.3, 4.0),
@@ -136,10 +146,164 @@ def test_all_faults_of_a_route_at_once():
     with pytest.raises(InvalidInput) as caught:
         speed_profile([100.0, -1.0], [10.0, np.nan], dwell_s=[0.0], step_s=0.0)
     where = [f.where for f in caught.value.faults]
-    assert where == ["step_s", "length_m, link 2", "speed_m_s, link 2", "dwell_s"]
+    assert where == ["step_s", "link 2, length_m", "link 2, speed_m_s", "dwell_s"]
     with pytest.raises(InvalidInput, match=r"deceleration_m_s2[\s\S]*speed_share"):
         DriverStyle(deceleration_m_s2=-1.0, speed_share=1.2)
     with pytest.raises(InvalidInput, match="no route"):
         speed_profile([], [])
     with pytest.raises(InvalidInput, match="link 2"):
         draw_dwell([0.5, 1.5], DriverStyle(), np.random.default_rng(0))
+
+
+NO = np.nan
+
+
+EXACT = {"rtol": 1e-12, "atol": 1e-12}
+
+
+def test_the_usual_styles():
+    """Of the links: what `calibrate_style` found on the cars of the Vehicle Energy Dataset. Of the driver: near UDDS."""
+    style = LinkStyle()
+    assert (style.comfort, style.street_speed_m_s, style.length_exponent) == (0.27, 8.9, 0.43)
+    assert (style.sharpness, style.stop_place) == (3.5, 0.5)
+    firm = style.driver
+    assert (firm.acceleration_m_s2, firm.deceleration_m_s2) == (2.5, 2.5)
+    assert (firm.half_acceleration_speed_m_s, firm.dwell_mean_s) == (35.0, 20.0)
+    usual = DriverStyle()
+    assert (usual.acceleration_m_s2, usual.deceleration_m_s2) == (1.6, 1.5)
+    assert (usual.half_acceleration_speed_m_s, usual.speed_share) == (20.0, 0.97)
+    assert (usual.fluctuation, usual.fluctuation_time_s, usual.dwell_mean_s) == (0.06, 10.0, 20.0)
+
+
+@pytest.mark.parametrize(
+    "name", ["acceleration_m_s2", "deceleration_m_s2", "fluctuation_time_s", "speed_share"]
+)
+def test_a_driver_style_is_positive(name):
+    for value in (0.0, -1.0, NO, np.inf):
+        with pytest.raises(InvalidInput, match=name):
+            DriverStyle(**{name: value})
+    assert getattr(DriverStyle(**{name: 0.01}), name) == 0.01
+
+
+def test_a_steady_foot_and_short_stops_are_allowed():
+    still = DriverStyle(fluctuation=0.0, dwell_mean_s=0.0, speed_share=1.0)
+    assert (still.fluctuation, still.dwell_mean_s, still.speed_share) == (0.0, 0.0, 1.0)
+    with pytest.raises(InvalidInput, match="at most 1"):
+        DriverStyle(speed_share=1.01)
+    with pytest.raises(InvalidInput, match="fluctuation"):
+        DriverStyle(fluctuation=-0.1)
+
+
+@pytest.fixture
+def aims(monkeypatch):
+    """What is aimed at, in place of what can be reached."""
+    seen = []
+
+    def remember(position, aim, style, effort=None):
+        seen.append((aim.copy(), None if effort is None else effort.copy()))
+        return np.maximum(aim, 1.0)
+
+    for module in (profile, driver):
+        monkeypatch.setattr(module, "reachable_speed", remember)
+    return seen
+
+
+def test_smooth_noise_is_an_autoregression_of_order_two():
+    """Ten points to a length, eighty of them to forget the start."""
+    position, value = smooth_field(25.0, 5.0, np.random.default_rng(7))
+    assert len(position) == 25 / 5 * 10 + 2
+    np.testing.assert_allclose(position, 0.5 * np.arange(52), **EXACT)
+    pole = np.exp(-0.1)
+    state, found = [0.0, 0.0], []
+    for drawn in np.random.default_rng(7).standard_normal(52 + 80):
+        state = [drawn + 2.0 * pole * state[0] - pole**2 * state[1], state[0]]
+        found.append(state[0])
+    variance = (1.0 + pole**2) / (1.0 - pole**2) ** 3
+    np.testing.assert_allclose(value, np.array(found[80:]) / np.sqrt(variance), rtol=1e-9)
+
+
+@pytest.mark.parametrize("fluctuation", [0.06, 0.4])
+def test_an_unsteady_foot_aims_beside_the_limit_and_varies_its_pressure(aims, fluctuation):
+    """Links of 40 and 6 m at 10 and 5 m/s have ten cells of 0.4 s and two of 0.6 s."""
+    style = DriverStyle(fluctuation=fluctuation)
+    speed_profile([40.0, 6.0, 2.0], [10.0, 5.0, 8.0], style=style, rng=np.random.default_rng(5))
+    ((aim, effort),) = aims
+    at_s = np.concatenate((np.arange(11) * 0.4, [4.6, 5.2, 5.325, 5.45]))
+    twin = np.random.default_rng(5)
+    steady = np.interp(at_s, *smooth_field(5.45, 10.0, twin))
+    press = np.interp(at_s, *smooth_field(5.45, 1.5, twin))
+    share = 0.97 * np.exp(fluctuation * steady)
+    share = np.maximum(np.where(share > 1.0, 2.0 - share, share), 0.4 * 0.97)
+    allowed = np.array([10.0] * 10 + [5.0] * 3 + [8.0] * 2)
+    expected = allowed * share
+    expected[[0, -1]] = 0.0
+    np.testing.assert_allclose(aim, expected, rtol=1e-9)
+    np.testing.assert_allclose(
+        effort, np.clip(1.0 - 2.0 * fluctuation * (1.0 + press), 0.3, 1.0)[1:], rtol=1e-9
+    )
+
+
+def test_a_steady_foot_aims_at_its_share_and_stops_where_it_has_to(aims):
+    speed_profile([40.0, 40.0, 40.0], [10.0, 20.0, 20.0], dwell_s=[0.0, 3.0, 0.0])
+    ((aim, effort),) = aims
+    assert effort is None
+    expected = 0.97 * np.array([10.0] * 11 + [20.0] * 20)
+    expected[[0, 20, 30]] = 0.0
+    np.testing.assert_allclose(aim, expected, **EXACT)
+
+
+@pytest.mark.parametrize(
+    ("changed", "where"),
+    [
+        ({"length_m": [0.0, 5.0]}, "link 1, length_m"),
+        ({"length_m": [5.0, np.inf]}, "link 2, length_m"),
+        ({"speed_m_s": [5.0, 0.0]}, "link 2, speed_m_s"),
+        ({"dwell_s": [-1.0, 0.0]}, "link 1, dwell_s"),
+        ({"step_s": 0.0}, "step_s"),
+        ({"step_s": NO}, "step_s"),
+    ],
+)
+def test_one_fault_of_a_route(changed, where):
+    with pytest.raises(InvalidInput) as caught:
+        speed_profile(**{"length_m": [5.0, 5.0], "speed_m_s": [5.0, 5.0], **changed})
+    assert [fault.where for fault in caught.value.faults] == [where]
+
+
+def test_a_stop_lasts_two_seconds_and_an_exponential():
+    found = draw_dwell([0.0, 1.0, 0.5, 1.0], DriverStyle(dwell_mean_s=12.0), np.random.default_rng(9))
+    twin = np.random.default_rng(9)
+    stops = twin.random(4) < np.array([0.0, 1.0, 0.5, 1.0])
+    np.testing.assert_allclose(found, np.where(stops, 2.0 + 10.0 * twin.exponential(1.0, 4), 0.0), **EXACT)
+    short = draw_dwell([1.0], DriverStyle(dwell_mean_s=1.0), np.random.default_rng(9))
+    assert short.tolist() == [2.0]
+    for wrong in (-0.01, 1.01, NO):
+        with pytest.raises(InvalidInput, match="stop_probability, link 2"):
+            draw_dwell([0.5, wrong], DriverStyle(), np.random.default_rng(0))
+
+
+def test_distance_becomes_time():
+    """1 s standing, 2 s up to 4 m/s, 2 s on at 4 m/s, 1.5 s standing, 2 s up again, 1 s down."""
+    position = np.array([0.0, 4.0, 12.0, 14.0, 18.0, 20.0])
+    speed = np.array([0.0, 4.0, 4.0, 0.0, 4.0, 0.0])
+    driving = np.array([2.0, 2.0, 1.0, 2.0, 1.0])
+    waiting = np.array([1.0, 0.0, 0.0, 1.5, 0.0, 0.0])
+    found = profile_over_time(position, speed, driving, waiting, np.array([2, 3, 5]), 0.5)
+    assert found.time_s.tolist() == [0.5 * k for k in range(22)]
+    up, rest = [0.0, 1.0, 2.0, 3.0], [0.0, 0.0, 0.0]
+    assert found.speed_m_s.tolist() == [0.0, 0.0, *up, *[4.0] * 5, 2.0, *rest, *up, 4.0, 2.0, 0.0]
+    np.testing.assert_allclose(
+        found.position_m,
+        [0, 0, 0, 0.25, 1, 2.25, 4, 6, 8, 10, 12, 13.5, 14, 14, 14, 14, 14.25, 15, 16.25, 18, 19.5, 20],
+        **EXACT,
+    )
+    assert found.link.tolist() == [0] * 10 + [1] * 5 + [2] * 7
+
+
+def test_the_last_sample_is_the_first_after_the_arrival():
+    at, speed, ends = np.array([0.0, 4.0, 8.0]), np.array([0.0, 4.0, 0.0]), np.array([2])
+    found = profile_over_time(at, speed, np.array([2.0, 2.0]), np.zeros(3), ends, 1.5)
+    assert found.time_s.tolist() == [0.0, 1.5, 3.0, 4.5]
+    assert found.position_m.tolist() == [0.0, 2.25, 7.0, 8.0]
+    assert found.speed_m_s.tolist() == [0.0, 3.0, 2.0, 0.0]
+    exact = profile_over_time(at, speed, np.array([2.0, 2.0]), np.zeros(3), ends, 0.1)
+    assert len(exact.time_s) == 41

@@ -1,4 +1,4 @@
-"""Travel times of an empty road and what is expected of them; and roads that are cut in different ways."""
+"""Times of an empty road and the times that drives take."""
 
 import json
 
@@ -22,9 +22,6 @@ def trip(*pieces):
     """A drive of pieces (seconds, km/h)."""
     speed = np.concatenate([np.full(seconds, kmh / 3.6) for seconds, kmh in pieces])
     return Trip.from_samples("t", pd.DataFrame({"time_s": np.arange(float(len(speed))), "speed_m_s": speed}))
-
-
-# the proxy
 
 
 @pytest.mark.parametrize(
@@ -92,9 +89,6 @@ def test_each_sample_counts_for_the_link_on_which_it_lies():
     assert 3.6 * route.moving_speed_m_s == pytest.approx([70.0, 70.0])
 
 
-# factors
-
-
 def links(speed_kmh, length_m):
     speed, length = np.array(speed_kmh) / 3.6, np.array(length_m, dtype=float)
     empty = np.full(len(speed), NAN)
@@ -151,9 +145,6 @@ def test_expected_times_never_fall_below_those_of_the_router():
     assert found.moving_speed_m_s == pytest.approx([10.0, 10.0, 30.0])
 
 
-# their uncertainty
-
-
 def test_the_variance_has_a_part_of_the_trip_and_a_part_of_the_distance():
     factors = TravelTimeFactors(np.array([10.0]), np.array([1.2]))
     found = FreeFlowUncertainty(factors, 0.0016, 9.0, 20)
@@ -188,7 +179,7 @@ def test_a_fitted_model_knows_the_error_of_free_flow_times_and_keeps_it(fitted, 
         10,
     )
     assert again.factors.factor.tolist() == free.factors.factor.tolist()
-    assert json.loads((tmp_path / "m" / "model.json").read_text())["free_flow"]["trips"] == 10
+    assert json.loads((tmp_path / "m" / "model.json").read_text())["uncertainty_"]["free_flow"]["trips"] == 10
     assert len(trips) == 10
 
 
@@ -227,9 +218,6 @@ def test_a_free_flow_plan_has_its_own_uncertainty_and_its_own_words(fitted):
     old = found.with_route_error(model.uncertainty_.route, None)
     assert old.route_sd_wh == pytest.approx(model.uncertainty_.route.share(plan.link_m) * found.energy_wh)
     assert "travel_time_error_unknown" in {flag.code for flag in old.flags}
-
-
-# the same road, cut in different ways
 
 
 def cut(number, **more):

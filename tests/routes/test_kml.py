@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 
 from tripwatt.errors import InvalidInput
-from tripwatt.routes import needs_speed, parse_route, plan_from_route, read_kml
+from tripwatt.routes import (
+    needs_speed,
+    parse_route,
+    plan_from_route,
+    read_kml,
+    xml_events,
+)
 from tripwatt.routes.points import MOST_POINTS
 from tripwatt.routes.xml_events import root_of
 
@@ -131,3 +137,69 @@ def test_a_packed_file_is_named(tmp_path):
     path.write_bytes(b"PK\x03\x04" + bytes(60))
     with pytest.raises(InvalidInput, match="unpack it"):
         parse_route(path)
+
+
+def faults_of(read, *args, **more):
+    with pytest.raises(InvalidInput) as caught:
+        read(*args, **more)
+    return caught.value.faults
+
+
+def kml_text(text, tag="LineString"):
+    return f"<kml><{tag}><coordinates>{text}</coordinates></{tag}></kml>".encode()
+
+
+@pytest.mark.parametrize("text", ["1", "1,2,3,4", "1,,3", "1;2"])
+def test_a_point_of_kml_has_two_or_three_numbers(text):
+    (fault,) = faults_of(read_kml, kml_text(f"1,2 {text}"))
+    assert (fault.where, fault.got) == ("route, point 2", repr(text))
+    assert len(read_kml(kml_text("1,2 1,3,4"))) == 2
+
+
+def test_points_of_kml_are_cut_in_messages():
+    (fault,) = faults_of(read_kml, kml_text("x" * 70 + " 1,2"))
+    assert (fault.where, fault.got) == ("route, point 1", repr("x" * 60))
+
+
+def test_the_most_points_of_kml(monkeypatch):
+    monkeypatch.setattr(xml_events, "MOST_POINTS", 2)
+    assert len(read_kml(kml_text("1,2 1,3"))) == 2
+    assert faults_of(read_kml, kml_text("1,2 1,3 1,4"))[0].got == "more than 2"
+
+
+def test_a_little_height_is_a_height():
+    assert read_kml(kml_text("1,2,0 1,3,0.5")).elevation_m.tolist() == [0.0, 0.5]
+    assert read_kml(kml_text("1,2,0 1,3,-0.5")).elevation_m.tolist() == [0.0, -0.5]
+    assert np.isnan(read_kml(kml_text("1,2,0 1,3,-0")).elevation_m).all()
+
+
+def test_points_belong_to_the_line_and_the_recording_around_them():
+    line = "<LineString><coordinates>{}</coordinates></LineString>"
+    found = read_kml(f"\n<kml> {line.format('1,1')} {line.format('1,2 1,3')} </kml>\n".encode())
+    assert found.latitude_deg.tolist() == [2.0, 3.0]
+    parts = line.format("1,2</coordinates><coordinates>1,3 1,4")
+    assert read_kml(f"<kml>{parts}</kml>".encode()).latitude_deg.tolist() == [2.0, 3.0, 4.0]
+    stamps = "<when>2026-05-01T08:00:00Z</when><when>2026-05-01T08:00:07Z</when>"
+    short = "<Track><when>never</when><coord>1 1</coord></Track>"
+    track = f"<Track>{stamps}<coord>1 2</coord><coord>1 3</coord></Track>"
+    found = read_kml(f"<kml>{short}{track}</kml>".encode())
+    assert (found.latitude_deg.tolist(), found.time_s.tolist()) == ([2.0, 3.0], [0.0, 7.0])
+
+
+def test_coordinates_of_other_shapes_are_left_out():
+    lines = "<LineString><coordinates>1,2 1,3</coordinates></LineString>"
+    ring = "<Polygon><outerBoundaryIs><LinearRing><coordinates>1,1 2,2</coordinates></LinearRing></outerBoundaryIs></Polygon>"
+    loose = "<coord>8 8</coord><when>never</when>"
+    found = read_kml(f"<kml>{ring}{loose}{lines}{lines.replace('1,3', '1,4')}</kml>".encode())
+    assert found.latitude_deg.tolist() == [2.0, 3.0]
+    assert [(flag.code, flag.value) for flag in found.flags] == [("first_of_several", 2.0)]
+
+
+def test_a_recording_has_a_time_for_each_point():
+    when = "".join(f"<when>2026-05-01T08:00:0{k}Z</when>" for k in range(3))
+    where = "".join(f"<coord>1 {k}</coord>" for k in range(3))
+    track = f"<kml><Track>{when}{where}</Track></kml>"
+    assert read_kml(track.encode()).time_s.tolist() == [0.0, 1.0, 2.0]
+    assert read_kml(f"<kml><Track>{where}</Track></kml>".encode()).time_s is None
+    (fault,) = faults_of(read_kml, track.replace("<coord>1 0</coord>", "").encode())
+    assert fault.got == "3 times, 2 points"

@@ -1,8 +1,4 @@
-"""Links as users write them, links of driven trips, and the trips that are made of them."""
-
-import json
-import math
-from typing import Any
+"""Routes of links: bounds, the links of a trip, the plan that a driver makes of them."""
 
 import numpy as np
 import pandas as pd
@@ -14,20 +10,16 @@ from tripwatt.errors import InvalidInput
 from tripwatt.physics import simulate_trip
 from tripwatt.routes import (
     LinkRoute,
-    LinkStyle,
-    calibrate_style,
     join_routes,
+    links,
     links_of_trip,
-    parse_route,
     plan_from_links,
     plan_from_route,
-    road_work,
     route_from_links,
 )
-from tripwatt.routes.link_objects import LINK_KEYS, columns_at_once, columns_one_by_one
+from tripwatt.routes.links import first_of_stretches, given_stops, highest_limits, moving_speeds
 from tripwatt.sources import read_logs
 from tripwatt.trips import Departure, Flag, Trip, plan_from_trip, resample
-from tripwatt.units import GRAVITY_M_S2, WH_PER_J
 from tripwatt.vehicles import load_vehicle
 
 
@@ -85,36 +77,6 @@ def test_departure_is_known_at_the_start_and_nothing_is_measured():
     )
 
 
-def test_heights_and_grades_say_the_same_road():
-    by_grade = route_from_links(
-        [{"length_m": 400.0, "speed_m_s": 10.0, "grade": 0.03}, {"length_m": 600.0, "speed_m_s": 10.0}]
-    )
-    by_height = route_from_links(
-        [
-            {"length_m": 400.0, "speed_m_s": 10.0, "start_elevation_m": 0.0, "end_elevation_m": 12.0},
-            {"length_m": 600.0, "travel_time_s": 60.0, "start_elevation_m": 12.0, "end_elevation_m": 12.0},
-        ]
-    )
-    place = np.linspace(0.0, 1000.0, 21)
-    np.testing.assert_allclose(by_grade.elevation_at(place), by_height.elevation_at(place), atol=1e-9)
-    assert by_height.flags == ()
-
-
-@pytest.mark.parametrize("grade", [0.3, -0.3, 0.4])
-def test_a_steep_link_climbs_as_given(grade):
-    """Streets of 0.3 exist; a link that no street has is refused."""
-    flat = {"length_m": 500.0, "speed_m_s": 8.0, "grade": 0.0}
-    plan = plan_from_links(route_from_links([flat, {"length_m": 1900.0, "speed_m_s": 8.0, "grade": grade}]))
-    car = load_vehicle("bmw_i3_60ah")
-    climb = simulate_trip(car, plan).energy_by_cause_wh["climb"][-1]
-    expected = car.body.test_mass_kg * GRAVITY_M_S2 * grade * 1900.0 * WH_PER_J
-    assert climb == pytest.approx(expected, rel=1e-3)
-    with pytest.raises(
-        InvalidInput, match=r"grade out of range: link 1, grade: got 0.45; allowed: -0.4 to 0.4"
-    ):
-        route_from_links([{"length_m": 100.0, "speed_m_s": 8.0, "grade": 0.45}])
-
-
 def test_short_links_are_joined_and_their_time_is_kept():
     tiny = [{"length_m": 8.0, "speed_m_s": 12.0 if k % 3 else 9.0} for k in range(400)]
     route = route_from_links(tiny)
@@ -131,96 +93,6 @@ def test_joined_routes_follow_each_other():
     assert two.elevation_at([0.0, 400.0, 800.0]).tolist()[::2] == [5.0, 9.0]
     assert two.distance_m == 800.0
     assert Flag("no_elevation", "road") in join_routes([one, links_of_trip(driven(np.full(90, 10.0)))]).flags
-
-
-def test_every_fault_of_the_links_at_once():
-    with pytest.raises(InvalidInput) as caught:
-        route_from_links(
-            [
-                {"length_m": 0.0, "speed_m_s": 10.0},
-                {"length_m": 100.0, "speed_m_s": 10.0, "travel_time_s": 10.0},
-                {"length_m": 100.0, "speed_m_s": 10.0, "grade": 3.0},
-                {"length_m": 100.0, "speed_m_s": 10.0, "colour": 1.0},
-                {"length_m": float("inf"), "speed_m_s": 10.0},
-                {"length_m": 10**400, "speed_m_s": 10.0},
-                {"length_m": True, "speed_m_s": 10.0},
-            ]
-        )
-    said = [fault.where for fault in caught.value.faults]
-    assert [f"link {k}" in " ".join(said) for k in range(1, 8)] == [True] * 7
-    with pytest.raises(InvalidInput, match="at most 70"):
-        route_from_links([{"length_m": 1000.0, "speed_m_s": 100.0}])
-    with pytest.raises(InvalidInput, match="takes too long"):
-        route_from_links([{"length_m": 1000.0, "speed_m_s": 0.001}])
-
-
-@settings(max_examples=150, deadline=None)
-@given(
-    st.lists(
-        st.dictionaries(
-            st.sampled_from(
-                [
-                    "length_m",
-                    "speed_m_s",
-                    "travel_time_s",
-                    "grade",
-                    "stop_s",
-                    "start_elevation_m",
-                    "end_elevation_m",
-                    "x",
-                ]
-            ),
-            st.one_of(
-                st.none(),
-                st.floats(),
-                st.floats(0.1, 500.0),
-                st.booleans(),
-                st.text(max_size=3),
-                st.integers(),
-            ),
-            max_size=5,
-        ),
-        max_size=4,
-    )
-)
-def test_any_links_are_refused_or_driven(links):
-    try:
-        trip = plan_from_route(route_from_links(links))
-    except InvalidInput:
-        return
-    assert trip.duration_s > 0
-
-
-def test_links_come_as_json_too():
-    links = [{"length_m": 500.0, "speed_m_s": 10.0}]
-    for document in (links, {"links": links}):
-        route = parse_route(json.dumps(document).encode())
-        assert isinstance(route, LinkRoute)
-        assert route.duration_s == 50.0
-
-
-def test_calibration_finds_the_style_that_made_the_trips():
-    truth = LinkStyle(street_speed_m_s=14.0, comfort=0.4)
-    rng = np.random.default_rng(5)
-    trips = [
-        plan_from_links(
-            route_from_links([{"length_m": 250.0, "speed_m_s": v} for v in rng.uniform(4.0, 16.0, 30)]),
-            style=truth,
-        )
-        for _ in range(4)
-    ]
-    found = calibrate_style(trips, length_m=(250.0,), most_evaluations=60)
-    wrong = [
-        abs(road_work(plan_from_links(links_of_trip(t), style=LinkStyle())) / road_work(t) - 1.0)
-        for t in trips
-    ]
-    right = [
-        abs(road_work(plan_from_links(links_of_trip(t), style=found)) / road_work(t) - 1.0) for t in trips
-    ]
-    assert np.mean(right) < 0.02
-    assert np.mean(right) < 0.25 * np.mean(wrong)
-    with pytest.raises(InvalidInput, match="no trips"):
-        calibrate_style([])
 
 
 def test_links_of_real_trips_cost_what_the_trips_cost(data_dir):
@@ -285,64 +157,278 @@ def test_a_planned_trip_knows_the_length_of_its_links():
     assert plan_from_route(two).link_m == pytest.approx((100.0**2 + 300.0**2) / 400.0)
 
 
-TABLE = "length_m;speed_m_s;grade;stop_s\n500;10,5;0,01;\n\n250;5;;20\n"
+NO = np.nan
 
 
-def test_links_come_as_csv_too(tmp_path):
-    objects = route_from_links(
-        [{"length_m": 500, "speed_m_s": 10.5, "grade": 0.01}, {"length_m": 250, "speed_m_s": 5, "stop_s": 20}]
+TO_ROUNDING = {"rtol": 1e-12, "atol": 1e-9}
+
+
+def route(length, time, **more):
+    length = np.array(length, dtype=float)
+    unknown = np.full(len(length), NO)
+    given = {"stop_s": unknown, "moving_speed_m_s": unknown}
+    arrays = {
+        name: np.array(values, dtype=float) if isinstance(values, list) else values
+        for name, values in more.items()
+    }
+    return LinkRoute(length, np.array(time, dtype=float), **{**given, **arrays})
+
+
+def refused(*args, **more):
+    with pytest.raises(InvalidInput) as caught:
+        route(*args, **more)
+    return [fault.where for fault in caught.value.faults]
+
+
+def test_bounds_of_a_link():
+    """A centimetre to ten thousand kilometres, 48 hours, 252 km/h."""
+    assert route([0.01], [1.0]).distance_m == 0.01
+    assert refused([0.009], [1.0]) == ["link 1, length_m"]
+    assert route([1e7], [172_800.0]).duration_s == 172_800.0
+    assert refused([1.1e7], [172_800.0]) == ["link 1, length_m"]
+    assert refused([5.0, 5.0], [1.0, 0.0])[0] == "link 2, travel_time_s"
+    assert refused([5.0], [172_801.0])[0] == "link 1, travel_time_s"
+    assert route([70.0], [1.0]).speed_m_s.tolist() == [70.0]
+    assert refused([70.1], [1.0]) == ["link 1, speed_m_s"]
+    assert len(route([9.0], [9.0], stop_s=[0.0])) == 1
+    assert len(route([9.0], [9.0], stop_s=[8.9])) == 1
+    assert refused([9.0], [9.0], stop_s=[-0.1]) == ["link 1, stop_s"]
+    assert refused([9.0], [9.0], stop_s=[9.0]) == ["link 1, stop_s"]
+    for name in ("moving_speed_m_s", "speed_limit_m_s"):
+        assert len(route([9.0], [9.0], **{name: [70.0]})) == 1
+        assert refused([9.0], [9.0], **{name: [70.1]}) == [f"link 1, {name}"]
+        assert refused([9.0], [9.0], **{name: [0.0]}) == [f"link 1, {name}"]
+        assert refused([9.0], [9.0], **{name: [9.0, 9.0]}) == [name]
+
+
+def test_values_below_one_are_values():
+    slow = {"stop_s": [0.5], "moving_speed_m_s": [0.5], "speed_limit_m_s": [0.5]}
+    assert route([0.5], [0.9], **slow).distance_m == 0.5
+    assert links_of_trip(logged([1.0] * 3), 0.5).length_m.tolist() == [0.5] * 4
+    assert links_of_trip(logged([0.2] * 3), 5.0).distance_m == pytest.approx(0.4)
+    assert links_of_trip(logged([5.0, 5.0])).length_m.tolist() == [5.0]
+
+
+def test_bounds_of_a_route():
+    assert route([9.0, 9.0], [86_400.0, 86_400.0]).duration_s == 172_800.0
+    assert refused([9.0, 9.0], [86_400.0, 86_401.0]) == ["links"]
+    assert refused([], []) == ["links"]
+    n = 200_000
+    assert len(route([1.0] * n, [0.5] * n)) == n
+    assert refused([1.0] * (n + 1), [0.5] * (n + 1)) == ["links"]
+    heights = {"elevation_position_m": [0.0, 9.0]}
+    assert route([9.0], [9.0], elevation_m=[-500.0, 9000.0], **heights).elevation_at([9.0]) == 9000.0
+    assert refused([9.0], [9.0], elevation_m=[-500.0, 9001.0], **heights) == ["elevation 2"]
+    assert refused([9.0], [9.0], elevation_m=[-501.0, 9000.0], **heights) == ["elevation 1"]
+
+
+def test_several_wrong_links_are_counted():
+    with pytest.raises(InvalidInput, match=r"link 2, length_m: got 0 \(and 1 more links\)"):
+        route([9.0, 0.0, 0.0], [9.0] * 3)
+
+
+def test_one_wrong_link_is_not_counted():
+    with pytest.raises(InvalidInput) as caught:
+        route([9.0, 0.0], [9.0] * 2)
+    assert caught.value.faults[0].got == "0"
+
+
+def test_what_is_not_given_of_a_route():
+    plain = route([9.0], [9.0])
+    assert plain.free_flow is False
+    assert plan_from_links(plain).step_s == 1.0
+    assert plain.speed_limit_m_s is None
+    assert plain.elevation_at([0.0]) is None
+    assert route([9.0], [9.0], elevation_m=[5.0]).elevation_at([0.0]) is None
+    assert route([9.0], [9.0], elevation_position_m=[0.0]).elevation_at([0.0]) is None
+
+
+def logged(speed, **columns):
+    time = 5.0 + np.arange(float(len(speed)))
+    return Trip.from_samples("t", pd.DataFrame({"time_s": time, "speed_m_s": speed, **columns}))
+
+
+def test_links_of_a_trip_by_hand():
+    """100 m at 10 m/s, a standstill of 5 s, 60 m at 20 m/s with half seconds of change on both sides."""
+    speed = [10.0] * 11 + [0.0] * 6 + [20.0] * 4
+    trip = logged(speed, elevation_m=np.linspace(500.0, 520.0, 21))
+    made = links_of_trip(trip, 60.0)
+    np.testing.assert_allclose(made.length_m, [60.0, 60.0, 55.0], **TO_ROUNDING)
+    # 60 m after 6 s; 105 m when it stands, 5 s standing, 10 m more while it starts, then 5 m at 20 m/s
+    np.testing.assert_allclose(made.travel_time_s, [6.0, 4.0 + 1.0 + 5.0 + 1.0 + 0.25, 2.75], **TO_ROUNDING)
+    np.testing.assert_allclose(made.elevation_at([0.0, 60.0, 175.0]), [500.0, 506.0, 520.0], **TO_ROUNDING)
+    assert made.flags == ()
+    assert len(links_of_trip(trip, 400.0)) == 1
+    assert len(links_of_trip(trip)) == 1
+    assert len(links_of_trip(logged([10.0] * 51))) == 2
+    assert len(links_of_trip(trip, 71.0)) == 2
+
+
+def test_a_link_of_a_trip_starts_with_its_first_sample_and_ends_with_its_last():
+    made = links_of_trip(logged([0.0] * 4 + [10.0] * 11 + [0.0] * 4), 55.0)
+    np.testing.assert_allclose(made.length_m, [55.0, 55.0], **TO_ROUNDING)
+    assert made.travel_time_s.sum() == 18.0
+    assert made.travel_time_s[0] == 3.0 + 1.0 + 5.0
+
+
+def test_a_standstill_at_a_border_belongs_to_the_link_behind_it():
+    """95 m with the stop from 10 m/s in the last second, 5 s standing, 95 m with the start in the first second."""
+    made = links_of_trip(logged([10.0] * 10 + [0.0] * 6 + [10.0] * 10), 95.0)
+    assert made.length_m.tolist() == [95.0, 95.0]
+    assert made.travel_time_s.tolist() == [10.0, 15.0]
+
+
+def test_heights_of_a_trip_are_bridged_and_told_when_missing():
+    heights = np.full(21, NO)
+    heights[[0, 10, 20]] = [500.0, 510.0, 500.0]
+    made = links_of_trip(logged([10.0] * 21, elevation_m=heights), 50.0)
+    np.testing.assert_allclose(made.elevation_m, [500.0, 505.0, 510.0, 505.0, 500.0], **TO_ROUNDING)
+    flat = links_of_trip(logged([10.0] * 21), 50.0)
+    assert flat.elevation_m is None
+    assert flat.flags == (Flag("no_elevation", "road"),)
+
+
+@pytest.mark.parametrize("length_m", [0.0, -1.0, NO, np.inf])
+def test_a_length_that_cuts_nothing(length_m):
+    with pytest.raises(InvalidInput, match="length out of range"):
+        links_of_trip(logged([10.0] * 5), length_m)
+    with pytest.raises(InvalidInput, match="trip without distance"):
+        links_of_trip(logged([0.0] * 5))
+
+
+def test_a_plan_has_two_million_samples_of_a_millisecond(monkeypatch):
+    with pytest.raises(InvalidInput, match=r"allowed: 0\.05 s or more"):
+        plan_from_links(route([50_000.0], [100_000.0]), step_s=0.0499)
+    with pytest.raises(InvalidInput, match=r"allowed: 0\.001 s or more"):
+        plan_from_links(route([90.0], [10.0]), step_s=0.0009)
+    monkeypatch.setattr(links, "MOST_SAMPLES", 100)
+    assert plan_from_links(route([90.0], [10.0]), step_s=0.1).step_s == 0.1
+
+
+def stretches(length, stop=None):
+    made = route(length, [60.0] * len(length), **({} if stop is None else {"stop_s": stop}))
+    return first_of_stretches(made).tolist()
+
+
+def test_links_shorter_than_sixty_metres_are_joined():
+    assert stretches([60.0, 60.0, 60.0]) == [0, 1, 2]
+    assert stretches([59.0, 60.0, 60.0]) == [0, 2]
+    assert stretches([20.0, 40.0, 30.0, 30.0]) == [0, 2]
+    assert stretches([20.0, 39.0, 30.0, 90.0]) == [0, 3]
+    assert stretches([20.0, 40.0, 30.0, 29.0]) == [0]
+    assert stretches([200.0, 30.0]) == [0]
+    assert stretches([30.0]) == [0]
+
+
+def test_links_are_joined_up_to_a_stop():
+    assert stretches([20.0, 40.0, 30.0], [5.0, 0.0, 0.0]) == [0, 1]
+    assert stretches([20.0, 40.0, 10.0], [5.0, 0.0, 0.0]) == [0, 1]
+    assert stretches([20.0, 40.0, 10.0], [0.0, 0.0, 0.0]) == [0]
+    assert stretches([20.0, 40.0, 10.0], [NO, 5.0, 0.0]) == [0, 2]
+    assert stretches([20.0, 60.0], [0.0, 5.0]) == [0]
+
+
+def test_a_stop_at_the_end_of_joined_links_is_where_it_was_given():
+    """20 m and 480 m in 50 s with a stop of 10 s behind them, then 500 m."""
+    made = route([20.0, 480.0, 500.0], [2.0, 48.0, 45.0], stop_s=[0.0, 10.0, 0.0])
+    plan = plan_from_links(made, step_s=0.5)
+    speed = plan.array("speed_m_s")
+    standing = np.flatnonzero(speed[5:-5] == 0.0) + 5
+    assert len(standing) in (20, 21)
+    assert speed[: standing[0]].sum() * 0.5 == pytest.approx(500.0, rel=0.01)
+
+
+def test_what_is_known_of_joined_links():
+    made = route(
+        [30.0, 30.0, 60.0, 30.0, 30.0],
+        [10.0, 10.0, 10.0, 20.0, 20.0],
+        stop_s=[NO, 0.0, NO, NO, 5.0],
+        moving_speed_m_s=[10.0, 15.0, NO, 10.0, NO],
+        speed_limit_m_s=[10.0, 20.0, NO, NO, 5.0],
     )
-    for text in (
-        TABLE,
-        TABLE.replace(",", ".").replace(";", ","),
-        TABLE.replace(";", "\t").replace("\n", "\r\n"),
-    ):
-        (tmp_path / "route.csv").write_bytes(b"\xef\xbb\xbf" + text.encode())
-        route = parse_route(tmp_path / "route.csv")
-        for name in ("length_m", "travel_time_s", "stop_s", "elevation_m"):
-            np.testing.assert_array_equal(getattr(route, name), getattr(objects, name))
+    first, last = np.array([0, 2, 3]), np.array([1, 2, 4])
+    np.testing.assert_array_equal(given_stops(made, first, last), [NO, NO, 5.0])
+    known = route([30.0, 30.0], [10.0, 10.0], stop_s=[0.0, 4.0])
+    np.testing.assert_array_equal(given_stops(known, np.array([0, 1]), np.array([0, 1])), [0.0, 4.0])
+    np.testing.assert_array_equal(given_stops(known, np.array([0]), np.array([1])), [4.0])
+    np.testing.assert_array_equal(moving_speeds(made, first), [60.0 / (3.0 + 2.0), NO, NO])
+    np.testing.assert_array_equal(highest_limits(made, first), [20.0, NO, NO])
+    assert highest_limits(route([30.0], [9.0]), np.array([0])) is None
 
 
-def test_every_fault_of_a_table_at_once():
-    with pytest.raises(InvalidInput) as caught:
-        parse_route(b"length_km,speed_km_h,colour\n1,50,red\n")
-    said = str(caught.value)
-    assert "did you mean length_m?" in said
-    assert "did you mean speed_m_s?" in said
-    assert "'colour'" in said
-    assert said.count("missing column") == 2
-    with pytest.raises(InvalidInput) as caught:
-        parse_route(b"length_m,speed_m_s,grade\nx,9,0\n5,-9,7\n,nan,0\n8,9,0,1\n")
-    said = str(caught.value)
-    for words in ("link 1, length_m: got 'x'", "link 2, speed_m_s", "link 2, grade", "missing key: link 3",
-                  "link 3, speed_m_s: got nan", "too many cells"):  # fmt: skip
-        assert words in said
-    assert "missing key: link 1" not in said
-    with pytest.raises(InvalidInput) as caught:
-        parse_route(b"length_m,speed_m_s\n" + b"0,0\n" * 20_000)
-    assert len(caught.value.faults) <= 60
-    assert "more" in str(caught.value.faults[-1])
-
-
-@given(
-    st.lists(
-        st.dictionaries(
-            st.sampled_from(sorted(LINK_KEYS)),
-            st.sampled_from(
-                [None, -1.0, 0, 0.0, 0.3, 0.5, 5, 9.5, 50.0, 1e400, 10**400, math.nan, True, "5"]
-            ),
-            max_size=6,
-        ),
-        max_size=4,
+def test_joined_routes_by_hand():
+    one = route([400.0, 100.0], [40.0, 9.0], elevation_position_m=[0.0, 500.0], elevation_m=[5.0, 9.0])
+    two = route(
+        [300.0], [20.0], elevation_position_m=[0.0, 300.0], elevation_m=[9.0, 3.0], speed_limit_m_s=[20.0]
     )
+    both = join_routes([one, two, one])
+    assert both.elevation_position_m.tolist() == [0.0, 500.0, 500.0, 800.0, 800.0, 1300.0]
+    assert both.elevation_m.tolist() == [5.0, 9.0, 9.0, 3.0, 5.0, 9.0]
+    np.testing.assert_array_equal(both.speed_limit_m_s, [NO, NO, 20.0, NO, NO])
+    assert both.flags == ()
+    flat = join_routes([one, route([300.0], [20.0])])
+    assert flat.elevation_m is None
+    assert flat.elevation_position_m is None
+    assert flat.flags == (Flag("no_elevation", "road"),)
+    told = route([300.0], [20.0], flags=(Flag("no_elevation", "road"),))
+    assert join_routes([told, told]).flags == told.flags
+
+
+def uncut(length, time, **more):
+    """The mean length of the links of a plan, weighted by length: which neighbours count as one."""
+    made = plan_from_links(route(length, time, **more))
+    return round(made.link_m, 6)
+
+
+@pytest.mark.parametrize(
+    ("more", "one"),
+    [
+        ({}, True),
+        ({"stop_s": [0.0, 0.0]}, True),
+        ({"stop_s": [0.0, NO]}, False),
+        ({"stop_s": [NO, 0.0]}, False),
+        ({"stop_s": [5.0, 0.0]}, False),
+        ({"stop_s": [0.0, 5.0]}, False),
+        ({"stop_s": [5.0, 5.0]}, False),
+        ({"moving_speed_m_s": [12.0, 12.0]}, True),
+        ({"moving_speed_m_s": [12.0, 12.00001]}, True),
+        ({"moving_speed_m_s": [12.0, 12.00002]}, False),
+        ({"moving_speed_m_s": [12.0, NO]}, False),
+        ({"speed_limit_m_s": [14.0, 14.0]}, True),
+        ({"speed_limit_m_s": [14.0, 14.0001]}, False),
+        ({"speed_limit_m_s": [NO, 14.0]}, False),
+    ],
 )
-def test_columns_of_links_are_those_of_the_links_one_by_one(links: list[dict[str, Any]]) -> None:
-    """A look at all links at once takes what a look at each takes, to the same values, and nothing else."""
-    at_once = columns_at_once(links)
-    try:
-        one_by_one = columns_one_by_one(links)
-    except InvalidInput:
-        assert at_once is None
-        return
-    assert at_once is not None
-    assert {n: v.tobytes() for n, v in at_once.items()} == {n: v.tobytes() for n, v in one_by_one.items()}
+def test_neighbours_that_differ_in_nothing_are_one_link(more, one):
+    assert uncut([200.0, 200.0], [20.0, 20.0], **more) == (400.0 if one else 200.0)
+
+
+def test_speeds_that_differ_by_a_millionth_are_one():
+    assert uncut([200.0, 200.0], [20.0, 20.00001]) == 400.0
+    assert uncut([200.0, 200.0], [20.0, 20.00003]) == 200.0
+    assert links.MOST_SAMPLES == 2_000_000
+    assert uncut([200.0, 300.0, 100.0], [20.0, 30.0, 20.0]) == pytest.approx((500.0**2 + 100.0**2) / 600.0)
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        {"stop_s": [5.0, NO, NO]},
+        {"stop_s": [NO, 0.0, 0.0]},
+        {"moving_speed_m_s": [12.0, NO, NO]},
+        {"moving_speed_m_s": [12.0, 14.0, 14.0]},
+        {"moving_speed_m_s": [NO, 14.0, 14.0]},
+        {"speed_limit_m_s": [14.0, NO, NO]},
+        {"speed_limit_m_s": [NO, 16.0, 16.0]},
+    ],
+)
+def test_each_link_is_compared_with_its_own_neighbour(more):
+    """The second and the third are one."""
+    found = uncut([200.0] * 3, [20.0] * 3, **more)
+    assert found == pytest.approx((200.0**2 + 400.0**2) / 600.0)
+
+
+def test_equal_neighbours_beyond_the_longest_link_stay_apart(monkeypatch):
+    monkeypatch.setattr(links, "LONGEST_LINK_M", 600.0)
+    assert uncut([300.0, 300.0], [30.0, 30.0]) == 600.0
+    assert uncut([300.0, 300.5], [30.0, 30.05]) == pytest.approx(300.25, abs=0.01)

@@ -1,11 +1,11 @@
-"""Places by name, of Photon and Nominatim; the answers follow their public formats."""
+"""Places by name, of servers and of what a person types."""
 
 import httpx
 import pytest
 from tests.support.roads import client, mutated
 
 from tripwatt.errors import Fault, InvalidInput, RemoteError
-from tripwatt.routes.places import Place, without_twins
+from tripwatt.routes.places import Place
 from tripwatt.routes.search import MOST_FOUND, NominatimSearch, PhotonSearch, find_place, open_search
 
 PHOTON = {
@@ -25,6 +25,8 @@ PHOTON = {
         },
     ]
 }
+
+
 NOMINATIM = [
     {"lat": "47.141", "lon": "9.5209", "display_name": "Vaduz, Liechtenstein", "addresstype": "town"}
 ]
@@ -235,6 +237,8 @@ class Known:
 
 
 STREET = Place(47.2, 9.55, "Feldkircherstrasse, Nendeln", "street")
+
+
 BALZERS, SCHAAN = (
     Place(47.07, 9.51, "Landstrasse, Balzers", "street"),
     Place(47.16, 9.51, "Landstrasse, Schaan", "street"),
@@ -259,8 +263,3 @@ def test_a_name_of_several_places_is_asked_back() -> None:
 def test_a_whole_name_is_taken_after_others_and_before_other_kinds() -> None:
     village, office = Place(47.1, 9.5, "Vaduz", "village"), Place(47.2, 9.6, "Vaduz", "poi")
     assert find_place("Vaduz", Known(STREET, village, office), "x") == village
-
-
-def test_places_of_one_name_that_lie_together_are_one() -> None:
-    village, office, far = (Place(47.1 + d, 9.5, "Vaduz", "village") for d in (0.0, 0.01, 1.0))
-    assert without_twins([village, office, far]) == (village, far)

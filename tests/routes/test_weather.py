@@ -1,4 +1,4 @@
-"""The weather along a road: wind by heading, the error of a forecast by its age, answers of a server."""
+"""The weather along a road."""
 
 import datetime as dt
 
@@ -24,6 +24,8 @@ from tripwatt.trips import Departure, Plan, table_of
 from tripwatt.vehicles import load_vehicle
 
 NOON = dt.datetime(2030, 1, 1, 12, 0, tzinfo=dt.UTC)
+
+
 CAR = load_vehicle("bmw_i3_60ah")
 
 
@@ -36,6 +38,8 @@ def road(latitude, longitude, length_m=10_000.0, speed_m_s=25.0):
 
 
 NORTH, EAST = road([47.0, 47.09], [9.0, 9.0]), road([0.0, 0.0], [9.0, 9.09])
+
+
 THERE_AND_BACK = road([47.0, 47.045, 47.0], [9.0, 9.0, 9.0])
 
 
@@ -150,9 +154,6 @@ def test_a_forecast_of_tomorrow_is_less_certain_and_a_value_by_hand_is_certain()
     assert (Weather().temperature_sd_k, Weather().wind_sd_m_s) == (0.0, 0.0)
 
 
-# a server
-
-
 def answers(request):
     number = len(request.url.params["latitude"].split(","))
     tables = [
@@ -207,7 +208,6 @@ def test_the_weather_is_asked_along_the_road_when_the_car_comes_by():
     assert len(weather) == 3
     assert asked[1][0].latitude_deg == pytest.approx(47.45)
     assert (asked[1][1] - NOON).total_seconds() == pytest.approx(2000.0)
-    assert weather_along(long, Weather(3.0), NOON)[1] == (Weather(3.0),)
 
 
 @pytest.mark.parametrize(

@@ -61,7 +61,7 @@ def test_failures_that_pass_are_tried_three_times_with_longer_pauses():
     server = WebClient(
         "http://h",
         pause=pauses.append,
-        _transport=[httpx.MockTransport(lambda request: httpx.Response(statuses.pop(0), json={}))],
+        transport=httpx.MockTransport(lambda request: httpx.Response(statuses.pop(0), json={})),
     )
     assert server.get_json("/x") == {}
     assert pauses == [0.2, 0.4]
@@ -202,8 +202,8 @@ def failing(clock, timeout_s, status=503):
     def pause(seconds):
         clock[0] += seconds
 
-    transport = [httpx.MockTransport(answer)]
-    return WebClient("http://h", timeout_s=timeout_s, pause=pause, _transport=transport), seen
+    transport = httpx.MockTransport(answer)
+    return WebClient("http://h", timeout_s=timeout_s, pause=pause, transport=transport), seen
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ import pytest
 
 from tripwatt.journey import AtlasSettings
 from tripwatt.service import app as room
-from tripwatt.service.app import BatchResponse, ExampleDocuments, create_app
+from tripwatt.service.app import BatchResponse, create_app
 from tripwatt.service.pool import JobResult
 from tripwatt.service.problems import Problem
 from tripwatt.service.settings import Limits, Settings
@@ -195,7 +195,9 @@ def test_a_tile_is_kept_for_an_hour_and_a_forecast_is_not() -> None:
 
 def test_without_a_map_there_are_no_journeys() -> None:
     served = Served(with_map=False)
-    assert [served.post(path).status_code for path in ("/v1/plan", "/v1/reachable")] == [501, 501]
+    assert [served.post(path).status_code for path in ("/v1/journeys", "/v1/plan", "/v1/reachable")] == [
+        501
+    ] * 3
     assert served("/v1/places", params={"q": "x"}).json()["detail"] == "start the service with --map"
     assert served("/v1/map").status_code == 200
 
@@ -232,17 +234,15 @@ def example_of(name: str) -> dict[str, Any]:
     }
 
 
-def test_examples_are_split_once() -> None:
+def test_each_example_is_asked_for_once() -> None:
     served = Served()
-    found = {name: example_of(name) for name in ("one", "two")}
-    served.pool.result = JobResult(200, orjson.dumps(found), 0.5)
-    brief = served("/v1/examples").json()["examples"]
-    assert [set(found["one"]) - set(row) for row in brief] == [{"request", "observed"}] * 2
-    assert served("/v1/examples/two").json() == found["two"]
-    assert served("/v1/examples/three").status_code == 404
-    assert len(served.pool.jobs) == 1
-    documents = ExampleDocuments.from_job(orjson.dumps(found))
-    assert list(documents.by_name) == ["one", "two"]
+    for name in ("one", "two"):
+        served.pool.result = JobResult(200, orjson.dumps(example_of(name)), 0.5)
+        assert [served(f"/v1/examples/{name}").json() for _ in range(2)] == [example_of(name)] * 2
+    assert len(served.pool.jobs) == 2
+    served.pool.result = JobResult(404, orjson.dumps(Problem("not-found").document()), 0.5)
+    assert [served("/v1/examples/three").status_code for _ in range(2)] == [404, 404]
+    assert len(served.pool.jobs) == 4
 
 
 def test_health_and_readiness() -> None:

@@ -7,12 +7,14 @@ from typing import Any
 
 import orjson
 import pytest
+from cachetools import LRUCache
 
 from tripwatt.errors import Fault, InvalidInput
+from tripwatt.forecasting import ForecastModel
 from tripwatt.forecasting.storage import DEFAULT_MODEL
 from tripwatt.service import jobs as room
-from tripwatt.service.jobs import JOB_KINDS, Check, Jobs, collected_faults, require_finite
-from tripwatt.service.schemas import NotJson
+from tripwatt.service.jobs import JOB_KINDS, Check, Jobs, require_finite
+from tripwatt.service.problems import Problem
 from tripwatt.service.settings import Limits
 from tripwatt.service.worker import run_job
 
@@ -69,8 +71,9 @@ def test_what_is_wrong_is_named_once_and_together(jobs: Jobs) -> None:
 def test_a_body_that_is_no_object_is_one_fault(jobs: Jobs) -> None:
     for call in (jobs.forecast, jobs.update, jobs.plan, jobs.reach):
         assert [fault.where for fault in faults_of(call, b"[]")] == ["body"]
-    with pytest.raises(NotJson):
+    with pytest.raises(Problem) as caught:
         jobs.forecast(b"{")
+    assert caught.value.kind == "not-json"
 
 
 def test_a_trip_has_samples_or_links(jobs: Jobs) -> None:
@@ -106,7 +109,7 @@ def test_the_car_of_the_model_needs_no_transfer(jobs: Jobs) -> None:
     own = jobs.models[DEFAULT_MODEL].vehicle.name
     found = limited(jobs)
     assert found.forecast(body_of(vehicle=own)) == found.forecast(body_of())
-    assert found.transferred == {}
+    assert len(found.transferred) == 0
 
 
 def test_a_car_or_figures(jobs: Jobs) -> None:
@@ -117,7 +120,7 @@ def test_a_car_or_figures(jobs: Jobs) -> None:
     }
 
 
-def test_a_transferred_model_is_kept_and_the_oldest_goes_first(
+def test_a_transferred_model_is_kept_and_the_least_recent_one_goes_first(
     jobs: Jobs, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     made: list[str] = []
@@ -127,17 +130,20 @@ def test_a_transferred_model_is_kept_and_the_oldest_goes_first(
         return replace(model)
 
     monkeypatch.setattr(room, "for_car", for_car)
-    known = {(DEFAULT_MODEL, f"car {k}"): jobs.models[DEFAULT_MODEL] for k in range(63)}
-    found = replace(jobs, transferred=dict(known))
+    kept = LRUCache[tuple[str, str | None], ForecastModel](64)
+    kept.update({(DEFAULT_MODEL, f"car {k}"): jobs.models[DEFAULT_MODEL] for k in range(63)})
+    found = replace(jobs, transferred=kept)
     found.forecast(body_of(vehicle="vw_id3"))
     assert len(found.transferred) == 64
-    assert (DEFAULT_MODEL, "car 0") in found.transferred
+    assert found.transferred[DEFAULT_MODEL, "car 0"]  # which makes car 1 the least recent
     found.forecast(body_of(vehicle="vw_id3"))
     assert made == ["vw_id3"]
     found.forecast(body_of(vehicle="tesla_model_3_lr"))
     assert len(found.transferred) == 64
-    assert next(iter(found.transferred)) == (DEFAULT_MODEL, "car 1")
-    assert list(found.transferred)[-2:] == [(DEFAULT_MODEL, "vw_id3"), (DEFAULT_MODEL, "tesla_model_3_lr")]
+    assert (DEFAULT_MODEL, "car 1") not in found.transferred
+    assert {(DEFAULT_MODEL, name) for name in ("car 0", "vw_id3", "tesla_model_3_lr")} <= set(
+        found.transferred
+    )
 
 
 def test_the_flags_of_a_transfer_come_first(jobs: Jobs) -> None:
@@ -254,7 +260,7 @@ def test_a_forecast_that_physics_forbids_is_a_fault_of_the_request(jobs: Jobs) -
 
 
 def test_every_kind_of_job_is_run(jobs: Jobs) -> None:
-    kinds = "describe examples forecast map need places plan reach route tile update vehicles view"
+    kinds = "describe example examples forecast map need places plan reach route tile update vehicles view"
     of_cars = ("car", "car token", "cars", "forget car", "learn", "learn finished", "logs", "new car")
     assert sorted(JOB_KINDS) == sorted([*kinds.split(), *of_cars])
     assert jobs.run({"kind": "map"}, b"") == jobs.journeys.describe()
@@ -262,21 +268,21 @@ def test_every_kind_of_job_is_run(jobs: Jobs) -> None:
 
 def test_checks_collect_their_faults() -> None:
     check = Check()
-    assert (check(lambda: 3), check.failed, check.faults) == (3, False, [])
+    assert (check(lambda: 3), check.errors) == (3, [])
     first, second = Fault("a", "b"), Fault("c", "d")
 
     def fail(*faults: Fault) -> None:
         raise InvalidInput(faults)
 
     def together() -> None:
-        with collected_faults() as found:
+        with Check() as found:
             found(lambda: fail(first))
             found(lambda: fail(second, first))
 
     assert faults_of(together) == (first, second)
 
     def without_its_own() -> None:
-        with collected_faults() as found:
+        with Check() as found:
             found(lambda: fail())
 
     assert faults_of(without_its_own) == ()
@@ -292,7 +298,7 @@ def test_every_value_of_a_forecast_is_finite(name: str) -> None:
         "p_arrive": {"0": 1.0},
         "series": {"time_s": [0.0, 1.0]},
     }
-    assert require_finite(found) is found
+    assert require_finite(found) == found
     for spoiled in ({name: float("nan")}, {"p_arrive": {"0": float("inf")}}):
         with pytest.raises(InvalidInput, match="no forecast"):
             require_finite(found | spoiled)

@@ -36,7 +36,7 @@ def is_valid(model: type[BaseModel], document: dict[str, Any]) -> bool:
         (WeatherRequest, {}, "rain_mm_h", 0.0, 200.0),
         (WeatherRequest, {}, "pressure_pa", 30_000.0, 110_000.0),
         (ReachRequest, REACH, "soc", 0.0, 1.0),
-        (ReachRequest, REACH, "ambient_temperature_degc", -60.0, 70.0),
+        (ReachRequest, REACH, "ambient_temperature_degc", -60.0, 57.0),
         (ReachRequest, REACH, "cabin_setpoint_degc", 0.0, 50.0),
         (ReachRequest, REACH, "cabin_temperature_degc", -60.0, 100.0),
         (ReachRequest, REACH, "battery_temperature_degc", -60.0, 100.0),
@@ -86,8 +86,8 @@ def test_at_most_four_extras() -> None:
 
 def test_a_departure_is_a_text_with_a_time_zone() -> None:
     found = check_request(PLAN | {"depart": "2026-02-01T07:30:00+01:00"}, PlanRequest)
-    assert found.started_at is not None
-    assert found.started_at.isoformat() == "2026-02-01T07:30:00+01:00"
+    assert found.departs_at is not None
+    assert found.departs_at.isoformat() == "2026-02-01T07:30:00+01:00"
     assert not is_valid(PlanRequest, PLAN | {"depart": "2026-02-01T07:30:00"})
 
 

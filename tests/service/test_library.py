@@ -3,45 +3,19 @@
 from __future__ import annotations
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from tripwatt.physics.battery import open_circuit_voltage
-from tripwatt.routes import route_from_links
+from tripwatt.service import library
 from tripwatt.service.library import (
-    columns_of,
     described,
+    example_summaries,
     examples,
-    links_of,
     usable_energy_wh,
     vehicles,
 )
+from tripwatt.service.problems import Problem
 from tripwatt.vehicles import load_vehicle, vehicle_names
-
-
-def test_links_leave_out_what_is_not_known() -> None:
-    route = route_from_links(
-        [
-            {"length_m": 100.0, "speed_m_s": 10.0, "speed_limit_m_s": 14.0, "stop_s": 2.0},
-            {"length_m": 50.0, "travel_time_s": 5.0},
-        ]
-    )
-    first, second = links_of(route)
-    assert (first["length_m"], first["stop_s"], first["speed_limit_m_s"]) == (100.0, 2.0, 14.0)
-    assert (second["length_m"], second["travel_time_s"]) == (50.0, 5.0)
-    assert "speed_limit_m_s" not in second
-    assert all(value == value for link in (first, second) for value in link.values())
-
-
-def test_links_without_limits_have_none() -> None:
-    (link,) = links_of(route_from_links([{"length_m": 100.0, "speed_m_s": 10.0}]))
-    assert link["travel_time_s"] == 10.0
-    assert "speed_limit_m_s" not in link
-
-
-def test_a_missing_value_of_a_table_is_none() -> None:
-    table = pd.DataFrame({"time_s": [0, 1], "soc": [0.5, np.nan]})
-    assert columns_of(table) == {"time_s": [0.0, 1.0], "soc": [0.5, None]}
 
 
 def test_the_usable_energy_is_the_mean_voltage_times_the_displayed_charge() -> None:
@@ -76,6 +50,16 @@ def test_a_car_is_described_with_its_certified_interval() -> None:
     found = described(car)
     assert (found["title"], found["test_mass_kg"]) == (car.title, car.body.test_mass_kg)
     assert found["wltp_low_kwh_per_100km"] < found["wltp_kwh_per_100km"] < found["wltp_high_kwh_per_100km"]
+
+
+def test_an_example_without_its_samples() -> None:
+    summaries = example_summaries()["examples"]
+    assert [row["trip"] for row in summaries] == list(examples())
+    assert {frozenset(library.example(row["trip"])) - frozenset(row) for row in summaries} == {
+        frozenset({"request", "observed"})
+    }
+    with pytest.raises(Problem, match="unknown example"):
+        library.example("none")
 
 
 def test_six_examples_begin_with_the_charge_that_is_shown() -> None:

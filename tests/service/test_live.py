@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import asyncio
+import dataclasses
 import json
 import urllib.parse
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import anyio
 import httpx
 import orjson
 import pandas as pd
@@ -19,17 +21,16 @@ from tests.support.service_schema import conformance
 
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
-from tripwatt.forecasting import Forecast
-from tripwatt.live import Sample, issue_token, open_live_car
+from tripwatt.forecasting import Forecast, ForecastModel
+from tripwatt.live import RoadCar, Sample, issue_token
 from tripwatt.live.live_trip import SILENCE_S
 from tripwatt.routes import links_of_trip, plan_from_links
 from tripwatt.service import app as room
 from tripwatt.service import live as module
 from tripwatt.service.app import create_app
 from tripwatt.service.jobs import Jobs
-from tripwatt.service.live import LiveCars, event
+from tripwatt.service.live import LiveCars
 from tripwatt.service.pool import JobResult
-from tripwatt.service.problems import Problem
 from tripwatt.service.settings import Limits, Settings
 from tripwatt.service.worker import run_job
 from tripwatt.synthetic import example_trip
@@ -165,18 +166,28 @@ def test_the_forecast_on_the_way_is_that_of_update(
     assert served("/v1/live/zoe").json()["forecast"] is None
 
 
-def test_a_forecast_is_made_once_for_the_same_messages(served: Served) -> None:
+@pytest.fixture
+def made(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Forecasts of cars as they are made: at their departure, and updates."""
+    found: list[str] = []
+    forecast, update = ForecastModel.forecast, Forecast.update
+    monkeypatch.setattr(ForecastModel, "forecast", lambda *a: (found.append("forecast"), forecast(*a))[1])
+    monkeypatch.setattr(Forecast, "update", lambda *a: (found.append("update"), update(*a))[1])
+    return found
+
+
+def test_a_forecast_is_made_once_for_the_same_messages(served: Served, made: list[str]) -> None:
     served.put({"links": LINKS})
-    for k in range(40):
+    for k in range(140):
         served.send(message(k))
-    Pool.kinds.clear()
     first = served("/v1/live/leaf").json()
+    made.clear()
     assert served("/v1/live/leaf").json()["forecast"] == first["forecast"]
-    assert Pool.kinds == ["update"]
-    served.send(message(40.0))
-    served.send(message(40.0))
+    assert made == []
+    served.send(message(140.0))
+    served.send(message(140.0))
     served("/v1/live/leaf")
-    assert Pool.kinds == ["update", "update"]
+    assert made == ["update"], "the forecast at departure is kept"
 
 
 def test_what_the_plan_leaves_unknown_is_what_the_messages_show(served: Served) -> None:
@@ -192,7 +203,7 @@ def test_what_the_plan_leaves_unknown_is_what_the_messages_show(served: Served) 
 
 
 def test_without_a_plan_the_road_is_that_of_the_usual_trip(served: Served, drive: pd.DataFrame) -> None:
-    car = _cars(served).by_name("leaf").car
+    car = _cars(served).by_name("leaf")
     for sent in abrp_messages(drive):
         served.send(sent)
     assert served("/v1/live/leaf").json()["forecast"] is None
@@ -245,7 +256,7 @@ def test_the_need_of_a_plan_is_a_quantile_and_the_charge_to_leave_with(served: S
 
 
 def test_the_need_without_a_plan_is_that_of_the_usual_trip(served: Served, drive: pd.DataFrame) -> None:
-    car = _cars(served).by_name("leaf").car
+    car = _cars(served).by_name("leaf")
     for sent in abrp_messages(drive):
         served.send(sent)
     assert car.received_s is not None
@@ -307,7 +318,9 @@ def test_messages_that_cannot_be_of_this_trip_leave_the_forecast_before_them(
     assert [fault["what"] for fault in after["faults"]] == ["charge rises"]
     assert before["faults"] == []
     served.put(plan | {"reserve": 0.2})
-    assert served("/v1/live/leaf").json()["forecast"] is None, "it was of another plan"
+    other = served("/v1/live/leaf").json()
+    assert (other["forecast"]["reserve"], other["forecast"]["measured_until_s"]) == (0.2, 0.0)
+    assert other["faults"] == after["faults"], "the forecast before was of another plan"
 
 
 def test_a_message_may_have_any_form_that_senders_use(served: Served) -> None:
@@ -424,7 +437,7 @@ def test_the_token_of_the_service_is_for_readers_and_that_of_a_car_for_its_messa
 def test_an_unknown_car_is_not_found(served: Served) -> None:
     for path, method in (("", "GET"), ("/plan", "PUT"), ("/events", "GET")):
         found = served(f"/v1/live/none{path}", method, json={"links": LINKS} if method == "PUT" else None)
-        assert (found.status_code, found.json()["type"]) == (404, "/problems/not-found")
+        assert (found.status_code, found.json()["type"]) == (404, "/problems/no-such-car")
         found = served(f"/v1/live/..%2Fleaf{path}", method)
         assert found.status_code in (404, 422)
 
@@ -448,13 +461,12 @@ def test_without_a_folder_of_cars_the_service_follows_none(monkeypatch: pytest.M
     ):
         found = asyncio.run(ask(path, method))
         assert (found.status_code, found.json()["type"]) == (501, "/problems/no-live")
-    app.end_streams()
 
 
 def test_a_folder_that_is_missing_is_refused_and_an_empty_one_is_not(tmp_path: Path) -> None:
     with pytest.raises(InvalidInput, match="no folder of cars"):
         create_app(Settings(cars=tmp_path / "missing"))
-    open_live_car(tmp_path / "no-token").close()
+    RoadCar(tmp_path / "no-token").close()
     create_app(Settings(cars=tmp_path))
 
 
@@ -464,7 +476,7 @@ def test_a_message_that_cannot_be_stored_is_to_be_sent_again(served: Served) -> 
     def full(_: Sample) -> None:
         raise OSError("no space left on device")
 
-    journal = cars.vehicles["leaf"].car._journal
+    journal = cars.cars["leaf"]._journal
     append, journal.append = journal.append, full  # type: ignore[method-assign]
     found = served.send(message(0.0))
     assert (found.status_code, found.headers["retry-after"]) == (503, "10")
@@ -477,119 +489,101 @@ def test_a_message_that_cannot_be_stored_is_to_be_sent_again(served: Served) -> 
     assert served.send(message(0.0)).json()["arrival"] == "new"
 
 
-def test_events_come_at_once_after_news_and_as_comments(
-    served: Served, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def quick(cars: LiveCars, monkeypatch: pytest.MonkeyPatch, **more: Any) -> None:
+    """Streams have an event right after news."""
+    limits = Limits(live_every_s=0.01, **more)
+    monkeypatch.setattr(cars, "settings", dataclasses.replace(cars.settings, limits=limits))
+
+
+def test_events_come_at_once_and_after_news(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
     cars = _cars(served)
-    monkeypatch.setattr(cars, "limits", Limits(live_every_s=0.01))
-    monkeypatch.setattr(module, "KEEP_ALIVE_S", 0.03)
-    vehicle = cars.by_name("leaf")
+    quick(cars, monkeypatch)
+    car = cars.by_name("leaf")
 
     async def listen() -> list[bytes]:
-        found = []
-        async for part in cars.events(vehicle):
-            found.append(part)
+        found, ending = [], anyio.Event()
+        async for part in cars.events(car, ending):
+            found.append(part.encode())
+            assert cars.listeners == 1
             if len(found) == 1:
-                vehicle.car.add(Sample(NOON_S, {"speed_m_s": 1.0}))
-            if len(found) == 3:
-                vehicle.car.add(Sample(NOON_S, {"speed_m_s": 1.0}))
-            if len(found) == 4:
-                cars.end_streams()
+                car.add(Sample(NOON_S, {"speed_m_s": 1.0}))
+            else:
+                ending.set()
         return found
 
-    first, second, third, fourth = asyncio.run(listen())
-    assert (third, fourth) == (b": no news\n\n", b": no news\n\n")
-    for part, new in ((first, 0), (second, 1)):
+    for part, new in zip(asyncio.run(listen()), (0, 1), strict=True):
         head, data, *rest = part.split(b"\n")
         assert (head, rest) == (b"event: live", [b"", b""])
         assert orjson.loads(data.removeprefix(b"data: "))["messages"]["new"] == new
+    assert cars.listeners == 0
 
 
 def test_the_stream_of_a_car_that_is_deleted_ends(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
     cars = _cars(served)
-    monkeypatch.setattr(cars, "limits", Limits(live_every_s=0.01))
-    vehicle = cars.by_name("leaf")
+    quick(cars, monkeypatch)
+    car = cars.by_name("leaf")
 
     async def listen() -> int:
         found = 0
-        async for _ in cars.events(vehicle):
+        async for _ in cars.events(car, anyio.Event()):
             found += 1
-            cars.drop("leaf")
+            await cars.drop("leaf")
         return found
 
     assert asyncio.run(listen()) == 1
     assert [row["vehicle"] for row in served("/v1/live").json()["vehicles"]] == ["zoe"]
 
 
-def test_a_forecast_that_a_diary_keeps_is_made_without_listeners(served: Served, drive: pd.DataFrame) -> None:
+def test_a_forecast_that_a_diary_keeps_is_made_without_listeners(
+    served: Served, drive: pd.DataFrame, made: list[str]
+) -> None:
     cars = _cars(served)
     served.put({"links": LINKS})
     for sent in abrp_messages(drive):
         served.send(sent)
-    vehicle = cars.by_name("leaf")
-    Pool.kinds.clear()
+    car = cars.by_name("leaf")
+    made.clear()
 
     async def run() -> None:
         watch = asyncio.ensure_future(cars.watch())
-        while not vehicle.car.forecasts:
+        while len(car.forecasts) < 2:
             await asyncio.sleep(0.01)
         watch.cancel()
 
     asyncio.run(run())
-    assert Pool.kinds == ["update"]
-    departing, made = vehicle.car.forecasts
+    assert made == ["forecast", "update"]
+    departing, kept = car.forecasts
     assert (departing.at_s, departing.distance_m) == (0.0, 0.0), "that of the plan, before the car drove off"
-    assert departing.energy_wh != made.energy_wh
+    assert departing.energy_wh != kept.energy_wh
     found = served("/v1/live/leaf").json()
-    assert made.energy_wh == found["forecast"]["energy_wh"]
-    assert [made.low_wh, made.high_wh] == [found["forecast"]["quantiles_wh"][p] for p in ("0.05", "0.95")]
-    assert Pool.kinds == ["update"], "it was made already"
-    assert not vehicle.car.wants_forecast
-
-
-def test_a_stream_outlives_a_busy_pool(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
-    cars = _cars(served)
-    monkeypatch.setattr(cars, "limits", Limits(live_every_s=0.01))
-    served.put({"links": LINKS})
-    vehicle = cars.by_name("leaf")
-    vehicle.of = ()
-    answers: list[Any] = [Problem("busy"), None]
-    run = cars.pool.run
-
-    async def busy_once(*given: Any) -> JobResult:
-        problem = answers.pop(0)
-        if problem:
-            raise problem
-        return await run(*given)
-
-    monkeypatch.setattr(cars.pool, "run", busy_once)
-
-    async def listen() -> list[bytes]:
-        found = []
-        async for part in cars.events(vehicle):
-            found.append(part)
-            if len(found) == 2:
-                cars.end_streams()
-        return found
-
-    first, second = asyncio.run(listen())
-    assert first == b": busy\n\n"
-    assert second.startswith(b"event: live\n")
+    assert kept.energy_wh == found["forecast"]["energy_wh"]
+    assert [kept.low_wh, kept.high_wh] == [found["forecast"]["quantiles_wh"][p] for p in ("0.05", "0.95")]
+    assert made == ["forecast", "update"], "it was made already"
+    assert not car.wants_forecast
 
 
 def test_listeners_have_places(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
     cars = _cars(served)
-    monkeypatch.setattr(cars, "limits", Limits(listeners=2, live_every_s=0.01))
-    cars.listen()
-    cars.listen()
+    quick(cars, monkeypatch, listeners=2)
+    cars.listeners = 2
     found = served("/v1/live/leaf/events")
     assert (found.status_code, found.json()["detail"]) == (503, "too many listeners")
-    cars.leave()
-    cars.end_streams()
+    cars.listeners = 1
+    ending = anyio.Event()
+    ending.set()
+    monkeypatch.setattr(module.anyio, "Event", lambda: ending)
     found = served("/v1/live/leaf/events")
     assert (found.status_code, found.headers["content-type"]) == (200, "text/event-stream; charset=utf-8")
     assert cars.listeners == 1, "the place of a stream that has ended is free"
     assert served("/v1/live/leaf/events", headers={"Accept": "text/html"}).status_code == 406
+
+
+def test_a_stream_without_news_sends_comments(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "KEEP_ALIVE_S", 0.01)
+    stream = _cars(served).stream(_cars(served).by_name("leaf"))
+    assert stream.ping_interval == 0.01
+    assert stream.ping_message_factory is not None
+    assert stream.ping_message_factory().encode() == b": no news\n\n"
 
 
 def test_the_head_of_a_stream_ends(served: Served) -> None:
@@ -605,23 +599,20 @@ def test_silent_cars_are_looked_for_while_the_service_runs(
     cars = _cars(served)
     for sent in abrp_messages(drive):
         served.send(sent)
-    car = cars.by_name("leaf").car
+    car = cars.by_name("leaf")
     assert car.received_s is not None
     car.received_s -= SILENCE_S
 
     async def run() -> None:
         watch = asyncio.ensure_future(cars.watch())
-        await asyncio.sleep(0)
+        while not car.logs():
+            await asyncio.sleep(0.01)
         watch.cancel()
 
     asyncio.run(run())
     assert (car.trip, len(car.logs())) == (None, 1)
     cars.close()
-    open_live_car(car.folder.parent).close()
-
-
-def test_an_event_is_one_line_of_data() -> None:
-    assert event({"text": "a\nb"}) == b'event: live\ndata: {"text":"a\\nb"}\n\n'
+    RoadCar(car.folder).close()
 
 
 @pytest.fixture(scope="module")

@@ -53,7 +53,8 @@ def test_a_new_service_has_zeros_and_its_version() -> None:
 
 def test_the_gauges_of_the_pool_ask_it() -> None:
     metrics = Metrics()
-    metrics.set_pool_gauges(lambda: 3, lambda: 2, lambda: 7)
+    for gauge, value in ((metrics.waiting, 3), (metrics.workers, 2), (metrics.lost, 7)):
+        gauge.set(value)
     found = values_of(metrics)
     names = ("tripwatt_jobs_waiting", "tripwatt_workers_ready", "tripwatt_workers_lost")
     assert [found[name] for name in names] == [3.0, 2.0, 7.0]

@@ -14,6 +14,8 @@ STATUSES = {
     "host-not-served": 400,
     "token-needed": 401,
     "not-found": 404,
+    "no-such-car": 404,
+    "no-plan": 404,
     "method-not-allowed": 405,
     "not-acceptable": 406,
     "body-late": 408,

@@ -180,7 +180,7 @@ def test_damaged_uploads_are_problem_documents(service: Service) -> None:
 
 
 def test_the_documentation_lists_every_limit_and_every_problem() -> None:
-    page = (Path(__file__).parents[2] / "docs" / "service.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[2] / "docs" / "reference" / "service.md").read_text(encoding="utf-8")
     for limit in dataclasses.fields(Limits):
         assert f"| `{limit.name}` | {limit.default:,} |" in page
     for kind in TITLES:

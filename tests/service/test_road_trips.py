@@ -15,11 +15,13 @@ from tests.support.service_process import Service, serving, wait_for
 
 pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
 
-from tripwatt.live import create_car, issue_token, open_car, open_live_car
-from tripwatt.live.live_car import finished_names
+from tripwatt.live import create_car, issue_token, open_car
+from tripwatt.live.folder import finished_names
 from tripwatt.service import road_trips as module
-from tripwatt.service.live import LiveVehicle
+from tripwatt.service.jobs import Jobs
+from tripwatt.service.live import LiveCars
 from tripwatt.service.road_trips import RoadTrips
+from tripwatt.service.settings import Settings
 from tripwatt.synthetic import synthetic_fleet
 
 HOUR_S = 3600.0
@@ -65,13 +67,24 @@ def cars(tmp_path: Path) -> Path:
     return folder
 
 
-def test_a_request_that_names_a_car_or_a_model_keeps_it(cars: Path) -> None:
-    with open_live_car(cars / "leaf") as car, open_live_car(cars / "zoe") as other:
-        vehicle = LiveVehicle(car)
-        assert vehicle.by_own_model({"soc": 0.5, "model": None}) == {"soc": 0.5, "model": "leaf"}
-        for name in ("model", "vehicle", "vehicle_figures"):
-            assert vehicle.by_own_model({name: "x"}) == {name: "x"}
-        assert LiveVehicle(other).by_own_model({"soc": 0.5}) == {"soc": 0.5}, "it has no description"
+def test_a_request_that_names_a_car_or_a_model_keeps_it(cars: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    issue_token(cars / "leaf")
+    issue_token(cars / "zoe")
+    asked: list[Any] = []
+    monkeypatch.setattr(Jobs, "model_of", lambda _, request: asked.append(request))
+    live = LiveCars(Settings(cars=cars), None, print)  # type: ignore[arg-type]
+
+    def model_of(name: str, request: dict[str, Any]) -> dict[str, Any]:
+        made = live.by_name(name).model_of
+        assert made is not None
+        made(request)
+        return dict(asked.pop())
+
+    assert model_of("leaf", {"soc": 0.5, "model": None}) == {"soc": 0.5, "model": "leaf"}
+    for name in ("model", "vehicle", "vehicle_figures"):
+        assert model_of("leaf", {name: "x"}) == {name: "x"}
+    assert model_of("zoe", {"soc": 0.5}) == {"soc": 0.5}, "it has no description"
+    live.close()
 
 
 def followed(cars: Path, place: Path) -> Any:

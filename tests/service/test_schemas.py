@@ -7,19 +7,21 @@ from typing import Any
 import numpy as np
 import orjson
 import pytest
-from pydantic import BaseModel
+from pydantic import BaseModel, TypeAdapter, ValidationError
 from pydantic.json_schema import models_json_schema
 
+import tripwatt as tw
 from tripwatt.errors import Fault, InvalidInput
+from tripwatt.forecasting.document import ForecastResponse
+from tripwatt.service.journey_schemas import ReachRequest
+from tripwatt.service.problems import Problem
 from tripwatt.service.schemas import (
     MIN_DURATION_S,
     MIN_OBSERVED,
     NUMBER_TYPES,
     Elevation,
-    FlagDocument,
     ForecastRequest,
     Link,
-    NotJson,
     UpdateRequest,
     VehicleFigures,
     check_request,
@@ -135,11 +137,24 @@ def test_numbers_of_an_elevation_are_numbers(value: Any) -> None:
     assert not is_valid(Elevation, {"position_m": [0.0], "elevation_m": [value]})
 
 
-@pytest.mark.parametrize(
-    "model", [VehicleFigures, ForecastRequest, UpdateRequest, Elevation, Link, FlagDocument]
-)
+@pytest.mark.parametrize("model", [VehicleFigures, ForecastRequest, UpdateRequest, Elevation, Link])
 def test_unknown_fields_are_faults(model: type[BaseModel]) -> None:
     assert "colour" in {fault.where for fault in faults_of(model, {"colour": 1})}
+
+
+def test_a_forecast_as_data_is_the_documented_answer() -> None:
+    """Its document has every field that the schema requires and no other; the descriptions are those of the fields."""
+    answer = TypeAdapter(ForecastResponse)
+    plan = tw.read_route([{"length_m": 9000.0, "speed_m_s": 15.0}])
+    document: Any = tw.load_model().forecast(plan).to_dict(0.1, 0.9)
+    assert answer.validate_python(document) == document
+    with pytest.raises(ValidationError, match="colour"):
+        answer.validate_python({**document, "colour": 1})
+    del document["series"]["time_s"]
+    with pytest.raises(ValidationError, match=r"series.time_s"):
+        answer.validate_python(document)
+    described = answer.json_schema()["properties"]["by_cause_wh"]["description"]
+    assert described == "energy by cause [Wh]; the sum is energy_wh"
 
 
 def test_the_defaults_of_a_request() -> None:
@@ -197,14 +212,15 @@ def test_the_schema_has_one_of_two_fields() -> None:
     links = properties_of(ForecastRequest)["links"]["anyOf"][0]
     assert (links["type"], links["minItems"]) == ("array", 1)
     soc = properties_of(ForecastRequest)["soc"]
-    assert soc["description"] == "state of charge that the driver sees [1]"
+    assert soc["description"] == "Displayed state of charge at departure [1]"
 
 
 def test_what_is_no_json_is_said() -> None:
     assert parse_json(b'{"a": [1, null]}') == {"a": [1, None]}
     for body in (b"", b"NaN", b"1e999", b"{"):
-        with pytest.raises(NotJson):
+        with pytest.raises(Problem) as caught:
             parse_json(body)
+        assert caught.value.kind == "not-json"
 
 
 def test_a_body_that_is_no_object_is_a_fault_of_the_body() -> None:
@@ -374,3 +390,11 @@ def test_an_elevation_is_given_once(height: dict[str, float]) -> None:
 def test_a_request_survives_its_own_json() -> None:
     request = check_request(parse_json(orjson.dumps({"soc": 1, "extras": ["roof_box"]})), ForecastRequest)
     assert (request.soc, request.extras) == (1.0, ["roof_box"])
+
+
+@pytest.mark.parametrize(
+    ("kind", "more", "default"), [(ForecastRequest, {}, 0.1), (ReachRequest, {"start": "x"}, 0.0)]
+)
+def test_a_reserve_of_null_is_the_default(kind: Any, more: dict[str, Any], default: float) -> None:
+    assert check_request({**more, "reserve": None}, kind).reserve == default
+    assert check_request({**more, "reserve": 0.25}, kind).reserve == 0.25

@@ -71,7 +71,7 @@ EXPORTS: dict[str, Callable[[pd.DataFrame], Columns]] = {
     },
     "ovms_log": lambda d: {
         "date": stamps(d, "%Y-%m-%d %H:%M:%S"), "v.p.speed": d.v * 3.6, "v.p.altitude": HEIGHT_M, "v.p.odometer": odometer(d),
-        "v.b.voltage": d.u, "v.b.current": d.i, "v.b.power": kilowatts(d), "v.b.soc": charge(d), "v.b.temp": BATTERY_DEGC,
+        "v.b.voltage": d.u, "v.b.current": d.i, "v.b.power": kilowatts(d), "v.b.soc": charge(d) + SHIFT, "v.b.temp": BATTERY_DEGC,
         "v.b.12v.voltage": 14.1, "v.e.temp": AMBIENT_DEGC, "v.e.cabintemp": CABIN_DEGC, "v.m.temp": 40.0, "v.b.range.est": reach(d),
     },
     "abrp": lambda d: {
@@ -103,8 +103,8 @@ EXPORTS: dict[str, Callable[[pd.DataFrame], Columns]] = {
     },
 }  # fmt: skip
 
-WITHOUT_BMS = ("abrp",)
-WITHOUT_DISPLAY = ("teslalogger", "ovms_log", "leaf_spy")
+WITHOUT_BMS = ("abrp", "ovms_log")
+WITHOUT_DISPLAY = ("teslalogger", "leaf_spy")
 WHOLE_UNITS = {"teslamate": 1000.0, "teslalogger": 735.5}
 """Loggers that round the power [W] and the speed [km/h]."""
 

@@ -17,9 +17,9 @@ from tripwatt.trips import COLUMNS, Fleet
 from tripwatt.trips.messages import message
 
 
-def faults_of(folder, **options):
+def faults_of(folder):
     with pytest.raises(InvalidInput) as caught:
-        read_tum(folder, **options)
+        read_tum(folder)
     return caught.value.faults
 
 
@@ -33,9 +33,9 @@ def faults_if_refused(folder):
     return ()
 
 
-def one_trip(folder, data, **options):
+def one_trip(folder, data):
     (folder / "TripA01.csv").write_bytes(data)
-    return read_tum(folder, **options).trips[0]
+    return read_tum(folder).trips[0]
 
 
 def test_units_and_signs_are_ours(tmp_path, tum_bytes):
@@ -78,14 +78,6 @@ def test_odd_headers_read_alike(tmp_path, tum_bytes):
     ]
     for variant in odd:
         assert one_trip(tmp_path, variant).samples.equals(original)
-
-
-def test_only_asked_columns_are_parsed(tmp_path, tum_bytes):
-    data = tum_bytes().replace(b";571;", b";rubbish;")
-    trip = one_trip(tmp_path, data, columns=["voltage_v"])
-    assert set(trip.samples.columns) == {"time_s", "speed_m_s", "voltage_v"}
-    assert [f.where for f in faults_of(tmp_path, columns=["speed"])] == ["columns"]
-    assert all("Elevation [m]" in f.where for f in faults_of(tmp_path))
 
 
 def test_empty_cells_are_missing_values_and_lin_wins_over_can(tmp_path, tum_bytes):

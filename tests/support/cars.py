@@ -6,7 +6,7 @@ import random
 from collections.abc import Iterator
 
 from tripwatt.vehicles import Vehicle, load_vehicle, vehicle_names
-from tripwatt.vehicles.loading import SECTIONS
+from tripwatt.vehicles.vehicle import SECTIONS
 
 KEPT = ("bmw_i3_60ah", "nissan_leaf_24", "vw_id3")
 """The car of the bundled model, one with another chemistry, and one whose road load was fitted."""

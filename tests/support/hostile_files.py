@@ -30,12 +30,12 @@ from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import ForecastModel, load_model
 from tripwatt.forecasting.plausible import battery_wh
 from tripwatt.forecasting.storage import model_folder
-from tripwatt.live import Sample, TopicJoiner, open_live_car, sample_from_abrp
+from tripwatt.live import RoadCar, Sample, TopicJoiner, sample_from_abrp
 from tripwatt.live.journal import line_of
-from tripwatt.live.live_car import token_digest
+from tripwatt.live.tokens import token_digest
 from tripwatt.routes import parse_route
 from tripwatt.service.jobs import Jobs
-from tripwatt.service.schemas import NotJson
+from tripwatt.service.problems import Problem
 from tripwatt.service.settings import Limits
 from tripwatt.sources.canonical import read_canonical
 from tripwatt.sources.mapping import parse_mapping
@@ -256,9 +256,9 @@ def _message(example: bytes) -> tuple[str, bytes]:
 
 def _kept_once(place: Path, sample: Sample) -> None:
     """A sample that a car took is there after it was opened again, and counts once."""
-    with open_live_car(place) as car:
+    with RoadCar(place) as car:
         taken = car.add(sample, now_s=sample.time_s) == "new"
-    with open_live_car(place) as car:
+    with RoadCar(place) as car:
         again = car.add(sample, now_s=sample.time_s)
     assert not (taken and again == "new"), f"an acknowledged sample is lost: {sample}"
 
@@ -284,10 +284,10 @@ def _journal(content: bytes, folder: Path) -> None:
     """A car with this journal opens; what it takes then is there after it was opened again."""
     place = _live_folder(folder)
     (place / "live" / "journal.ndjson").write_bytes(content)
-    with open_live_car(place) as car:
+    with RoadCar(place) as car:
         whole = {sample.time_s for sample in car._journal.read()}
         newest = max(whole, default=LIVE_S)
-    with open_live_car(place) as car:
+    with RoadCar(place) as car:
         assert {sample.time_s for sample in car._journal.read()} == whole, "what was recovered is lost"
     _kept_once(place, Sample(min(newest + 7.0, LIVE_S + 1e6), {"speed_m_s": 3.0}))
 
@@ -298,7 +298,7 @@ def _live_file(name: str) -> Read:
     def read(content: bytes, folder: Path) -> None:
         place = _live_folder(folder)
         (place / "live" / name).write_bytes(content)
-        with open_live_car(place) as car:
+        with RoadCar(place) as car:
             token_digest(place)
             car.usual_trip_at(LIVE_S + 86_400.0)
             car.logs()
@@ -364,7 +364,7 @@ def _read_one(read: Callable[[], Any], found: Found, what: str) -> None:
         if forecast is not None and (fault := absurd(forecast)):
             found.wrong.append(f"{fault}: {what}")
         found.read += 1
-    except (InvalidInput, NotJson):
+    except (InvalidInput, Problem):
         pass
     except Exception:
         found.wrong.append(f"{traceback.format_exc()[-600:]}: {what}")

@@ -19,7 +19,7 @@ def client(answer: Callable[[httpx.Request], httpx.Response] | Any, **more: Any)
     """A client whose server gives an answer: a document, or what a function makes of the request."""
     handler = answer if callable(answer) else lambda request: httpx.Response(200, json=answer)
     return WebClient(
-        "http://router.test/base", _transport=[httpx.MockTransport(handler)], pause=lambda s: None, **more
+        "http://router.test/base", transport=httpx.MockTransport(handler), pause=lambda s: None, **more
     )
 
 

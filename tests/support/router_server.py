@@ -94,6 +94,17 @@ def answering(document: Any) -> Iterator[RouterServer]:
         thread.join(10.0)
 
 
+def served_configuration(folder: Path, port: int) -> dict[str, Any]:
+    """Valhalla's configuration of a map folder as a server on loopback."""
+    config, here = configuration(folder), folder.resolve()
+    service = config["httpd"]["service"]
+    service |= {"listen": f"tcp://127.0.0.1:{port}", "drain_seconds": 0}
+    service |= {name: f"ipc://{here}/{name}.socket" for name in ("loopback", "interrupt")}
+    for part in ("loki", "thor", "odin", "meili"):
+        config[part]["service"]["proxy"] = f"ipc://{here}/{part}.socket"
+    return config
+
+
 @contextmanager
 def valhalla_serving(built: MapFolder) -> Iterator[str]:
     """A real Valhalla on loopback that serves the roads of a map: its address, as `open_atlas` takes it."""
@@ -101,7 +112,7 @@ def valhalla_serving(built: MapFolder) -> Iterator[str]:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
     config = built.folder / "server.json"
-    config.write_text(json.dumps(configuration(built.folder, port=port)), "utf-8")
+    config.write_text(json.dumps(served_configuration(built.folder, port)), "utf-8")
     program = require_valhalla() / "bin" / "valhalla_service"
     process = subprocess.Popen([program, config, "1"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:

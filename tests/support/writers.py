@@ -50,7 +50,7 @@ def run(text):
 LIVE: Final = """
 import json, os
 import pandas as pd
-from tripwatt.live import Sample, open_live_car
+from tripwatt.live import Sample, RoadCar
 T0 = 1_700_000_000.0
 def samples(text):
     shift = 0.0 if text == "old" else 3600.0
@@ -63,19 +63,19 @@ def kept():
         table = pd.read_csv(path)
         start = pd.to_datetime(path.stem, format="%Y%m%dT%H%M%SZ").timestamp()
         found += [round(start + t) for t in table["time_s"]]
-    with open_live_car(out) as car:
+    with RoadCar(out) as car:
         found += [round(s.time_s) for s in car._journal.read()]
     return found
 if out.exists():
     place = out / "acknowledged"
-    with open_live_car(out):
+    with RoadCar(out):
         pass  # whatever was left undone is done
     found = kept()
     acknowledged = [int(t) for t in place.read_text().split()] if place.exists() else []
     assert set(acknowledged) <= set(found), "an acknowledged sample is lost"
     assert len(found) == len(set(found)), "a sample counts twice"
 def run(text):
-    with open_live_car(out) as car:
+    with RoadCar(out) as car:
         for sample in samples(text):
             car.add(sample)
             if sample.values["speed_m_s"]:

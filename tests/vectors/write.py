@@ -167,7 +167,7 @@ def arrivals() -> dict[str, Any]:
 
 def codes() -> list[str]:
     """Codes of flags that a forecast or a route can have."""
-    rooms = ("forecasting", "journey", "physics", "routes", "service", "transfer")
+    rooms = ("forecasting", "journey", "physics", "routes", "service", "population")
     package = Path(tripwatt.__file__).parent
     sources = "".join(file.read_text() for room in rooms for file in sorted((package / room).rglob("*.py")))
     return [code for code in MESSAGES if f'"{code}"' in sources]

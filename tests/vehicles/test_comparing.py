@@ -13,7 +13,7 @@ import tripwatt as tw
 from tripwatt.hybrid.identification import Identified
 from tripwatt.hybrid.parameters import changed, on_road
 from tripwatt.vehicles import Vehicle, differences, render_vehicle, vehicle_names, with_differences
-from tripwatt.vehicles.loading import SECTIONS
+from tripwatt.vehicles.vehicle import SECTIONS
 
 I3 = tw.load_vehicle("bmw_i3_60ah")
 NUMBERS = [

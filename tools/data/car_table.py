@@ -137,22 +137,22 @@ def cells(folder: Path = CATALOGUE) -> list[Cell]:
     ratings = pd.read_csv(folder / "ratings.csv")
     specs = json.loads((folder / "ev_specs.json").read_text("utf-8"))
     second = pd.read_csv(folder / "oed_specs.csv")
-    found: list[Cell] = []
+    table: list[Cell] = []
     with SELECTION.open(encoding="utf-8", newline="") as file:
         for row in csv.DictReader(file):
-            found += described(row)
-            found += usable(row, specs, second)
+            table += described(row)
+            table += usable(row, specs, second)
             if row["make"] == "ADEME":
-                found += from_ademe(row, wltp)
+                table += from_ademe(row, wltp)
             else:
-                found += from_epa(row, epa, ratings)
-                found += from_certificates(row["car"], certificates)
+                table += from_epa(row, epa, ratings)
+                table += from_certificates(row["car"], certificates)
     for car, kind in EEA.items():
         rows: Any = wltp[wltp.description == kind].itertuples()
         (line,) = rows
-        found.append(Cell(car, "wltc", number(line.wltp_kwh_100km_min), "kWh/100 km", "eea"))
-        found.append(Cell(car, "wltc_mass", number(line.wltp_test_mass_kg), "kg", "eea"))
-    return [*found, *with_own_file()]
+        table.append(Cell(car, "wltc", number(line.wltp_kwh_100km_min), "kWh/100 km", "eea"))
+        table.append(Cell(car, "wltc_mass", number(line.wltp_test_mass_kg), "kg", "eea"))
+    return [*table, *with_own_file()]
 
 
 def with_own_file() -> Iterator[Cell]:
@@ -279,9 +279,9 @@ def agreement(make: str, key: str, value: float, ratings: pd.DataFrame) -> str:
     """Whether fueleconomy.gov gives a figure as filed as its unadjusted consumption."""
     column = {"udds": "unadj_city_kwh_100km", "hwfet": "unadj_hwy_kwh_100km"}[key]
     theirs = ratings[ratings.make == make][column].dropna() * 1.609344
-    found = (theirs / value - 1.0).abs() < 0.01
+    agrees = (theirs / value - 1.0).abs() < 0.01
     return (
-        "equal to an unadjusted figure of fueleconomy.gov" if found.any() else "not found at fueleconomy.gov"
+        "equal to an unadjusted figure of fueleconomy.gov" if agrees.any() else "not found at fueleconomy.gov"
     )
 
 
@@ -332,9 +332,9 @@ def charging_points(folder: Path = CATALOGUE) -> list[list[str]]:
     rows = []
     with CHARGING_SELECTION.open(encoding="utf-8", newline="") as file:
         for chosen in csv.DictReader(file):
-            found = [s for s in specs if is_drawn(s, chosen)]
-            assert found, f"{chosen['car']}: no drawn curve"
-            line = max(found, key=lambda s: s["release_year"])
+            drawn = [s for s in specs if is_drawn(s, chosen)]
+            assert drawn, f"{chosen['car']}: no drawn curve"
+            line = max(drawn, key=lambda s: s["release_year"])
             note = " ".join(
                 filter(None, (line["brand"], line["model"], line["variant"], str(line["release_year"])))
             )

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from tripwatt.forecasting import save_model
+from tripwatt.forecasting.fitting import fit_with_provenance
 from tripwatt.forecasting.storage import model_folder
-from tripwatt.forecasting.training import train_model
 from tripwatt.sources import read_logs
 from tripwatt.vehicles import load_vehicle
 
@@ -21,7 +21,7 @@ from tripwatt.vehicles import load_vehicle
 def published(results: Path) -> list[dict[str, Any]]:
     """Scores of the default model, one for each scheme of an evaluation."""
     evaluations = json.loads(results.read_text(encoding="utf-8"))["evaluations"]
-    found = []
+    schemes = []
     for evaluation in evaluations:
         if "hybrid" in evaluation["models"]:
             scores = {**evaluation["models"]["hybrid"]}
@@ -30,13 +30,13 @@ def published(results: Path) -> list[dict[str, Any]]:
                 start: row and {k: v for k, v in row.items() if k != "reliability"}
                 for start, row in arrival.items()
             }
-            found.append({**{k: v for k, v in evaluation.items() if k != "models"}, **scores})
-    return found
+            schemes.append({**{k: v for k, v in evaluation.items() if k != "models"}, **scores})
+    return schemes
 
 
 def make(data: Path, results: Path | None = None) -> Path:
     """Fit and write; gives the model's folder."""
-    model, provenance, figures = train_model(read_logs(data, "tum"), load_vehicle("bmw_i3_60ah"))
+    model, provenance, figures = fit_with_provenance(read_logs(data, "tum"), load_vehicle("bmw_i3_60ah"))
     if results is not None:
         figures["held_out_of_everything"] = published(results)
     provenance["data"]["licence"] = "CC BY 4.0"

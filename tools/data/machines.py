@@ -107,15 +107,15 @@ def published(name: str) -> FloatArray:
 
 def shares(machines: Mapping[str, Machine]) -> FloatArray:
     """Points of several maps: shares of the largest torque and speed, loss over their product, weight of the machine."""
-    found = []
+    points = []
     for name, machine in machines.items():
         torque, speed, loss = published(name).T
         power = machine.torque_nm * machine.speed_rad_s
         weight = np.full(len(loss), 1.0 / math.sqrt(len(loss)))
-        found.append(
+        points.append(
             np.column_stack([torque / machine.torque_nm, speed / machine.speed_rad_s, loss / power, weight])
         )
-    return np.concatenate(found)
+    return np.concatenate(points)
 
 
 def drivetrain(values: Sequence[float] | FloatArray) -> Drivetrain:
@@ -178,10 +178,10 @@ def fitted(machines: Mapping[str, Machine]) -> FloatArray:
 def report(label: str, name: str, machine: Machine, values: Drivetrain) -> None:
     """Print the error of loss and efficiency on the map of a machine."""
     torque, speed, loss, _ = shares({name: machine}).T
-    found = loss_at(torque, speed, values)
-    error = found / loss - 1.0
+    modelled = loss_at(torque, speed, values)
+    error = modelled / loss - 1.0
     out = torque * speed
-    points = out / (out + found) - out / (out + loss)
+    points = out / (out + modelled) - out / (out + loss)
     print(
         f"{name}, {label}: loss {np.median(error):+.0%} (light load {np.median(error[torque < LIGHT]):+.0%}), efficiency "
         f"{np.mean(points):+.3f}, rms {math.sqrt(float(np.mean(points**2))):.3f}, {len(out)} points"
@@ -201,7 +201,7 @@ def _licences(sources: str) -> str:
 def induction_toml(values: FloatArray) -> str:
     """The shared file of induction machines."""
     machine = drivetrain(values)
-    source = "; ".join(found.source for found in INDUCTION.values())
+    source = "; ".join(one.source for one in INDUCTION.values())
     how = "least relative error of loss, python -m tools.data.machines"
     units = {
         "motor_max_torque_nm": "Nm",
@@ -233,7 +233,7 @@ def excited_toml(values: FloatArray) -> str:
     speed, base = (rpm * math.pi / 30.0 for rpm in (EXCITED.most_rpm, EXCITED.nominal_rpm))
     induction = drivetrain(values)
     torques, speeds = torque / RATING.torque_nm, speed / RATING.speed_rad_s
-    maps = "; ".join(found.source for found in INDUCTION.values())
+    maps = "; ".join(one.source for one in INDUCTION.values())
     own, same = (
         "published constants of the machine",
         "iron of the induction machines at the same shares of torque and speed",

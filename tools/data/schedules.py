@@ -69,11 +69,13 @@ def error(cycle: str, order: int, counts: dict[tuple[int, int], int], cars: list
     """Relative error of the energy of a trace, for each car."""
     speed = SPEED_STEP_M_S * circuit(counts, order).astype(float)
     trace = np.arange(len(speed), dtype=float), speed
-    found = []
+    errors = []
     for car in cars:
         mass = car.body.test_mass_kg
-        found.append(driven_wh_per_km(car, trace, mass) / driven_wh_per_km(car, published(cycle), mass) - 1.0)
-    return found
+        errors.append(
+            driven_wh_per_km(car, trace, mass) / driven_wh_per_km(car, published(cycle), mass) - 1.0
+        )
+    return errors
 
 
 def main(write: bool = False, search: bool = False) -> None:

@@ -79,39 +79,32 @@ def transfer(source: str, target: str, minutes: float) -> Result:
     )
 
 
+def part(name: str, module: str, place: str, *data: str, minutes: float = 1) -> Result:
+    """A part of a page by a benchmark, which `--write` tells to renew it."""
+    return Result(name, (f"-m benchmarks.{module} --write",), (f"docs/{place}",), data, minutes)
+
+
 CARS: Final = ("bmw_i3_60ah", "bmw_i3_60ah-identified", "nissan_leaf_24")
 RESULTS: Final = (
     Result(
         "anchors",
         ("-m benchmarks.anchors --write",),
-        (f"{TABLES}/anchors.csv", "docs/library.md#anchors"),
+        (f"{TABLES}/anchors.csv", "docs/reference/library.md#anchors"),
         ("catalogue",),
         1,
     ),
-    Result(
-        "six-numbers",
-        ("-m benchmarks.six_numbers --write",),
-        ("docs/vehicles.md#six-numbers",),
-        ("catalogue",),
-        1,
-    ),
-    Result("steady", ("-m benchmarks.steady --write",), ("docs/library.md#steady",), (), 1),
-    Result("cold-rows", ("-m benchmarks.cold_rows --write",), ("docs/library.md#cold",), ("catalogue",), 1),
-    Result(
-        "argonne",
-        ("-m benchmarks.argonne --write",),
-        ("docs/argonne.md#argonne",),
-        ("argonne", "cycles"),
-        1,
-    ),
+    part("six-numbers", "six_numbers", "reference/vehicles.md#six-numbers", "catalogue"),
+    part("steady", "steady", "reference/library.md#steady"),
+    part("cold-rows", "cold_rows", "reference/library.md#cold", "catalogue"),
+    part("argonne", "argonne", "explanation/argonne.md#argonne", "argonne", "cycles"),
     Result(
         "stages",
         ("-m benchmarks.stages --docs",),
-        ("docs/stages.md", *(f"docs/images/stages-{car}.png" for car in CARS)),
+        ("docs/explanation/stages.md", *(f"docs/images/stages-{car}.png" for car in CARS)),
         ("tum", "ved"),
         1,
     ),
-    Result("ved", ("-m benchmarks.ved_trips --write",), ("docs/ved.md#tables",), ("ved",), 1),
+    part("ved", "ved_trips", "explanation/ved.md#tables", "ved"),
     evaluation("forecast", 20),
     Result(
         "model",
@@ -128,13 +121,7 @@ RESULTS: Final = (
         ("tum",),
         6,
     ),
-    Result(
-        "routes",
-        ("-m benchmarks.links --write",),
-        ("docs/routes.md#links",),
-        ("tum",),
-        3,
-    ),
+    part("routes", "links", "reference/routes.md#links", "tum", minutes=3),
     transfer("tum", "ved", 2),
     transfer("ved", "tum", 2),
     Result(
@@ -144,27 +131,33 @@ RESULTS: Final = (
         ("tum", "ved"),
         1,
     ),
-    Result(
+    part(
         "few-trips",
-        ("-m benchmarks.few_trips --cars 12 --write",),
-        ("docs/synthetic.md#few-trips",),
-        ("tum", "catalogue", MODEL),
-        10,
+        "few_trips --cars 12",
+        "reference/synthetic.md#few-trips",
+        "tum",
+        "catalogue",
+        MODEL,
+        minutes=10,
     ),
-    Result(
+    part(
         "unknown-climb",
-        ("-m benchmarks.unknown_climb --write",),
-        ("docs/uncertainty.md#climb",),
-        ("tum", "twizy", "sedan", MODEL),
-        5,
+        "unknown_climb",
+        "explanation/uncertainty.md#climb",
+        "tum",
+        "twizy",
+        "sedan",
+        MODEL,
+        minutes=5,
     ),
-    Result("peers", ("make peers",), ("docs/peers.md#peers",), ("tum", "ved"), 4),
-    Result(
+    Result("peers", ("make peers",), ("docs/explanation/peers.md#peers",), ("tum", "ved"), 4),
+    part(
         "long-trips",
-        ("-m benchmarks.long_trips --cars 12 --write",),
-        ("docs/synthetic.md#long-trips",),
-        ("catalogue", MODEL),
-        8,
+        "long_trips --cars 12",
+        "reference/synthetic.md#long-trips",
+        "catalogue",
+        MODEL,
+        minutes=8,
     ),
 )
 """In this order: what changes the cars comes first, and the model of the package before what starts from it."""

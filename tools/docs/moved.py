@@ -1,13 +1,15 @@
 """Stamps after commands and pages have moved: ``python -m tools.docs.moved OLD``, with OLD a checkout from before.
 
 A stamp names commands and places. Where those alone have new names (`RENAMED`) and the generated files hold the same, the stamp is
-written anew under them, and nothing is run.
+written anew under them, and nothing is run. A model in another format is the same where its forecasts are.
 """
 
 from __future__ import annotations
 
 import json
 import re
+import shutil
+import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
@@ -15,6 +17,8 @@ from typing import Any, Final
 from tools import ROOT
 from tools.command import run
 from tools.docs import make_results, pages
+from tools.quality import probe
+from tripwatt.forecasting import load_model, upgrade_model
 
 RENAMED: Final = (
     (r"^docs/fit_default_model\.py", "-m tools.data.fit_default_model"),
@@ -23,6 +27,8 @@ RENAMED: Final = (
     (r"transfer_covariates \{data\}$", "transfer_covariates"),
     (r"#(\w+)(?: begin|:begin)$", r"#\1"),
     (r"#(\w+) (\w+)(?: begin)?$", r"#\1-\2"),
+    (r"^docs/(vehicles|library|synthetic|routes)\.md", r"docs/reference/\1.md"),
+    (r"^docs/(argonne|stages|ved|uncertainty|peers)\.md", r"docs/explanation/\1.md"),
 )
 """Old name -> new name, of commands and of places, one after the other."""
 
@@ -34,9 +40,21 @@ def renamed(name: str) -> str:
     return name
 
 
+def forecasts(folder: Path) -> str:
+    """Digest of what a stored model forecasts, whatever the format of its files."""
+    with tempfile.TemporaryDirectory() as place:
+        copy = Path(shutil.copytree(folder, Path(place) / folder.name))
+        upgrade_model(copy)
+        model = load_model(copy)
+    rows = [probe.of_forecast(model.forecast(plan)) for plan in probe.plans()]
+    return probe.digest(probe.rounded({folder.name: rows}))
+
+
 def content(root: Path, place: str) -> str:
     """What a place of a checkout holds; links without their folders, since those change with the folder of the page."""
     name, _, part = place.partition("#")
+    if name == make_results.MODEL:
+        return forecasts(root / name)
     if not name.endswith(".md"):
         return make_results.digest(root / name)
     text = (root / name).read_text("utf-8")
@@ -55,7 +73,11 @@ def restamped(result: make_results.Result, stamp: Mapping[str, Any], old: Path) 
         if content(old, place) != content(ROOT, renamed(place)):
             raise ValueError(f"{result.name}: {place} differs from {renamed(place)}")
     files = {renamed(place): make_results.written(renamed(place)) for place in stamp["files"]}
-    return {**stamp, "settings": list(result.commands), "files": files}
+    data = dict(stamp["data"])
+    for name in data:
+        if (ROOT / name).exists() and content(old, name) == content(ROOT, name):
+            data[name] = make_results.digest(ROOT / name)
+    return {**stamp, "settings": list(result.commands), "data": data, "files": files}
 
 
 def main(old: Path) -> None:

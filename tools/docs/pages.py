@@ -12,10 +12,10 @@ MARK = re.compile(r"<!-- ([\w-]+):begin -->")
 
 def _parted(text: str, name: str) -> tuple[str, str, str]:
     """What is before, in and after a part."""
-    found = re.split(rf"<!-- {re.escape(name)}:(?:begin|end) -->", text)
-    if len(found) != 3:
-        raise ValueError(f"not one part {name}: {len(found) - 1} marks")
-    before, inside, after = found
+    pieces = re.split(rf"<!-- {re.escape(name)}:(?:begin|end) -->", text)
+    if len(pieces) != 3:
+        raise ValueError(f"not one part {name}: {len(pieces) - 1} marks")
+    before, inside, after = pieces
     return before, inside, after
 
 

@@ -1,4 +1,4 @@
-"""`docs/paper.md`: every figure, table, equation and claim of arXiv:2405.10984 beside ours, with the difference and why.
+"""`docs/explanation/paper.md`: every figure, table, equation and claim of arXiv:2405.10984 beside ours, with the difference and why.
 
 The numbers come from the `results.json` of the protocol `paper` and of the transfer runs; the figures are those of the report.
 """
@@ -92,7 +92,7 @@ def _same(text: str) -> Callable[[View], str]:
 
 
 def _image(name: str, alt: str, text: str = "") -> Callable[[View, Transfers], str]:
-    shown = f"![{alt}](images/paper-{name}.png)"
+    shown = f"![{alt}](../images/paper-{name}.png)"
     return lambda view, transfers: "\n\n".join(filter(None, [shown, text]))
 
 
@@ -153,11 +153,11 @@ def on_trip_df(view: View) -> str:
 
 
 def _table2(view: View, transfers: Transfers) -> str:
-    found = dict(table2_row(record) for record in view.results.get("table2") or ())
-    if not found:
+    smooths = dict(table2_row(record) for record in view.results.get("table2") or ())
+    if not smooths:
         return "The GAMM was not among the models of the run."
-    names = [*PAPER_TABLE2, *(name for name in found if name not in PAPER_TABLE2)]
-    rows = tuple((name, found.get(name, DASH), PAPER_TABLE2.get(name, DASH)) for name in names)
+    names = [*PAPER_TABLE2, *(name for name in smooths if name not in PAPER_TABLE2)]
+    rows = tuple((name, smooths.get(name, DASH), PAPER_TABLE2.get(name, DASH)) for name in names)
     caption = "Estimate (standard error) in Wh, EDF (reference df) of a smooth; *** p < 0.001, ** p < 0.01, * p < 0.05"
     table = Table(caption, ("Term", "Here", "The paper"), rows)
     why = (
@@ -171,9 +171,9 @@ def _table2(view: View, transfers: Transfers) -> str:
 
 def _panel(spec: PanelSpec) -> Callable[[View, Transfers], str]:
     def shown(view: View, transfers: Transfers) -> str:
-        found = spec.content(view)
-        assert found is not None
-        return "\n\n".join([found.sentence, *(markdown(table) for table in found.tables)])
+        content = spec.content(view)
+        assert content is not None
+        return "\n\n".join([content.sentence, *(markdown(table) for table in content.tables)])
 
     return shown
 
@@ -190,20 +190,20 @@ def _times(view: View, transfers: Transfers) -> str:
 
 
 def _trips(view: View, transfers: Transfers) -> str:
-    found = (view.results.get("studies") or {}).get("trips_needed")
-    if not found:
+    study = (view.results.get("studies") or {}).get("trips_needed")
+    if not study:
         return paper_studies.ABSENT
     rows = tuple(
-        (str(row["n_trips"]), *(number(row[name], 100, 1) for name in CURVE_MODELS)) for row in found["curve"]
+        (str(row["n_trips"]), *(number(row[name], 100, 1) for name in CURVE_MODELS)) for row in study["curve"]
     )
     table = Table("Mean error [%]", ("Training trips", *map(label, CURVE_MODELS)), rows)
-    image = "![Mean error against the number of training trips](images/paper-trips-needed.png)"
-    return "\n\n".join([paper_studies.on_trips_needed(found, view.scores), image, markdown(table)])
+    image = "![Mean error against the number of training trips](../images/paper-trips-needed.png)"
+    return "\n\n".join([paper_studies.on_trips_needed(study, view.scores), image, markdown(table)])
 
 
 def scored_cars(transfers: Transfers) -> list[tuple[str, str, Record, str]]:
     """From, to, the scores of the models, and the best own model, for each car that has own models."""
-    found = []
+    cars = []
     for run in transfers:
         for car in run["cars"]:
             models = car["models"]
@@ -211,8 +211,8 @@ def scored_cars(transfers: Transfers) -> list[tuple[str, str, Record, str]]:
             if own:
                 best = min(own, key=lambda name: float(models[name]["error"]))
                 title = str(run["to"]["vehicle_title"])
-                found.append((str(run["from"]["vehicle_title"]), title, models, best))
-    return found
+                cars.append((str(run["from"]["vehicle_title"]), title, models, best))
+    return cars
 
 
 def transfer_table(transfers: Transfers) -> Table:
@@ -262,14 +262,14 @@ def _improved(view: View) -> str:
 
 
 def _needed(view: View) -> str:
-    found = (view.results.get("studies") or {}).get("trips_needed") or {}
-    if found.get("crossing") is None:
+    study = (view.results.get("studies") or {}).get("trips_needed") or {}
+    if study.get("crossing") is None:
         return "not in this run"
-    most = found["curve"][-1]
+    most = study["curve"][-1]
     error = most[CURVE_MODELS[1]]
     weak = ", which is weak," if paper_studies.stronger_baseline(error, view.scores) else ""
     return (
-        f"{found['crossing']:.1f} trips reach the {percent(error)} that the data-driven model{weak} has with {most['n_trips']}; "
+        f"{study['crossing']:.1f} trips reach the {percent(error)} that the data-driven model{weak} has with {most['n_trips']}; "
         "the paper gives no figure"
     )
 
@@ -323,7 +323,7 @@ ELEMENTS: Final = (
             "simulation",
             "From time, speed and grade over road load and drivetrain to battery and energy",
             "Drawn by `tools.docs.schematics` from the car under the preset `paper`; every value has its source in [the "
-            "car model](model.md).",
+            "car model](car-model.md).",
         ),
     ),
     Element(
@@ -360,7 +360,7 @@ ELEMENTS: Final = (
         "smooths, surface and random effects",
         _same("a smooth whose band is wider than the data is named in place of its curve"),
         lambda view, transfers: "\n\n".join(
-            f"![{alt}](images/paper-{name}.png)"
+            f"![{alt}](../images/paper-{name}.png)"
             for name, alt in (
                 ("gamm-smooths", "Smooths of time, ambient temperature, speed and elevation difference"),
                 ("gamm-surface", "Surface of ambient temperature and elevation difference"),

@@ -1,7 +1,7 @@
 """Publish an evaluation: ``python -m tools.docs.publish_results [OUT]``, a step of ``make results``.
 
-Renews docs/paper.md from the protocol `paper`. Copies OUT/results.json (scores and findings, no trip data) to docs/results/, as `paper.json` or `forecast.json` by its
-protocol, renews the tables of docs/results.md from it and, from the protocol `forecast`, the short table of the README. OUT
+Renews docs/explanation/paper.md from the protocol `paper`. Copies OUT/results.json (scores and findings, no trip data) to docs/results/, as `paper.json` or `forecast.json` by its
+protocol, renews the tables of docs/explanation/results.md from it and, from the protocol `forecast`, the short table of the README. OUT
 is `out` by default; a JSON file, such as the published one itself, or what `python -m benchmarks.planned --json FILE`
 writes, serves as well.
 """
@@ -25,7 +25,7 @@ def publish(
     out: Path,
     results_folder: Path = RESULTS,
     readme: Path = ROOT / "README.md",
-    page: Path = DOCS / "results.md",
+    page: Path = DOCS / "explanation" / "results.md",
 ) -> Path:
     """Copy and renew; gives the copy.
 
@@ -46,15 +46,15 @@ def publish(
         for name in ("uncertainty.md", "evaluation.md"):
             update_coverage(results, page.with_name(name))
     if results["protocol"] == "paper":
-        found = sorted(RESULTS.glob("transfer-*-*.json"))
-        transfers = [json.loads(file.read_text(encoding="utf-8")) for file in found]
+        files = sorted(RESULTS.glob("transfer-*-*.json"))
+        transfers = [json.loads(file.read_text(encoding="utf-8")) for file in files]
         update_paper_page(results, page.with_name("paper.md"), transfers)
         for name in FIGURES:
             drawn = out / "figures" / f"{name}.png"
             if drawn.is_file():
                 with Image.open(drawn) as image:  # 64 colours are enough, and a third of the size
                     image.convert("RGB").quantize(64).save(
-                        page.with_name("images") / f"paper-{name}.png", optimize=True
+                        page.parents[1] / "images" / f"paper-{name}.png", optimize=True
                     )
     copy = results_folder / f"{results['protocol']}.json"
     copy.parent.mkdir(parents=True, exist_ok=True)

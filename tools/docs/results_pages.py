@@ -1,6 +1,6 @@
 """Tables of Markdown pages, written between markers from a `results.json` and never by hand.
 
-The README holds one short table, that of the forecast. The wide tables of every protocol stand in `docs/results.md`, each
+The README holds one short table, that of the forecast. The wide tables of every protocol stand in `docs/explanation/results.md`, each
 between markers of its own.
 """
 
@@ -122,7 +122,7 @@ README: Final[Mapping[str, Render]] = MappingProxyType({"forecast": render_short
 PAGE: Final[Mapping[str, Render]] = MappingProxyType(
     {"paper": render_paper, "forecast": render_forecast, "links": render_links}
 )
-"""Protocol, and key of its markers -> what `docs/results.md` shows of its results."""
+"""Protocol, and key of its markers -> what `docs/explanation/results.md` shows of its results."""
 
 
 def markers(key: str) -> tuple[str, str]:

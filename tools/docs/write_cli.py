@@ -1,4 +1,4 @@
-"""Write docs/cli.md, the pages that `--help` shows, and the example of the README: ``python -m tools.docs.write_cli``."""
+"""Write docs/reference/cli.md, the pages that `--help` shows, and the example of the README: ``python -m tools.docs.write_cli``."""
 
 from __future__ import annotations
 
@@ -14,8 +14,9 @@ import typer.main
 from tools import DOCS, ROOT
 from tools.docs import pages
 from tripwatt.cli import app
+from tripwatt.trips.departure import ASKED
 
-PAGE = DOCS / "cli.md"
+PAGE = DOCS / "reference" / "cli.md"
 BAR = "\\|"
 """How a table cell holds a bar."""
 
@@ -47,8 +48,8 @@ def commands(command: Any, name: str = "tripwatt") -> Iterator[tuple[str, Any]]:
     children = getattr(command, "commands", {})
     if not children:
         yield name, command
-    for child, found in children.items():
-        yield from commands(found, f"{name} {child}")
+    for child, below in children.items():
+        yield from commands(below, f"{name} {child}")
 
 
 def section(name: str, command: Any) -> str:
@@ -99,6 +100,16 @@ def render() -> str:
     return "\n".join([HEAD, *(f"{section(n, c)}\n" for n, c in commands(typer.main.get_command(app)))])
 
 
+def departure() -> str:
+    """The table of the fields of a departure."""
+    rows = ["| field | option | in a request | what it is |", "|---|---|---|---|"]
+    for name, field in ASKED.items():
+        wire = ", ".join(f"`{name}`" for name in field.wire or (name,))
+        allowed = "" if field.column is None else f" {field.allowed}."
+        rows.append(f"| `{name}` | `{field.option}` | {wire} | {field.help}{allowed} |")
+    return "\n".join(rows)
+
+
 EXAMPLE = ("tripwatt example-trip --out trip.csv", "tripwatt forecast trip.csv --soc 0.8 --ambient 5")
 """Commands of the README; the output of the last one is shown."""
 
@@ -123,3 +134,4 @@ def example() -> str:
 if __name__ == "__main__":
     PAGE.write_text(render(), encoding="utf-8")
     pages.renew(ROOT / "README.md", "example", example())
+    pages.renew("reference/forecast.md", "departure", departure())

@@ -38,17 +38,17 @@ FORMS: Final[Mapping[str, Callable[[Any], str]]] = MappingProxyType(
 def value(place: str, results: Path = RESULTS) -> Any:
     """A value of a published file; raises KeyError with the place where there is none."""
     name, *steps = place.split("/")
-    found = json.loads((results / f"{name}.json").read_text(encoding="utf-8"))
+    node = json.loads((results / f"{name}.json").read_text(encoding="utf-8"))
     for step in steps:
         key, _, chosen = step.rstrip("]").partition("[")
         try:
-            found = found[int(key)] if isinstance(found, list) else found[key]
+            node = node[int(key)] if isinstance(node, list) else node[key]
             if chosen:
                 wanted = dict(pair.split("=", 1) for pair in chosen.split(";"))
-                (found,) = (row for row in found if all(str(row[k]) == v for k, v in wanted.items()))
+                (node,) = (row for row in node if all(str(row[k]) == v for k, v in wanted.items()))
         except (KeyError, IndexError, TypeError, ValueError) as error:
             raise KeyError(f"{place}: no single {step}") from error
-    return found
+    return node
 
 
 def filled(page: str, results: Path = RESULTS) -> str:
@@ -62,8 +62,8 @@ def filled(page: str, results: Path = RESULTS) -> str:
 
 
 def pages() -> list[Path]:
-    """README and every page of the docs but the records of decisions, which keep the figures of their time."""
-    docs = (page for page in DOCS.rglob("*.md") if page.parent.name != "decisions")
+    """README and every page of the docs but decisions and releases, which keep the figures of their time."""
+    docs = (page for page in DOCS.rglob("*.md") if page.parent.name not in ("decisions", "whatsnew"))
     return [ROOT / "README.md", *sorted(docs)]
 
 

@@ -16,13 +16,13 @@ from typing import Any, Final
 
 import httpx
 import pandas as pd
+from benchmarks.many_vehicles import FleetPlan, many_vehicles
 from tests.live.messages import abrp_messages, measured
 from tests.support.service_process import serving
 
 from tools import DOCS
 from tools.quality.page import MAP_SHOWN, SHOWN, browsing, choose_place, context_of
 from tripwatt.synthetic import example_trip
-from tripwatt.synthetic.many import FleetPlan, many_vehicles
 
 IMAGES: Final = DOCS / "images"
 SETTLE_MS: Final = 700

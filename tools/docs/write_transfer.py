@@ -1,7 +1,7 @@
 """Publish transfers: ``python -m tools.docs.write_transfer [OUT ...]``.
 
 Copies the results.json of folders that `tripwatt transfer` wrote to docs/results/ (scores, no trip data) and the figure
-of the car with most trips to docs/images/, then renews the tables of docs/transfer.md from docs/results/.
+of the car with most trips to docs/images/, then renews the tables of docs/explanation/transfer.md from docs/results/.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from tripwatt.report.transfer_panels import (
     said_of_models,
 )
 
-RESULTS, IMAGES, PAGE = DOCS / "results", DOCS / "images", DOCS / "transfer.md"
+RESULTS, IMAGES, PAGE = DOCS / "results", DOCS / "images", DOCS / "explanation" / "transfer.md"
 WAYS = ("tum-ved", "ved-tum")
 
 
@@ -45,8 +45,8 @@ def publish(out: Path) -> None:
 def renewed(page: str, results: Path = RESULTS) -> str:
     """The page with its generated parts as the results say."""
     for way in WAYS:
-        found = json.loads((results / f"transfer-{way}.json").read_text(encoding="utf-8"))
-        page = pages.with_part(page, way, "\n\n".join(_told(found)))
+        run = json.loads((results / f"transfer-{way}.json").read_text(encoding="utf-8"))
+        page = pages.with_part(page, way, "\n\n".join(_told(run)))
     covariates = json.loads((results / "transfer-covariates.json").read_text(encoding="utf-8"))
     return pages.with_part(page, "covariates", "\n\n".join(markdown(t) for t in _covariates(covariates)))
 

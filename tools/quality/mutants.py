@@ -45,7 +45,7 @@ ROOMS: Final = (
     "uncertainty",
     "evaluation",
     "hybrid",
-    "transfer",
+    "population",
     "routes",
     "physics",
     "auditing",
@@ -92,14 +92,14 @@ def measure_map(project: Path, kept: Path, jobs: int) -> None:
         command += [f"--ignore={name}" for name in NO_PART]
         env = _environment(project) | {"COVERAGE_FILE": str(data), "TRIPWATT_TEST_TIMES": str(times)}
         subprocess.run(command, cwd=project, env=env, check=False)
-        found = CoverageData(str(data))
-        found.read()
+        coverage = CoverageData(str(data))
+        coverage.read()
         lines = {
             Path(name).relative_to(project).as_posix(): {
                 line: sorted(context for context in contexts if context)
-                for line, contexts in found.contexts_by_lineno(name).items()
+                for line, contexts in coverage.contexts_by_lineno(name).items()
             }
-            for name in found.measured_files()
+            for name in coverage.measured_files()
         }
         kept.parent.mkdir(parents=True, exist_ok=True)
         kept.write_text(json.dumps({"lines": lines, "seconds": json.loads(times.read_text())}))
@@ -115,14 +115,14 @@ def read_map(kept: Path) -> TestMap:
     seen: dict[str, frozenset[str]] = {}
 
     def tests(contexts: Sequence[str]) -> frozenset[str]:
-        found: set[str] = set()
+        chosen: set[str] = set()
         for context in contexts:
             test, _, phase = context.rpartition("|")
             if context not in seen:
                 wide = by_file[test.split("::")[0]] if phase == "setup" else {test}
                 seen[context] = frozenset(wide & seconds.keys())
-            found |= seen[context]
-        return frozenset(found)
+            chosen |= seen[context]
+        return frozenset(chosen)
 
     by_line = {
         path: {int(line): tests(contexts) for line, contexts in rows.items()}
@@ -137,24 +137,24 @@ def tests_for(mutant: Mutant, known: TestMap, uses: Mapping[str, Mapping[str, Se
     What runs in processes of its own alone, such as the service, is left to the tests of its room.
     """
     path = mutant.path.relative_to(ROOT).as_posix()
-    found: set[str] = set()
+    tests: set[str] = set()
     if mutant.function is not None:
         first, last = mutant.function
         if first <= mutant.first:
-            found = known.of_lines(path, range(mutant.first, mutant.last + 1))
-        found = found or known.of_lines(path, range(first, last + 1))
+            tests = known.of_lines(path, range(mutant.first, mutant.last + 1))
+        tests = tests or known.of_lines(path, range(first, last + 1))
     else:
         for name in mutant.names:
             for other, lines in uses.get(name, {}).items():
-                found |= known.of_lines(other, lines)
-        found = found or known.of_lines(path, known.by_line.get(path, {}))
+                tests |= known.of_lines(other, lines)
+        tests = tests or known.of_lines(path, known.by_line.get(path, {}))
     room = mutant.path.relative_to(ROOT / "src" / "tripwatt").parts[0]
-    return found or {test for test in known.seconds if test.startswith(f"tests/{room}/")}
+    return tests or {test for test in known.seconds if test.startswith(f"tests/{room}/")}
 
 
 def uses_of_names(package: Path) -> dict[str, dict[str, list[int]]]:
     """Name -> file -> lines inside of functions where it is read."""
-    found: dict[str, dict[str, list[int]]] = defaultdict(lambda: defaultdict(list))
+    uses: dict[str, dict[str, list[int]]] = defaultdict(lambda: defaultdict(list))
     for path in package.rglob("*.py"):
         place = path.relative_to(ROOT).as_posix()
         for function in ast.walk(ast.parse(path.read_bytes())):
@@ -162,10 +162,10 @@ def uses_of_names(package: Path) -> dict[str, dict[str, list[int]]]:
                 continue
             for node in ast.walk(function):
                 if isinstance(node, ast.Name):
-                    found[node.id][place].append(node.lineno)
+                    uses[node.id][place].append(node.lineno)
                 elif isinstance(node, ast.Attribute):
-                    found[node.attr][place].append(node.lineno)
-    return found
+                    uses[node.attr][place].append(node.lineno)
+    return uses
 
 
 def naming(mutant: Mutant, known: TestMap, texts: Mapping[str, str]) -> set[str]:
@@ -309,20 +309,20 @@ def _changed_lines(since: str) -> dict[str, set[int]]:
         text=True,
         check=True,
     ).stdout
-    found: dict[str, set[int]] = defaultdict(set)
+    changed: dict[str, set[int]] = defaultdict(set)
     name = ""
     for row in text.splitlines():
         if row.startswith("+++ b/"):
             name = row.removeprefix("+++ b/")
         elif row.startswith("@@"):
             first, _, count = row.split("+")[1].split(" ")[0].partition(",")
-            found[name].update(range(int(first), int(first) + int(count or 1)))
-    return {name: lines for name, lines in found.items() if lines}
+            changed[name].update(range(int(first), int(first) + int(count or 1)))
+    return {name: lines for name, lines in changed.items() if lines}
 
 
 def named_mutants() -> list[Mutant]:
     """Those of named_mutants.toml."""
-    found = []
+    mutants = []
     for entry in tomllib.loads((HERE / "named_mutants.toml").read_text())["mutant"]:
         path = ROOT / entry["file"]
         source = path.read_bytes()
@@ -335,8 +335,10 @@ def named_mutants() -> list[Mutant]:
         place = (
             (same[0].first, same[0].last, same[0].function, same[0].names) if same else (line, line, None, ())
         )
-        found.append(Mutant(path, line, "named", entry["old"], entry["new"], start, start + len(old), *place))
-    return found
+        mutants.append(
+            Mutant(path, line, "named", entry["old"], entry["new"], start, start + len(old), *place)
+        )
+    return mutants
 
 
 def equivalent() -> dict[tuple[str, str], str]:

@@ -105,7 +105,7 @@ def mutants_of(path: Path) -> list[Mutant]:
     starts = [0]
     for row in source.splitlines(keepends=True):
         starts.append(starts[-1] + len(row))
-    found: list[Mutant] = []
+    mutants: list[Mutant] = []
     for node, place in _expressions(ast.parse(source)):
         first, last, function, names = place
         start = starts[node.lineno - 1] + node.col_offset
@@ -113,10 +113,10 @@ def mutants_of(path: Path) -> list[Mutant]:
         before = source[start:end].decode()
         for kind, changed in _changes(node):
             after = ast.unparse(changed)
-            found.append(
+            mutants.append(
                 Mutant(path, node.lineno, kind, before, after, start, end, first, last, function, names)
             )
-    return sorted(found, key=lambda mutant: (mutant.line, mutant.start))
+    return sorted(mutants, key=lambda mutant: (mutant.line, mutant.start))
 
 
 Place = tuple[int, int, tuple[int, int] | None, tuple[str, ...]]

@@ -76,9 +76,9 @@ def browsing() -> Iterator[Any]:
 
     with sync_playwright() as playwright:
         # without a user of its own, chromium's sandbox refuses to start
-        found = playwright.chromium.launch(executable_path=chromium(), args=["--no-sandbox"])
-        yield found
-        found.close()
+        browser = playwright.chromium.launch(executable_path=chromium(), args=["--no-sandbox"])
+        yield browser
+        browser.close()
 
 
 FOLLOW_DRAG: Final = """
@@ -129,7 +129,7 @@ def measure() -> dict[str, Any]:
     """All figures."""
     folder = Path(tripwatt.service.__file__).with_name("page")
     files = {f.relative_to(folder).as_posix(): f.stat().st_size for f in folder.rglob("*") if f.is_file()}
-    found: dict[str, Any] = {"bundle_bytes": files, "bundle_total_bytes": sum(files.values())}
+    figures: dict[str, Any] = {"bundle_bytes": files, "bundle_total_bytes": sum(files.values())}
     with tempfile.TemporaryDirectory() as logs, serving(Path(logs)) as service, browsing() as browser:
         for size in SIZES:
             for scheme in SCHEMES:
@@ -140,15 +140,15 @@ def measure() -> dict[str, Any]:
                     page.get_by_role("radio", name=mode).check()
                     page.wait_for_timeout(300)
                     at = f"{size} {scheme} {mode.lower()}"
-                    found.setdefault("axe", {})[at] = violations(page)
+                    figures.setdefault("axe", {})[at] = violations(page)
                     if mode != "Drive" and scheme == "light":
                         times = np.array(follow_times(page, MOVES))
                         quantiles = {
                             f"p{q}_ms": round(float(np.percentile(times, q)), 1) for q in (50, 95, 100)
                         }
-                        found.setdefault("slider", {})[at] = quantiles
+                        figures.setdefault("slider", {})[at] = quantiles
                 page.context.close()
-    return found
+    return figures
 
 
 def choose_place(page: Any, label: str, name: str) -> None:

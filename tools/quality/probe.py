@@ -57,7 +57,7 @@ def trips() -> tuple[Trip, ...]:
 
 def plans() -> list[Plan]:
     """The same drives in all weathers, up and down, in wind and rain, full and low, with much and little known."""
-    found = []
+    drives = []
     for k, (trip, ambient) in enumerate(zip(trips(), np.linspace(*AMBIENT_DEGC, SHORT + LONG), strict=True)):
         known = plan_from_trip(trip)
         samples = known.samples
@@ -67,8 +67,8 @@ def plans() -> list[Plan]:
             samples = samples.assign(elevation_m=samples["elevation_m"] + slope * way)
         plan = Plan.from_samples(known.trip_id, samples, departure(k, float(ambient)))
         weather = PlanWeather(np.full(len(plan), 4.0), 1.15, 0.5)
-        found.append(replace(plan, weather=weather) if k % 5 == 0 else plan)
-    return found
+        drives.append(replace(plan, weather=weather) if k % 5 == 0 else plan)
+    return drives
 
 
 def departure(k: int, ambient_degc: float) -> Departure:
@@ -108,22 +108,22 @@ def of_simulation(car: Vehicle, plan: Plan) -> list[float]:
     return [*causes, loss_wh, float(run.terminal_voltage_v.mean()), *(float(end[-1]) for end in ends)]
 
 
-def of_forecast(found: Forecast) -> list[float]:
+def of_forecast(forecast: Forecast) -> list[float]:
     """Energy and charge with their intervals."""
     return [
-        found.energy_wh,
-        found.sd_wh,
-        *found.interval(0.5),
-        *found.interval(0.9),
-        found.soc_arrival,
-        *found.soc_interval(0.9),
+        forecast.energy_wh,
+        forecast.sd_wh,
+        *forecast.interval(0.5),
+        *forecast.interval(0.9),
+        forecast.soc_arrival,
+        *forecast.soc_interval(0.9),
     ]
 
 
 def of_identification(car: Vehicle) -> list[float]:
     """Values from the signals of the trips."""
-    found = identify_trips([with_signals(trip, car) for trip in trips()], car).values
-    return [float(x) for key in sorted(found) for x in np.atleast_1d(np.asarray(found[key]))]
+    values = identify_trips([with_signals(trip, car) for trip in trips()], car).values
+    return [float(x) for key in sorted(values) for x in np.atleast_1d(np.asarray(values[key]))]
 
 
 def of_split() -> list[list[float]]:
@@ -143,23 +143,23 @@ def simulated() -> Probe:
 def computed() -> Probe:
     """The probe of the code as it is. Some seconds."""
     roads, cars = plans(), [load_vehicle(name) for name in CARS]
-    found = {"identification": [of_identification(cars[0])]}
-    found["default corrector"] = of_split()
+    parts = {"identification": [of_identification(cars[0])]}
+    parts["default corrector"] = of_split()
     model = ForecastModel(cars[0], corrector="gp").fit(trips())
     models = {car.name: for_car(model, car) for car in cars}
     last = cars[2]
     models["own trips"] = tw.adapt(model, synthetic_fleet(OWN_TRIPS, SEED, vehicle=last).trips, last)
     for name, of_car in models.items():
-        found[f"forecast {name}"] = [of_forecast(of_car.forecast(plan)) for plan in roads]
-    found["forecast on links"] = [of_forecast(model.forecast(plan_on_links(t, LINK_M))) for t in trips()]
+        parts[f"forecast {name}"] = [of_forecast(of_car.forecast(plan)) for plan in roads]
+    parts["forecast on links"] = [of_forecast(model.forecast(plan_on_links(t, LINK_M))) for t in trips()]
     flat = [Plan.from_samples(p.trip_id, p.samples.drop(columns="elevation_m"), p.departure) for p in roads]
-    found["forecast without heights"] = [of_forecast(model.forecast(plan)) for plan in flat]
-    return simulated() | rounded(found)
+    parts["forecast without heights"] = [of_forecast(model.forecast(plan)) for plan in flat]
+    return simulated() | rounded(parts)
 
 
-def rounded(found: Mapping[str, Sequence[Sequence[float]]]) -> Probe:
+def rounded(parts: Mapping[str, Sequence[Sequence[float]]]) -> Probe:
     """Numbers of six digits."""
-    return {name: [[float(f"{x:.6g}") for x in row] for row in rows] for name, rows in found.items()}
+    return {name: [[float(f"{x:.6g}") for x in row] for row in rows] for name, rows in parts.items()}
 
 
 def differences(one: Mapping[str, Sequence[Sequence[float]]], other: Probe) -> Iterator[str]:

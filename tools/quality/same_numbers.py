@@ -130,16 +130,16 @@ def forecasts(python: Path) -> dict[str, Any]:
 def main(what: Literal["results", "forecasts"], old: Path, new: Path) -> int:
     """Compare two results files or checkouts, or two Pythons with tripwatt; 1 when a number differs or is missing."""
     read = results if what == "results" else forecasts
-    found = compared(read(old), read(new))
-    for place in found.wrong[:40]:
+    comparison = compared(read(old), read(new))
+    for place in comparison.wrong[:40]:
         print(place)
-    for place in found.new:
+    for place in comparison.new:
         print(f"new: {place}")
     print(
-        f"{found.compared} numbers compared, {len(found.wrong)} differ by more than {TOLERANCE:g} or are missing, "
-        f"{len(found.new)} are new; largest relative difference {found.largest:.2g}"
+        f"{comparison.compared} numbers compared, {len(comparison.wrong)} differ by more than {TOLERANCE:g} or are missing, "
+        f"{len(comparison.new)} are new; largest relative difference {comparison.largest:.2g}"
     )
-    return int(bool(found.wrong) or not found.compared)
+    return int(bool(comparison.wrong) or not comparison.compared)
 
 
 if __name__ == "__main__":

@@ -80,6 +80,7 @@ describe("languages", () => {
 const ALIKE = [
   "/foot/own",
   "/trip/sources/links",
+  "/conditions/fields/wind_speed_m_s",
   "/result/reserve",
   "/result/reserveBelow",
   "/result/reserveAbove",

@@ -17,8 +17,8 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.auditing import consistency, ranges, road, signals, stamps
-from tripwatt.auditing.findings import Cut, Finding, array, whole
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.auditing.findings import Cut, Finding, array, between, whole
+from tripwatt.errors import Fault, raise_faults
 from tripwatt.trips import (
     Fleet,
     Recorded,
@@ -42,7 +42,7 @@ DRIVEN_M: Final = 50.0
 
 @dataclass(frozen=True, slots=True)
 class Audit:
-    """The drives that can be used, and everything that was found.
+    """The drives that can be used, and everything that is wrong with the logs.
 
     Attributes
     ----------
@@ -56,10 +56,10 @@ class Audit:
     Examples
     --------
     >>> from tripwatt.synthetic import synthetic_fleet
-    >>> found = audit(synthetic_fleet(2))
-    >>> print(found)
+    >>> result = audit(synthetic_fleet(2))
+    >>> print(result)
     2 drives out of 2 logs are used, 0 are not
-    >>> list(found.frame().columns), found.set_aside
+    >>> list(result.frame().columns), result.set_aside
     (['trip', 'from_s', 'to_s', 'what', 'consequence'], {})
     """
 
@@ -126,54 +126,49 @@ def audit(logs: Fleet | Iterable[Recorded]) -> Audit:
     """
     trips = tuple(logs.logs if isinstance(logs, Fleet) else logs)
     require_unique_ids(trips)
-    resampled = [Fault("not a raw log", t.trip_id, f"means over {t.step_s} s") for t in trips if t.step_s]
-    if resampled:
-        raise InvalidInput(resampled)
+    raise_faults(Fault("not a raw log", t.trip_id, f"means over {t.step_s} s") for t in trips if t.step_s)
     legs: list[Recorded] = []
     findings: list[tuple[int, Finding]] = []
     order: list[int] = []
     for number, trip in enumerate(trips):
-        its_legs, found = _audit_log(trip)
+        its_legs, more = _audit_log(trip)
         legs += its_legs
         order += [number] * len(its_legs)
-        findings += [(number, f) for f in found]
+        findings += [(number, f) for f in more]
     used = _without_fault(legs, [f for _, f in findings])
     by_leg = consistency.soc_findings(legs, used)
     for number, leg in zip(order, legs, strict=True):
         findings += [(number, f) for f in by_leg.get(leg.trip_id, [])]
     findings.sort(key=lambda item: item[0])
-    ordered = _told_once([f for _, f in findings], len(trips))
+    ordered = without_repeats([f for _, f in findings], len(trips))
     sound = _without_fault(legs, ordered)
-    return Audit(
-        tuple(Trip.from_log(t) for t, ok in zip(legs, sound, strict=True) if ok), ordered, len(trips)
-    )
+    used_trips = tuple(Trip.from_log(leg) for leg, ok in zip(legs, sound, strict=True) if ok)
+    return Audit(used_trips, ordered, len(trips))
 
 
 def _audit_log(trip: Recorded) -> tuple[list[Recorded], list[Finding]]:
     """The drives of one log, each mended and judged by itself."""
     samples, findings = ranges.blank_infinite(trip.samples, trip.trip_id)
-    samples, cuts, found = stamps.mend_stamps(samples, trip.trip_id)
-    findings += found
+    samples, cuts, more = stamps.mend_stamps(samples, trip.trip_id)
+    findings += more
     missing = list(ranges.missing_columns(samples, trip.trip_id))
     findings += missing
     if len(samples) < 2 or any(f.consequence == "set aside" for f in missing):
         if len(samples) < 2:
             findings.append(whole(samples, trip.trip_id, "fewer than two samples are left", "set aside"))
         return [], findings
-    samples, found = ranges.blank_impossible(samples, trip.trip_id)
-    findings += found
-    if any(f.consequence == "set aside" for f in found):
+    samples, more = ranges.blank_impossible(samples, trip.trip_id)
+    findings += more
+    if any(f.consequence == "set aside" for f in more):
         return [], findings
-    cuts += signals.sensor_stop_cuts(samples)
-    cuts += stamps.gap_cuts(samples)
-    cuts += signals.freeze_cuts(samples)
-    cuts += signals.charging_cuts(samples)
-    legs, found = _legs(trip, samples, cuts)
-    findings += found
+    for rule in (signals.sensor_stop_cuts, stamps.gap_cuts, signals.freeze_cuts, signals.charging_cuts):
+        cuts += rule(samples)
+    legs, more = _legs(trip, samples, cuts)
+    findings += more
     judged = []
     for leg in legs:
-        mended, found = _judge_leg(leg)
-        findings += found
+        mended, more = _judge_leg(leg)
+        findings += more
         judged.append(mended)
     return judged, findings
 
@@ -188,16 +183,13 @@ def _legs(trip: Recorded, samples: pd.DataFrame, cuts: Sequence[Cut]) -> tuple[l
     bounds = sorted(edges)
     starts = [a for a, _ in pairwise(bounds) if keep[a]]
     pieces = [samples.iloc[a:b].reset_index(drop=True) for a, b in pairwise(bounds) if keep[a]]
-    driven = [(a, p) for a, p in zip(starts, pieces, strict=True) if _distance(p) >= DRIVEN_M]
-    findings = [
-        _cut_finding(trip.trip_id, samples, cut, driven) for cut in sorted(cuts, key=lambda c: c.first)
-    ]
+    driven = [(a, p) for a, p in zip(starts, pieces, strict=True) if driven_m(p) >= DRIVEN_M]
+    ordered = sorted(cuts, key=lambda cut: cut.first)
+    findings = [finding_of_cut(trip.trip_id, samples, cut, driven) for cut in ordered]
     if cuts and driven:
-        findings += [
-            _too_short_finding(trip.trip_id, piece)
-            for piece in pieces
-            if len(piece) > 1 and _distance(piece) < DRIVEN_M
-        ]
+        short = [piece for piece in pieces if len(piece) > 1 and driven_m(piece) < DRIVEN_M]
+        what = "{:.0f} m beside a cut are too short for a drive"
+        findings += [between(p, trip.trip_id, 0, -1, what.format(driven_m(p)), "trimmed") for p in short]
     if not driven:
         what = "the car did not move" if not cuts else "no part of the log with a moving car is left"
         findings.append(whole(samples, trip.trip_id, what, "set aside"))
@@ -208,28 +200,21 @@ def _legs(trip: Recorded, samples: pd.DataFrame, cuts: Sequence[Cut]) -> tuple[l
     return legs, findings
 
 
-def _too_short_finding(trip_id: str, piece: pd.DataFrame) -> Finding:
-    time = array(piece, "time_s")
-    what = f"{_distance(piece):.0f} m beside a cut are too short for a drive"
-    return Finding(trip_id, float(time[0]), float(time[-1]), what, "trimmed")
-
-
-def _distance(samples: pd.DataFrame) -> float:
+def driven_m(samples: pd.DataFrame) -> float:
+    """Way of the samples with a speed [m]."""
     speed, time = array(samples, "speed_m_s"), array(samples, "time_s")
     known = np.isfinite(speed)
     return float(np.trapezoid(speed[known], time[known]))
 
 
-def _cut_finding(
+def finding_of_cut(
     trip_id: str, samples: pd.DataFrame, cut: Cut, driven: Sequence[tuple[int, pd.DataFrame]]
 ) -> Finding:
     """A cut at an end trims; one with drives on both sides splits."""
-    time = array(samples, "time_s")
     before = any(first < cut.first for first, _ in driven)
     after = any(first >= cut.last for first, _ in driven)
-    from_s = float(time[max(cut.first - 1, 0)])
-    to_s = float(time[min(cut.last, len(time) - 1)])
-    return Finding(trip_id, from_s, to_s, cut.what, "split" if before and after else "trimmed")
+    first, last = max(cut.first - 1, 0), min(cut.last, len(samples) - 1)
+    return between(samples, trip_id, first, last, cut.what, "split" if before and after else "trimmed")
 
 
 def _leg(trip: Recorded, samples: pd.DataFrame, name: str, *, follows: bool) -> Recorded:
@@ -253,24 +238,24 @@ def _judge_leg(leg: Recorded) -> tuple[Recorded, list[Finding]]:
         *road.ambient_findings(samples, name),
     ]
     for blank in (signals.blank_stuck_heater, consistency.blank_soc_faults, ranges.blank_fahrenheit):
-        samples, found = blank(samples, name)
-        findings += found
+        samples, more = blank(samples, name)
+        findings += more
     mended = leg.with_samples(samples)
-    findings += consistency.unit_findings(mended)
-    findings += consistency.offset_findings(mended)
-    findings += consistency.energy_error_findings(mended)
+    for rule in (consistency.unit_findings, consistency.offset_findings, consistency.energy_error_findings):
+        findings += rule(mended)
     if mended.distance_m < SHORTEST_LEG_M or mended.duration_s < SHORTEST_LEG_S:
-        what = (
-            f"{mended.distance_m:.0f} m in {mended.duration_s:.0f} s: "
-            f"shorter than {SHORTEST_LEG_M:g} m or {SHORTEST_LEG_S:g} s"
+        driven, allowed = (
+            f"{mended.distance_m:.0f} m in {mended.duration_s:.0f} s",
+            f"{SHORTEST_LEG_M:g} m or {SHORTEST_LEG_S:g} s",
         )
+        what = f"{driven}: shorter than {allowed}"
         findings.append(whole(samples, name, what, "set aside"))
     faults = (*structure_faults(samples, name), *value_faults(samples, name))
     findings += [whole(samples, name, f"{f.what}: {f.got}", "set aside") for f in faults]
     return mended, findings
 
 
-def _told_once(findings: Sequence[Finding], n_logs: int) -> tuple[Finding, ...]:
+def without_repeats(findings: Sequence[Finding], n_logs: int) -> tuple[Finding, ...]:
     """A note that every log of a set earns, such as a column the set does not have, is one note on the set."""
     counts = Counter(f.what for f in findings if f.consequence == "noted")
     common = {what for what, n in counts.items() if n == n_logs > 1}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import BoolArray, FloatArray
-from tripwatt.auditing.findings import Finding, array, has, whole
+from tripwatt.auditing.findings import Change, Finding, array, between, blanking, has, whole
 from tripwatt.trips import Recorded
 from tripwatt.trips.inertia import WRONG_SIGN, apparent_mass
 from tripwatt.trips.messages import signal_name
@@ -140,50 +140,54 @@ def soc_findings(trips: Sequence[Recorded], sound: Sequence[bool]) -> dict[str, 
     Charge, not energy, is compared: a battery management counts charge, so the ratio is the capacity and does not
     depend on the level as the energy does through the voltage. `sound` marks the drives that count for the median.
     """
-    found: dict[str, list[Finding]] = {}
     balances = {t.trip_id: b for t in trips if (b := charge_balance(t.samples)) is not None}
     steps = [b.resolution for b in balances.values() if b.resolution > 0.0]
-    if steps:  # a drive too short for one step says nothing of the steps
+    if steps:  # a drive too short for one step has no resolution of its own
         usual = float(np.median(steps))
         balances = {k: replace(b, resolution=max(b.resolution, usual)) for k, b in balances.items()}
-    telling = {
+    capacities = {
         t.trip_id: balances[t.trip_id].capacity_ah
         for t, is_sound in zip(trips, sound, strict=True)
         if is_sound and t.trip_id in balances and abs(balances[t.trip_id].soc_change) >= SMALLEST_SOC_CHANGE
     }
+    std, median = 0.0, None
+    if len(capacities) >= FEWEST_TRIPS:
+        median = float(np.median(list(capacities.values())))
+        errors = np.array([b.soc_change - b.charge_ah / median for b in balances.values()])
+        std = NORMAL_MAD * float(np.median(np.abs(errors - np.median(errors))))
+    judged = (
+        _soc_finding(t, balances[t.trip_id], capacities, median, std) for t in trips if t.trip_id in balances
+    )
+    return {finding.trip: [finding] for finding in judged if finding is not None}
+
+
+def _soc_finding(
+    trip: Recorded, balance: Balance, capacities: Mapping[str, float], median: float | None, std: float
+) -> Finding | None:
+    """What is wrong with the balance of one drive, beside the capacities of the sound ones."""
     low, high = POSSIBLE_CAPACITY_AH
-    std = 0.0
-    median = float(np.median(list(telling.values()))) if len(telling) >= FEWEST_TRIPS else None
-    if median is not None:
-        errors = [b.soc_change - b.charge_ah / median for b in balances.values()]
-        std = NORMAL_MAD * float(np.median(np.abs(np.array(errors) - np.median(errors))))
-    for trip in trips:
-        balance = balances.get(trip.trip_id)
-        if balance is None:
-            continue
-        text = f"{balance.charge_ah:.2f} Ah for a change of the state of charge of {100 * balance.soc_change:.1f} %"
-        if abs(balance.soc_change) >= 2 * SMALLEST_SOC_CHANGE and not low <= balance.capacity_ah <= high:
-            what = f"{text} corresponds to a battery of {balance.capacity_ah:.3g} Ah: check unit and sign of the current"
-            found[trip.trip_id] = [whole(trip.samples, trip.trip_id, what, "set aside")]
-        elif median is not None and not balance.fits(median, std):
-            stopped = _stopped_soc(trip, median, std)
-            if stopped is not None:
-                found[trip.trip_id] = [stopped]
-                continue
-            alike = sum(balance.fits(c, std) for other, c in telling.items() if other != trip.trip_id)
-            what = f"energy contradicts state of charge: {text}; the battery of the other drives, {median:.1f} Ah, gives "
-            what += f"{100 * balance.charge_ah / median:.1f} %"
-            if alike >= OF_ANOTHER_CAR:
-                what += f"; {alike} other drives agree with this one, so this may be another car"
-            found[trip.trip_id] = [
-                whole(trip.samples, trip.trip_id, what, "noted" if alike >= OF_ANOTHER_CAR else "set aside")
-            ]
-    return found
+    change = (
+        f"{balance.charge_ah:.2f} Ah for a change of the state of charge of {100 * balance.soc_change:.1f} %"
+    )
+    if abs(balance.soc_change) >= 2 * SMALLEST_SOC_CHANGE and not low <= balance.capacity_ah <= high:
+        what = f"{change} corresponds to a battery of {balance.capacity_ah:.3g} Ah: check unit and sign of the current"
+        return whole(trip.samples, trip.trip_id, what, "set aside")
+    if median is None or balance.fits(median, std):
+        return None
+    stopped = stopped_soc(trip, median, std)
+    if stopped is not None:
+        return stopped
+    alike = sum(balance.fits(c, std) for other, c in capacities.items() if other != trip.trip_id)
+    what = f"energy contradicts state of charge: {change}; the battery of the other drives, {median:.1f} Ah, gives "
+    what += f"{100 * balance.charge_ah / median:.1f} %"
+    if alike >= OF_ANOTHER_CAR:
+        what += f"; {alike} other drives agree with this one, so this may be another car"
+    return whole(trip.samples, trip.trip_id, what, "noted" if alike >= OF_ANOTHER_CAR else "set aside")
 
 
-def _stopped_soc(trip: Recorded, capacity_ah: float, std: float) -> Finding | None:
+def stopped_soc(trip: Recorded, capacity_ah: float, std: float) -> Finding | None:
     """A state of charge that fits as long as it moves and then stands: its sensor stopped, the energy is sound."""
-    soc, time = array(trip.samples, "soc"), array(trip.samples, "time_s")
+    soc = array(trip.samples, "soc")
     known = np.flatnonzero(np.isfinite(soc))
     moved = np.flatnonzero(np.diff(soc[known]) != 0)
     if not len(moved):
@@ -193,30 +197,27 @@ def _stopped_soc(trip: Recorded, capacity_ah: float, std: float) -> Finding | No
     if before is None or abs(before.soc_change) < SMALLEST_SOC_CHANGE or not before.fits(capacity_ah, std):
         return None
     what = f"state of charge stays at {soc[stop]:.3f} while the battery delivers current: the sensor stopped"
-    return Finding(trip.trip_id, float(time[stop]), float(time[-1]), what, "noted")
+    return between(trip.samples, trip.trip_id, stop, -1, what, "noted")
 
 
-def blank_soc_faults(samples: pd.DataFrame, trip_id: str) -> tuple[pd.DataFrame, list[Finding]]:
+@blanking
+def blank_soc_faults(samples: pd.DataFrame, trip_id: str) -> Iterator[Change]:
     """Zeros and jumps of the state of charge that no battery makes; long missing ends are reported."""
-    findings: list[Finding] = []
-    blanked: dict[str, FloatArray] = {}
     time = array(samples, "time_s")
-    for name in ("soc", "displayed_soc"):
-        if not has(samples, name):
-            continue
+    for name in (name for name in ("soc", "displayed_soc") if has(samples, name)):
         soc = array(samples, name)
-        bad = _stray_soc(time, soc)
+        bad = stray_soc(time, soc)
         if bad.any():
             what = f"{signal_name(name)} of {np.nanmin(soc[bad]):g} in {int(bad.sum())} samples is a jump: these values are removed"
-            findings.append(Finding(trip_id, float(time[bad][0]), float(time[bad][-1]), what, "noted"))
+            first, last = np.flatnonzero(bad)[[0, -1]].tolist()
             soc = np.where(bad, np.nan, soc)
-            blanked[name] = soc
+            yield name, soc, between(samples, trip_id, first, last, what, "noted")
         if name == "soc" and np.isfinite(soc).any():
-            findings += _missing_soc(time, soc, trip_id)
-    return (samples.assign(**blanked) if blanked else samples), findings
+            for finding in missing_soc(time, soc, trip_id):
+                yield name, None, finding
 
 
-def _stray_soc(time: FloatArray, soc: FloatArray) -> BoolArray:
+def stray_soc(time: FloatArray, soc: FloatArray) -> BoolArray:
     """Pieces between jumps that are shorter than the longest piece and jump away from it."""
     stray = np.zeros(len(soc), dtype=bool)
     if np.nanmax(soc) > SOC_JUMP:  # a 0 beside it is a sensor that is off, however long it stays
@@ -237,35 +238,34 @@ def _stray_soc(time: FloatArray, soc: FloatArray) -> BoolArray:
     return stray
 
 
-def _missing_soc(time: FloatArray, soc: FloatArray, trip_id: str) -> list[Finding]:
+def missing_soc(time: FloatArray, soc: FloatArray, trip_id: str) -> list[Finding]:
+    """A state of charge that is missing for long at the start or at the end."""
     known = np.flatnonzero(np.isfinite(soc))
-    found: list[Finding] = []
+    findings: list[Finding] = []
     spans = ((0, int(known[0]), "start"), (int(known[-1]), len(soc) - 1, "end"))
     for first, last, where in spans:
         if time[last] - time[first] > LONG_MISSING_SOC_S:
             what = f"state of charge is missing for {time[last] - time[first]:.1f} s at the {where}"
-            found.append(Finding(trip_id, float(time[first]), float(time[last]), what, "noted"))
-    return found
+            findings.append(Finding(trip_id, float(time[first]), float(time[last]), what, "noted"))
+    return findings
 
 
 def unit_findings(trip: Recorded) -> list[Finding]:
     """Speed, current or voltage in a wrong unit or with the wrong sign, found by the car's apparent mass."""
     samples = trip.samples
     power = array(samples, "voltage_v") * array(samples, "current_a")
-    found = apparent_mass(array(samples, "time_s"), array(samples, "speed_m_s"), power)
-    if found is None:
+    answer = apparent_mass(array(samples, "time_s"), array(samples, "speed_m_s"), power)
+    if answer is None:
         return []
-    mass, correlation = found
+    mass, correlation = answer
     if correlation < WRONG_SIGN:
         what = "the battery charges while the car accelerates: the current has the wrong sign; reverse it"
         return [whole(trip.samples, trip.trip_id, what, "set aside")]
     low, high = POSSIBLE_MASS_KG
     if low <= mass <= high or correlation < CLEAR_CORRELATION:
         return []
-    if mass > high:
-        guess = "speed in m/s read as km/h, or a current in dA or mA read as A"
-    else:
-        guess = "speed in km/h read as m/s, or a current or a voltage that is too small"
+    heavy = "speed in m/s read as km/h, or a current in dA or mA read as A"
+    guess = heavy if mass > high else "speed in km/h read as m/s, or a current or a voltage that is too small"
     what = (
         f"power and acceleration correspond to a car of {mass:.3g} kg: a unit is wrong, for example {guess}"
     )
@@ -281,10 +281,8 @@ def offset_findings(trip: Recorded) -> Iterator[Finding]:
         power = array(samples, "voltage_v") * array(samples, "current_a")
         standing = (array(samples, "speed_m_s") < STANDING_M_S) & np.isfinite(power)
         if standing.sum() >= FEWEST_STANDING and float(np.median(power[standing])) > MOST_STANDING_W:
-            what = (
-                f"the battery gives {np.median(power[standing]) / 1000.0:.0f} kW while the car stands: the current has "
-                "an offset"
-            )
+            mean_kw = np.median(power[standing]) / 1000.0
+            what = f"the battery gives {mean_kw:.0f} kW while the car stands: the current has an offset"
             yield whole(samples, trip.trip_id, what, "set aside")
             return
     distance_km = trip.distance_m / 1000.0
@@ -315,7 +313,6 @@ def energy_error_findings(trip: Recorded) -> Iterator[Finding]:
     if useless or error > COARSE_SHARE * energy:
         measured = has(trip.samples, "voltage_v") and has(trip.samples, "current_a")
         source = "a coarse or seldom power" if measured else "the state of charge"
-        what = f"energy from {source} is {energy:.0f} Wh with a standard error of {error:.0f} Wh: " + (
-            "too inaccurate to use" if useless else "inaccurate"
-        )
+        verdict = "too inaccurate to use" if useless else "inaccurate"
+        what = f"energy from {source} is {energy:.0f} Wh with a standard error of {error:.0f} Wh: {verdict}"
         yield whole(trip.samples, trip.trip_id, what, "set aside" if useless else "noted")

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import wraps
 from typing import Final, Literal
 
 import numpy as np
@@ -25,9 +27,9 @@ class Finding:
     trip : str
         Id of the log, or of the leg that was cut out of it.
     from_s, to_s : float
-        Log time [s] between which it was found.
+        Log time [s] between which it lies.
     what : str
-        What was found, with its figures.
+        What is wrong, with its figures.
     consequence : {"trimmed", "split", "set aside", "noted"}
         An end was cut off; a middle was cut out and the rest became legs; the drive is not used; the drive is used,
         and the samples that `what` names are blank.
@@ -55,6 +57,12 @@ class Cut:
     first: int
     last: int
     what: str
+
+
+Change = tuple[str, FloatArray | None, Finding]
+"""A column, its values with NaN in place of those that are removed (None = all stay), and the finding."""
+
+Rule = Callable[[pd.DataFrame, str], Iterator[Change]]
 
 
 def array(samples: pd.DataFrame, column: str) -> FloatArray:
@@ -87,3 +95,24 @@ def whole(samples: pd.DataFrame, trip_id: str, what: str, consequence: Consequen
     known = time[np.isfinite(time)]
     ends = (float(known[0]), float(known[-1])) if len(known) else (0.0, 0.0)
     return Finding(trip_id, *ends, what, consequence)
+
+
+def between(
+    samples: pd.DataFrame, trip_id: str, first: int, last: int, what: str, consequence: Consequence
+) -> Finding:
+    """A finding from one sample to another, both included."""
+    time = array(samples, "time_s")
+    return Finding(trip_id, float(time[first]), float(time[last]), what, consequence)
+
+
+def blanking(rule: Rule) -> Callable[[pd.DataFrame, str], tuple[pd.DataFrame, list[Finding]]]:
+    """A rule that gives the name of a column, the values that it keeps and a finding, as one that changes the samples."""
+
+    @wraps(rule)
+    def applied(samples: pd.DataFrame, trip_id: str) -> tuple[pd.DataFrame, list[Finding]]:
+        changes = list(rule(samples, trip_id))
+        kept = {name: values for name, values, _ in changes if values is not None}
+        findings = [finding for _, _, finding in changes]
+        return (samples.assign(**kept) if kept else samples), findings
+
+    return applied

@@ -9,7 +9,17 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import BoolArray, FloatArray
-from tripwatt.auditing.findings import MEASURED, Consequence, Finding, array, has, whole
+from tripwatt.auditing.findings import (
+    MEASURED,
+    Change,
+    Consequence,
+    Finding,
+    array,
+    between,
+    blanking,
+    has,
+    whole,
+)
 from tripwatt.trips import COLUMNS
 from tripwatt.trips.messages import signal_name
 
@@ -43,19 +53,11 @@ def missing_columns(samples: pd.DataFrame, trip_id: str) -> Iterator[Finding]:
     """Columns that are absent or empty: without voltage and current no energy was measured."""
     lost = [c for c in MEASURED if not has(samples, c)]
     if lost and has(samples, "observed_energy_wh") and has(samples, "speed_m_s"):
-        yield whole(
-            samples,
-            trip_id,
-            "no voltage and current: the energy is calculated from the state of charge",
-            "noted",
-        )
+        what = "no voltage and current: the energy is calculated from the state of charge"
+        yield whole(samples, trip_id, what, "noted")
     elif lost:
-        yield whole(
-            samples,
-            trip_id,
-            f"no values of {', '.join(map(signal_name, lost))}: the energy is not measured",
-            "set aside",
-        )
+        what = f"no values of {', '.join(map(signal_name, lost))}: the energy is not measured"
+        yield whole(samples, trip_id, what, "set aside")
     if not has(samples, "elevation_m") and not has(samples, "grade"):
         yield whole(samples, trip_id, f"no values of elevation: {WORTH_NOTING['elevation_m']}", "noted")
     if not has(samples, "ambient_temperature_degc"):
@@ -63,63 +65,55 @@ def missing_columns(samples: pd.DataFrame, trip_id: str) -> Iterator[Finding]:
         yield whole(samples, trip_id, f"no values of outside temperature: {text}", "noted")
 
 
-def blank_infinite(samples: pd.DataFrame, trip_id: str) -> tuple[pd.DataFrame, list[Finding]]:
+@blanking
+def blank_infinite(samples: pd.DataFrame, trip_id: str) -> Iterator[Change]:
     """Infinite values are missing ones: every rule after this one may rely on finite or missing."""
-    blanked: dict[str, FloatArray] = {}
-    findings: list[Finding] = []
-    for name in samples.columns:
-        if name not in COLUMNS:
-            continue
+    for name in (name for name in samples.columns if name in COLUMNS):
         values = array(samples, name)
         bad = np.isinf(values)
         if bad.any():
-            blanked[name] = np.where(bad, np.nan, values)
             what = f"{signal_name(name)} is infinite in {int(bad.sum())} samples: these values are removed"
-            findings.append(whole(samples, trip_id, what, "noted"))
-    return (samples.assign(**blanked) if blanked else samples), findings
+            yield name, np.where(bad, np.nan, values), whole(samples, trip_id, what, "noted")
 
 
 def blank_impossible(samples: pd.DataFrame, trip_id: str) -> tuple[pd.DataFrame, list[Finding]]:
     """Blank every value outside its column's range; a measured signal with many of them sets the drive aside."""
-    findings: list[Finding] = []
-    blanked: dict[str, FloatArray] = {}
     samples, reversing = _make_speed_positive(samples, trip_id)
-    findings += reversing
+    samples, findings = _blank_outside(samples, trip_id)
+    return samples, [*reversing, *findings]
+
+
+@blanking
+def _blank_outside(samples: pd.DataFrame, trip_id: str) -> Iterator[Change]:
     for name, column in COLUMNS.items():
         if name == "time_s" or name not in samples.columns:
             continue
         values = array(samples, name)
         highest = min(column.maximum, LARGEST_HEATER_W if "heating" in name else np.inf)
-        with np.errstate(invalid="ignore"):
-            bad = (values < column.minimum) | (values > highest)
+        bad = (values < column.minimum) | (values > highest)
         if name == "speed_m_s":
-            bad |= _spikes(array(samples, "time_s"), values)
+            bad |= speed_spikes(array(samples, "time_s"), values)
         if not bad.any():
             continue
         many = float(bad.mean()) > STRAY_SHARE
-        guess = _guessed_unit(name, values) if many else ""
-        what = (
-            f"{signal_name(name)} of {_extremes(values[bad])} {column.unit} in {int(bad.sum())} samples is impossible"
-            + (f": {guess}" if guess else "")
-        )
+        guess = guessed_unit(name, values) if many else ""
+        what = f"{signal_name(name)} of {_extremes(values[bad])} {column.unit} in {int(bad.sum())} samples is impossible"
+        what += f": {guess}" if guess else ""
         consequence: Consequence = "set aside" if many and name in MEASURED else "noted"
-        findings.append(_span(samples, trip_id, bad, what, consequence))
-        blanked[name] = np.full(len(values), np.nan) if guess else np.where(bad, np.nan, values)
-    return (samples.assign(**blanked) if blanked else samples), findings
+        kept = np.full(len(values), np.nan) if guess else np.where(bad, np.nan, values)
+        yield name, kept, _span(samples, trip_id, bad, what, consequence)
 
 
-def _make_speed_positive(samples: pd.DataFrame, trip_id: str) -> tuple[pd.DataFrame, list[Finding]]:
+@blanking
+def _make_speed_positive(samples: pd.DataFrame, trip_id: str) -> Iterator[Change]:
     speed = array(samples, "speed_m_s")
-    with np.errstate(invalid="ignore"):
-        back = (speed < 0) & (speed >= -REVERSING_M_S)
-    if not back.any():
-        return samples, []
-    what = f"{int(back.sum())} samples of negative speed are treated as reversing"
-    found = _span(samples, trip_id, back, what, "noted")
-    return samples.assign(speed_m_s=np.where(back, -speed, speed)), [found]
+    back = (speed < 0) & (speed >= -REVERSING_M_S)
+    if back.any():
+        what = f"{int(back.sum())} samples of negative speed are treated as reversing"
+        yield "speed_m_s", np.where(back, -speed, speed), _span(samples, trip_id, back, what, "noted")
 
 
-def _spikes(time: FloatArray, speed: FloatArray) -> BoolArray:
+def speed_spikes(time: FloatArray, speed: FloatArray) -> BoolArray:
     """Single samples far above or far below both neighbours."""
     spikes = np.zeros(len(speed), dtype=bool)
     if len(speed) > 2:
@@ -135,7 +129,7 @@ def _extremes(values: FloatArray) -> str:
     return f"{low:g}" if low == high else f"{low:g} to {high:g}"
 
 
-def _guessed_unit(name: str, values: FloatArray) -> str:
+def guessed_unit(name: str, values: FloatArray) -> str:
     """What the unit of a column may be whose values cannot be in ours; empty without a guess."""
     middle = float(np.nanmedian(values))
     largest = float(np.nanmax(np.abs(values)))
@@ -156,14 +150,14 @@ def _guessed_unit(name: str, values: FloatArray) -> str:
     return ""
 
 
-def blank_fahrenheit(samples: pd.DataFrame, trip_id: str) -> tuple[pd.DataFrame, list[Finding]]:
+@blanking
+def blank_fahrenheit(samples: pd.DataFrame, trip_id: str) -> Iterator[Change]:
     """An ambient temperature that no place on Earth has, but that is an ordinary one in °F."""
     ambient = array(samples, "ambient_temperature_degc")
-    if not np.isfinite(ambient).any() or float(np.nanmean(ambient)) <= HOTTEST_AIR_DEGC:
-        return samples, []
-    what = f"mean outside temperature of {np.nanmean(ambient):.1f} °C is impossible: the unit appears to be °F; convert it to °C"
-    blank = samples.assign(ambient_temperature_degc=np.full(len(ambient), np.nan))
-    return blank, [whole(samples, trip_id, what, "noted")]
+    if np.isfinite(ambient).any() and float(np.nanmean(ambient)) > HOTTEST_AIR_DEGC:
+        what = f"mean outside temperature of {np.nanmean(ambient):.1f} °C is impossible: the unit appears to be °F; convert it to °C"
+        nothing = np.full(len(ambient), np.nan)
+        yield "ambient_temperature_degc", nothing, whole(samples, trip_id, what, "noted")
 
 
 def drop_blank_speed(samples: pd.DataFrame) -> pd.DataFrame:
@@ -175,5 +169,5 @@ def drop_blank_speed(samples: pd.DataFrame) -> pd.DataFrame:
 def _span(
     samples: pd.DataFrame, trip_id: str, where: BoolArray, what: str, consequence: Consequence
 ) -> Finding:
-    time = array(samples, "time_s")[where]
-    return Finding(trip_id, float(time[0]), float(time[-1]), what, consequence)
+    first, last = np.flatnonzero(where)[[0, -1]].tolist()
+    return between(samples, trip_id, first, last, what, consequence)

@@ -59,11 +59,10 @@ def ambient_findings(samples: pd.DataFrame, trip_id: str) -> Iterator[Finding]:
     """An ambient temperature that is no measurement."""
     if not has(samples, "ambient_temperature_degc"):
         return
-    values = array(samples, "ambient_temperature_degc")
-    time = array(samples, "time_s")
-    if np.nanmin(values) != np.nanmax(values):
-        return
+    values, time = array(samples, "ambient_temperature_degc"), array(samples, "time_s")
     value = float(np.nanmin(values))
+    if value != np.nanmax(values):
+        return
     if time[-1] - time[0] > CONSTANT_AMBIENT_S or value in DEFAULT_AMBIENT_DEGC:
         what = f"outside temperature stays at {value:g} °C: it may not be measured"
         yield whole(samples, trip_id, what, "noted")

@@ -9,7 +9,18 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import BoolArray, FloatArray
-from tripwatt.auditing.findings import MEASURED, Cut, Finding, array, has, runs, whole
+from tripwatt.auditing.findings import (
+    MEASURED,
+    Change,
+    Cut,
+    Finding,
+    array,
+    between,
+    blanking,
+    has,
+    runs,
+    whole,
+)
 from tripwatt.trips.messages import signal_name
 from tripwatt.units import M_S_PER_KM_H
 
@@ -45,7 +56,7 @@ STANDING_POWER_W: Final = 20_000.0
 STANDING_POWER_S: Final = 10.0
 
 SHORTEST_FILL_S: Final = 10.0
-"""So long no two signals of a car are straight lines together, unless somebody drew the lines."""
+"""Two signals of a car are straight lines together for shorter than this [s], unless a gap was filled."""
 
 STRAIGHTNESS: Final = 0.0005
 """Deviation from a straight line that rounding explains, as a share of the signal's range in the log."""
@@ -74,11 +85,11 @@ def _steady(samples: pd.DataFrame) -> BoolArray:
     """Whether each step leaves speed, voltage and current exactly as they were, shape (samples - 1,)."""
     same = np.ones(max(len(samples) - 1, 0), dtype=bool)
     for name in MEASURED:
-        same &= _resting(array(samples, name))
+        same &= resting_steps(array(samples, name))
     return same
 
 
-def _resting(values: FloatArray) -> BoolArray:
+def resting_steps(values: FloatArray) -> BoolArray:
     """Whether each step leaves a value as it was, but for the rounding of means; shape (samples - 1,)."""
     with np.errstate(invalid="ignore"):
         return np.asarray(np.abs(np.diff(values)) <= ROUNDING * (1.0 + np.abs(values[1:])), dtype=bool)
@@ -88,7 +99,7 @@ def freeze_cuts(samples: pd.DataFrame) -> Iterator[Cut]:
     """Runs in which every measured signal stands still although the car moves, or at an end of the log."""
     time, speed = array(samples, "time_s"), array(samples, "speed_m_s")
     steady = _steady(samples)
-    shortest = max(FREEZE_MOVING_S, UNUSUAL * _usual_rest(time, speed, steady))
+    shortest = max(FREEZE_MOVING_S, UNUSUAL * usual_rest_s(time, speed, steady))
     for first, last in runs(steady):
         lasted = time[last] - time[first]
         if last - first < FEWEST_SAMPLES or lasted < shortest:
@@ -101,7 +112,7 @@ def freeze_cuts(samples: pd.DataFrame) -> Iterator[Cut]:
             yield Cut(start, last + 1, f"every signal frozen for {lasted:.1f} s {state}")
 
 
-def _usual_rest(time: FloatArray, speed: FloatArray, steady: BoolArray) -> float:
+def usual_rest_s(time: FloatArray, speed: FloatArray, steady: BoolArray) -> float:
     """How long [s] the signals of the moving car rest in this log between two changes, its 99th percentile."""
     changes = np.flatnonzero(~steady)
     if len(changes) < FEWEST_SAMPLES:
@@ -116,16 +127,14 @@ def frozen_sensor_findings(samples: pd.DataFrame, trip_id: str) -> Iterator[Find
     time, speed = array(samples, "time_s"), array(samples, "speed_m_s")
     for name in ("voltage_v", "current_a"):
         values = array(samples, name)
-        for first, last in runs(_resting(values)):
+        for first, last in runs(resting_steps(values)):
             lasted = time[last] - time[first]
             if lasted < FROZEN_SENSOR_S or last - first < FEWEST_SAMPLES:
                 continue
             if np.ptp(speed[first : last + 1]) > SPEED_CHANGE_M_S:
                 what = f"{signal_name(name)} stays at {values[first]:g} for {lasted:.1f} s while the speed changes"
                 long = name == "current_a" and lasted > FROZEN_SHARE * (time[-1] - time[0])
-                yield Finding(
-                    trip_id, float(time[first]), float(time[last]), what, "set aside" if long else "noted"
-                )
+                yield between(samples, trip_id, first, last, what, "set aside" if long else "noted")
     power = array(samples, "voltage_v") * array(samples, "current_a")
     with np.errstate(invalid="ignore"):
         standing = (speed < STANDSTILL_M_S) & (power > STANDING_POWER_W)
@@ -134,11 +143,11 @@ def frozen_sensor_findings(samples: pd.DataFrame, trip_id: str) -> Iterator[Find
         if lasted >= STANDING_POWER_S and last - first >= FEWEST_SAMPLES:
             mean = float(np.mean(power[first:last])) / 1000.0
             what = f"the battery delivers {mean:.1f} kW for {lasted:.1f} s at standstill: the speed is frozen"
-            yield Finding(trip_id, float(time[first]), float(time[last - 1]), what, "set aside")
+            yield between(samples, trip_id, first, last - 1, what, "set aside")
 
 
 def filled_gaps(samples: pd.DataFrame, trip_id: str) -> Iterator[Finding]:
-    """Runs in which speed, voltage and current are straight lines together: somebody filled a gap."""
+    """Runs in which speed, voltage and current are straight lines together: a filled gap."""
     if len(samples) < FEWEST_SAMPLES + 2 or not all(has(samples, name) for name in MEASURED):
         return
     time = array(samples, "time_s")
@@ -155,12 +164,12 @@ def filled_gaps(samples: pd.DataFrame, trip_id: str) -> Iterator[Finding]:
         lasted = time[last] - time[first]
         if lasted < SHORTEST_FILL_S or stop - first < FEWEST_SAMPLES:
             continue
-        if _are_lines(time[first : last + 1], [x[first : last + 1] for x in signals], tolerances):
+        if are_lines(time[first : last + 1], [x[first : last + 1] for x in signals], tolerances):
             what = f"speed, voltage and current are straight lines for {lasted:.1f} s: a filled gap"
-            yield Finding(trip_id, float(time[first]), float(time[last]), what, "set aside")
+            yield between(samples, trip_id, first, last, what, "set aside")
 
 
-def _are_lines(time: FloatArray, signals: list[FloatArray], tolerances: list[float]) -> bool:
+def are_lines(time: FloatArray, signals: list[FloatArray], tolerances: list[float]) -> bool:
     """Whether every signal keeps to its chord, two of them really change, and the car is not just standing.
 
     Real samples beside a gap may be straight by chance, so a tenth of the run at either end does not count.
@@ -210,33 +219,29 @@ def charging_cuts(samples: pd.DataFrame) -> Iterator[Cut]:
             yield Cut(start, max(start, stop), what)
 
 
-def blank_stuck_heater(samples: pd.DataFrame, trip_id: str) -> tuple[pd.DataFrame, list[Finding]]:
+@blanking
+def blank_stuck_heater(samples: pd.DataFrame, trip_id: str) -> Iterator[Change]:
     """A heater signal that stands at one value, and pulses that no heater can make."""
-    findings: list[Finding] = []
-    blanked: dict[str, FloatArray] = {}
     time = array(samples, "time_s")
     for name in ("heating_power_w", "requested_heating_power_w"):
         if not has(samples, name):
             continue
         values = array(samples, name)
-        pulses = _pulses(time, values)
-        stuck = _stuck_at(samples, values, pulses) if name == "heating_power_w" else None
+        pulses = short_pulses(time, values)
+        stuck = stuck_level(samples, values, pulses) if name == "heating_power_w" else None
         if stuck is not None:
             what = f"{signal_name(name)} stays at {stuck[0]:g} W in {stuck[1]:.0%} of the samples: all its values are removed"
-            findings.append(whole(samples, trip_id, what, "noted"))
-            blanked[name] = np.full(len(values), np.nan)
+            yield name, np.full(len(values), np.nan), whole(samples, trip_id, what, "noted")
         elif len(pulses) >= FEWEST_PULSES:
-            mended = values.copy()
-            for first, last in pulses:
-                mended[first:last] = np.nan
             what = f"{signal_name(name)} jumps up and back by more than {PULSE_W:g} W {len(pulses)} times: these values are removed"
-            span = float(time[pulses[0][0]]), float(time[pulses[-1][1] - 1])
-            findings.append(Finding(trip_id, *span, what, "noted"))
-            blanked[name] = mended
-    return (samples.assign(**blanked) if blanked else samples), findings
+            finding = between(samples, trip_id, pulses[0][0], pulses[-1][1] - 1, what, "noted")
+            removed = np.concatenate([np.arange(first, last) for first, last in pulses])
+            kept = values.copy()
+            kept[removed] = np.nan
+            yield name, kept, finding
 
 
-def _stuck_at(
+def stuck_level(
     samples: pd.DataFrame, values: FloatArray, pulses: list[tuple[int, int]]
 ) -> tuple[float, float] | None:
     """The value [W] that a heater signal stands at and its share of the samples; None for one that works.
@@ -250,26 +255,24 @@ def _stuck_at(
     if mode < STUCK_W or share < STUCK_SHARE or len(known) < FEWEST_SAMPLES:
         return None
     requested = array(samples, "requested_heating_power_w")
-    contradicted = False
-    if np.isfinite(requested).any():
-        contradicted = float(np.nanmedian(np.abs(requested - mode))) > 0.5 * mode
-    long = float(samples["time_s"].iloc[-1] - samples["time_s"].iloc[0]) >= STUCK_S and mode < float(
-        levels[-1]
-    )
+    known_request = bool(np.isfinite(requested).any())
+    contradicted = known_request and float(np.nanmedian(np.abs(requested - mode))) > 0.5 * mode
+    lasts_s = float(samples["time_s"].iloc[-1] - samples["time_s"].iloc[0])
+    long = lasts_s >= STUCK_S and mode < float(levels[-1])
     return (mode, share) if contradicted or pulses or long else None
 
 
-def _pulses(time: FloatArray, values: FloatArray) -> list[tuple[int, int]]:
+def short_pulses(time: FloatArray, values: FloatArray) -> list[tuple[int, int]]:
     """Short runs that stand more than `PULSE_W` above the samples before and after them."""
     step = np.diff(values)
-    found: list[tuple[int, int]] = []
+    pulses: list[tuple[int, int]] = []
     for edge in np.flatnonzero(step > 0.5 * PULSE_W):
         first = int(edge) + 1
-        if found and first < found[-1][1]:
+        if pulses and first < pulses[-1][1]:
             continue
         base = values[edge]
         end = int(np.searchsorted(time, time[first] + PULSE_S, side="right"))
         low = np.flatnonzero(values[first:end] <= base + 0.25 * PULSE_W)
         if len(low) and np.max(values[first : first + low[0]]) > base + PULSE_W:
-            found.append((first, first + int(low[0])))
-    return found
+            pulses.append((first, first + int(low[0])))
+    return pulses

@@ -9,8 +9,8 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
-from tripwatt.arrays import BoolArray, FloatArray, IntArray
-from tripwatt.auditing.findings import Cut, Finding, array, whole
+from tripwatt.arrays import FloatArray, IntArray
+from tripwatt.auditing.findings import Cut, Finding, array, between, whole
 
 STRAY_SHARE: Final = 0.01
 """Up to this share of samples with a falling stamp are strays and go; more means that the clock was set back."""
@@ -38,11 +38,13 @@ def mend_stamps(samples: pd.DataFrame, trip_id: str) -> tuple[pd.DataFrame, list
         return samples, [], findings
     repeated = np.concatenate(([False], np.diff(time) == 0))
     if repeated.any():
-        findings.append(_repeated_finding(trip_id, time, repeated))
+        what = f"{int(repeated.sum())} samples have the time of the sample before and were left out"
+        where = time[repeated]
+        findings.append(Finding(trip_id, float(where.min()), float(where.max()), what, "noted"))
         samples, time = samples[~repeated].reset_index(drop=True), time[~repeated]
     if bool(np.all(np.diff(time) > 0)):
         return samples, [], findings
-    kept = _longest_increasing(time)
+    kept = longest_increasing(time)
     strays = len(time) - len(kept)
     if strays <= STRAY_SHARE * len(time):
         lost = np.setdiff1d(np.arange(len(time)), kept)
@@ -54,13 +56,7 @@ def mend_stamps(samples: pd.DataFrame, trip_id: str) -> tuple[pd.DataFrame, list
     return samples, cuts, findings
 
 
-def _repeated_finding(trip_id: str, time: FloatArray, repeated: BoolArray) -> Finding:
-    where = time[repeated]
-    what = f"{int(repeated.sum())} samples have the time of the sample before and were left out"
-    return Finding(trip_id, float(where.min()), float(where.max()), what, "noted")
-
-
-def _longest_increasing(values: FloatArray) -> IntArray:
+def longest_increasing(values: FloatArray) -> IntArray:
     """Indices of the longest strictly increasing subsequence (patience sorting, O(n log n))."""
     tails: list[float] = []
     tail_index: list[int] = []
@@ -98,8 +94,6 @@ def gap_findings(samples: pd.DataFrame, trip_id: str) -> Iterator[Finding]:
         return
     gaps = np.flatnonzero((step > SHORTEST_GAP_S) & (step > 5.0 * float(np.median(step))))
     if len(gaps):
-        what = (
-            f"{len(gaps)} gaps of up to {step[gaps].max():.1f} s, {step[gaps].sum():.1f} s in all, "
-            "filled by linear interpolation"
-        )
-        yield Finding(trip_id, float(time[gaps[0]]), float(time[gaps[-1] + 1]), what, "noted")
+        longest, total = f"{step[gaps].max():.1f} s", f"{step[gaps].sum():.1f} s in all"
+        what = f"{len(gaps)} gaps of up to {longest}, {total}, filled by linear interpolation"
+        yield between(samples, trip_id, int(gaps[0]), int(gaps[-1]) + 1, what, "noted")

@@ -3,7 +3,6 @@
 from tripwatt.certification.anchoring import Anchored, anchored, scaled
 from tripwatt.certification.consumption import (
     CertifiedFigure,
-    certified_figures,
     charging_efficiency,
     driven_wh_per_km,
     relative_error,
@@ -23,7 +22,6 @@ __all__ = [
     "CertifiedFigure",
     "ConsumptionInterval",
     "anchored",
-    "certified_figures",
     "certified_interval",
     "charging_efficiency",
     "describe_car",

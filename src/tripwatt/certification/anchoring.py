@@ -1,34 +1,23 @@
 """One loss of a car, by its physical name, closes the mean error of its certified consumption.
 
-The simulation of a car with published values misses its certified consumption. The road load is measured, so the gap lies between
-wheel and battery, and one of three losses is changed: that of the map of motor and inverter ("motor"), an eddy-current loss of the
-flux beside the map ("iron", in proportion to the square of speed), or that of the gear ("gear", in proportion to the power through
-it). Each closes the mean over the rows;
-the one is taken that is most probable, by the rows and by what it does to the loss on a motorway. Where that leaves a row off by more than `ROW_TOLERANCE`, city and
-highway ask for two losses: that of the map and an eddy-current loss ("motor and iron"), which differ most in how they grow with speed.
-Of a car without a measured coast-down, all is changed that its class leaves open ("road load"), after the losses that cars have
-in common: rolling, air drag and gear, each in the proportion in which it is most probably the cause (`OPEN`).
+The simulation of a car with published values misses its certified consumption. Of a car with a measured coast-down the gap lies
+between wheel and battery, and one of three losses is changed: that of the map of motor and inverter ("motor"), an eddy-current loss of
+the flux beside the map ("iron", in proportion to the square of speed), or that of the gear ("gear", in proportion to the power through
+it); `tools.data.anchoring` chooses which. Of a car without one, all is changed that its class leaves open ("road load"), after the
+losses that cars have in common: rolling, air drag and gear, each in the proportion in which it is most probably the cause (`OPEN`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from functools import partial
+from collections.abc import Sequence
+from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, Final
+from typing import Final, cast
 
 import numpy as np
 
 from tripwatt.arrays import FloatArray
-from tripwatt.certification.consumption import (
-    SCHEDULE_DENSITY_DEGC,
-    CertifiedFigure,
-    driven_wh_per_km,
-    relative_error,
-)
-from tripwatt.physics.road_load import air_density
-from tripwatt.units import GRAVITY_M_S2, WH_PER_J
+from tripwatt.certification.consumption import CertifiedFigure, relative_error
 from tripwatt.vehicles import Vehicle
 from tripwatt.vehicles.anchors import Anchor
 
@@ -39,32 +28,13 @@ IRON_LOSS_W: Final = 200.0
 IRON_SPEED_M_S: Final = 20.0
 """Speed of the car at which a factor of 2 stands for `IRON_LOSS_W` of iron loss."""
 
-REPEAT_SD: Final = 0.02
-"""Scatter of certified consumption over tests of the same car and road load, as in `vehicles.spreads`."""
-
-MOTORWAY_M_S: Final = 36.0
-LOSS_SD: Final = 0.45
-"""Standard deviation of the logarithm of a car's loss between wheel and battery about its class's (`vehicles.spreads`)."""
-
-ROW_TOLERANCE: Final = 0.04
-"""Error of a row that one loss may leave: twice the scatter of certified consumption over tests of the same car."""
-
 BOUNDS: Final = MappingProxyType(
     {"motor": (0.0, 2.5), "iron": (1.0, 40.0), "gear": (0.0, 40.0), "road load": (0.3, 4.0)}
 )
 """Smallest and largest factor of each. The map of a motor has field weakening, which a large factor carries far beyond the speeds of the
 schedules."""
 
-LOSSES: Final = ("gear", "motor", "iron")
-"""Losses of a car with a measured coast-down."""
-
 ROAD_LOAD: Final = "road load"
-
-PAIR: Final = "motor and iron"
-"""Both, where one loss does not meet city and highway."""
-
-LEAST_MOTOR: Final = 0.4
-"""Least factor of the map in a pair: the best and the worst of the published machines lie about so far apart."""
 
 OPEN: Final = MappingProxyType({"rolling": 0.4, "air": 0.2, "gear": 1.0})
 """Powers of a factor of the "road load". A gap is closed most probably by changes in proportion to variance times share of the energy:
@@ -101,8 +71,8 @@ class Anchored:
     --------
     >>> from tripwatt.vehicles import load_vehicle
     >>> car = load_vehicle("bmw_i3_60ah")
-    >>> found = Anchored(car, "motor", 1.0, np.array([0.02, 0.04]), np.array([-0.01, 0.01]))
-    >>> round(found.anchor("certification").before, 3)
+    >>> met = Anchored(car, "motor", 1.0, np.array([0.02, 0.04]), np.array([-0.01, 0.01]))
+    >>> round(met.anchor("certification").before, 3)
     0.03
     """
 
@@ -127,7 +97,7 @@ class Anchored:
         """
         known = self.vehicle.entries
         entries = {
-            key: (_value(self.vehicle, key), known[key].unit if key in known else UNITS[key])
+            key: (cast(float, self.vehicle.value(key)), known[key].unit if key in known else UNITS[key])
             for key in keys(self.vehicle, self.loss)
         }
         return Anchor(level, self.loss, MappingProxyType(entries), float(self.before.mean()))
@@ -135,14 +105,12 @@ class Anchored:
 
 def keys(vehicle: Vehicle, loss: str) -> tuple[str, ...]:
     """Entries that a factor changes."""
-    if loss == PAIR:
-        return _KEYS["motor"], _KEYS["iron"]
-    if loss != ROAD_LOAD:
-        return (_KEYS[loss],)
-    return *_road_parts(vehicle), _KEYS["gear"]
+    if loss == ROAD_LOAD:
+        return *road_parts(vehicle), _KEYS["gear"]
+    return tuple(_KEYS[one] for one in loss.split(" and "))
 
 
-def _road_parts(vehicle: Vehicle) -> dict[str, str]:
+def road_parts(vehicle: Vehicle) -> dict[str, str]:
     """Entries of a road load, and whether each is rolling or air."""
     if vehicle.road_load.method == "coastdown":
         parts = {"a_n": "rolling", "b_n_s_m": "rolling", "c_n_s2_m2": "air"}
@@ -159,11 +127,6 @@ _KEYS: Final = MappingProxyType(
 )
 
 
-def _value(vehicle: Vehicle, key: str) -> float:
-    section, _, name = key.partition(".")
-    return float(getattr(getattr(vehicle, section), name))
-
-
 def scaled(vehicle: Vehicle, loss: str, factor: float) -> Vehicle:
     """Multiply one loss of a car by a factor.
 
@@ -175,7 +138,7 @@ def scaled(vehicle: Vehicle, loss: str, factor: float) -> Vehicle:
     vehicle : Vehicle
         The car.
     loss : str
-        One of `LOSSES`, or `ROAD_LOAD`.
+        A key of `BOUNDS`.
     factor : float
         How many times the loss.
 
@@ -191,11 +154,10 @@ def scaled(vehicle: Vehicle, loss: str, factor: float) -> Vehicle:
     >>> scaled(car, "motor", 2.0).drivetrain.motor_loss_factor
     2.0
     """
-    parts: dict[str, dict[str, float]] = {}
-    road = _road_parts(vehicle) if loss == ROAD_LOAD else {}
+    values: dict[str, float] = {}
+    road = road_parts(vehicle) if loss == ROAD_LOAD else {}
     for key in keys(vehicle, loss):
-        section, _, name = key.partition(".")
-        value = _value(vehicle, key)
+        value = cast(float, vehicle.value(key))
         if key in road:
             value *= factor ** OPEN[road[key]]
         elif key == _KEYS["gear"]:
@@ -206,17 +168,12 @@ def scaled(vehicle: Vehicle, loss: str, factor: float) -> Vehicle:
             value += (factor - 1.0) * IRON_LOSS_W / speed**2
         else:
             value *= factor
-        parts.setdefault(section, {})[name] = value
-    changes: dict[str, Any] = {
-        section: replace(getattr(vehicle, section), **values) for section, values in parts.items()
-    }
-    return replace(vehicle, **changes)
+        values[key] = value
+    return vehicle.with_values(values)
 
 
-def anchored(
-    vehicle: Vehicle, figures: Sequence[CertifiedFigure], losses: Sequence[str] = LOSSES
-) -> Anchored:
-    """Close the mean error of a car's certified figures by one of its losses. O(losses x figures x samples).
+def anchored(vehicle: Vehicle, figures: Sequence[CertifiedFigure], loss: str = ROAD_LOAD) -> Anchored:
+    """Close the mean error of a car's certified figures by one of its losses. O(figures x samples).
 
     Parameters
     ----------
@@ -224,86 +181,32 @@ def anchored(
         Not anchored yet.
     figures : sequence of CertifiedFigure
         At least one. Those marked as outliers are left out, unless all are.
-    losses : sequence of str
-        Of `LOSSES` and `ROAD_LOAD`; the most probable one is taken, by its figures and its loss on a motorway.
+    loss : str
+        A key of `BOUNDS`.
 
     Returns
     -------
     Anchored
-        The car with the loss that was taken.
+        The car with the loss.
 
     Examples
     --------
     >>> from tripwatt.vehicles import load_vehicle
     >>> car = load_vehicle("bmw_i3_60ah")
     >>> figure = CertifiedFigure("udds", 110.0, at_wall=False, test_mass_kg=1400.0, source="example")
-    >>> found = anchored(car, [figure], ["motor"])
-    >>> bool(abs(found.after[0]) <= abs(found.before[0]))
+    >>> met = anchored(car, [figure], "motor")
+    >>> bool(abs(met.after[0]) <= abs(met.before[0]))
     True
     """
-    sound = [figure for figure in figures if not figure.outlier] or list(figures)
-    before = errors(vehicle, sound)
-    found = []
-    for loss in losses:
-        mean_error = partial(_mean_error, vehicle, sound, loss)
-        factor = _closing(mean_error, *BOUNDS[loss])
-        car = scaled(vehicle, loss, factor)
-        found.append(Anchored(car, loss, factor, before, errors(car, sound)))
-    if len(losses) == 1:
-        return found[0]
-    cost = partial(_improbable, published=_motorway_loss_wh_per_km(vehicle))
-    best = min(found, key=cost)
-    if np.abs(best.after).max() > ROW_TOLERANCE:
-        best = min(best, _with_two(vehicle, sound, before, cost), key=cost)
-    return best
+    sound = without_outliers(figures)
+    factor = closing_factor(vehicle, sound, loss)
+    car = scaled(vehicle, loss, factor)
+    return Anchored(car, loss, factor, errors(vehicle, sound), errors(car, sound))
 
 
-def _improbable(found: Anchored, published: float) -> tuple[float, float]:
-    """Whether the mean stays open, and how improbable rows and motorway are: squares of standard deviations.
-
-    Losses that meet city and highway alike differ most on a motorway, where no row is: a map with field weakening that is scaled far up
-    would take a third of the energy there.
-    """
-    rows = float(np.sum((found.after / REPEAT_SD) ** 2))
-    motorway = np.log(_motorway_loss_wh_per_km(found.vehicle) / published) / LOSS_SD
-    return round(abs(float(found.after.mean())), 3), rows + float(motorway) ** 2
-
-
-def _motorway_loss_wh_per_km(vehicle: Vehicle) -> float:
-    """What the drivetrain loses at `MOTORWAY_M_S`."""
-    trace = np.arange(2.0), np.full(2, MOTORWAY_M_S)
-    load, mass = vehicle.road_load, vehicle.body.test_mass_kg
-    constant, linear = load.rolling_coefficients
-    density = load.coastdown_air_density_kg_m3 or air_density(SCHEDULE_DENSITY_DEGC)
-    force = mass * GRAVITY_M_S2 * (constant + linear * MOTORWAY_M_S)
-    force += 0.5 * density * load.drag_area_m2 * MOTORWAY_M_S**2
-    base_load = vehicle.auxiliaries.base_load_w / MOTORWAY_M_S
-    return driven_wh_per_km(vehicle, trace, mass) - (force + base_load) * 1000.0 * WH_PER_J
-
-
-def _with_two(
-    vehicle: Vehicle,
-    figures: Sequence[CertifiedFigure],
-    before: FloatArray,
-    cost: Callable[[Anchored], tuple[float, float]],
-) -> Anchored:
-    """The most probable factor of the map, with an eddy-current loss that closes the mean."""
-    from scipy.optimize import minimize_scalar  # slow to import
-
-    def closed(motor: float) -> Anchored:
-        own = scaled(vehicle, "motor", motor)
-        factor = _closing(partial(_mean_error, own, figures, "iron"), *BOUNDS["iron"])
-        car = scaled(own, "iron", factor)
-        return Anchored(car, PAIR, factor, before, errors(car, figures))
-
-    bounds = (LEAST_MOTOR, BOUNDS["motor"][1])
-    found = minimize_scalar(
-        lambda m: 1e6 * cost(closed(m))[0] + cost(closed(m))[1],
-        bounds=bounds,
-        method="bounded",
-        options={"xatol": 1e-3},
-    )
-    return closed(float(found.x))
+def without_outliers(figures: Sequence[CertifiedFigure]) -> list[CertifiedFigure]:
+    """Those that are not marked as outliers, or all of them where all are."""
+    return [figure for figure in figures if not figure.outlier] or list(figures)
 
 
 def errors(vehicle: Vehicle, figures: Sequence[CertifiedFigure]) -> FloatArray:
@@ -311,14 +214,14 @@ def errors(vehicle: Vehicle, figures: Sequence[CertifiedFigure]) -> FloatArray:
     return np.array([relative_error(vehicle, figure) for figure in figures])
 
 
-def _mean_error(vehicle: Vehicle, figures: Sequence[CertifiedFigure], loss: str, factor: float) -> float:
-    return float(errors(scaled(vehicle, loss, factor), figures).mean())
-
-
-def _closing(mean_error: Callable[[float], float], low: float, high: float) -> float:
-    """The factor at which a mean error that rises with it is zero, or else the bound that is nearest to it."""
+def closing_factor(vehicle: Vehicle, figures: Sequence[CertifiedFigure], loss: str) -> float:
+    """The factor of a loss at which the mean error of some figures is zero, or else the bound that is nearest to it."""
     from scipy.optimize import brentq  # slow to import
 
+    def mean_error(factor: float) -> float:
+        return float(errors(scaled(vehicle, loss, factor), figures).mean())
+
+    low, high = BOUNDS[loss]
     at_one = mean_error(1.0)
     if abs(at_one) <= TOLERANCE:
         return 1.0

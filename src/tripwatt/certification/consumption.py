@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from statistics import fmean
-from types import MappingProxyType
 from typing import Final
 
 import numpy as np
@@ -15,20 +13,14 @@ from tripwatt.arrays import FloatArray
 from tripwatt.certification.schedules import schedule
 from tripwatt.physics import DriveConditions, simulate
 from tripwatt.physics.road_load import air_density
-from tripwatt.units import KG_PER_LB, M_PER_MILE
 from tripwatt.vehicles import Vehicle
-from tripwatt.vehicles.catalogue import Cell, Row, catalogue
+from tripwatt.vehicles.catalogue import catalogue
 
 CELL_TEMPERATURE_DEGC: Final = 23.0
 """Air of the test cell: 20 to 30 degC (40 CFR 86.135), 23 degC (UN GTR 15)."""
 
 INITIAL_SOC: Final = 0.6
 """State of charge: both procedures drive the battery from full to empty."""
-
-WH_PER_KM: Final[Mapping[str, float]] = MappingProxyType(
-    {"kWh/100 mi": 1e4 / M_PER_MILE, "kWh/100 km": 10.0, "Wh/mi": 1e3 / M_PER_MILE}
-)
-"""Factor to Wh/km of the units of certified figures."""
 
 WLTP_LOAD_KG: Final = 25.0
 """Luggage of the test mass, Regulation (EU) 2017/1151 Annex XXI."""
@@ -104,56 +96,6 @@ def wltp_test_mass(running_order_kg: float, largest_mass_kg: float | None = None
     """
     load = USUAL_LOAD_KG if largest_mass_kg is None else largest_mass_kg - running_order_kg - WLTP_LOAD_KG
     return running_order_kg + WLTP_LOAD_KG + WLTP_SHARE_OF_LOAD * load
-
-
-def certified_figures(name: str, vehicle: Vehicle) -> tuple[CertifiedFigure, ...]:
-    """List the certified figures of a car of the library.
-
-    Parameters
-    ----------
-    name : str
-        Name of the car in the table.
-    vehicle : Vehicle
-        The car, whose mass a WLTP figure is for where the table has no test mass.
-
-    Returns
-    -------
-    tuple of CertifiedFigure
-        Empty where the table has none.
-
-    Examples
-    --------
-    >>> from tripwatt.vehicles import load_vehicle
-    >>> sorted({figure.cycle for figure in certified_figures("vw_id3", load_vehicle("vw_id3"))})
-    ['wltc']
-    """
-    return tuple(_figures(catalogue().get(name, {}), vehicle))
-
-
-def _figures(row: Row, vehicle: Vehicle) -> Iterator[CertifiedFigure]:
-    for cycle in ("udds", "hwfet", "wltc"):
-        for suffix, at_wall in (("", True), ("_battery", False)):
-            for cell in row.get(f"{cycle}{suffix}", ()):
-                yield CertifiedFigure(
-                    cycle,
-                    cell.number * WH_PER_KM[cell.unit],
-                    at_wall,
-                    _test_mass(row, cycle, vehicle),
-                    cell.citation,
-                    _OUTLIER in cell.note,
-                )
-
-
-_OUTLIER: Final = "ratio_outlier"
-
-
-def _test_mass(row: Row, cycle: str, vehicle: Vehicle) -> float:
-    if cycle != "wltc":
-        return row["test_weight"][0].number * KG_PER_LB
-    if "wltc_mass" in row:
-        return row["wltc_mass"][0].number
-    largest: tuple[Cell, ...] = row.get("largest_mass", ())
-    return wltp_test_mass(vehicle.body.test_mass_kg, largest[0].number if largest else None)
 
 
 def driven_wh_per_km(vehicle: Vehicle, trace: tuple[FloatArray, FloatArray], test_mass_kg: float) -> float:

@@ -1,4 +1,4 @@
-"""A car from a few figures that its driver knows, and how well these fix its consumption."""
+"""A car from a few published figures, and how well these fix its consumption."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 from types import MappingProxyType
-from typing import Any, Final
+from typing import Any, Final, cast
 
 import numpy as np
 
-from tripwatt.certification.anchoring import ROAD_LOAD, anchored
+from tripwatt.certification.anchoring import ROAD_LOAD, anchored, road_parts
 from tripwatt.certification.consumption import (
     CertifiedFigure,
     charging_efficiency,
@@ -21,8 +21,8 @@ from tripwatt.certification.consumption import (
     wltp_test_mass,
 )
 from tripwatt.certification.schedules import schedule
-from tripwatt.errors import Fault, InvalidInput
-from tripwatt.trips.schema import Column, number_faults, require_fraction
+from tripwatt.errors import Fault, InvalidInput, raise_faults
+from tripwatt.trips.columns import Column, number_faults, require_fraction
 from tripwatt.vehicles import Vehicle, vehicle_from_document
 from tripwatt.vehicles.anchors import CLASS, Anchor, anchors, with_anchor
 from tripwatt.vehicles.catalogue import (
@@ -205,8 +205,7 @@ def _checked(given: Mapping[str, float | None], body: str | None, heat_pump: obj
         faults.append(Fault("not a truth value", "heat_pump", repr(heat_pump)[:40], "true or false"))
     if procedure not in PROCEDURES:
         faults.append(Fault("unknown procedure", "procedure", repr(procedure)[:40], ", ".join(PROCEDURES)))
-    if faults:
-        raise InvalidInput(faults)
+    raise_faults(faults)
     return kind
 
 
@@ -309,18 +308,16 @@ def _certified(car: Vehicle, wh_per_km: float, procedure: str) -> list[Certified
 
 def _meeting(car: Vehicle, document: Mapping[str, Any], wh_per_km: float, procedure: str) -> Vehicle:
     """The car with the road load that meets a consumption."""
-    done = anchored(car, _certified(car, wh_per_km, procedure), (ROAD_LOAD,))
+    done = anchored(car, _certified(car, wh_per_km, procedure))
     left = float(done.after.mean())
     if abs(left) > REPEAT_SD:
         possible = wh_per_km / 10.0 * (1.0 + left)
-        raise InvalidInput(
-            Fault(
-                "consumption does not fit the car",
-                "consumption_kwh_per_100km",
-                f"{wh_per_km / 10.0:g} kWh/100 km",
-                f"{'at most' if left < 0.0 else 'at least'} {possible:.1f} kWh/100 km for its mass, power and body",
-                "check the figures; consumption is in kWh/100 km at the wall",
-            )
+        raise InvalidInput.of(
+            "consumption does not fit the car",
+            "consumption_kwh_per_100km",
+            f"{wh_per_km / 10.0:g} kWh/100 km",
+            f"{'at most' if left < 0.0 else 'at least'} {possible:.1f} kWh/100 km for its mass, power and body",
+            "check the figures; consumption is in kWh/100 km at the wall",
         )
     road = done.anchor("certification")
     common = anchors()[CLASS]
@@ -343,8 +340,8 @@ class ConsumptionInterval:
 
     Examples
     --------
-    >>> found = certified_interval(describe_car(body="suv", mass_kg=1900))
-    >>> found.low < found.middle < found.high
+    >>> interval = certified_interval(describe_car(body="suv", mass_kg=1900))
+    >>> interval.low < interval.middle < interval.high
     True
     """
 
@@ -416,19 +413,9 @@ _STEP: Final = 0.02
 
 
 def _with_more(car: Vehicle, part: str) -> Vehicle:
-    load = car.road_load
-    more = 1.0 + _STEP
-    if part == "air":
-        assert load.coastdown_c_n_s2_m2 is not None
-        return replace(car, road_load=replace(load, coastdown_c_n_s2_m2=load.coastdown_c_n_s2_m2 * more))
-    assert load.coastdown_a_n is not None
-    assert load.coastdown_b_n_s_m is not None
-    return replace(
-        car,
-        road_load=replace(
-            load, coastdown_a_n=load.coastdown_a_n * more, coastdown_b_n_s_m=load.coastdown_b_n_s_m * more
-        ),
-    )
+    """The car with more rolling or air drag."""
+    keys = [key for key, kind in road_parts(car).items() if kind == part]
+    return car.with_values({key: cast(float, car.value(key)) * (1.0 + _STEP) for key in keys})
 
 
 @cache

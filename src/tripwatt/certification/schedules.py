@@ -43,8 +43,8 @@ def transitions(cycle: str) -> Transitions:
     """
     file = resources.files("tripwatt.certification") / "data" / "transitions.csv"
     rows = csv.DictReader(file.read_text(encoding="utf-8").splitlines())
-    found = {(int(r["from"]), int(r["to"])): int(r["seconds"]) for r in rows if r["cycle"] == cycle}
-    return MappingProxyType(found)
+    counts = {(int(r["from"]), int(r["to"])): int(r["seconds"]) for r in rows if r["cycle"] == cycle}
+    return MappingProxyType(counts)
 
 
 @cache

@@ -17,8 +17,8 @@ from tripwatt.cli.options import (
     MappingOption,
     SetOption,
     VehicleOption,
+    add_command,
     car_of,
-    examples,
     read_logs,
 )
 from tripwatt.cli.output import write_text
@@ -40,39 +40,8 @@ PresetOption = Annotated[
 
 def add_commands(app: typer.Typer) -> None:
     """Add the commands of this file."""
-    app.command(
-        epilog=examples(
-            ("tripwatt vehicles", "list the cars of the library"),
-            (
-                "tripwatt vehicles model 3 2022",
-                "find the cars whose name has these words, built in this year",
-            ),
-            ("tripwatt vehicles nissan_leaf_40", "show all values of one car with unit and source"),
-            (
-                "tripwatt vehicles new --mass 1830 --battery 58 --consumption 15.5 --power 150 --body hatchback --out my_car.toml",
-                "describe a car that the library does not have",
-            ),
-            ("tripwatt vehicles my_car.toml --set mass=1620", "show your own file with another mass"),
-            (
-                "tripwatt vehicles --import 2022_Renault_Zoe_ZE50_R135.yaml --out zoe.toml",
-                "import a vehicle file of FASTSim (.yaml, .csv) or SUMO (.xml)",
-            ),
-        )
-    )(vehicles)
-    app.command(
-        epilog=examples(
-            ("tripwatt simulate", "simulate the first trip of the synthetic fleet"),
-            ("tripwatt simulate data/tum/TripA01.csv", "simulate one trip of the TUM set"),
-            (
-                "tripwatt simulate data/tum --trip TripB07 --set setpoint=18",
-                "simulate a trip with a cooler cabin",
-            ),
-            (
-                "tripwatt simulate drive.csv --mapping my.toml --vehicle vw_id3",
-                "simulate your own log with your own car",
-            ),
-        )
-    )(simulate)
+    add_command(app, vehicles)
+    add_command(app, simulate)
 
 
 def vehicles(
@@ -81,53 +50,34 @@ def vehicles(
         typer.Argument(
             metavar="NAME|FILE.toml|WORDS...|new",
             help="Car to show, words to search for, or `new` to describe a car. Default: the list of all cars.",
-            show_default=False,
         ),
     ] = None,
     preset: PresetOption = "default",
     overrides: SetOption = None,
     mass: Annotated[
-        float | None,
-        typer.Option("--mass", metavar="KG", help="With new: curb mass, nobody inside.", show_default=False),
+        float | None, typer.Option("--mass", metavar="KG", help="With new: curb mass, nobody inside.")
     ] = None,
     battery: Annotated[
-        float | None,
-        typer.Option(
-            "--battery", metavar="KWH", help="With new: usable energy of the battery.", show_default=False
-        ),
+        float | None, typer.Option("--battery", metavar="KWH", help="With new: usable energy of the battery.")
     ] = None,
     consumption: Annotated[
         float | None,
         typer.Option(
-            "--consumption",
-            metavar="KWH",
-            help="With new: published consumption per 100 km, at the wall.",
-            show_default=False,
+            "--consumption", metavar="KWH", help="With new: published consumption per 100 km, at the wall."
         ),
     ] = None,
     power: Annotated[
         float | None,
-        typer.Option(
-            "--power",
-            metavar="KW",
-            help="With new: largest power of all motors together.",
-            show_default=False,
-        ),
+        typer.Option("--power", metavar="KW", help="With new: largest power of all motors together."),
     ] = None,
     body: Annotated[
         str | None,
         typer.Option(
-            "--body",
-            metavar="KIND",
-            help="With new: small, hatchback, sedan, estate, suv, van or pickup.",
-            show_default=False,
+            "--body", metavar="KIND", help="With new: small, hatchback, sedan, estate, suv, van or pickup."
         ),
     ] = None,
     heat_pump: Annotated[
-        bool | None,
-        typer.Option(
-            "--heat-pump/--no-heat-pump", help="With new: whether the car has one.", show_default=False
-        ),
+        bool | None, typer.Option("--heat-pump/--no-heat-pump", help="With new: whether the car has one.")
     ] = None,
     procedure: Annotated[
         str | None,
@@ -135,7 +85,6 @@ def vehicles(
             "--procedure",
             metavar="NAME",
             help="With new: where the consumption comes from, wltp or epa (combined label). Default: wltp.",
-            show_default=False,
         ),
     ] = None,
     import_file: Annotated[
@@ -144,31 +93,39 @@ def vehicles(
             "--import",
             metavar="FILE",
             help="Convert a vehicle file of FASTSim or SUMO to TOML for --vehicle.",
-            show_default=False,
         ),
     ] = None,
     row: Annotated[
         str | None,
         typer.Option(
-            "--row",
-            metavar="NAME",
-            help="With --import: name of the vehicle in a file with several.",
-            show_default=False,
+            "--row", metavar="NAME", help="With --import: name of the vehicle in a file with several."
         ),
     ] = None,
     out: Annotated[
         Path | None,
         typer.Option(
-            "--out",
-            "-o",
-            metavar="FILE",
-            help="With --import or new: write the TOML to this file.",
-            show_default=False,
+            "--out", "-o", metavar="FILE", help="With --import or new: write the TOML to this file."
         ),
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """List or search the cars of the library, show one with the source of every value, import or describe one."""
+    """List or search the cars of the library, show one with the source of every value, import or describe one.
+
+    For example:
+
+      # list the cars of the library
+      tripwatt vehicles
+      # find the cars whose name has these words, built in this year
+      tripwatt vehicles model 3 2022
+      # show all values of one car with unit and source
+      tripwatt vehicles nissan_leaf_40
+      # describe a car that the library does not have
+      tripwatt vehicles new --mass 1830 --battery 58 --consumption 15.5 --power 150 --body hatchback --out my_car.toml
+      # show your own file with another mass
+      tripwatt vehicles my_car.toml --set mass=1620
+      # import a vehicle file of FASTSim (.yaml, .csv) or SUMO (.xml)
+      tripwatt vehicles --import 2022_Renault_Zoe_ZE50_R135.yaml --out zoe.toml
+    """
     name = " ".join(words or []) or None
     figures = {
         "--mass": mass,
@@ -305,10 +262,7 @@ def _list(names: Sequence[str] | None, as_json: bool) -> None:
 def simulate(
     data: DataArgument = None,
     trip: Annotated[
-        str | None,
-        typer.Option(
-            "--trip", metavar="ID", help="Trip to use if DATA contains several.", show_default=False
-        ),
+        str | None, typer.Option("--trip", metavar="ID", help="Trip to use if DATA contains several.")
     ] = None,
     dataset: DatasetOption = None,
     mapping: MappingOption = None,
@@ -321,6 +275,17 @@ def simulate(
 
     The simulation uses physics only: speed, road, and the state at departure (temperatures, state of charge). The log is
     used without an audit; run `tripwatt audit` to find its faults.
+
+    For example:
+
+      # simulate the first trip of the synthetic fleet
+      tripwatt simulate
+      # simulate one trip of the TUM set
+      tripwatt simulate data/tum/TripA01.csv
+      # simulate a trip with a cooler cabin
+      tripwatt simulate data/tum --trip TripB07 --set setpoint=18
+      # simulate your own log with your own car
+      tripwatt simulate drive.csv --mapping my.toml --vehicle vw_id3
     """
     from tripwatt.physics import simulate_trip
     from tripwatt.trips import resample

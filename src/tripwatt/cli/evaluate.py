@@ -17,18 +17,12 @@ from tripwatt.cli.options import (
     MappingOption,
     SetOption,
     VehicleOption,
+    add_command,
     car_of,
-    examples,
     gather,
     read_logs,
 )
-from tripwatt.cli.output import (
-    check_writable,
-    finished_folds,
-    output_lock,
-    unfinished_folder,
-    write_whole,
-)
+from tripwatt.cli.output import check_writable, finished_folds, output_lock, unfinished_folder, write_whole
 from tripwatt.cli.printing import console, print_json, print_notes, progress
 from tripwatt.errors import Fault, InvalidInput
 
@@ -42,25 +36,7 @@ INTERRUPTED = 130
 
 def add_commands(app: typer.Typer) -> None:
     """Add the commands of this file."""
-    app.command(
-        epilog=examples(
-            ("tripwatt evaluate", "evaluate on the built-in synthetic fleet; results in ./out"),
-            ("tripwatt evaluate data/tum --out tum-results", "evaluate on your copy of the TUM trips"),
-            (
-                "tripwatt evaluate data/ved --dataset ved",
-                "evaluate on the Nissan Leafs of the Vehicle Energy Dataset",
-            ),
-            (
-                "tripwatt evaluate logs --mapping my.toml --vehicle vw_id3 --set mass=1900",
-                "evaluate on tables of one car; `tripwatt mapping suggest` writes my.toml",
-            ),
-            (
-                "tripwatt evaluate data/tum --protocol forecast",
-                "score forecasts before departure and during the trip",
-            ),
-            ("tripwatt evaluate data/tum --resume", "continue an interrupted run"),
-        )
-    )(evaluate)
+    add_command(app, evaluate)
 
 
 def evaluate(
@@ -80,18 +56,12 @@ def evaluate(
     test: Annotated[
         Path | None,
         typer.Option(
-            metavar="DATA",
-            help="Fit on DATA and score on these trips. Only with --protocol forecast.",
-            show_default=False,
+            metavar="DATA", help="Fit on DATA and score on these trips. Only with --protocol forecast."
         ),
     ] = None,
     models: Annotated[
         str | None,
-        typer.Option(
-            metavar="NAME,NAME",
-            help="Models to evaluate. Default: all models of the protocol.",
-            show_default=False,
-        ),
+        typer.Option(metavar="NAME,NAME", help="Models to evaluate. Default: all models of the protocol."),
     ] = None,
     vehicle: VehicleOption = None,
     overrides: SetOption = None,
@@ -111,16 +81,26 @@ def evaluate(
 
     The command reads and audits the trips, simulates the car, and trains each model with one trip (and with one day)
     left out at a time. It writes results.json, folds.csv, report.html and the figures into OUT.
+
+    For example:
+
+      # evaluate on the built-in synthetic fleet; results in ./out
+      tripwatt evaluate
+      # evaluate on your copy of the TUM trips
+      tripwatt evaluate data/tum --out tum-results
+      # evaluate on the Nissan Leafs of the Vehicle Energy Dataset
+      tripwatt evaluate data/ved --dataset ved
+      # evaluate on tables of one car; `tripwatt mapping suggest` writes my.toml
+      tripwatt evaluate logs --mapping my.toml --vehicle vw_id3 --set mass=1900
+      # score forecasts before departure and during the trip
+      tripwatt evaluate data/tum --protocol forecast
+      # continue an interrupted run
+      tripwatt evaluate data/tum --resume
     """
     shown = console()
     car, note = car_of(vehicle, data, dataset, mapping)
     names = None if models is None else [name.strip() for name in models.split(",") if name.strip()]
-    options: dict[str, Any] = {
-        "protocol": protocol,
-        "models": names,
-        "vehicle": car,
-        "seed": seed,
-    }
+    options: dict[str, Any] = {"protocol": protocol, "models": names, "vehicle": car, "seed": seed}
     fleet: list[Fleet] = []
 
     def read() -> None:

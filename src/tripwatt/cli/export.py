@@ -5,18 +5,19 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
-from tripwatt.cli.options import SetOption, examples, gather, options_named
+from tripwatt.cli.departing import DepartureOf, departure_options
+from tripwatt.cli.options import EXAMPLES, SetOption, add_command, gather, options_named
 from tripwatt.cli.output import write_text
 from tripwatt.cli.printing import print_json, print_notes
 from tripwatt.errors import Fault, InvalidInput
 
 if TYPE_CHECKING:
     from tripwatt.export import ConsumptionCurve
-    from tripwatt.trips import Plan
+    from tripwatt.trips import Departure, Plan
     from tripwatt.vehicles import Vehicle
 
 ModelOption = Annotated[
@@ -26,7 +27,6 @@ ModelOption = Annotated[
         "-m",
         metavar="MODEL",
         help="Folder of a model, for its car with the learned correction. Default without --vehicle: the bundled model.",
-        show_default=False,
     ),
 ]
 CarOption = Annotated[
@@ -35,29 +35,15 @@ CarOption = Annotated[
         "--vehicle",
         metavar="NAME|FILE.toml",
         help="Car to simulate without a model: a name from `tripwatt vehicles`, or a TOML file.",
-        show_default=False,
     ),
-]
-AmbientOption = Annotated[float, typer.Option(metavar="°C", help="Outside temperature.")]
-SetpointOption = Annotated[
-    float | None,
-    typer.Option(
-        metavar="°C",
-        help="Set-point of the cabin temperature. Default: the usual one of the car.",
-        show_default=False,
-    ),
-]
-PayloadOption = Annotated[
-    float, typer.Option(metavar="KG", help="Mass of passengers and luggage, without the driver.")
-]
-SocOption = Annotated[
-    float, typer.Option("--soc", metavar="0..1", help="Displayed state of charge at departure.")
 ]
 OutOption = Annotated[
-    Path | None,
-    typer.Option("--out", "-o", metavar="FILE", help="Also write the JSON to this file.", show_default=False),
+    Path | None, typer.Option("--out", "-o", metavar="FILE", help="Also write the JSON to this file.")
 ]
 QueryOption = Annotated[bool, typer.Option("--query", help="Print a URL query string instead of JSON.")]
+
+USUAL: Final = {"ambient_temperature_degc": 20.0, "payload_mass_kg": 0.0, "soc": 0.8}
+"""What a curve is made for by default."""
 
 SERVICES: Final = {
     "here": "HERE Routing v8: ev[freeFlowSpeedTable], ev[trafficSpeedTable], ascent, descent, auxiliaryConsumption.",
@@ -75,43 +61,33 @@ def add_commands(app: typer.Typer) -> None:
         rich_markup_mode=None,
     )
     for service, text in SERVICES.items():
-        group.command(
-            service,
-            help=f"{text}\n\nPrint the parameters of a request as a JSON object of strings.",
-            epilog=examples(
-                (
-                    f"tripwatt export {service} --ambient -5",
-                    "export the car of the bundled model",
-                ),
-                (
-                    f"tripwatt export {service} --vehicle nissan_leaf_40 --query",
-                    "export another car from physics only",
-                ),
-            ),
-        )(_command(service))
+        command = _command(service)
+        command.__doc__ = f"""{text}
+
+Print the parameters of a request as a JSON object of strings.
+
+{EXAMPLES}
+
+  # export the car of the bundled model
+  tripwatt export {service} --ambient -5
+  # export another car from physics only
+  tripwatt export {service} --vehicle nissan_leaf_40 --query"""
+        add_command(group, command, service)
     app.add_typer(group, name="export")
 
 
 def _command(service: str) -> Callable[..., None]:
+    @departure_options(without=("departs_at", "terrain"), default=USUAL)
     def command(
+        departure: DepartureOf,
         model: ModelOption = None,
         vehicle: CarOption = None,
         overrides: SetOption = None,
-        ambient: AmbientOption = 20.0,
-        setpoint: SetpointOption = None,
-        payload: PayloadOption = 0.0,
-        soc: SocOption = 0.8,
         out: OutOption = None,
         query: QueryOption = False,
     ) -> None:
         from tripwatt.export import EXPORTS, render_query
 
-        departure = {
-            "ambient_temperature_degc": ambient,
-            "cabin_setpoint_degc": setpoint,
-            "payload_mass_kg": payload,
-            "soc": soc,
-        }
         curve, notes = _curve(model, vehicle, overrides or [], departure)
         parameters = EXPORTS[service](curve)
         if out is not None:
@@ -123,18 +99,14 @@ def _command(service: str) -> Callable[..., None]:
 
 
 def _curve(
-    model: Path | None, vehicle: str | None, overrides: list[str], departure: dict[str, Any]
+    model: Path | None, vehicle: str | None, overrides: list[str], departure: DepartureOf
 ) -> tuple[ConsumptionCurve, list[str]]:
     from tripwatt.export import consumption_curve
-    from tripwatt.trips import Departure
 
     cars: list[tuple[Vehicle, Callable[[Plan], float] | None, list[str]]] = []
     departures: list[Departure] = []
     with options_named():
-        gather(
-            lambda: cars.append(_car(model, vehicle, overrides)),
-            lambda: departures.append(Departure(**departure)),
-        )
+        gather(lambda: cars.append(_car(model, vehicle, overrides)), lambda: departures.append(departure()))
     car, correction, notes = cars[0]
     return consumption_curve(car, departures[0], correction=correction), notes
 
@@ -142,7 +114,7 @@ def _curve(
 def _car(
     model: Path | None, vehicle: str | None, overrides: list[str]
 ) -> tuple[Vehicle, Callable[[Plan], float] | None, list[str]]:
-    """The car, its learned correction, and notes about that."""
+    """The car, its correction, and notes about that."""
     from tripwatt.vehicles import load_vehicle, parse_overrides
 
     if vehicle is not None:

@@ -16,8 +16,8 @@ from tripwatt.cli.options import (
     MappingOption,
     SetOption,
     VehicleOption,
+    add_command,
     car_of,
-    examples,
     gather,
     read_logs,
 )
@@ -31,20 +31,7 @@ if TYPE_CHECKING:
 
 def add_commands(app: typer.Typer) -> None:
     """Add the commands of this file."""
-    app.command(
-        epilog=examples(
-            ("tripwatt fit data/tum --out my-model", "fit on your copy of the TUM trips"),
-            (
-                "tripwatt fit logs --mapping my.toml --vehicle vw_id3 --out my-model",
-                "fit on tables of one car",
-            ),
-            (
-                "tripwatt fit logs --mapping my.toml --vehicle nissan_leaf_24 --base i3-model --out leaf-model",
-                "adapt the model of one car to another car with a few of its trips",
-            ),
-            ("tripwatt fit --out example-model", "fit on the synthetic fleet, to try the commands"),
-        )
-    )(fit)
+    add_command(app, fit)
 
 
 def fit(
@@ -90,7 +77,6 @@ def fit(
             metavar="MODEL",
             help="Adapt this model of another car to the trips. A few trips are enough. --corrector and --seed are then "
             "taken from this model.",
-            show_default=False,
         ),
     ] = None,
     seed: Annotated[
@@ -105,6 +91,17 @@ def fit(
 
     The command audits the trips, fits on the sound ones, and estimates the uncertainty of forecasts from held-out trips.
     It writes the arrays of the model and metadata.json with inputs, provenance, scores and checksums.
+
+    For example:
+
+      # fit on your copy of the TUM trips
+      tripwatt fit data/tum --out my-model
+      # fit on tables of one car
+      tripwatt fit logs --mapping my.toml --vehicle vw_id3 --out my-model
+      # adapt the model of one car to another car with a few of its trips
+      tripwatt fit logs --mapping my.toml --vehicle nissan_leaf_24 --base i3-model --out leaf-model
+      # fit on the synthetic fleet, to try the commands
+      tripwatt fit --out example-model
     """
     from tripwatt.modelfile import require_place
     from tripwatt.vehicles import load_vehicle, parse_overrides
@@ -129,8 +126,8 @@ def fit(
     )
     fleet = replace(fleets[0], notes=(*fleets[0].notes, *note))
     shown.print(f"{len(fleet.trips)} trips read ({fleet.name})")
+    from tripwatt.forecasting.fitting import fit_with_provenance
     from tripwatt.forecasting.storage import save_model
-    from tripwatt.forecasting.training import train_model
 
     if bases:
         from tripwatt.population.adapting import adapt_model
@@ -139,7 +136,7 @@ def fit(
             model, provenance, figures = adapt_model(fleet, cars[0], *bases[0])
     else:
         with progress(shown) as advance:
-            model, provenance, figures = train_model(
+            model, provenance, figures = fit_with_provenance(
                 fleet,
                 cars[0],
                 corrector=corrector,

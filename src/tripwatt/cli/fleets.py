@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tripwatt.cli.options import JsonOption, examples, options_named
+from tripwatt.cli.departing import DepartureOf, departure_options
+from tripwatt.cli.options import JsonOption, add_command, options_named
 from tripwatt.cli.output import write_text
 from tripwatt.cli.printing import console, print_json, print_table, progress
 from tripwatt.cli.stores import CarModelOption, SinceOption, StoreArgument, StoreOption, UntilOption, opened
@@ -33,70 +34,27 @@ ClusterOption = Annotated[
     typer.Option(
         metavar="ADDRESS",
         help="Scheduler of a Dask cluster, such as tcp://10.0.0.5:8786, in place of --jobs.",
-        show_default=False,
     ),
 ]
 WorkOption = Annotated[
     Path | None,
     typer.Option(
-        metavar="FOLDER",
-        help="Folder of finished parts, which every worker reaches. Default: REGISTRY/work.",
-        show_default=False,
+        metavar="FOLDER", help="Folder of finished parts, which every worker reaches. Default: REGISTRY/work."
     ),
 ]
 
 
 def add_commands(app: typer.Typer) -> None:
     """Add the commands of this file."""
-    fleet_app.command(
-        "fit",
-        epilog=examples(
-            ("tripwatt fleet fit fleet models --jobs 4", "fit on all trips of the store fleet"),
-            ("tripwatt fleet fit fleet models --cluster tcp://10.0.0.5:8786", "fit on a Dask cluster"),
-        ),
-    )(fit)
-    fleet_app.command(
-        "update", epilog=examples(("tripwatt fleet update fleet models", "take in the trips of last night"))
-    )(update)
-    fleet_app.command(
-        "refit",
-        epilog=examples(
-            ("tripwatt fleet refit fleet models --weeks 4", "fit anew, and promote it if it is not worse")
-        ),
-    )(refit)
-    fleet_app.command(
-        "versions", epilog=examples(("tripwatt fleet versions models", "list the versions and their history"))
-    )(versions)
-    fleet_app.command(
-        "promote", epilog=examples(("tripwatt fleet promote models 0003", "use version 0003 from now on"))
-    )(promote)
-    fleet_app.command(
-        "rollback", epilog=examples(("tripwatt fleet rollback models", "use the version before again"))
-    )(roll_back)
-    fleet_app.command(
-        "forecast",
-        epilog=examples(
-            (
-                "tripwatt fleet forecast models trip.csv --vehicle-id V17 --soc 0.8",
-                "forecast a trip of one vehicle",
-            )
-        ),
-    )(forecast)
-    fleet_app.command(
-        "batch",
-        epilog=examples(
-            (
-                "tripwatt fleet batch models tomorrow.parquet --out forecasts.parquet",
-                "forecast many planned trips",
-            )
-        ),
-    )(batch)
-    fleet_app.command(
-        "evaluate",
-        epilog=examples(
-            ("tripwatt fleet evaluate fleet --out fleet.html", "score a fleet and write its page")
-        ),
-    )(evaluate)
+    add_command(fleet_app, fit)
+    add_command(fleet_app, update)
+    add_command(fleet_app, refit)
+    add_command(fleet_app, versions)
+    add_command(fleet_app, promote)
+    add_command(fleet_app, roll_back, name="rollback")
+    add_command(fleet_app, forecast)
+    add_command(fleet_app, batch)
+    add_command(fleet_app, evaluate)
     app.add_typer(fleet_app, name="fleet")
 
 
@@ -128,6 +86,13 @@ def fit(
     """Fit a model on the trips of a store, and promote it if the registry has no version in use yet.
 
     An interrupted fit goes on with its finished parts.
+
+    For example:
+
+      # fit on all trips of the store fleet
+      tripwatt fleet fit fleet models --jobs 4
+      # fit on a Dask cluster
+      tripwatt fleet fit fleet models --cluster tcp://10.0.0.5:8786
     """
     from tripwatt.fleet.model import fit_fleet
 
@@ -166,8 +131,13 @@ def update(
 
     Only the new trips are read. The sums of the linear part are those of a fit on all trips; trees, residual process and
     scores stay as they are until the next refit.
+
+    For example:
+
+      # take in the trips of last night
+      tripwatt fleet update fleet models
     """
-    from tripwatt.fleet.evaluation import drift
+    from tripwatt.fleet.deviations import drift
     from tripwatt.fleet.model import update_fleet
 
     source, target = opened(store, options), _registry(registry)
@@ -215,6 +185,11 @@ def refit(
 
     The comparison is on trips of the newest weeks, paired by vehicle. Both models are taken without these trips. A
     promoted model then takes them in. The exit code is 1 if the model in use stays.
+
+    For example:
+
+      # fit anew, and promote it if it is not worse
+      tripwatt fleet refit fleet models --weeks 4
     """
     from tripwatt.fleet.life import refit_fleet
 
@@ -240,7 +215,13 @@ def _show_comparison(version: str, comparison: Comparison, promoted: bool, as_js
 
 
 def versions(registry: RegistryArgument, as_json: JsonOption = False) -> None:
-    """List the versions of a registry and what was done with them."""
+    """List the versions of a registry and what was done with them.
+
+    For example:
+
+      # list the versions and their history
+      tripwatt fleet versions models
+    """
     target = _registry(registry)
     history = target.history()
     if as_json:
@@ -258,49 +239,61 @@ def promote(
     ],
     as_json: JsonOption = False,
 ) -> None:
-    """Use a version from now on. Programs that follow the registry change without losing a request."""
+    """Use a version from now on. Programs that follow the registry change without losing a request.
+
+    For example:
+
+      # use version 0003 from now on
+      tripwatt fleet promote models 0003
+    """
     _registry(registry).promote(version)
     print_json({"in_use": version}) if as_json else typer.echo(f"version {version} is in use")
 
 
 def roll_back(registry: RegistryArgument, as_json: JsonOption = False) -> None:
-    """Use the version again that was in use before."""
+    """Use the version again that was in use before.
+
+    For example:
+
+      # use the version before again
+      tripwatt fleet rollback models
+    """
     version = _registry(registry).roll_back()
     print_json({"in_use": version}) if as_json else typer.echo(f"version {version} is in use")
 
 
+@departure_options(without=("departs_at",))
 def forecast(
     registry: RegistryArgument,
     trip: Annotated[
         Path, typer.Argument(metavar="TRIP", help="A route or a speed trace, as for `tripwatt forecast`.")
     ],
     vehicle_id: Annotated[str, typer.Option("--vehicle-id", metavar="ID", help="The vehicle.")],
+    departure: DepartureOf,
     car_model: CarModelOption = None,
     driver: Annotated[
-        str | None,
-        typer.Option(metavar="NAME", help="The driver, if trips of his were logged.", show_default=False),
-    ] = None,
-    soc: Annotated[
-        float | None, typer.Option(metavar="X", help="Displayed state of charge, 0 to 1.", show_default=False)
-    ] = None,
-    ambient: Annotated[
-        float | None,
-        typer.Option("--ambient", metavar="T", help="Outside temperature [°C].", show_default=False),
+        str | None, typer.Option(metavar="NAME", help="The driver, if trips of his were logged.")
     ] = None,
     reserve: Annotated[
         float, typer.Option(min=0.0, max=1.0, metavar="X", help="Charge to arrive with, 0 to 1.")
     ] = 0.0,
     as_json: JsonOption = False,
 ) -> None:
-    """Forecast a trip of one vehicle with the version in use. A vehicle without trips starts from its --car-model."""
+    """Forecast a trip of one vehicle with the version in use. A vehicle without trips starts from its --car-model.
+
+    For example:
+
+      # forecast a trip of one vehicle
+      tripwatt fleet forecast models trip.csv --vehicle-id V17 --soc 0.8
+    """
     import tripwatt as tw
     from tripwatt.cli.sentences import chance_to_arrive
 
     model = _registry(registry).load()
     plan = tw.read_route(trip)
     with options_named():
-        departure = tw.Departure(soc=soc, ambient_temperature_degc=ambient)
-    found = model.forecast(plan, departure, vehicle_id=vehicle_id, car_model=car_model, driver=driver)
+        known = departure()
+    found = model.forecast(plan, known, vehicle_id=vehicle_id, car_model=car_model, driver=driver)
     low, high = found.interval(0.9)
     if as_json:
         print_json({"vehicle_id": vehicle_id, **found.to_dict(reserve)})
@@ -319,7 +312,7 @@ def forecast(
 def batch(
     registry: RegistryArgument,
     trips: Annotated[
-        Path, typer.Argument(metavar="TRIPS.parquet", help="One row a link; see docs/fleet.md.")
+        Path, typer.Argument(metavar="TRIPS.parquet", help="One row a link; see docs/howto/fleet.md.")
     ],
     out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="Parquet file to write.")] = Path(
         "forecasts.parquet"
@@ -327,9 +320,7 @@ def batch(
     quantile: Annotated[
         list[float] | None,
         typer.Option(
-            metavar="Q",
-            help="Quantile of the energy; you can repeat the option. Default: 0.05, 0.5, 0.95.",
-            show_default=False,
+            metavar="Q", help="Quantile of the energy; you can repeat the option. Default: 0.05, 0.5, 0.95."
         ),
     ] = None,
     reserve: Annotated[float, typer.Option(metavar="X", help="Charge to arrive with, 0 to 1.")] = 0.0,
@@ -340,6 +331,11 @@ def batch(
     """Forecast many planned trips with the version in use, Parquet in and Parquet out.
 
     The exit code is 1 if a trip cannot be forecast; the column error of FILE has the reason.
+
+    For example:
+
+      # forecast many planned trips
+      tripwatt fleet batch models tomorrow.parquet --out forecasts.parquet
     """
     import pyarrow.compute as pc
     import pyarrow.parquet as pq
@@ -381,21 +377,27 @@ def evaluate(
 
     The page shows errors by car model, temperature, length and number of own trips, the calibration by vehicle, and which
     vehicles take more than others of their car model, and since when.
+
+    For example:
+
+      # score a fleet and write its page
+      tripwatt fleet evaluate fleet --out fleet.html
     """
-    from tripwatt.fleet.evaluation import evaluate_rows, sisters
-    from tripwatt.fleet.hierarchy import fit_scales, posterior
+    from tripwatt.evaluation.fleets import evaluate_rows
+    from tripwatt.fleet.deviations import sisters
+    from tripwatt.fleet.features import START
     from tripwatt.fleet.mapping import map_store, read_rows, tasks_of
-    from tripwatt.fleet.report import report_page
-    from tripwatt.fleet.statistics import Sums
+    from tripwatt.hybrid.groups import fit_scales, group_posterior
+    from tripwatt.report.fleets import report_page
 
     source = opened(store, options)
     with progress(console()) as advance, _running(jobs, cluster) as (executor, workers):
         tasks = tasks_of(source, source.trip_rows(), work)
         rows = read_rows(map_store(tasks, executor, workers, advance))
-    sums = Sums.from_rows(rows)
-    scales = fit_scales(sums)
+    sums = rows.sums
+    scales = fit_scales(sums, START)
     found = evaluate_rows(rows, scales)
-    vehicles = sisters(posterior(sums, scales), rows)
+    vehicles = sisters(group_posterior(sums, scales), rows)
     write_text(report_page(f"Fleet {store}", found, vehicles), out)
     if as_json:
         frame = vehicles.astype(object).where(vehicles.notna(), None)

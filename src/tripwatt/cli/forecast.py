@@ -8,14 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
-from tripwatt.cli.options import (
-    JsonOption,
-    TerrainOption,
-    examples,
-    gather,
-    model_of,
-    options_named,
-)
+from tripwatt.cli.departing import DepartureOf, departure_options
+from tripwatt.cli.options import JsonOption, add_command, gather, model_of, options_named
 from tripwatt.cli.output import write_bytes, write_text
 from tripwatt.cli.printing import print_json, print_notes, print_table
 from tripwatt.errors import Fault, InvalidInput
@@ -30,43 +24,11 @@ LEAVE_PROBABILITY: Final = 0.95
 
 def add_commands(app: typer.Typer) -> None:
     """Add the commands of this file."""
-    app.command(
-        epilog=examples(
-            ("tripwatt example-trip --out trip.csv", "write an example trip"),
-            (
-                "tripwatt forecast trip.csv --soc 0.8 --ambient -5",
-                "forecast it with the bundled model",
-            ),
-            (
-                "tripwatt forecast my-model trip.csv --reserve 0.1 --plot forecast.png",
-                "forecast it with your own model",
-            ),
-            (
-                "tripwatt forecast trip.csv --observed so-far.csv --json",
-                "update the forecast during the trip; so-far.csv has the samples so far, for example `head -601 trip.csv`",
-            ),
-            (
-                "tripwatt forecast answer.json --soc 0.8 --ambient 5",
-                "forecast a planned route from the saved response of a router",
-            ),
-            (
-                "tripwatt forecast ride.gpx --speed 60",
-                "forecast a track without times at a mean speed of 60 km/h",
-            ),
-            (
-                "tripwatt forecast ride.gpx --vehicle vw_id3 --soc 0.8",
-                "forecast for another car of the library",
-            ),
-        )
-    )(forecast)
-    app.command(
-        "example-trip",
-        epilog=examples(
-            ("tripwatt example-trip --out trip.csv", "write an example trip for `tripwatt forecast trip.csv`")
-        ),
-    )(example)
+    add_command(app, forecast)
+    add_command(app, example, name="example-trip")
 
 
+@departure_options(without=("departs_at",))
 def forecast(
     paths: Annotated[
         list[Path],
@@ -77,84 +39,9 @@ def forecast(
             "signals give only their first sample. Planned route: GPX, KML, GeoJSON, the saved response of OSRM, Valhalla, "
             "openrouteservice or GraphHopper, or links as CSV or JSON (length_m, speed_m_s or travel_time_s, and optionally "
             "grade or start_elevation_m and end_elevation_m, stop_s, speed_limit_m_s).",
-            show_default=False,
         ),
     ],
-    soc: Annotated[
-        float | None,
-        typer.Option(
-            "--soc", metavar="0..1", help="Displayed state of charge at departure.", show_default=False
-        ),
-    ] = None,
-    ambient: Annotated[
-        float | None,
-        typer.Option(
-            "--ambient",
-            "--ambient-temperature-degc",
-            metavar="°C",
-            help="Outside temperature.",
-            show_default=False,
-        ),
-    ] = None,
-    setpoint: Annotated[
-        float | None,
-        typer.Option(
-            "--setpoint",
-            "--cabin-setpoint-degc",
-            metavar="°C",
-            help="Set-point of the cabin temperature.",
-            show_default=False,
-        ),
-    ] = None,
-    payload: Annotated[
-        float | None,
-        typer.Option(
-            "--payload",
-            "--payload-mass-kg",
-            metavar="KG",
-            help="Mass of passengers and luggage, without the driver.",
-            show_default=False,
-        ),
-    ] = None,
-    climate: Annotated[
-        str | None,
-        typer.Option(
-            "--climate",
-            metavar="MODE",
-            help="What climate control may do: auto, off, heat (no cooling) or cool (no heating).",
-            show_default=False,
-        ),
-    ] = None,
-    extra: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--extra",
-            metavar="NAME",
-            help="What is fitted to the car or switched on: winter_tyres, roof_box, trailer or headlights. You can repeat the option.",
-            show_default=False,
-        ),
-    ] = None,
-    terrain: TerrainOption = None,
-    battery_temperature: Annotated[
-        float | None,
-        typer.Option(
-            "--battery-temperature",
-            "--battery-temperature-degc",
-            metavar="°C",
-            help="Battery temperature at departure.",
-            show_default=False,
-        ),
-    ] = None,
-    cabin_temperature: Annotated[
-        float | None,
-        typer.Option(
-            "--cabin-temperature",
-            "--cabin-temperature-degc",
-            metavar="°C",
-            help="Cabin temperature at departure.",
-            show_default=False,
-        ),
-    ] = None,
+    departure: DepartureOf,
     vehicle: Annotated[
         str | None,
         typer.Option(
@@ -162,16 +49,10 @@ def forecast(
             metavar="NAME|FILE",
             help="Forecast for another car: a name from `tripwatt vehicles`, or a TOML file. The model has no trips of "
             "this car, so the interval is wider.",
-            show_default=False,
         ),
     ] = None,
     speed: Annotated[
-        float | None,
-        typer.Option(
-            metavar="KM/H",
-            help="Mean speed on a track without times and speeds.",
-            show_default=False,
-        ),
+        float | None, typer.Option(metavar="KM/H", help="Mean speed on a track without times and speeds.")
     ] = None,
     observed: Annotated[
         Path | None,
@@ -179,17 +60,13 @@ def forecast(
             metavar="SAMPLES",
             help="Samples measured so far, on the clock of the trip: time_s with voltage_v and current_a, or with soc or "
             "displayed_soc. On a planned route, speed_m_s gives the distance driven.",
-            show_default=False,
         ),
     ] = None,
     reserve: Annotated[
         float, typer.Option(metavar="0..1", help="Required state of charge at arrival, as displayed.")
     ] = 0.1,
     plot: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE", help="Write a figure of the forecast: .png, .svg or .pdf.", show_default=False
-        ),
+        Path | None, typer.Option(metavar="FILE", help="Write a figure of the forecast: .png, .svg or .pdf.")
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -197,10 +74,26 @@ def forecast(
 
     A driver model turns a planned route into a speed trace. The interval includes the error of this step, which was
     measured when the model was fitted. State of charge is the displayed one.
+
+    For example:
+
+      # write an example trip
+      tripwatt example-trip --out trip.csv
+      # forecast it with the bundled model
+      tripwatt forecast trip.csv --soc 0.8 --ambient -5
+      # forecast it with your own model
+      tripwatt forecast my-model trip.csv --reserve 0.1 --plot forecast.png
+      # update the forecast during the trip; so-far.csv has the samples so far, for example `head -601 trip.csv`
+      tripwatt forecast trip.csv --observed so-far.csv --json
+      # forecast a planned route from the saved response of a router
+      tripwatt forecast answer.json --soc 0.8 --ambient 5
+      # forecast a track without times at a mean speed of 60 km/h
+      tripwatt forecast ride.gpx --speed 60
+      # forecast for another car of the library
+      tripwatt forecast ride.gpx --vehicle vw_id3 --soc 0.8
     """
     from tripwatt.api import read_route
     from tripwatt.population import for_car
-    from tripwatt.trips import Departure
     from tripwatt.units import M_S_PER_KM_H
     from tripwatt.vehicles import load_vehicle
 
@@ -215,23 +108,10 @@ def forecast(
             ),
             lambda: None if observed is None else got.update(observed=_measured(observed)),
             lambda: got.update(car=None if vehicle is None else load_vehicle(vehicle)),
-            lambda: got.update(
-                departure=Departure(
-                    soc=soc,
-                    ambient_temperature_degc=ambient,
-                    cabin_setpoint_degc=setpoint,
-                    cabin_temperature_degc=cabin_temperature,
-                    battery_temperature_degc=battery_temperature,
-                    payload_mass_kg=payload,
-                    climate=climate,
-                    extras=tuple(extra) if extra else None,
-                    terrain=terrain,
-                )
-            ),
+            lambda: got.update(departure=departure()),
         )
         fitted = for_car(got["model"], got["car"])
-    plan, departure = got["plan"], got["departure"]
-    found = fitted.forecast(plan, departure)
+    found = fitted.forecast(got["plan"], got["departure"])
     if observed is not None:
         found = found.update(got["observed"])
     if plot is not None:
@@ -250,7 +130,7 @@ def _model_and_trip(paths: list[Path]) -> tuple[Path | None, Path]:
 
 
 def _require_options(reserve: float, plot: Path | None) -> None:
-    from tripwatt.trips.schema import QUANTITIES, number_faults
+    from tripwatt.trips.columns import QUANTITIES, number_faults
 
     faults = list(number_faults("--reserve", reserve, QUANTITIES["reserve"]))
     if plot is not None and plot.suffix.lower() not in PLOT_SUFFIXES:
@@ -311,7 +191,8 @@ def _unknown_climb(found: Forecast, reserve: float) -> list[tuple[str, str]]:
 def _show_forecast(found: Forecast, reserve: float) -> None:
     from tripwatt.cli.sentences import chance_to_arrive, forecast_in_words
     from tripwatt.forecasting.plots import CAUSE_NAMES
-    from tripwatt.trips.messages import leave_in_words, period
+    from tripwatt.trips.messages import leave_in_words
+    from tripwatt.trips.showing import period
 
     low, high = found.interval(0.9)
     when = "before departure" if found.measured_until_s <= 0.0 else f"after {period(found.measured_until_s)}"
@@ -343,11 +224,7 @@ def example(
     out: Annotated[
         Path | None,
         typer.Option(
-            "--out",
-            "-o",
-            metavar="FILE",
-            help="Write the table to this file instead of printing it.",
-            show_default=False,
+            "--out", "-o", metavar="FILE", help="Write the table to this file instead of printing it."
         ),
     ] = None,
     seed: Annotated[int, typer.Option(min=0, metavar="N", help="Number of the trip.")] = 0,
@@ -355,6 +232,11 @@ def example(
     """Print a synthetic trip as a CSV table, as an input for `tripwatt forecast`.
 
     The trip is computed. It does not describe a real car.
+
+    For example:
+
+      # write an example trip for `tripwatt forecast trip.csv`
+      tripwatt example-trip --out trip.csv
     """
     from tripwatt.synthetic import example_trip
 

@@ -7,37 +7,42 @@ from typing import Annotated, Any
 
 import typer
 
-from tripwatt.cli.options import (
-    JsonOption,
-    examples,
-)
+from tripwatt.cli.options import JsonOption, add_command
 from tripwatt.cli.printing import print_json, print_table
 
 
 def add_commands(app: typer.Typer) -> None:
     """Add the commands of this file."""
-    app.command(
-        epilog=examples(
-            ("tripwatt inspect", "describe the bundled model"),
-            ("tripwatt inspect my-model --json", "print all metadata of your model"),
-        )
-    )(inspect)
+    add_command(app, inspect)
 
 
 def inspect(
     model: Annotated[
-        Path | None,
-        typer.Argument(
-            metavar="MODEL",
-            help="Folder of a model. Default: the bundled model.",
-            show_default=False,
-        ),
+        Path | None, typer.Argument(metavar="MODEL", help="Folder of a model. Default: the bundled model.")
     ] = None,
+    upgrade: Annotated[
+        bool,
+        typer.Option(
+            "--upgrade", help="First write a model of an older format in that of today; its forecasts stay."
+        ),
+    ] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Show the inputs, the provenance and the scores of a model, and verify its checksums."""
-    from tripwatt.forecasting import load_metadata
+    """Show the inputs, the provenance and the scores of a model, and verify its checksums.
 
+    For example:
+
+      # describe the bundled model
+      tripwatt inspect
+      # print all metadata of your model
+      tripwatt inspect my-model --json
+      # write a model of an older format in that of today
+      tripwatt inspect my-model --upgrade
+    """
+    from tripwatt.forecasting import load_metadata, model_folder, upgrade_model
+
+    if upgrade:
+        upgrade_model(model_folder(model))
     about = load_metadata(model)
     if as_json:
         print_json(about)

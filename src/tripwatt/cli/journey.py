@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import datetime as dt
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tripwatt.cli.options import JsonOption, TerrainOption, examples, gather, options_named
+from tripwatt.cli.departing import DepartureOf, departure_options
+from tripwatt.cli.options import JsonOption, add_command, gather, options_named
 from tripwatt.cli.printing import print_json, print_notes, print_table
-from tripwatt.errors import Fault, InvalidInput
 
 if TYPE_CHECKING:
     from tripwatt.journey import Journey
@@ -25,7 +23,6 @@ MapOption = Annotated[
         show_envvar=False,
         help="Folder of a map (see `tripwatt map build`), or a router's server: valhalla=URL, osrm=URL, graphhopper=URL or "
         "openrouteservice=URL. FOLDER@KIND=URL takes the places of a map and the roads of a server. Default: TRIPWATT_MAP.",
-        show_default=False,
     ),
 ]
 PlacesOption = Annotated[
@@ -34,7 +31,6 @@ PlacesOption = Annotated[
         "--places",
         metavar="KIND=URL",
         help="Server that finds places: photon=URL or nominatim=URL. Default: the index of the map.",
-        show_default=False,
     ),
 ]
 WeatherOption = Annotated[
@@ -43,7 +39,6 @@ WeatherOption = Annotated[
         "--weather",
         metavar="URL",
         help="Server with the interface of Open-Meteo. Default: no server is asked.",
-        show_default=False,
     ),
 ]
 StationsOption = Annotated[
@@ -52,103 +47,41 @@ StationsOption = Annotated[
         "--stations",
         metavar="FILE",
         help="Charging stations as CSV: latitude_deg, longitude_deg, power_kw, name. Default: those of the map.",
-        show_default=False,
     ),
 ]
 ModelOption = Annotated[
-    Path | None,
-    typer.Option("--model", metavar="FOLDER", help="Default: the bundled model.", show_default=False),
+    Path | None, typer.Option("--model", metavar="FOLDER", help="Default: the bundled model.")
 ]
 CarOption = Annotated[
     str | None,
     typer.Option(
-        "--vehicle",
-        metavar="NAME|FILE",
-        help="Another car: a name from `tripwatt vehicles`, or a TOML file.",
-        show_default=False,
+        "--vehicle", metavar="NAME|FILE", help="Another car: a name from `tripwatt vehicles`, or a TOML file."
     ),
-]
-SocOption = Annotated[
-    float | None,
-    typer.Option("--soc", metavar="0..1", help="Displayed state of charge at departure.", show_default=False),
-]
-AmbientOption = Annotated[
-    float | None,
-    typer.Option("--ambient", metavar="°C", help="Outside temperature.", show_default=False),
 ]
 
 
 def add_commands(app: typer.Typer) -> None:
     """Add the commands of this file."""
-    app.command(
-        epilog=examples(
-            ("tripwatt map build liechtenstein.osm.pbf --out map", "build a map once"),
-            ("tripwatt plan Vaduz Buchs --map map --soc 0.8 --depart 07:30 --reserve 0.1", "plan a journey"),
-            (
-                "tripwatt plan Vaduz Malbun --map map --round-trip --ambient -5 --vehicle vw_id3",
-                "there and back",
-            ),
-            (
-                "tripwatt plan '47.14, 9.52' '47.37, 8.54' --map osrm=http://localhost:5000 --soc 0.9",
-                "with a router's server and coordinates",
-            ),
-        )
-    )(plan)
-    app.command(
-        epilog=examples(("tripwatt reach Vaduz --map map --soc 0.2", "where a charge of 20 % carries"))
-    )(reach)
-    app.command(
-        epilog=examples(("tripwatt places landstr --map map", "find places by the start of their names"))
-    )(places)
+    add_command(app, plan)
+    add_command(app, reach)
+    add_command(app, places)
 
 
+@departure_options()
 def plan(
     stops: Annotated[
         list[str],
-        typer.Argument(
-            metavar="FROM [VIA...] TO", help="Places: names, or latitude and longitude.", show_default=False
-        ),
+        typer.Argument(metavar="FROM [VIA...] TO", help="Places: names, or latitude and longitude."),
     ],
+    departure: DepartureOf,
     map_: MapOption = "",
-    soc: SocOption = None,
-    depart: Annotated[
-        str | None,
-        typer.Option(
-            metavar="[DATE ]HH:MM",
-            help="Departure, local time; today when there is no date. It counts for the weather. Default: now.",
-            show_default=False,
-        ),
-    ] = None,
-    ambient: AmbientOption = None,
     reserve: Annotated[
         float, typer.Option(metavar="0..1", help="Required state of charge at arrival, as displayed.")
     ] = 0.1,
-    wind: Annotated[
-        str | None,
-        typer.Option(
-            metavar="M/S@DEGREES",
-            help="Wind, and the direction it comes from, clockwise from north: 8@270.",
-            show_default=False,
-        ),
-    ] = None,
-    rain: Annotated[float | None, typer.Option(metavar="MM/H", help="Rain.", show_default=False)] = None,
     round_trip: Annotated[bool, typer.Option("--round-trip", help="Back to the start.")] = False,
     alternatives: Annotated[int, typer.Option(min=0, max=3, metavar="N", help="Other roads to compare.")] = 2,
     vehicle: CarOption = None,
     model: ModelOption = None,
-    payload: Annotated[
-        float | None,
-        typer.Option(
-            metavar="KG", help="Mass of passengers and luggage, without the driver.", show_default=False
-        ),
-    ] = None,
-    climate: Annotated[
-        str | None,
-        typer.Option(
-            metavar="MODE", help="What climate control may do: auto, off, heat or cool.", show_default=False
-        ),
-    ] = None,
-    terrain: TerrainOption = None,
     places_url: PlacesOption = "",
     weather: WeatherOption = "",
     stations: StationsOption = None,
@@ -157,63 +90,60 @@ def plan(
     """Plan a journey from place to place: charge at arrival, what to leave with, a charging stop where one is needed.
 
     Nothing leaves this machine unless an option names the URL of a server. Travel times are those of an empty road.
+
+    For example:
+
+      # build a map once
+      tripwatt map build liechtenstein.osm.pbf --out map
+      # plan a journey
+      tripwatt plan Vaduz Buchs --map map --soc 0.8 --depart 07:30 --reserve 0.1
+      # there and back
+      tripwatt plan Vaduz Malbun --map map --round-trip --ambient -5 --vehicle vw_id3
+      # with a router's server and coordinates
+      tripwatt plan '47.14, 9.52' '47.37, 8.54' --map osrm=http://localhost:5000 --soc 0.9
     """
     from tripwatt.journey import AtlasSettings, JourneyOptions, open_atlas, plan_journey
-    from tripwatt.trips import Departure
 
     got: dict[str, Any] = {}
     settings = AtlasSettings(map_, places_url, weather, "" if stations is None else str(stations))
     with options_named():
         gather(
             lambda: got.update(atlas=open_atlas(settings)),
-            lambda: got.update(started_at=_departure_time(depart)),
-            lambda: got.update(weather=_weather_by_hand(wind, rain, ambient)),
-            lambda: got.update(
-                departure=Departure(
-                    soc=soc,
-                    ambient_temperature_degc=ambient,
-                    payload_mass_kg=payload,
-                    climate=climate,
-                    terrain=terrain,
-                )
-            ),
+            lambda: got.update(departure=departure()),
             lambda: got.update(options=JourneyOptions(reserve, alternatives, round_trip)),
         )
-        found = plan_journey(
-            stops,
-            replace(got["departure"], started_at=got["started_at"]),
-            atlas=got["atlas"],
-            model=model,
-            vehicle=vehicle,
-            options=replace(got["options"], weather=got["weather"]),
-        )
+        found = plan_journey(stops, model=model, vehicle=vehicle, **got)
     print_json(found.to_dict()) if as_json else _show(found)
 
 
+@departure_options()
 def reach(
     start: Annotated[str, typer.Argument(metavar="FROM", help="A place: a name, or latitude and longitude.")],
+    departure: DepartureOf,
     map_: MapOption = "",
-    soc: SocOption = None,
-    ambient: AmbientOption = None,
     reserve: Annotated[
         float, typer.Option(min=0.0, max=1.0, metavar="0..1", help="State of charge to keep.")
     ] = 0.0,
-    terrain: TerrainOption = None,
     vehicle: CarOption = None,
     model: ModelOption = None,
     places_url: PlacesOption = "",
     as_json: JsonOption = False,
 ) -> None:
-    """Show how far a charge carries in every direction, with 95 % and with 50 %."""
-    from tripwatt.journey import AtlasSettings, Drive, find_reach, open_atlas
+    """Show how far a charge carries in every direction, with 95 % and with 50 %.
+
+    For example:
+
+      # where a charge of 20 % carries
+      tripwatt reach Vaduz --map map --soc 0.2
+    """
+    from tripwatt.journey import AtlasSettings, RoadForecaster, find_reach, open_atlas
     from tripwatt.population import for_car
-    from tripwatt.trips import Departure
 
     with options_named():
         atlas = open_atlas(AtlasSettings(map_, places_url))
-        departure = Departure(soc=soc, ambient_temperature_degc=ambient, terrain=terrain)
+        own = for_car(model, vehicle)
         place = atlas.find(start, "FROM")
-        found = find_reach(Drive(for_car(model, vehicle), departure), place, atlas, reserve=reserve)
+        found = find_reach(RoadForecaster(own, departure()), place, atlas, reserve=reserve)
     if as_json:
         print_json(found.to_dict())
         return
@@ -248,7 +178,13 @@ def places(
     limit: Annotated[int, typer.Option(min=1, max=50, metavar="N", help="Most places.")] = 10,
     as_json: JsonOption = False,
 ) -> None:
-    """Find places by the start of their names."""
+    """Find places by the start of their names.
+
+    For example:
+
+      # find places by the start of their names
+      tripwatt places landstr --map map
+    """
     from tripwatt.routes.maps import ATTRIBUTION
     from tripwatt.routes.search import open_search
 
@@ -270,40 +206,9 @@ def _index(named: str) -> Any:
     return open_map(named.partition("@")[0]).index
 
 
-def _departure_time(text: str | None) -> dt.datetime | None:
-    """Departure of a text: a time of today, or a date and a time."""
-    if text is None:
-        return None
-    today = dt.datetime.now().astimezone()
-    try:
-        if len(text) <= 5:
-            clock = dt.time.fromisoformat(text.zfill(5))
-            return today.replace(hour=clock.hour, minute=clock.minute, second=0, microsecond=0)
-        return dt.datetime.fromisoformat(text).astimezone()
-    except ValueError as error:
-        fault = Fault("not a time", "--depart", text[:40], "07:30, or 2026-02-01 07:30")
-        raise InvalidInput(fault) from error
-
-
-def _weather_by_hand(wind: str | None, rain: float | None, ambient: float | None) -> Any:
-    """The weather of options; None without any."""
-    from tripwatt.routes.weather import Weather
-
-    if wind is None and rain is None:
-        return None
-    speed, _, origin = (wind or "0@0").partition("@")
-    try:
-        blows, comes = float(speed), float(origin or "nan") % 360.0
-    except ValueError:
-        blows = comes = float("nan")
-    if wind is not None and not (blows == blows and comes == comes):
-        raise InvalidInput(Fault("not a wind", "--wind", wind[:40], "speed [m/s] and direction: 8@270"))
-    return Weather(ambient, blows, comes, rain or 0.0)
-
-
 def _show(found: Journey) -> None:
     from tripwatt.cli.sentences import chance_to_arrive, journey_in_words
-    from tripwatt.trips.messages import period
+    from tripwatt.trips.showing import period
 
     typer.echo(f"From {' to '.join(place.described for place in found.stops)}.")
     for sentence in journey_in_words(found):

@@ -13,7 +13,7 @@ from tripwatt.cli.options import (
     DatasetOption,
     JsonOption,
     MappingOption,
-    examples,
+    add_command,
     read_logs,
 )
 from tripwatt.cli.output import write_text
@@ -28,40 +28,12 @@ mapping_app = typer.Typer(
 
 def add_commands(app: typer.Typer) -> None:
     """Add the commands of this file."""
-    app.command(
-        epilog=examples(
-            ("tripwatt audit data/tum", "list all findings of all trips"),
-            ("tripwatt audit data/tum/TripB02.csv", "audit one trip"),
-            ("tripwatt audit drive.csv --mapping torque", "audit a log of the app Torque"),
-        )
-    )(audit)
-    app.command(
-        epilog=examples(
-            ("tripwatt fetch tum", "show where to download the TUM trips"),
-            ("tripwatt fetch tum data/tum", "check that the folder is complete; exit code 1 if not"),
-        )
-    )(fetch)
-    mapping_app.command("list", epilog=examples(("tripwatt mapping list", "list the bundled mappings")))(
-        list_mappings
-    )
-    mapping_app.command(
-        "show", epilog=examples(("tripwatt mapping show torque > my.toml", "save a copy to edit"))
-    )(show_mapping)
-    mapping_app.command(
-        "suggest",
-        epilog=examples(
-            ("tripwatt mapping suggest drive.csv", "print the proposal"),
-            ("tripwatt mapping suggest drive.csv --out my.toml", "save it; check every line"),
-            ("tripwatt evaluate logs --mapping my.toml", "use the mapping"),
-        ),
-    )(suggest)
-    mapping_app.command(
-        "apply",
-        epilog=examples(
-            ("tripwatt mapping apply drive.csv --mapping my.toml --out trip.csv", "convert your log"),
-            ("tripwatt forecast my-model trip.csv", "forecast the converted trip"),
-        ),
-    )(apply)
+    add_command(app, audit)
+    add_command(app, fetch)
+    add_command(mapping_app, list_mappings, name="list")
+    add_command(mapping_app, show_mapping, name="show")
+    add_command(mapping_app, suggest)
+    add_command(mapping_app, apply)
     app.add_typer(mapping_app, name="mapping")
 
 
@@ -75,6 +47,15 @@ def audit(
 
     No file is changed. Each finding gives the trip, the time span, the fault, and the consequence: trimmed, split, set
     aside or noted.
+
+    For example:
+
+      # list all findings of all trips
+      tripwatt audit data/tum
+      # audit one trip
+      tripwatt audit data/tum/TripB02.csv
+      # audit a log of the app Torque
+      tripwatt audit drive.csv --mapping torque
     """
     from tripwatt.auditing import audit as run_audit
 
@@ -107,14 +88,19 @@ def audit(
 
 def fetch(
     dataset: Annotated[str, typer.Argument(metavar="DATASET", help="Data set: tum.")] = "tum",
-    folder: Annotated[
-        Path | None, typer.Argument(metavar="FOLDER", help="Folder to check.", show_default=False)
-    ] = None,
+    folder: Annotated[Path | None, typer.Argument(metavar="FOLDER", help="Folder to check.")] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Show where to download a data set, and check that FOLDER is complete.
 
     The command downloads nothing: the publishers of the data require an account or a name.
+
+    For example:
+
+      # show where to download the TUM trips
+      tripwatt fetch tum
+      # check that the folder is complete; exit code 1 if not
+      tripwatt fetch tum data/tum
     """
     from tripwatt.sources import check_folder, where_to_get
 
@@ -123,13 +109,19 @@ def fetch(
         print_json({"where": where}) if as_json else typer.echo(where)
         return
     report = check_folder(folder, dataset)
-    print_json(report.as_dict()) if as_json else typer.echo(report.text())
+    print_json(report.as_dict()) if as_json else typer.echo(str(report))
     if not report.complete:
         raise typer.Exit(1)
 
 
 def list_mappings(as_json: JsonOption = False) -> None:
-    """List the bundled mappings and the logger of each."""
+    """List the bundled mappings and the logger of each.
+
+    For example:
+
+      # list the bundled mappings
+      tripwatt mapping list
+    """
     from tripwatt.sources.mapping import shipped_mappings, shipped_text
 
     about = {name: _comment(shipped_text(name)) for name in shipped_mappings()}
@@ -143,7 +135,13 @@ def show_mapping(
     name: Annotated[str, typer.Argument(metavar="NAME", help="A name from `tripwatt mapping list`.")],
     as_json: JsonOption = False,
 ) -> None:
-    """Print a bundled mapping as TOML."""
+    """Print a bundled mapping as TOML.
+
+    For example:
+
+      # save a copy to edit
+      tripwatt mapping show torque > my.toml
+    """
     from tripwatt.errors import Fault, InvalidInput
     from tripwatt.sources.mapping import shipped_mappings, shipped_text
 
@@ -157,18 +155,13 @@ def suggest(
     file: Annotated[
         Path,
         typer.Argument(
-            metavar="FILE",
-            help="A CSV or Parquet file of trips, or a folder; its largest file is used.",
+            metavar="FILE", help="A CSV or Parquet file of trips, or a folder; its largest file is used."
         ),
     ],
     out: Annotated[
         Path | None,
         typer.Option(
-            "--out",
-            "-o",
-            metavar="FILE",
-            help="Write the TOML to this file instead of printing it.",
-            show_default=False,
+            "--out", "-o", metavar="FILE", help="Write the TOML to this file instead of printing it."
         ),
     ] = None,
     as_json: JsonOption = False,
@@ -176,6 +169,15 @@ def suggest(
     """Propose a mapping for a table from its header and its values, with a reason for each entry.
 
     The exit code is 1 if you have to add entries before you can use the mapping.
+
+    For example:
+
+      # print the proposal
+      tripwatt mapping suggest drive.csv
+      # save it; check every line
+      tripwatt mapping suggest drive.csv --out my.toml
+      # use the mapping
+      tripwatt evaluate logs --mapping my.toml
     """
     from dataclasses import asdict
 
@@ -205,10 +207,7 @@ def apply(
     data: Annotated[Path, typer.Argument(metavar="DATA", help="A table of trips, or a folder of tables.")],
     mapping: MappingOption = None,
     trip: Annotated[
-        str | None,
-        typer.Option(
-            "--trip", metavar="ID", help="Trip to use if DATA contains several.", show_default=False
-        ),
+        str | None, typer.Option("--trip", metavar="ID", help="Trip to use if DATA contains several.")
     ] = None,
     out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="CSV file to write.")] = Path(
         "trip.csv"
@@ -218,6 +217,13 @@ def apply(
     """Audit one trip of a table and write it with canonical columns and units, as input for `tripwatt forecast`.
 
     The command lists the findings of the audit. The time of the output starts at 0.
+
+    For example:
+
+      # convert your log
+      tripwatt mapping apply drive.csv --mapping my.toml --out trip.csv
+      # forecast the converted trip
+      tripwatt forecast my-model trip.csv
     """
     from tripwatt.auditing import audit as run_audit
     from tripwatt.errors import Fault, InvalidInput

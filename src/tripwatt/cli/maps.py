@@ -7,23 +7,15 @@ from typing import Annotated
 
 import typer
 
-from tripwatt.cli.options import JsonOption, examples
+from tripwatt.cli.options import JsonOption, add_command
 from tripwatt.cli.printing import print_json, print_notes, print_table
 
 
 def add_commands(app: typer.Typer) -> None:
     """Add the commands of this file."""
     group = typer.Typer(help="Maps of a region on this machine.", no_args_is_help=True, rich_markup_mode=None)
-    group.command(
-        epilog=examples(
-            ("tripwatt map build liechtenstein.osm.pbf --out map", "roads, places and charging stations"),
-            (
-                "tripwatt map build region.osm.pbf --elevation srtm --out map",
-                "with elevation tiles (N47E009.hgt)",
-            ),
-        )
-    )(build)
-    group.command(epilog=examples(("tripwatt map info map", "what a map holds")))(info)
+    add_command(group, build)
+    add_command(group, info)
     app.add_typer(group, name="map")
 
 
@@ -34,17 +26,20 @@ def build(
     ),
     elevation: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FOLDER",
-            help="Elevation tiles, for example N47E009.hgt; a flat land without.",
-            show_default=False,
-        ),
+        typer.Option(metavar="FOLDER", help="Elevation tiles, for example N47E009.hgt; a flat land without."),
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Build a map of an OpenStreetMap extract: roads for Valhalla, an index of places, charging stations.
 
     The command requires the extra `tripwatt[routing]`. It writes into FOLDER.unfinished and renames it at the end.
+
+    For example:
+
+      # roads, places and charging stations
+      tripwatt map build liechtenstein.osm.pbf --out map
+      # with elevation tiles (N47E009.hgt)
+      tripwatt map build region.osm.pbf --elevation srtm --out map
     """
     from tripwatt.routes.maps import build_map
 
@@ -58,7 +53,13 @@ def info(
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder of the map.")],
     as_json: JsonOption = False,
 ) -> None:
-    """Show what a map holds."""
+    """Show what a map holds.
+
+    For example:
+
+      # what a map holds
+      tripwatt map info map
+    """
     from tripwatt.routes.maps import open_map
 
     _show(open_map(folder).info, as_json)

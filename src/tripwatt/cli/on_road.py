@@ -11,12 +11,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
-from tripwatt.cli.options import JsonOption, examples, gather, model_of, require_extras
+from tripwatt.cli.options import JsonOption, add_command, gather, model_of, require_extras
 from tripwatt.cli.printing import print_notes
 from tripwatt.errors import Fault, InvalidInput
 
 if TYPE_CHECKING:
-    from tripwatt.live import LiveForecaster
+    from tripwatt.forecasting import ForecastModel
+    from tripwatt.live import LiveDocument
 
 PASSWORD_VARIABLE: Final = "TRIPWATT_MQTT_PASSWORD"
 """Environment variable of the broker's password."""
@@ -24,18 +25,7 @@ PASSWORD_VARIABLE: Final = "TRIPWATT_MQTT_PASSWORD"
 
 def add_commands(app: typer.Typer) -> None:
     """Add the commands of this file."""
-    app.command(
-        epilog=examples(
-            (
-                "tripwatt live cars/my-leaf --mqtt mqtt://192.0.2.7 --source ovms --topic ovms/me/leaf/metric --plan to-work.gpx",
-                "follow a car with OVMS to work",
-            ),
-            (
-                "tripwatt live cars/my-3 --mqtt mqtt://192.0.2.7 --source teslamate --topic teslamate/cars/1",
-                "keep the trips of a car that TeslaMate reads",
-            ),
-        )
-    )(live)
+    add_command(app, live)
 
 
 def live(
@@ -67,42 +57,29 @@ def live(
             metavar="TRIP",
             help="The road, as for `tripwatt forecast`: a planned route. Default: that of an earlier trip which began at "
             "about the same time of day.",
-            show_default=False,
         ),
     ] = None,
     model: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="MODEL", help="Folder of a model. Default: the bundled model.", show_default=False
-        ),
+        Path | None, typer.Option(metavar="MODEL", help="Folder of a model. Default: the bundled model.")
     ] = None,
     vehicle: Annotated[
         str | None,
-        typer.Option(
-            metavar="NAME|FILE",
-            help="A car other than that of the model, or a TOML file.",
-            show_default=False,
-        ),
+        typer.Option(metavar="NAME|FILE", help="A car other than that of the model, or a TOML file."),
     ] = None,
     reserve: Annotated[
-        float,
-        typer.Option(min=0.0, max=1.0, metavar="0..1", help="State of charge to keep, as displayed."),
+        float, typer.Option(min=0.0, max=1.0, metavar="0..1", help="State of charge to keep, as displayed.")
     ] = 0.1,
     every: Annotated[
         float, typer.Option(min=0.1, max=3600.0, metavar="S", help="Shortest time between two forecasts [s].")
     ] = 5.0,
     publish: Annotated[
-        str,
-        typer.Option(
-            metavar="TOPIC", help="Also publish each forecast as JSON to this topic.", show_default=False
-        ),
+        str, typer.Option(metavar="TOPIC", help="Also publish each forecast as JSON to this topic.")
     ] = "",
     discovery: Annotated[
         str,
         typer.Option(
             metavar="PREFIX",
             help="Let Home Assistant find what --publish sends, below this prefix of topics: usually homeassistant.",
-            show_default=False,
         ),
     ] = "",
     keep_days: Annotated[
@@ -113,7 +90,6 @@ def live(
             max=36_500.0,
             metavar="DAYS",
             help="Erase what the car sent after so many days. Default: keep it until the car is forgotten.",
-            show_default=False,
         ),
     ] = None,
     as_json: JsonOption = False,
@@ -122,9 +98,16 @@ def live(
 
     The command requires the extra `tripwatt[live]`. It reads the password of the broker from TRIPWATT_MQTT_PASSWORD. What the
     plan leaves unknown of the departure is what the car's messages show.
+
+    For example:
+
+      # follow a car with OVMS to work
+      tripwatt live cars/my-leaf --mqtt mqtt://192.0.2.7 --source ovms --topic ovms/me/leaf/metric --plan to-work.gpx
+      # keep the trips of a car that TeslaMate reads
+      tripwatt live cars/my-3 --mqtt mqtt://192.0.2.7 --source teslamate --topic teslamate/cars/1
     """
     require_extras({"live": "tripwatt live"})
-    from tripwatt.live import Broker, Follower, TopicJoiner, is_car, open_live_car
+    from tripwatt.live import Broker, Follower, RoadCar, TopicJoiner, is_car
 
     got: dict[str, Any] = {}
     own = car if is_car(car) else None
@@ -132,12 +115,16 @@ def live(
         lambda: got.update(broker=Broker.from_url(mqtt, os.environ.get(PASSWORD_VARIABLE))),
         lambda: got.update(joiner=TopicJoiner(source, topic)),
         lambda: _require_topic(publish, discovery),
-        lambda: got.update(forecaster=_forecaster(plan, model or own, vehicle, reserve)),
+        lambda: got.update(plan=None if plan is None else _request(plan)),
+        lambda: got.update(model=_model(model or own, vehicle)),
     )
-    with open_live_car(car, keep_days=math.inf if keep_days is None else keep_days) as opened:
-        follower = Follower(
-            opened, got["joiner"], _printer(as_json), got["forecaster"], every, publish, discovery, _note
-        )
+    days = math.inf if keep_days is None else keep_days
+    with RoadCar(car, lambda _: got["model"], reserve=reserve, keep_days=days) as opened:
+        if got["plan"] is not None:
+            opened.set_plan(got["plan"])
+        _note(waiting(got["joiner"].filter, got["broker"].host, opened.plan is not None))
+        show = _printer(as_json)
+        follower = Follower(opened, got["joiner"], show, every, publish, discovery, _note)
         asyncio.run(follower.follow(got["broker"]))
 
 
@@ -146,17 +133,44 @@ def _require_topic(publish: str, discovery: str) -> None:
         raise InvalidInput(Fault("nothing is published", "--discovery", discovery, "beside --publish TOPIC"))
 
 
-def _forecaster(plan: Path | None, model: Path | None, vehicle: str | None, reserve: float) -> LiveForecaster:
-    from tripwatt.api import read_route
-    from tripwatt.live import LiveForecaster
+def _model(model: Path | None, vehicle: str | None) -> ForecastModel:
     from tripwatt.population import for_car
     from tripwatt.vehicles import load_vehicle
 
-    car = None if vehicle is None else load_vehicle(vehicle)
-    road = None if plan is None else read_route(plan)
-    own = for_car(model_of(model), car)
+    own = for_car(model_of(model), None if vehicle is None else load_vehicle(vehicle))
     print_notes(own.flags)
-    return LiveForecaster(own, road, reserve)
+    return own
+
+
+def _request(path: Path) -> dict[str, Any]:
+    """The road of a file as the fields of a request."""
+    from tripwatt.api import read_route
+    from tripwatt.live.plan import request_of_samples
+    from tripwatt.routes import Track, fields_of_route, is_route, parse_route, route_from_track
+    from tripwatt.sources.canonical import read_canonical
+    from tripwatt.sources.tum import is_tum_log, read_tum_file
+
+    plan = read_route(path)  # checks the file
+    if not is_route(path):
+        return request_of_samples(
+            read_tum_file(path, path.stem).samples if is_tum_log(path) else read_canonical(path)
+        )
+    route = parse_route(path)
+    if not isinstance(route, Track):
+        return fields_of_route(route)
+    return request_of_samples(plan.samples) if route.is_log else fields_of_route(route_from_track(route))
+
+
+def waiting(topics: str, host: str, planned: bool) -> str:
+    """What the command waits for, as a sentence.
+
+    Examples
+    --------
+    >>> waiting("cars/leaf", "192.0.2.7", planned=False)
+    'waiting for messages of cars/leaf at 192.0.2.7; the trip is forecast on the road of an earlier trip at this time of day'
+    """
+    road = "its plan" if planned else "the road of an earlier trip at this time of day"
+    return f"waiting for messages of {topics} at {host}; the trip is forecast on {road}"
 
 
 def _printer(as_json: bool) -> Any:
@@ -169,7 +183,7 @@ def _note(text: str) -> None:
     typer.echo(f"note: {text}", err=True)
 
 
-def sentence(document: dict[str, Any]) -> str:
+def sentence(document: LiveDocument) -> str:
     """The state of a car in one line.
 
     Examples
@@ -177,15 +191,15 @@ def sentence(document: dict[str, Any]) -> str:
     >>> sentence({"vehicle": "leaf", "messages": {"new": 7}, "trip": None, "forecast": None, "faults": []})
     'leaf: on no trip, 7 messages'
     """
-    trip, found = document["trip"], document["forecast"]
+    trip, forecast = document["trip"], document["forecast"]
     where = "on no trip" if trip is None else f"{trip['distance_m'] / 1000.0:.1f} km driven"
     parts = [f"{document['vehicle']}: {where}", f"{document['messages']['new']} messages"]
-    if found is not None:
-        low, _, high = found["soc_quantiles"].values()
+    if forecast is not None:
+        low, _, high = forecast["soc_quantiles"].values()
         parts += [
-            f"{found['energy_wh'] / 1000.0:.2f} kWh in all",
-            f"arrival with {found['soc_arrival']:.0%} ({low:.0%} to {high:.0%})",
-            f"{found['p_arrive_at_all']:.1%} to arrive",
-            f"{found['p_arrive']:.1%} with {found['reserve']:.0%}",
+            f"{forecast['energy_wh'] / 1000.0:.2f} kWh in all",
+            f"arrival with {forecast['soc_arrival']:.0%} ({low:.0%} to {high:.0%})",
+            f"{forecast['p_arrive_at_all']:.1%} to arrive",
+            f"{forecast['p_arrive']:.1%} with {forecast['reserve']:.0%}",
         ]
     return ", ".join([*parts, *(fault["what"] for fault in document["faults"])])

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
@@ -20,9 +21,7 @@ if TYPE_CHECKING:
 DataArgument = Annotated[
     Path | None,
     typer.Argument(
-        metavar="DATA",
-        help="Folder or file of logged trips. Default: the built-in synthetic fleet.",
-        show_default=False,
+        metavar="DATA", help="Folder or file of logged trips. Default: the built-in synthetic fleet."
     ),
 ]
 DatasetOption = Annotated[
@@ -32,7 +31,6 @@ DatasetOption = Annotated[
         metavar="NAME",
         help="Format of DATA: tum, ved or table. Default: table with --mapping or if DATA is a single file that is not "
         "a TUM trip, otherwise tum.",
-        show_default=False,
     ),
 ]
 MappingOption = Annotated[
@@ -41,7 +39,6 @@ MappingOption = Annotated[
         "--mapping",
         metavar="FILE.toml|NAME",
         help="Columns and units of a table: a TOML file, or a name from `tripwatt mapping list`.",
-        show_default=False,
     ),
 ]
 VehicleOption = Annotated[
@@ -51,7 +48,6 @@ VehicleOption = Annotated[
         metavar="NAME|FILE.toml",
         help="The car: a name from `tripwatt vehicles`, or a TOML file. Default: the car of the data set; for a table, "
         "the BMW i3.",
-        show_default=False,
     ),
 ]
 SetOption = Annotated[
@@ -61,36 +57,10 @@ SetOption = Annotated[
         metavar="KEY=VALUE",
         help="Replace one value of the car, for example mass=1300. You can repeat the option. Keys: those that "
         "`tripwatt vehicles NAME` lists, or short names such as mass, payload, c_d, c_rr, base_load, setpoint.",
-        show_default=False,
-    ),
-]
-TerrainOption = Annotated[
-    str | None,
-    typer.Option(
-        "--terrain",
-        metavar="COUNTRY",
-        help="Country of a road whose heights are unknown: flat, hilly, mountains or unknown. It bounds the climb that the interval "
-        "allows for.",
-        show_default=False,
     ),
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")]
 
-OPTION_OF: Final = {
-    "soc": "--soc",
-    "ambient_temperature_degc": "--ambient",
-    "cabin_setpoint_degc": "--setpoint",
-    "cabin_temperature_degc": "--cabin-temperature",
-    "battery_temperature_degc": "--battery-temperature",
-    "payload_mass_kg": "--payload",
-    "climate": "--climate",
-    "extras": "--extra",
-    "terrain": "--terrain",
-    "speed_m_s": "--speed",
-    "vehicle": "--vehicle",
-    "reserve": "--reserve",
-}
-"""Field of a departure, or argument of the library -> the option that gives it."""
 CARS: Final[Mapping[str, str]] = MappingProxyType(
     {"synthetic": "bmw_i3_60ah", "tum": "bmw_i3_60ah", "ved": "nissan_leaf_24"}
 )
@@ -209,23 +179,44 @@ def options_named() -> Iterator[None]:
     try:
         yield
     except InvalidInput as error:
-        named = [replace(fault, where=OPTION_OF.get(fault.where, fault.where)) for fault in error.faults]
+        from tripwatt.trips.departure import ASKED
+
+        options = {name: field.option for name, field in ASKED.items()} | {
+            name: f"--{name}" for name in ("vehicle", "reserve")
+        }
+        options["speed_m_s"] = "--speed"
+        named = [replace(fault, where=options.get(fault.where, fault.where)) for fault in error.faults]
         raise InvalidInput(named) from error
 
 
-def examples(*lines: tuple[str, str]) -> str:
-    r"""The end of a command's help: what it does, and below it what to type.
+EXAMPLES: Final = "For example:"
+"""Line of a command's docstring below which its examples are: what each does, then what to type."""
+
+
+def add_command(app: typer.Typer, command: Callable[..., None], name: str | None = None, **more: Any) -> None:
+    r"""Add a command to an application: its help is its docstring, with the examples at the end of the page.
+
+    Parameters
+    ----------
+    app : typer.Typer
+        The application.
+    command : callable
+        Its docstring has examples below the line `EXAMPLES`.
+    name : str, optional
+        That of the function when not given.
+    **more
+        Further arguments of `Typer.command`.
 
     Examples
     --------
-    >>> print(examples(("tripwatt simulate", "a trip of the synthetic fleet")).replace("\b", ""))
-    <BLANKLINE>
-    Examples:
-      # a trip of the synthetic fleet
-      tripwatt simulate
+    >>> app = typer.Typer()
+    >>> add_command(app, gather)
+    >>> app.registered_commands[0].name, app.registered_commands[0].epilog
+    ('gather', None)
     """
-    shown = "\n".join(f"  # {meaning}\n  {command}" for command, meaning in lines)
-    return f"\b\nExamples:\n{shown}"  # \b: click keeps the lines of the paragraph
+    text, _, shown = inspect.getdoc(command).partition(f"\n\n{EXAMPLES}\n\n")  # type: ignore[union-attr]
+    epilog = f"\b\nExamples:\n{shown}" if shown else None  # \b: click keeps the lines of the paragraph
+    app.command(name or command.__name__.replace("_", "-"), help=text, epilog=epilog, **more)(command)
 
 
 def model_of(folder: Path | None) -> ForecastModel:

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tripwatt.cli.options import DatasetOption, JsonOption, MappingOption, examples, read_logs
+from tripwatt.cli.options import DatasetOption, JsonOption, MappingOption, add_command, read_logs
 from tripwatt.cli.printing import console, print_json, print_notes, print_table, progress
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from tripwatt.live import Learned, OwnCar
+    from tripwatt.live import Car, Learned
 
 car_app = typer.Typer(
     help="Your own car: its trips, the model that they teach, and its diary. Needs the extra tripwatt[fleet].",
@@ -42,46 +42,12 @@ WORDS = {
 
 def add_commands(app: typer.Typer) -> None:
     """Add the commands of this file."""
-    car_app.command(
-        "new",
-        epilog=examples(
-            ("tripwatt car new my-leaf --vehicle nissan_leaf_40", "a car of the library"),
-            ("tripwatt car new my-car --vehicle my-car.toml", "a car of `tripwatt vehicles new`"),
-        ),
-    )(new)
-    car_app.command(
-        "add",
-        epilog=examples(
-            ("tripwatt car add my-leaf exports --mapping leaf_spy", "add the files of a logger"),
-            ("tripwatt car add my-leaf drive.csv", "add one trip"),
-        ),
-    )(add)
-    car_app.command(
-        "learn",
-        epilog=examples(
-            (
-                "tripwatt car learn cars/my-leaf",
-                "learn the trips that `tripwatt live` or the service followed",
-            )
-        ),
-    )(learn)
-    car_app.command(
-        "show",
-        epilog=examples(
-            ("tripwatt car show my-leaf", "what it learned, its errors, the last trips"),
-            ("tripwatt forecast my-leaf route.gpx --soc 0.8", "forecast with what it learned"),
-        ),
-    )(show)
-    car_app.command(
-        "token",
-        epilog=examples(
-            ("tripwatt car token cars/my-leaf", "print a new token for the sender in the car"),
-            ("tripwatt serve --cars cars", "follow the cars of the folder"),
-        ),
-    )(token)
-    car_app.command("forget", epilog=examples(("tripwatt car forget my-leaf", "erase everything of it")))(
-        forget
-    )
+    add_command(car_app, new)
+    add_command(car_app, add)
+    add_command(car_app, learn)
+    add_command(car_app, show)
+    add_command(car_app, token)
+    add_command(car_app, forget)
     app.add_typer(car_app, name="car")
 
 
@@ -94,12 +60,19 @@ def new(
         ),
     ],
     base: Annotated[
-        Path | None,
-        typer.Option(metavar="MODEL", help="Model to adapt. Default: the bundled model.", show_default=False),
+        Path | None, typer.Option(metavar="MODEL", help="Model to adapt. Default: the bundled model.")
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Make the folder of a car that learns from its trips."""
+    """Make the folder of a car that learns from its trips.
+
+    For example:
+
+      # a car of the library
+      tripwatt car new my-leaf --vehicle nissan_leaf_40
+      # a car of `tripwatt vehicles new`
+      tripwatt car new my-car --vehicle my-car.toml
+    """
     from tripwatt.live import create_car
 
     made = create_car(car, vehicle, base=base)
@@ -125,6 +98,13 @@ def add(
 
     The command keeps the logs as they are, audits them, and adapts the model to the sound trips. A trip that is there
     already is not added again, so you can repeat the command with a growing folder.
+
+    For example:
+
+      # add the files of a logger
+      tripwatt car add my-leaf exports --mapping leaf_spy
+      # add one trip
+      tripwatt car add my-leaf drive.csv
     """
     from tripwatt.live import open_car
     from tripwatt.sources.archives import unpacked
@@ -142,6 +122,11 @@ def learn(car: CarArgument, as_json: JsonOption = False) -> None:
     """Learn the trips that the car finished on the road: each is forecast first, and both go into the diary.
 
     A service with the folder of the car does this by itself. A trip that was learned already does not count again.
+
+    For example:
+
+      # learn the trips that `tripwatt live` or the service followed
+      tripwatt car learn cars/my-leaf
     """
     from tripwatt.live import learn_finished, open_car
 
@@ -155,7 +140,15 @@ def show(
     trips: Annotated[int, typer.Option(min=0, metavar="N", help="Last trips of the diary to list.")] = 10,
     as_json: JsonOption = False,
 ) -> None:
-    """Show what a car learned, how good its forecasts are, where its energy went, and the last trips of its diary."""
+    """Show what a car learned, how good its forecasts are, where its energy went, and the last trips of its diary.
+
+    For example:
+
+      # what it learned, its errors, the last trips
+      tripwatt car show my-leaf
+      # forecast with what it learned
+      tripwatt forecast my-leaf route.gpx --soc 0.8
+    """
     from tripwatt.live import open_car
 
     own = open_car(car)
@@ -195,6 +188,13 @@ def token(
 
     An earlier token of the car is no longer accepted once the service is started again. The folder holds a digest of the
     token, so that it cannot be printed a second time.
+
+    For example:
+
+      # print a new token for the sender in the car
+      tripwatt car token cars/my-leaf
+      # follow the cars of the folder
+      tripwatt serve --cars cars
     """
     from tripwatt.live import issue_token
 
@@ -203,14 +203,20 @@ def token(
 
 
 def forget(car: CarArgument, as_json: JsonOption = False) -> None:
-    """Erase a car: its trips, its model and its diary. Files of yours in its folder stay."""
+    """Erase a car: its trips, its model and its diary. Files of yours in its folder stay.
+
+    For example:
+
+      # erase everything of it
+      tripwatt car forget my-leaf
+    """
     from tripwatt.live import forget_car
 
     forget_car(car)
     print_json({"forgotten": f"{car}"}) if as_json else typer.echo(f"{car}: erased")
 
 
-def _show_done(car: Path, own: OwnCar, done: Learned, as_json: bool) -> None:
+def _show_done(car: Path, own: Car, done: Learned, as_json: bool) -> None:
     if as_json:
         print_json({**asdict(done), "car": own.about()})
         return

@@ -53,7 +53,7 @@ def _how_far(forecast: Forecast) -> str:
 
 
 def _arrival(forecast: Forecast) -> str:
-    """The charge that the driver sees at departure and at arrival."""
+    """The displayed charge at departure and at arrival."""
     along = forecast.series()
     start = float(along["displayed_soc"].iloc[0])
     end, low, high = (
@@ -103,7 +103,7 @@ def journey_in_words(journey: Journey) -> list[str]:
 
 
 def unknown_climb_in_words(forecast: Forecast, reserve: float) -> list[str]:
-    """What the heights that nobody knows may change; nothing where they are known or no such climb changes the arrival."""
+    """What unknown heights may change; nothing where they are known or no such climb changes the arrival."""
     per_metre, climb = forecast.soc_per_climb_m, forecast.climb_to(reserve)
     if per_metre is None or climb is None:
         return []
@@ -137,7 +137,7 @@ def held_out_in_words(trip: Mapping[str, Any], subject: str) -> str:
 
 
 UNCERTAIN: Final = 0.99
-"""No higher probability is shown where a climb that nobody knows would change the arrival: no log shows how often roads climb so far."""
+"""No higher probability is shown where an unknown climb would change the arrival: no log shows how often roads climb so far."""
 
 
 def chance_to_arrive(forecast: Forecast, reserve: float = 0.0) -> str:

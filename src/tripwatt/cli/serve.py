@@ -10,21 +10,13 @@ from typing import Annotated
 import typer
 
 from tripwatt.cli.journey import MapOption, PlacesOption, StationsOption, WeatherOption
-from tripwatt.cli.options import examples, gather, require_extras
+from tripwatt.cli.options import add_command, gather, require_extras
 from tripwatt.errors import Fault, InvalidInput
 
 
 def add_commands(app: typer.Typer) -> None:
     """Add the commands of this file."""
-    app.command(
-        epilog=examples(
-            ("tripwatt serve", "serve the bundled model on http://127.0.0.1:8000"),
-            ("tripwatt serve my-i3 my-id3 --workers 4", "serve your own models; the first is the default"),
-            ("tripwatt serve --map map", "also plan journeys on a map (see `tripwatt map build`)"),
-            ("tripwatt serve --cars cars", "also keep cars that learn, and follow them on the road"),
-            ("TRIPWATT_TOKEN=... tripwatt serve --host 0.0.0.0", "serve other machines; they need the token"),
-        )
-    )(serve)
+    add_command(app, serve)
 
 
 def serve(
@@ -33,14 +25,10 @@ def serve(
         typer.Argument(
             metavar="[MODEL ...]",
             help="Folders of models; the folder name is the model name. Default: the bundled model.",
-            show_default=False,
         ),
     ] = None,
     models: Annotated[
-        Path | None,
-        typer.Option(
-            "--models", metavar="DIR", help="Also serve every model in this folder.", show_default=False
-        ),
+        Path | None, typer.Option("--models", metavar="DIR", help="Also serve every model in this folder.")
     ] = None,
     host: Annotated[
         str,
@@ -63,7 +51,6 @@ def serve(
             metavar="DIR",
             help="Also keep cars that learn from their trips, and follow those with a token on the road: a folder of "
             "cars, which may be empty (see `tripwatt car`).",
-            show_default=False,
         ),
     ] = None,
     keep_days: Annotated[
@@ -74,7 +61,6 @@ def serve(
             max=36_500.0,
             metavar="DAYS",
             help="Erase what cars sent on the road after so many days. Default: keep it until the car is forgotten.",
-            show_default=False,
         ),
     ] = None,
     limit: Annotated[
@@ -82,8 +68,7 @@ def serve(
         typer.Option(
             "--limit",
             metavar="KEY=VALUE",
-            help="Change a limit, for example timeout_s=5. You can repeat the option. docs/service.md lists the limits.",
-            show_default=False,
+            help="Change a limit, for example timeout_s=5. You can repeat the option. docs/reference/service.md lists the limits.",
         ),
     ] = None,
 ) -> None:
@@ -91,6 +76,19 @@ def serve(
 
     The command requires the extra `tripwatt[service]`. It reads the token for other machines from TRIPWATT_TOKEN. It logs
     each request as one line of JSON to standard error.
+
+    For example:
+
+      # serve the bundled model on http://127.0.0.1:8000
+      tripwatt serve
+      # serve your own models; the first is the default
+      tripwatt serve my-i3 my-id3 --workers 4
+      # also plan journeys on a map (see `tripwatt map build`)
+      tripwatt serve --map map
+      # also keep cars that learn, and follow them on the road
+      tripwatt serve --cars cars
+      # serve other machines; they need the token
+      TRIPWATT_TOKEN=... tripwatt serve --host 0.0.0.0
     """
     from tripwatt.journey import AtlasSettings, open_atlas
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tripwatt.cli.options import DatasetOption, JsonOption, MappingOption, examples
+from tripwatt.cli.options import DatasetOption, JsonOption, MappingOption, add_command
 from tripwatt.cli.printing import console, print_json, print_notes, print_table
 
 if TYPE_CHECKING:
@@ -30,62 +30,29 @@ StoreOption = Annotated[
         metavar="KEY=VALUE",
         help="What an object store needs, such as AWS_REGION=eu-central-1. You can repeat the option. Variables of the "
         "environment count as well.",
-        show_default=False,
     ),
 ]
 VehicleIdOption = Annotated[
-    str | None,
-    typer.Option("--vehicle-id", metavar="ID", help="Trips of this vehicle only.", show_default=False),
+    str | None, typer.Option("--vehicle-id", metavar="ID", help="Trips of this vehicle only.")
 ]
 CarModelOption = Annotated[
-    str | None,
-    typer.Option("--car-model", metavar="NAME", help="Trips of this car model only.", show_default=False),
+    str | None, typer.Option("--car-model", metavar="NAME", help="Trips of this car model only.")
 ]
 SinceOption = Annotated[
-    str | None,
-    typer.Option(metavar="DATE", help="Trips that began on this day or later.", show_default=False),
+    str | None, typer.Option(metavar="DATE", help="Trips that began on this day or later.")
 ]
-UntilOption = Annotated[
-    str | None, typer.Option(metavar="DATE", help="Trips that began before this day.", show_default=False)
-]
+UntilOption = Annotated[str | None, typer.Option(metavar="DATE", help="Trips that began before this day.")]
 
 
 def add_commands(app: typer.Typer) -> None:
     """Add the commands of this file."""
-    store_app.command(
-        "create",
-        epilog=examples(("tripwatt store create fleet", "create an empty store in the folder fleet")),
-    )(create)
-    store_app.command(
-        "add",
-        epilog=examples(
-            ("tripwatt store add fleet logs --mapping my.toml --vehicle nissan_leaf_40", "add tables"),
-            (
-                "tripwatt store add fleet drive.csv --vehicle vw_id3 --vehicle-id V17",
-                "add a trip of one vehicle",
-            ),
-        ),
-    )(add)
-    store_app.command(
-        "list",
-        epilog=examples(
-            ("tripwatt store list fleet --vehicle-id V17", "list the trips of one vehicle"),
-            ("tripwatt store list fleet --since 2024-05-01 --json", "list newer trips as JSON"),
-        ),
-    )(list_trips)
-    store_app.command("show", epilog=examples(("tripwatt store show fleet", "count what a store holds")))(
-        show
-    )
-    store_app.command(
-        "audit",
-        epilog=examples(("tripwatt store audit fleet --vehicle-id V17", "list the faults of its logs")),
-    )(audit)
-    store_app.command(
-        "compact", epilog=examples(("tripwatt store compact fleet", "merge the small files of many nights"))
-    )(compact)
-    store_app.command(
-        "forget", epilog=examples(("tripwatt store forget fleet --vehicle-id V17", "erase one vehicle"))
-    )(forget)
+    add_command(store_app, create)
+    add_command(store_app, add)
+    add_command(store_app, list_trips, name="list")
+    add_command(store_app, show)
+    add_command(store_app, audit)
+    add_command(store_app, compact)
+    add_command(store_app, forget)
     app.add_typer(store_app, name="store")
 
 
@@ -125,7 +92,13 @@ def create(
     options: StoreOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Make an empty trip store: the Delta tables samples and trips."""
+    """Make an empty trip store: the Delta tables samples and trips.
+
+    For example:
+
+      # create an empty store in the folder fleet
+      tripwatt store create fleet
+    """
     from tripwatt.store import create_store
 
     made = create_store(store, buckets=buckets, options=store_options(options))
@@ -144,7 +117,6 @@ def add(
             "--vehicle-id",
             metavar="ID",
             help="The vehicle of logs whose mapping has no column of the vehicle.",
-            show_default=False,
         ),
     ] = None,
     dataset: DatasetOption = None,
@@ -156,6 +128,13 @@ def add(
 
     The command audits every log and keeps it as it was logged. Several commands may add to one store at once. If some
     files have faults, the command adds the others, lists all faults, and exits with code 2.
+
+    For example:
+
+      # add tables
+      tripwatt store add fleet logs --mapping my.toml --vehicle nissan_leaf_40
+      # add a trip of one vehicle
+      tripwatt store add fleet drive.csv --vehicle vw_id3 --vehicle-id V17
     """
     from dataclasses import asdict
 
@@ -192,7 +171,15 @@ def list_trips(
     options: StoreOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """List trips of a store by vehicle and departure."""
+    """List trips of a store by vehicle and departure.
+
+    For example:
+
+      # list the trips of one vehicle
+      tripwatt store list fleet --vehicle-id V17
+      # list newer trips as JSON
+      tripwatt store list fleet --since 2024-05-01 --json
+    """
     frame = opened(store, options).trips(
         vehicle_id=vehicle_id, car_model=car_model, since=since, until=until, limit=limit
     )
@@ -218,7 +205,13 @@ def list_trips(
 
 
 def show(store: StoreArgument, options: StoreOption = None, as_json: JsonOption = False) -> None:
-    """Count the trips, vehicles and car models of a store."""
+    """Count the trips, vehicles and car models of a store.
+
+    For example:
+
+      # count what a store holds
+      tripwatt store show fleet
+    """
     about = opened(store, options).about()
     if as_json:
         print_json(about)
@@ -246,7 +239,13 @@ def audit(
     options: StoreOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """List the faults of stored logs and their consequences. The logs of a vehicle are judged together."""
+    """List the faults of stored logs and their consequences. The logs of a vehicle are judged together.
+
+    For example:
+
+      # list the faults of its logs
+      tripwatt store audit fleet --vehicle-id V17
+    """
     found = opened(store, options).audit(vehicle_id=vehicle_id, car_model=car_model, since=since, until=until)
     rows: list[dict[str, Any]] = [
         {"trip": f.trip, "from_s": f.from_s, "to_s": f.to_s, "what": f.what, "consequence": f.consequence}
@@ -268,7 +267,13 @@ def compact(
     options: StoreOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Merge small data files and remove files that no version of the last hours needs."""
+    """Merge small data files and remove files that no version of the last hours needs.
+
+    For example:
+
+      # merge the small files of many nights
+      tripwatt store compact fleet
+    """
     done = opened(store, options).compact(keep_hours=keep_hours)
     if as_json:
         print_json(done)
@@ -285,7 +290,13 @@ def forget(
     options: StoreOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Erase a vehicle: its trips, its samples and the files that held them. Models that were fitted on it remain."""
+    """Erase a vehicle: its trips, its samples and the files that held them. Models that were fitted on it remain.
+
+    For example:
+
+      # erase one vehicle
+      tripwatt store forget fleet --vehicle-id V17
+    """
     erased = opened(store, options).forget(vehicle_id)
     if as_json:
         print_json({"vehicle_id": vehicle_id, "erased": erased})

@@ -13,8 +13,8 @@ from tripwatt.cli.options import (
     MappingOption,
     SetOption,
     VehicleOption,
+    add_command,
     car_of,
-    examples,
     gather,
     read_logs,
 )
@@ -31,33 +31,15 @@ DEFAULT_TRIPS = "0,1,2,5,10,20,50"
 
 def add_commands(app: typer.Typer) -> None:
     """Add the commands of this file."""
-    app.command(
-        epilog=examples(
-            (
-                "tripwatt transfer --from data/tum --to data/ved",
-                "forecast a Nissan Leaf with a model of a BMW i3",
-            ),
-            ("tripwatt transfer --from data/ved --to data/tum --out back", "the other way round"),
-            (
-                "tripwatt transfer --from data/tum --to logs --dataset table --mapping my.toml --vehicle vw_id3",
-                "forecast a car from your own tables",
-            ),
-        )
-    )(transfer)
+    add_command(app, transfer)
 
 
 def transfer(
     source: Annotated[
-        Path,
-        typer.Option(
-            "--from", metavar="DATA", help="Trips of the first car, for training.", show_default=False
-        ),
+        Path, typer.Option("--from", metavar="DATA", help="Trips of the first car, for training.")
     ],
     target: Annotated[
-        Path,
-        typer.Option(
-            "--to", metavar="DATA", help="Trips of the second car, to forecast.", show_default=False
-        ),
+        Path, typer.Option("--to", metavar="DATA", help="Trips of the second car, to forecast.")
     ],
     out: Annotated[
         Path,
@@ -73,16 +55,13 @@ def transfer(
     vehicle: VehicleOption = None,
     overrides: SetOption = None,
     from_dataset: Annotated[
-        str | None,
-        typer.Option(metavar="NAME", help="As --dataset, for the first car.", show_default=False),
+        str | None, typer.Option(metavar="NAME", help="As --dataset, for the first car.")
     ] = None,
     from_mapping: Annotated[
-        str | None,
-        typer.Option(metavar="FILE.toml|NAME", help="As --mapping, for the first car.", show_default=False),
+        str | None, typer.Option(metavar="FILE.toml|NAME", help="As --mapping, for the first car.")
     ] = None,
     from_vehicle: Annotated[
-        str | None,
-        typer.Option(metavar="NAME|FILE.toml", help="As --vehicle, for the first car.", show_default=False),
+        str | None, typer.Option(metavar="NAME|FILE.toml", help="As --vehicle, for the first car.")
     ] = None,
     trips: Annotated[
         str, typer.Option(metavar="K,K", help="Numbers of trips of the second car to adapt to.")
@@ -104,6 +83,15 @@ def transfer(
     The command adapts to trips of the first half of the second car's record and scores the second half. It writes
     results.json, trips.csv, report.html and the figures into OUT. --dataset, --mapping, --vehicle and --set describe the
     second car.
+
+    For example:
+
+      # forecast a Nissan Leaf with a model of a BMW i3
+      tripwatt transfer --from data/tum --to data/ved
+      # the other way round
+      tripwatt transfer --from data/ved --to data/tum --out back
+      # forecast a car from your own tables
+      tripwatt transfer --from data/tum --to logs --dataset table --mapping my.toml --vehicle vw_id3
     """
     from tripwatt.vehicles import load_vehicle, parse_overrides
 

@@ -49,7 +49,7 @@ DATA_FEATURES: Final = (
     "winter",
     *TEMPERATURES,
 )
-"""What the data-only model sees of a segment: the speed trace, the road and the departure, nothing simulated."""
+"""What the data-only model takes of a segment: the speed trace, the road and the departure, nothing simulated."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +137,7 @@ def at_departure_only(trip: Trip) -> Trip:
     Columns that are not part of a departure are dropped.
     """
     kept = [c for c in (*ROUTE_COLUMNS, "voltage_v", "current_a", "observed_energy_wh") if c in trip]
-    known = Departure.from_drive(trip, trip.context)
+    known = Departure.from_first_sample(trip, trip.context)
     first = {c: getattr(known, name) for name, c in SIGNALS.items() if c in trip}
     values = {c: np.nan if value is None else float(value) for c, value in first.items()}
     return replace(trip, samples=trip.samples[kept].assign(**values))

@@ -1,7 +1,7 @@
 """Models of the forecast protocol: correctors of power, boosting without physics, and the forecast itself.
 
 Everything that is fitted, tuned or calibrated is fitted inside the fold, also the uncertainty of the forecast. A model
-sees of a held-out trip what was known at its departure.
+takes of a held-out trip what was known at its departure.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The forecast protocol: energy before departure with its uncertainty, and updates on the way.
 
-Every model sees of a held-out trip its speed trace and what was known at its departure.
+Every model takes of a held-out trip its speed trace and what was known at its departure.
 """
 
 from __future__ import annotations

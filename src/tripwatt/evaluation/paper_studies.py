@@ -85,7 +85,7 @@ FORMS: Final = (
         {**BROCHURE, **NO_AUXILIARIES, **CONSTANT_EFFICIENCY, "regeneration.fraction": 0.5 / EFFICIENCY},
     ),
 )
-"""Forms of the paper's simulation. All are without climate control, as the paper says of its own."""
+"""Forms of the paper's simulation. All are without climate control, as the paper's own is."""
 
 NEAREST: Final = "physics-brochure"
 """The form whose error on the reference trips is nearest to that of the paper's simulation; the correctors run on it."""

@@ -1,6 +1,6 @@
 """What an evaluation found, as one object and as the files `results.json` and `folds.csv`.
 
-`results.json` is a contract; its keys are listed in `docs/evaluation.md`.
+`results.json` is a contract; its keys are listed in `docs/explanation/evaluation.md`.
 """
 
 from __future__ import annotations

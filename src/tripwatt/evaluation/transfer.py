@@ -1,8 +1,8 @@
 """Transfer, measured: a corrector of one car on another, with none and with a few of that car's trips.
 
-Everything about the second car is learned from the first half of its trips in time and scored on the second half. The
+Everything about the second car is estimated from the first half of its trips in time and scored on the second half. The
 k trips are drawn at random from the first half, many times. The first car's trips are seen as the second car's log
-would show them: inputs that it lacks are masked before the first car is simulated and learned.
+would show them: inputs that it lacks are masked before the first car is simulated and fitted.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ from tripwatt.evaluation.transfer_scores import (
     scored,
 )
 from tripwatt.forecasting.donor import DonorModel, unknown_inputs, without_inputs
+from tripwatt.forecasting.fitting import donor_model, versions
 from tripwatt.forecasting.model import MIN_TRIPS
-from tripwatt.forecasting.training import donor_model, versions
 from tripwatt.hybrid import identify_trips, power_corrector
 from tripwatt.hybrid.hierarchy import MODES, CarTransfer, DrawsForecast, Evidence, term_scales
 from tripwatt.hybrid.parameters import PARAMETERS, sensitivities
@@ -57,7 +57,7 @@ class TransferRun:
     results : dict
         As written to `results.json`.
     trips : DataFrame
-        One row for each scored trip and model that learned nothing at random: `car, trip, model,
+        One row for each scored trip and model without a random draw: `car, trip, model,
         observed_energy_wh, predicted_energy_wh`.
     """
 
@@ -328,7 +328,7 @@ def _transfer(source: _Source, vehicle: Vehicle, mode: str) -> CarTransfer:
 
 
 def _evidence(transfer: CarTransfer, car: _Car, source: _Source) -> Evidence:
-    """Of all trips of a car; what a draw may learn from is chosen by `_forecasts`."""
+    """Of all trips of a car; the trips of a draw are chosen by `_forecasts`."""
     segments = car.prepared.segments
     return transfer.evidence(segments, car.physical_w, source.donor.variances_wh2(segments))
 

@@ -24,7 +24,7 @@ from tripwatt.fleet.model import FleetModel
 from tripwatt.fleet.storage import load_fleet
 from tripwatt.routes import plan_from_route, route_from_links
 from tripwatt.trips import LINK_COLUMNS, Departure, raise_faults
-from tripwatt.trips.schema import Column, number_faults, scalar_faults
+from tripwatt.trips.columns import Column, number_faults, scalar_faults
 
 QUANTILES: Final = (0.05, 0.5, 0.95)
 TRIPS_AT_ONCE: Final = 200
@@ -104,8 +104,8 @@ def forecast_batch(
         file = pq.ParquetFile(source)
     except (OSError, pa.ArrowException) as error:
         got = (str(error).splitlines() or [type(error).__name__])[0][:160]
-        raise InvalidInput(
-            Fault("unreadable Parquet file", f"{source}", got, "a Parquet file of links", WRITE_IT)
+        raise InvalidInput.of(
+            "unreadable Parquet file", f"{source}", got, "a Parquet file of links", WRITE_IT
         ) from error
     with file:
         names = set(file.schema_arrow.names)
@@ -133,7 +133,7 @@ def schema_of(quantiles: Sequence[float]) -> pa.Schema:
         "duration_s",
         "energy_wh",
         "sd_wh",
-        *map(_name, quantiles),
+        *map(quantile_column, quantiles),
         "soc_arrival",
         "p_arrive",
     ]
@@ -147,12 +147,12 @@ def schema_of(quantiles: Sequence[float]) -> pa.Schema:
     )
 
 
-def _name(quantile: float) -> str:
+def quantile_column(quantile: float) -> str:
     """Column of a quantile.
 
     Examples
     --------
-    >>> _name(0.05), _name(0.975)
+    >>> quantile_column(0.05), quantile_column(0.975)
     ('energy_wh_q05', 'energy_wh_q97_5')
     """
     percent = f"{100.0 * quantile:g}"
@@ -219,7 +219,7 @@ def _row(model: FleetModel, links: Sequence[Mapping[str, Any]], part: BatchPart)
         "duration_s": plan.duration_s,
         "energy_wh": forecast.energy_wh,
         "sd_wh": forecast.sd_wh,
-        **{_name(q): forecast.quantile(q) for q in part.quantiles},
+        **{quantile_column(q): forecast.quantile(q) for q in part.quantiles},
         "soc_arrival": forecast.soc_arrival,
         "p_arrive": forecast.p_arrive(part.reserve),
         "assumed": ", ".join(dict.fromkeys(f.subject for f in forecast.flags if f.code in ASSUMED)) or None,

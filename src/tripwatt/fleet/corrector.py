@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Final, NoReturn
+from typing import Any, ClassVar, Final
 
 import numpy as np
 
 from tripwatt.arrays import FloatArray, IntArray, eigen
-from tripwatt.errors import Fault, InvalidInput
 from tripwatt.fleet.features import segment_features
 from tripwatt.hybrid import SegmentTable
-from tripwatt.hybrid.power import TREE_FEATURES
+from tripwatt.hybrid.power import TREE_FEATURES, PowerCorrector
 
 TREE_SETTINGS: Final = {
     "objective": "regression",
@@ -140,7 +138,7 @@ def choose_rounds(
 
 
 @dataclass(frozen=True, eq=False)
-class FleetCorrector:
+class FleetCorrector(PowerCorrector):
     """The correction of one vehicle.
 
     Attributes
@@ -152,50 +150,21 @@ class FleetCorrector:
     trees : FleetTrees
     """
 
+    refit: ClassVar[str] = "fit the fleet again"
+
     mean: FloatArray
     factor: FloatArray
     trees: FleetTrees = FleetTrees()
 
     @classmethod
-    def from_weights(cls, mean: FloatArray, covariance: FloatArray, trees: FleetTrees) -> FleetCorrector:
+    def from_weights(
+        cls, mean: FloatArray, covariance: FloatArray, trees: FleetTrees = FleetTrees()
+    ) -> FleetCorrector:
         """From the posterior of the vehicle's weights."""
         values, vectors = eigen(0.5 * (covariance + covariance.T))
         return cls(mean, vectors * np.sqrt(np.maximum(values, 0.0)), trees)
 
-    def fit(self, table: SegmentTable) -> NoReturn:
-        """Not possible: a fleet is fitted as one."""
-        raise InvalidInput(Fault("corrector of a fleet cannot be fitted", "fit", fix="fit the fleet again"))
-
-    def clone_tuned(self) -> NoReturn:
-        """Not possible, as `fit`."""
-        raise InvalidInput(
-            Fault("corrector of a fleet cannot be fitted", "clone_tuned", fix="fit the fleet again")
-        )
-
-    def predict(self, table: SegmentTable) -> FloatArray:
-        """Residual power [W]."""
-        return np.asarray(segment_features(table) @ self.mean + self.trees.predict(table))
-
-    def uncertainty_factor(self, table: SegmentTable) -> FloatArray:
-        """From the posterior of the weights; the trees have no uncertainty of their own."""
-        return np.asarray(segment_features(table) @ self.factor)
-
-    def outside_factor(self, table: SegmentTable) -> FloatArray:
-        """No columns: the weights are those of all conditions."""
-        return np.zeros((len(table.hours), 0))
-
     def predict_with_uncertainty(self, table: SegmentTable) -> tuple[FloatArray, FloatArray]:
-        """`predict` and `uncertainty_factor`."""
-        return self.predict(table), self.uncertainty_factor(table)
-
-    def predict_climate(self, table: SegmentTable) -> FloatArray | None:
-        """None: climate control and driving are corrected jointly."""
-        return None
-
-
-def rows_by_group(groups: Sequence[tuple[str, str, str]]) -> dict[tuple[str, str, str], list[int]]:
-    """Numbers of the trips of each group, in order."""
-    found: dict[tuple[str, str, str], list[int]] = {}
-    for i, group in enumerate(groups):
-        found.setdefault(group, []).append(i)
-    return found
+        """Residual power [W], and its uncertainty by the weights; the trees have none of their own."""
+        features = segment_features(table)
+        return features @ self.mean + self.trees.predict(table), features @ self.factor

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from importlib import import_module
 from typing import Any, Final, TypeVar
 
-from tripwatt.errors import Fault, InvalidInput, install
+from tripwatt.errors import InvalidInput, install
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
@@ -68,7 +68,7 @@ def executor_for(n_jobs: int = 1, cluster: str | None = None) -> Iterator[tuple[
     elif n_jobs == 1:
         yield InProcess(), 1
     elif n_jobs < 1:
-        raise InvalidInput(Fault("value out of range", "n_jobs", f"{n_jobs}", "at least 1"))
+        raise InvalidInput.of("value out of range", "n_jobs", f"{n_jobs}", "at least 1")
     else:
         with ProcessPoolExecutor(n_jobs, mp_context=multiprocessing.get_context("spawn")) as pool:
             yield pool, n_jobs
@@ -79,22 +79,22 @@ def _dask(cluster: str) -> Iterator[tuple[Executor, int]]:
     try:
         distributed: Any = import_module("distributed")
     except ImportError as error:
-        raise InvalidInput(
-            Fault("package is missing", "distributed", "", "for clusters", install("fleet"))
+        raise InvalidInput.of(
+            "package is missing", "distributed", "", "for clusters", install("fleet")
         ) from error
     try:
         client = distributed.Client(cluster, timeout=CLUSTER_WAIT_S, set_as_default=False)
     except (OSError, TimeoutError, ValueError) as error:
         got = str(error)[:160] or type(error).__name__
         allowed = "the address of a Dask scheduler"
-        raise InvalidInput(Fault("no cluster", cluster, got, allowed)) from error
+        raise InvalidInput.of("no cluster", cluster, got, allowed) from error
     try:
         client.wait_for_workers(1, timeout=CLUSTER_WAIT_S)
         workers = sum(client.nthreads().values())
         # a task is a pure function of immutable files, so a lost worker's tasks run again elsewhere
         yield client.get_executor(pure=False, retries=3), max(workers, 1)
     except TimeoutError as error:
-        raise InvalidInput(Fault("cluster has no workers", cluster, "", "at least one worker")) from error
+        raise InvalidInput.of("cluster has no workers", cluster, "", "at least one worker") from error
     finally:
         client.close()
 

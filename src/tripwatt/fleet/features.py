@@ -8,6 +8,7 @@ import numpy as np
 
 from tripwatt.arrays import FloatArray
 from tripwatt.hybrid import SegmentTable
+from tripwatt.hybrid.groups import Scales
 from tripwatt.hybrid.segments import LINE_CAUSES
 
 WARM_DEGC: Final = 20.0
@@ -25,8 +26,10 @@ they fade after departure, and what fades by itself [1]."""
 SCALES: Final = np.array([0.1] * len(LINE_CAUSES) + [10.0, 10.0, 20.0, 150.0])
 """Usual size of each weight: a cause is off by a tenth; watts by kelvin; watts at the start."""
 
-SPLIT: Final = np.array([0] * len(LINE_CAUSES) + [1] * len(CLIMATE))
-"""Group of each feature: those of one group have one variance by level."""
+START: Final = Scales(
+    ((0.5, 0.5), (0.5, 0.5), (0.3, 0.3)), 1.0, (*[0] * len(LINE_CAUSES), *[1] * len(CLIMATE))
+)
+"""Usual scales of car models, vehicles and drivers, of causes and climate apart: where the search for those of a fleet starts."""
 
 
 def segment_features(table: SegmentTable) -> FloatArray:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from concurrent.futures import Executor
 from pathlib import Path
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 from tripwatt.fleet.mapping import SampledTrips, map_store, tasks_of
 from tripwatt.fleet.model import Sampling, fit_fleet, update_fleet
 from tripwatt.fleet.registry import Comparison, Registry, compare
@@ -52,7 +52,7 @@ def refit_fleet(
     """
     last = store.about()["last"]
     if last is None:
-        raise InvalidInput(Fault("times of departure are missing", store.place, "", "trips with a departure"))
+        raise InvalidInput.of("times of departure are missing", store.place, "", "trips with a departure")
     cut = (dt.datetime.fromisoformat(last) - dt.timedelta(weeks=weeks)).isoformat()
     champion = registry.load()
     challenger = fit_fleet(

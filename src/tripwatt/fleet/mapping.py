@@ -22,13 +22,15 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from tripwatt.arrays import IntArray
 from tripwatt.auditing import audit
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 from tripwatt.fleet.executors import map_bounded
 from tripwatt.fleet.features import FEATURES, trip_features, trip_variance_wh2
 from tripwatt.fleet.statistics import NO_DRIVER, ROWS, TripRows
 from tripwatt.hybrid import SegmentTable, segment_table
 from tripwatt.hybrid.energy_errors import unknown_climb_wh
+from tripwatt.hybrid.groups import Sums
 from tripwatt.physics import simulate_trip
 from tripwatt.store import TripStore, read_file
 from tripwatt.store.delta import DeltaFolder
@@ -333,12 +335,18 @@ class SampledTrips:
     def __len__(self) -> int:
         return len(self.groups)
 
+    def sums(self, members: IntArray) -> Sums:
+        """Sums of some of the drives, in their order."""
+        table = self.table
+        values = (trip_features(table), table.totals_wh(table.residual_w), trip_variance_wh2(table))
+        return Sums.from_trips([self.groups[i] for i in members], *(value[members] for value in values))
+
     @classmethod
     def read(cls, paths: Iterable[str]) -> SampledTrips:
         """From files of segments. O(rows log rows)."""
         tables = [pq.read_table(path) for path in sorted(paths)]
         if not tables:
-            raise InvalidInput(Fault("no trips", "sample", "0", "at least one trip with measured energy"))
+            raise InvalidInput.of("no trips", "sample", "0", "at least one trip with measured energy")
         frame = pa.concat_tables(tables).to_pandas()
         keys = ["car_model", "vehicle_id", "driver", "digest", "drive"]
         frame = frame.sort_values(keys, kind="stable", ignore_index=True)

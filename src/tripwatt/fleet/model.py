@@ -16,17 +16,17 @@ from typing import Any, Final
 import numpy as np
 
 from tripwatt.arrays import FloatArray, IntArray
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 from tripwatt.fleet.corrector import FleetCorrector, FleetTrees, choose_rounds
-from tripwatt.fleet.features import FEATURES, trip_features, trip_variance_wh2
-from tripwatt.fleet.hierarchy import Posterior, Scales, fit_scales, posterior
+from tripwatt.fleet.features import FEATURES, START
 from tripwatt.fleet.mapping import SampledTrips, car_of, map_store, read_rows, sample_of, tasks_of
-from tripwatt.fleet.statistics import NO_DRIVER, Sums, TripRows
+from tripwatt.fleet.statistics import TripRows
 from tripwatt.forecasting.forecast import Forecast
 from tripwatt.forecasting.model import ForecastModel
 from tripwatt.forecasting.ranges import training_ranges
 from tripwatt.hybrid import SegmentTable
 from tripwatt.hybrid.familiarity import Range
+from tripwatt.hybrid.groups import GroupPosterior, Scales, Sums, fit_scales, group_posterior
 from tripwatt.store import TripStore
 from tripwatt.trips import Departure, Plan, Trip
 from tripwatt.uncertainty import ChargeScale, ConformalScores, UncertaintyModel
@@ -72,7 +72,7 @@ class FleetModel:
     ----------
     sums : Sums
         Of all trips that the linear part has seen.
-    posterior : Posterior
+    posterior : GroupPosterior
     trees : FleetTrees
     uncertainty : UncertaintyModel
         Of the whole fleet.
@@ -91,7 +91,7 @@ class FleetModel:
     """
 
     sums: Sums
-    posterior: Posterior
+    posterior: GroupPosterior
     trees: FleetTrees
     uncertainty: UncertaintyModel
     scores: Mapping[str, ConformalScores]
@@ -139,9 +139,9 @@ class FleetModel:
         if known is None and car_model is None:
             got, fix = repr(vehicle_id), "give the car model of a new vehicle"
             allowed = f"a vehicle with trips, such as {next(iter(self.vehicles()), '')!r}"
-            raise InvalidInput(Fault("unknown vehicle", "vehicle_id", got, allowed, fix))
+            raise InvalidInput.of("unknown vehicle", "vehicle_id", got, allowed, fix)
         if known is not None and car_model not in (None, known):
-            raise InvalidInput(Fault("another car model", "car_model", f"{car_model}", known))
+            raise InvalidInput.of("another car model", "car_model", f"{car_model}", known)
         name = known or car_model or ""
         mean, covariance = self.posterior.weights(name, vehicle_id, driver)
         made = ForecastModel(car_of(name), "fleet")
@@ -185,6 +185,10 @@ class FleetModel:
         own = self.of_vehicle(vehicle_id, car_model=car_model, driver=driver, cold=cold)
         return own.forecast(trip, departure)
 
+    def with_sums(self, sums: Sums) -> FleetModel:
+        """The model with other trips in its linear part; trees, scales and uncertainty stay."""
+        return replace(self, sums=sums, posterior=group_posterior(sums, self.posterior.scales))
+
     def predict_rows(self, rows: TripRows) -> tuple[FloatArray, FloatArray]:
         """Linear forecast [Wh] of rows of trips and the standard deviation of its weights [Wh]; without the trees.
 
@@ -199,17 +203,16 @@ class FleetModel:
         return f"<FleetModel {self.trips} trips of {vehicles} vehicles, {models} car models>"
 
 
-def predict_rows(found: Posterior, rows: TripRows) -> tuple[FloatArray, FloatArray]:
+def predict_rows(posterior: GroupPosterior, rows: TripRows) -> tuple[FloatArray, FloatArray]:
     """Energy [Wh] of rows of trips by the linear part, and the standard deviation of what is not known of the weights."""
     X = rows.X
     energy = rows.numbers("simulated_wh").copy()
     sd = np.zeros(len(rows))
-    keys = [rows.texts(name) for name in ("car_model", "vehicle_id", "driver")]
     groups: dict[tuple[str, str, str], list[int]] = {}
-    for i, key in enumerate(zip(*keys, strict=True)):
-        groups.setdefault(key, []).append(i)
-    for (car_model, vehicle_id, driver), index in groups.items():
-        mean, covariance = found.weights(car_model, vehicle_id, driver or None)
+    for i, group in enumerate(rows.groups):
+        groups.setdefault(group, []).append(i)
+    for group, index in groups.items():
+        mean, covariance = posterior.weights(*group)
         energy[index] += X[index] @ mean
         sd[index] = np.sqrt(np.einsum("ip,pq,iq->i", X[index], covariance, X[index]))
     return energy, sd
@@ -251,8 +254,8 @@ def fit_fleet(
     results = list(map_store(tasks_of(store, wanted, work, chosen), executor, workers, progress))
     rows = read_rows(results)
     if len(rows) < MIN_TRIPS:
-        raise InvalidInput(
-            Fault("too few trips", "fleet", f"{len(rows)}", f"at least {MIN_TRIPS} with measured energy")
+        raise InvalidInput.of(
+            "too few trips", "fleet", f"{len(rows)}", f"at least {MIN_TRIPS} with measured energy"
         )
     sample = SampledTrips.read([r.segments for r in results if r.segments])
     return fit_rows(rows, sample, sampling.seed)
@@ -264,9 +267,8 @@ def fit_rows(rows: TripRows, sample: SampledTrips, seed: int = 0) -> FleetModel:
     The sampled trips are held out in turn for trees and uncertainty: their part is taken out of the sums, and the whole
     posterior follows. The scales of the deviations are those of all trips.
     """
-    sums = Sums.from_rows(rows)
-    scales = fit_scales(sums)
-    found = posterior(sums, scales)
+    sums = rows.sums
+    scales = fit_scales(sums, START)
     folds = np.array([int(hashlib.sha256(d.encode()).hexdigest()[:8], 16) % FOLDS for d in sample.digests])
     correctors = held_out_correctors(sums, scales, sample, folds)
     linear = np.concatenate([c.predict(sample.table.take([i])) for i, c in enumerate(correctors)])
@@ -280,7 +282,7 @@ def fit_rows(rows: TripRows, sample: SampledTrips, seed: int = 0) -> FleetModel:
     uncertainty = replace(uncertainty, scores=ConformalScores.from_errors(standardised.tolist()))
     model = FleetModel(
         sums,
-        found,
+        group_posterior(sums, scales),
         trees,
         uncertainty,
         _scores(sample, standardised),
@@ -297,42 +299,12 @@ def held_out_correctors(
     sums: Sums, scales: Scales, sample: SampledTrips, folds: IntArray
 ) -> list[FleetCorrector]:
     """For each sampled trip the linear part that has not seen its fold of the sample."""
-    X, n = trip_features(sample.table), trip_variance_wh2(sample.table)
-    y = sample.table.totals_wh(sample.table.residual_w)
-    found: list[FleetCorrector | None] = [None] * len(sample)
+    made: dict[int, FleetCorrector] = {}
     for fold in np.unique(folds):
         held = np.flatnonzero(folds == fold)
-        left = posterior(sums - sums_of_trips(sample.groups, X, y, n, held), scales)
-        for i in held:
-            car_model, vehicle_id, driver = sample.groups[i]
-            weights = left.weights(car_model, vehicle_id, None if driver == NO_DRIVER else driver)
-            found[i] = FleetCorrector.from_weights(*weights, FleetTrees())
-    return [c for c in found if c is not None]
-
-
-def sums_of_trips(
-    groups: Sequence[tuple[str, str, str]], X: FloatArray, y: FloatArray, n: FloatArray, which: IntArray
-) -> Sums:
-    """Sums of some trips, from their features [Wh], residual energies [Wh] and usual variances [Wh²]."""
-    names = sorted({groups[i] for i in which})
-    place = {name: k for k, name in enumerate(names)}
-    p = X.shape[1]
-    total = Sums(
-        tuple(names),
-        np.zeros(len(names)),
-        np.zeros(len(names)),
-        np.zeros((len(names), p, p)),
-        np.zeros((len(names), p)),
-        np.zeros(len(names)),
-    )
-    for i in which:
-        k, w = place[groups[i]], 1.0 / n[i]
-        total.count[k] += 1.0
-        total.log_variance[k] += np.log(n[i])
-        total.xx[k] += w * np.outer(X[i], X[i])
-        total.xy[k] += w * X[i] * y[i]
-        total.yy[k] += w * y[i] ** 2
-    return total
+        left = group_posterior(sums - sample.sums(held), scales)
+        made |= {int(i): FleetCorrector.from_weights(*left.weights(*sample.groups[i])) for i in held}
+    return [made[i] for i in range(len(sample))]
 
 
 def _residuals(
@@ -397,14 +369,8 @@ def update_fleet(
     rows = read_rows(results)
     if not len(rows):
         return model, rows
-    sums = model.sums + Sums.from_rows(rows)
-    updated = replace(
-        model,
-        sums=sums,
-        posterior=posterior(sums, model.posterior.scales),
-        digests=model.digests | frozenset(rows.texts("digest").tolist()),
-    )
-    return updated, rows
+    digests = model.digests | frozenset(rows.texts("digest").tolist())
+    return replace(model.with_sums(model.sums + rows.sums), digests=digests), rows
 
 
 def without_vehicle(model: FleetModel, vehicle_id: str) -> FleetModel:
@@ -413,5 +379,4 @@ def without_vehicle(model: FleetModel, vehicle_id: str) -> FleetModel:
     Trees and uncertainty of the last fit may still come from some of its trips.
     """
     kept = [i for i, group in enumerate(model.sums.groups) if group[1] != vehicle_id]
-    sums = model.sums.take(kept)
-    return replace(model, sums=sums, posterior=posterior(sums, model.posterior.scales))
+    return model.with_sums(model.sums.take(kept))

@@ -6,7 +6,7 @@
       current              the number of the version in use
       history.jsonl        what was done, one line each
 
-The pointer is one small file that is replaced by a rename: a reader sees the old version or the new one, and never none.
+The pointer is one small file that is replaced by a rename: a reader gets the old version or the new one, and never none.
 Versions are never changed, so a reader that loads one while the pointer moves still loads it whole.
 """
 
@@ -18,19 +18,17 @@ import os
 import threading
 import uuid
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
 from tripwatt.arrays import FloatArray
-from tripwatt.errors import Fault, InvalidInput
-from tripwatt.fleet.features import trip_features, trip_variance_wh2
-from tripwatt.fleet.hierarchy import posterior
+from tripwatt.errors import InvalidInput
+from tripwatt.fleet.features import trip_features
 from tripwatt.fleet.mapping import SampledTrips
-from tripwatt.fleet.model import FleetModel, sums_of_trips
-from tripwatt.fleet.statistics import NO_DRIVER
+from tripwatt.fleet.model import FleetModel
 from tripwatt.fleet.storage import load_fleet, save_fleet
 
 BOOTSTRAP: Final = 2000
@@ -79,9 +77,8 @@ def predict_sample(model: FleetModel, sample: SampledTrips) -> FloatArray:
     correction = model.trees.predict(table)
     linear = trip_features(table)
     energy = table.totals_wh(table.simulated_w + correction)
-    for i, (car_model, vehicle_id, driver) in enumerate(sample.groups):
-        weights, _ = model.posterior.weights(car_model, vehicle_id, None if driver == NO_DRIVER else driver)
-        energy[i] += float(linear[i] @ weights)
+    for i, group in enumerate(sample.groups):
+        energy[i] += float(linear[i] @ model.posterior.weights(*group)[0])
     return energy
 
 
@@ -90,10 +87,7 @@ def unseen(model: FleetModel, sample: SampledTrips) -> FleetModel:
     seen = np.array([i for i, d in enumerate(sample.digests) if d in model.digests], dtype=np.int64)
     if not len(seen):
         return model
-    y = sample.table.totals_wh(sample.table.residual_w)
-    its = sums_of_trips(sample.groups, trip_features(sample.table), y, trip_variance_wh2(sample.table), seen)
-    sums = model.sums - its
-    return replace(model, sums=sums, posterior=posterior(sums, model.posterior.scales))
+    return model.with_sums(model.sums - sample.sums(seen))
 
 
 def compare(champion: FleetModel, challenger: FleetModel, sample: SampledTrips, seed: int = 0) -> Comparison:
@@ -158,8 +152,8 @@ class Registry:
             versions.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             got = error.strerror or str(error)
-            raise InvalidInput(
-                Fault("registry cannot be written", f"{self.folder}", got, "a writable folder")
+            raise InvalidInput.of(
+                "registry cannot be written", f"{self.folder}", got, "a writable folder"
             ) from error
         made = versions / f".{uuid.uuid4().hex}"
         save_fleet(model, made)
@@ -186,7 +180,7 @@ class Registry:
         """
         if version not in self.versions():
             got, allowed = repr(version), ", ".join(self.versions()[-8:]) or "none yet"
-            raise InvalidInput(Fault("unknown version", f"{self.folder}", got, allowed))
+            raise InvalidInput.of("unknown version", f"{self.folder}", got, allowed)
         return self.folder / "versions" / version
 
     def current(self) -> str:
@@ -201,8 +195,8 @@ class Registry:
             return (self.folder / "current").read_text("utf-8").strip()
         except OSError as error:
             fix = "run `tripwatt fleet fit` and promote its version"
-            raise InvalidInput(
-                Fault("no version in use", f"{self.folder}", "", "a promoted version", fix)
+            raise InvalidInput.of(
+                "no version in use", f"{self.folder}", "", "a promoted version", fix
             ) from error
 
     def load(self, version: str | None = None) -> FleetModel:
@@ -227,7 +221,7 @@ class Registry:
         self.load(version)
         if comparison is not None and comparison.worse:
             fix = "promote it without a comparison if you want it all the same"
-            raise InvalidInput(Fault("challenger is worse", version, f"{comparison}", "not worse", fix))
+            raise InvalidInput.of("challenger is worse", version, f"{comparison}", "not worse", fix)
         self._point(version)
         self._record("promote", version, note, None if comparison is None else asdict(comparison))
 
@@ -253,8 +247,8 @@ class Registry:
                 stack.pop()
         earlier = stack[-2] if len(stack) > 1 else None
         if earlier is None:
-            raise InvalidInput(
-                Fault("nothing to roll back to", f"{self.folder}", now, "an earlier promoted version")
+            raise InvalidInput.of(
+                "nothing to roll back to", f"{self.folder}", now, "an earlier promoted version"
             )
         self.load(earlier)
         self._point(earlier)

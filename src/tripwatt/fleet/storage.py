@@ -2,27 +2,24 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, fields
+from collections.abc import Collection, Mapping
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
+import numpy.typing as npt
 
-from tripwatt.errors import Fault, InvalidInput
-from tripwatt.fleet.corrector import FleetTrees
-from tripwatt.fleet.hierarchy import Posterior
+from tripwatt.errors import InvalidInput
 from tripwatt.fleet.model import FleetModel
-from tripwatt.fleet.statistics import Sums
-from tripwatt.hybrid.familiarity import Range
-from tripwatt.modelfile import read_model, write_model
-from tripwatt.uncertainty import ChargeScale, ConformalScores, UncertaintyModel
-from tripwatt.uncertainty.process import ResidualProcess
-from tripwatt.uncertainty.residual_power import ComponentProcess
-from tripwatt.uncertainty.scale import TimeCourse, TotalScale
-from tripwatt.uncertainty.shrinkage import UpdateShrinkage
+from tripwatt.forecasting.upgrading import range_values, with_bounds
+from tripwatt.hybrid.groups import GroupPosterior, Sums
+from tripwatt.hybrid.stored import REFIT, new_converter, parts_tree, structured, tree_parts
+from tripwatt.modelfile import FORMAT_VERSION, read_model, write_model
+
+if TYPE_CHECKING:
+    from cattrs import Converter
 
 KIND: Final = "fleet"
 PACKAGES: Final = ("tripwatt", "numpy", "scipy", "pandas", "pyarrow", "lightgbm")
@@ -36,48 +33,16 @@ def save_fleet(model: FleetModel, folder: Path | str) -> None:
     InvalidInput
         When the folder cannot be used.
     """
-    limit = model.uncertainty.process.climate_limit_w
-    values = {
-        "process": asdict(model.uncertainty.process)
-        | {"climate_limit_w": None if math.isinf(limit) else limit},
-        "scale": {
-            "values": model.uncertainty.scale.values.tolist(),
-            "course": asdict(model.uncertainty.scale.course),
-        },
-        "charges": {name: asdict(charge) for name, charge in model.charges.items()},
-        "ranges": {
-            n: [v if math.isfinite(v) else None for v in (r.low, r.high)] + [r.sd]
-            for n, r in model.ranges.items()
-        },
-        "trees": model.trees.text,
+    about = {
+        "trips": model.trips,
+        "vehicles": len(model.vehicles()),
+        "car_models": sorted({group[0] for group in model.sums.groups}),
         "sampled": model.sampled,
-        "about": model.about,
+        **model.about,
     }
-    scores = {"all": model.uncertainty.scores, **model.scores}
-    shrinkage = model.uncertainty.shrinkage
-    write_model(
-        folder,
-        {
-            "kind": KIND,
-            "tripwatt": version("tripwatt"),
-            "fleet": {
-                "trips": model.trips,
-                "vehicles": len(model.vehicles()),
-                "car_models": sorted({group[0] for group in model.sums.groups}),
-                "sampled": model.sampled,
-                **model.about,
-            },
-            "packages": {name: version(name) for name in PACKAGES},
-        },
-        {
-            "fleet.json": values,
-            "sums.npz": model.sums.to_arrays(),
-            "posterior.npz": model.posterior.to_arrays(),
-            "scores.npz": {name: s.values for name, s in scores.items()},
-            "shrinkage.npz": {f.name: np.asarray(getattr(shrinkage, f.name)) for f in fields(shrinkage)},
-            "digests.npz": {"digests": _packed(sorted(model.digests))},
-        },
-    )
+    packages = {name: version(name) for name in PACKAGES}
+    metadata = {"kind": KIND, "tripwatt": version("tripwatt"), "fleet": about, "packages": packages}
+    write_model(folder, metadata, tree_parts(_converter().unstructure(model), KIND))
 
 
 def load_fleet(folder: Path | str) -> FleetModel:
@@ -88,58 +53,63 @@ def load_fleet(folder: Path | str) -> FleetModel:
     InvalidInput
         When it is damaged, or no model of a fleet.
     """
-    found = read_model(folder)
-    if found.metadata.get("kind") != KIND:
+    stored = read_model(folder)
+    if stored.metadata.get("kind") != KIND:
         got, fix = "a model of one car", "fit one with `tripwatt fleet fit`"
-        raise InvalidInput(Fault("no model of a fleet", f"{folder}", got, "a model of a fleet", fix))
+        raise InvalidInput.of("no model of a fleet", f"{folder}", got, "a model of a fleet", fix)
+    current = stored.metadata["format_version"] == FORMAT_VERSION
     try:
-        return _model(found.parts)
-    except (KeyError, TypeError) as error:
-        got, fix = f"{type(error).__name__}: {error}", "fit the fleet again with this version of tripwatt"
-        raise InvalidInput(
-            Fault("parts do not make a model of a fleet", f"{folder}", got, "", fix)
-        ) from error
+        tree = parts_tree(stored.parts, KIND) if current else _version_1_tree(stored.parts)
+    except (LookupError, TypeError, ValueError, AttributeError) as error:
+        got = f"{type(error).__name__}: {error}"
+        raise InvalidInput.of("parts do not make a model of a fleet", f"{folder}", got, "", REFIT) from error
+    return structured(tree, FleetModel, _converter(), "a model of a fleet")
 
 
-def _model(parts: Mapping[str, Any]) -> FleetModel:
-    values = parts["fleet.json"]
-    process = dict(values["process"])
-    limit = process["climate_limit_w"]
-    course = values["scale"]["course"]
-    scores = {name: ConformalScores(a) for name, a in parts["scores.npz"].items()}
-    uncertainty = UncertaintyModel(
-        ResidualProcess(
-            **process
-            | {
-                "drive": ComponentProcess(**process["drive"]),
-                "climate": ComponentProcess(**process["climate"]),
-                "climate_limit_w": math.inf if limit is None else limit,
-            }
-        ),
-        TotalScale(
-            np.array(values["scale"]["values"]),
-            TimeCourse(course["constant_w"], tuple((float(a), float(b)) for a, b in course["drifts"])),
-        ),
-        scores.pop("all"),
-        UpdateShrinkage(**parts["shrinkage.npz"]),
+@cache
+def _converter() -> Converter:
+    from cattrs.gen import make_dict_structure_fn, make_dict_unstructure_fn, override
+
+    converter = new_converter()
+
+    def from_arrays(arrays: Any, kind: Any) -> Any:
+        return kind.from_arrays(converter.structure(arrays, dict[str, npt.NDArray[Any]]))
+
+    for kind in (Sums, GroupPosterior):
+        converter.register_unstructure_hook(kind, kind.to_arrays)
+        converter.register_structure_hook(kind, from_arrays)
+    digests = override(
+        unstruct_hook=_packed, struct_hook=lambda rows, _: frozenset(row.tobytes().hex() for row in rows)
     )
-    return FleetModel(
-        Sums.from_arrays(parts["sums.npz"]),
-        Posterior.from_arrays(parts["posterior.npz"]),
-        FleetTrees(values["trees"]),
-        uncertainty,
-        scores,
-        {name: ChargeScale(**charge) for name, charge in values["charges"].items()},
-        {
-            name: Range(-math.inf if low is None else low, math.inf if high is None else high, sd)
-            for name, (low, high, sd) in values["ranges"].items()
-        },
-        frozenset(row.tobytes().hex() for row in parts["digests.npz"]["digests"]),
-        values["sampled"],
-        dict(values["about"]),
-    )
+    unstructure = make_dict_unstructure_fn(FleetModel, converter, digests=digests)
+    converter.register_unstructure_hook(FleetModel, unstructure)
+    structure = make_dict_structure_fn(FleetModel, converter, digests=digests)
+    converter.register_structure_hook(FleetModel, structure)
+    return converter
 
 
-def _packed(digests: Sequence[str]) -> Any:
+def _packed(digests: Collection[str]) -> npt.NDArray[np.uint8]:
     """Digests as bytes, shape (digests, 32)."""
-    return np.frombuffer(bytes.fromhex("".join(digests)), dtype=np.uint8).reshape(-1, 32)
+    return np.frombuffer(bytes.fromhex("".join(sorted(digests))), dtype=np.uint8).reshape(-1, 32)
+
+
+def _version_1_tree(parts: Mapping[str, Any]) -> dict[str, Any]:
+    """The tree of a model that tripwatt 0.2 wrote."""
+    values = parts["fleet.json"]
+    scores = {name: {"values": array} for name, array in parts["scores.npz"].items()}
+    uncertainty = {
+        "process": with_bounds(values["process"]),
+        "scale": {**values["scale"], "values": np.array(values["scale"]["values"], dtype=np.float64)},
+        "scores": scores.pop("all"),
+        "shrinkage": parts["shrinkage.npz"],
+    }
+    return {
+        **{name: values[name] for name in ("charges", "sampled", "about")},
+        "sums": parts["sums.npz"],
+        "posterior": parts["posterior.npz"],
+        "trees": {"text": values["trees"]},
+        "uncertainty": uncertainty,
+        "scores": scores,
+        "ranges": {name: range_values(seen) for name, seen in values["ranges"].items()},
+        "digests": parts["digests.npz"]["digests"],
+    }

@@ -2,7 +2,14 @@
 
 from tripwatt.forecasting.forecast import Forecast
 from tripwatt.forecasting.model import DEFAULT_CORRECTOR, ForecastModel
-from tripwatt.forecasting.storage import GIVEN, load_metadata, load_model, save_model
+from tripwatt.forecasting.storage import (
+    GIVEN,
+    load_metadata,
+    load_model,
+    model_folder,
+    save_model,
+    upgrade_model,
+)
 
 __all__ = [
     "DEFAULT_CORRECTOR",
@@ -11,5 +18,7 @@ __all__ = [
     "ForecastModel",
     "load_metadata",
     "load_model",
+    "model_folder",
     "save_model",
+    "upgrade_model",
 ]

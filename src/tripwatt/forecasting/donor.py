@@ -1,8 +1,8 @@
 """A donor model: the part of a model of one car that is used for cars with fewer logged signals.
 
-A correction that was learned with a known cabin and battery temperature belongs to a car that was simulated from them.
+A correction that was fitted with a known cabin and battery temperature belongs to a car that was simulated from them.
 Without these signals the car is simulated from assumed temperatures, and its residual is another one. The trips of the
-first car are therefore simulated and learned once more with these inputs masked. Most departures of a car without trips lack them as well.
+first car are therefore simulated and fitted once more with these inputs masked. Most departures of a car without trips lack them as well.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ MASKABLE: Final = ("cabin_temperature_degc", "cabin_setpoint_degc", "battery_tem
 
 @dataclass(frozen=True, eq=False)
 class DonorModel:
-    """What was learned on one car, for use on others, with its uncertainty on held-out trips of its own.
+    """What was fitted on one car, for use on others, with its uncertainty on held-out trips of its own.
 
     Attributes
     ----------

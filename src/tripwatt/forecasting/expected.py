@@ -30,7 +30,7 @@ LEAST_CAUSES: Final = ("air", "rolling", "climb", "acceleration")
 
 
 @dataclass(frozen=True, eq=False)
-class ExpectedDrive:
+class ExpectedTrip:
     """What a model expects of one plan.
 
     Attributes

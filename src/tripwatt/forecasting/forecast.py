@@ -12,11 +12,20 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import FloatArray
-from tripwatt.forecasting.expected import ExpectedDrive
+from tripwatt.forecasting.document import (
+    FlagDocument,
+    ForecastResponse,
+    LeaveWith,
+    Series,
+    UnknownClimbDocument,
+)
+from tripwatt.forecasting.expected import ExpectedTrip
 from tripwatt.forecasting.measured import (
     ChargeReading,
+    Columns,
     Measured,
     checked_samples,
+    columns_measured,
     read_measured,
     since_departure,
 )
@@ -25,15 +34,10 @@ from tripwatt.forecasting.update import updated_power
 from tripwatt.parallel import one_blas_thread
 from tripwatt.routes.links import FLAT_ROAD
 from tripwatt.trips import Departure, Flag, Plan, raise_faults
+from tripwatt.trips.columns import require_fraction, require_number
 from tripwatt.trips.messages import flag_to_dict, leave_in_words, message
-from tripwatt.trips.schema import require_fraction, require_number
 from tripwatt.trips.showing import html_table
-from tripwatt.uncertainty import (
-    ChargeScale,
-    ResidualPower,
-    RouteUncertainty,
-    UncertaintyModel,
-)
+from tripwatt.uncertainty import ChargeScale, ResidualPower, RouteUncertainty, UncertaintyModel
 from tripwatt.uncertainty.charge import FULL
 from tripwatt.uncertainty.climb import ClimbingEnergy, Excess, UnknownClimb
 from tripwatt.uncertainty.free_flow import FreeFlowUncertainty
@@ -66,7 +70,7 @@ class Forecast:
 
     Attributes
     ----------
-    drive : ExpectedDrive
+    drive : ExpectedTrip
         The plan, simulated and corrected.
     uncertainty : UncertaintyModel
         Of the model.
@@ -93,13 +97,13 @@ class Forecast:
     --------
     >>> import tripwatt as tw
     >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
-    >>> found = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
-    >>> low, high = found.interval(0.9)
-    >>> bool(low < found.energy_wh < high)
+    >>> forecast = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
+    >>> low, high = forecast.interval(0.9)
+    >>> bool(low < forecast.energy_wh < high)
     True
     """
 
-    drive: ExpectedDrive
+    drive: ExpectedTrip
     uncertainty: UncertaintyModel
     posterior: ResidualPower
     sd_factor: float = 1.0
@@ -182,8 +186,8 @@ class Forecast:
         --------
         >>> import tripwatt as tw
         >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
-        >>> found = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
-        >>> round(found.quantile(0.5), 3) == round(found.energy_wh, 3)
+        >>> forecast = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
+        >>> round(forecast.quantile(0.5), 3) == round(forecast.energy_wh, 3)
         True
         """
         p = require_fraction("p", p)
@@ -209,9 +213,9 @@ class Forecast:
         --------
         >>> import tripwatt as tw
         >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
-        >>> found = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
-        >>> low, high = found.interval(0.9)
-        >>> round(low, 3) == round(found.quantile(0.05), 3), round(high, 3) == round(found.quantile(0.95), 3)
+        >>> forecast = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
+        >>> low, high = forecast.interval(0.9)
+        >>> round(low, 3) == round(forecast.quantile(0.05), 3), round(high, 3) == round(forecast.quantile(0.95), 3)
         (True, True)
         """
         half = 0.5 * require_fraction("level", level)
@@ -234,8 +238,8 @@ class Forecast:
         --------
         >>> import tripwatt as tw
         >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
-        >>> found = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
-        >>> round(found.probability_below(found.quantile(0.75)), 6)
+        >>> forecast = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
+        >>> round(forecast.probability_below(forecast.quantile(0.75)), 6)
         0.75
         """
         energy_wh = require_number("energy_wh", energy_wh)
@@ -247,14 +251,13 @@ class Forecast:
 
     @cached_property
     def charge(self) -> ChargeScale:
-        """Energy by displayed charge: as learned from the car's trips, else of its published values."""
-        found = self.uncertainty.charge
-        return found or ChargeScale.from_book(self.vehicle.battery, self.drive.wh_per_soc)
+        """Energy by displayed charge: as fitted to the car's trips, else of its published values."""
+        return self.uncertainty.charge or ChargeScale.from_book(self.vehicle.battery, self.drive.wh_per_soc)
 
     @property
     def soc_arrival(self) -> float:
         """Displayed state of charge at the end of the trip, 0 to 1; 0 when the battery does not last."""
-        return float(np.clip(self._arrival_band[1][-1], 0.0, 1.0))
+        return float(np.clip(self._expected_charge[-1], 0.0, 1.0))
 
     def soc_quantile(self, p: float) -> float:
         """Quantile of the displayed state of charge at the end of the trip, 0 to 1.
@@ -273,8 +276,8 @@ class Forecast:
         --------
         >>> import tripwatt as tw
         >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
-        >>> found = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
-        >>> found.soc_quantile(0.05) < found.soc_arrival < found.soc_quantile(0.95) < 0.8
+        >>> forecast = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
+        >>> forecast.soc_quantile(0.05) < forecast.soc_arrival < forecast.soc_quantile(0.95) < 0.8
         True
         """
         p = require_fraction("p", p)
@@ -299,9 +302,9 @@ class Forecast:
         --------
         >>> import tripwatt as tw
         >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
-        >>> found = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
-        >>> low, high = found.soc_interval(0.9)
-        >>> round(low, 6) == round(found.soc_quantile(0.05), 6), round(high, 6) == round(found.soc_quantile(0.95), 6)
+        >>> forecast = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
+        >>> low, high = forecast.soc_interval(0.9)
+        >>> round(low, 6) == round(forecast.soc_quantile(0.05), 6), round(high, 6) == round(forecast.soc_quantile(0.95), 6)
         (True, True)
         """
         half = 0.5 * require_fraction("level", level)
@@ -327,8 +330,8 @@ class Forecast:
         --------
         >>> import tripwatt as tw
         >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
-        >>> found = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
-        >>> found.p_arrive(0.1) > found.p_arrive(0.7)
+        >>> forecast = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
+        >>> forecast.p_arrive(0.1) > forecast.p_arrive(0.7)
         True
         """
         reserve = require_fraction("reserve", reserve)
@@ -363,8 +366,8 @@ class Forecast:
         --------
         >>> import tripwatt as tw
         >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
-        >>> found = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
-        >>> found.leaving_with(0.6).soc_arrival < found.soc_arrival
+        >>> forecast = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
+        >>> forecast.leaving_with(0.6).soc_arrival < forecast.soc_arrival
         True
         """
         return forecast_again(self, soc, self._charge_start[0])
@@ -392,9 +395,9 @@ class Forecast:
         --------
         >>> import tripwatt as tw
         >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
-        >>> found = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
-        >>> leave = found.soc_needed(reserve=0.2, probability=0.95)
-        >>> round(found.leaving_with(leave).p_arrive(0.2), 3)
+        >>> forecast = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
+        >>> leave = forecast.soc_needed(reserve=0.2, probability=0.95)
+        >>> round(forecast.leaving_with(leave).p_arrive(0.2), 3)
         0.95
         """
         reserve = require_fraction("reserve", reserve)
@@ -430,8 +433,8 @@ class Forecast:
         --------
         >>> import tripwatt as tw
         >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
-        >>> found = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
-        >>> bool((found.soc_along(0.95) <= found.soc_along(0.5)).all())
+        >>> forecast = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
+        >>> bool((forecast.soc_along(0.95) <= forecast.soc_along(0.5)).all())
         True
         """
         probability = require_fraction("probability", probability)
@@ -454,10 +457,13 @@ class Forecast:
 
         0 where the battery holds enough. On the way it counts where the charge is lowest.
         """
-        ahead = np.isfinite(self._least_charge(0.0))
-        lowest = (float(charge[ahead].min()) for charge in reversed(self._arrival_band))
-        least, expected, most = (max(-charge, 0.0) * self.charge.wh_per_display for charge in lowest)
+        least, expected, most = (self._missing_wh(charge) for charge in reversed(self._arrival_band))
         return least, expected, most
+
+    def _missing_wh(self, charge: FloatArray) -> float:
+        """Energy that a displayed charge at the edges of the segments lacks where it is lowest [Wh]."""
+        ahead = np.isfinite(self._least_charge(0.0))
+        return max(-float(charge[ahead].min()), 0.0) * self.charge.wh_per_display
 
     def series(self) -> pd.DataFrame:
         """Along the route, a row at the end of each segment and one at the start.
@@ -472,8 +478,8 @@ class Forecast:
         --------
         >>> import tripwatt as tw
         >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
-        >>> found = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
-        >>> abs(found.series()["energy_wh"].iloc[-1] / found.energy_wh - 1.0) < 1e-9
+        >>> forecast = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
+        >>> abs(forecast.series()["energy_wh"].iloc[-1] / forecast.energy_wh - 1.0) < 1e-9
         np.True_
         """
         return pd.DataFrame(self._series())
@@ -533,8 +539,8 @@ class Forecast:
         --------
         >>> import tripwatt as tw
         >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
-        >>> found = tw.forecast(plan, tw.Departure(soc=0.5, ambient_temperature_degc=5.0))
-        >>> 800.0 < found.climb_to(0.1) < found.climb_to(0.0) < 2000.0
+        >>> forecast = tw.forecast(plan, tw.Departure(soc=0.5, ambient_temperature_degc=5.0))
+        >>> 800.0 < forecast.climb_to(0.1) < forecast.climb_to(0.0) < 2000.0
         True
         """
         if self.climbing is None:
@@ -563,7 +569,7 @@ class Forecast:
         Parameters
         ----------
         route : RouteUncertainty or None
-            Error of speed profiles that are made from links, by their length; None where it was not learned.
+            Error of speed profiles that are made from links, by their length; None where it was not estimated.
         free_flow : FreeFlowUncertainty, optional
             Error of the travel times of an empty road.
 
@@ -576,9 +582,9 @@ class Forecast:
         --------
         >>> import tripwatt as tw
         >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
-        >>> found = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
-        >>> certain = found.with_route_error(None)
-        >>> certain.sd_wh < found.sd_wh, [flag.code for flag in certain.flags if "route" in flag.code]
+        >>> forecast = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
+        >>> certain = forecast.with_route_error(None)
+        >>> certain.sd_wh < forecast.sd_wh, [flag.code for flag in certain.flags if "route" in flag.code]
         (True, ['route_error_unknown'])
         """
         return with_route_error(self, route, free_flow)
@@ -613,7 +619,7 @@ class Forecast:
         >>> after.sd_wh < before.sd_wh
         True
         """
-        return self.update_since_departure(since_departure(observed, self.plan))
+        return updated(self, since_departure(columns_measured(observed), self.plan))
 
     @one_blas_thread
     def update_since_departure(self, observed: pd.DataFrame) -> Forecast:
@@ -648,15 +654,10 @@ class Forecast:
         >>> tw.forecast(plan).update_since_departure(seen).measured_until_s > 0.0
         True
         """
-        samples = checked_samples(observed, self.plan)
-        raise_faults(implausible_faults(observed, self.drive))
-        measured, readings = read_measured(samples, self.drive, self.uncertainty.process)
-        posterior, factor = updated_power(self.drive, self.uncertainty, samples, measured, readings)
-        updated = replace(self, posterior=posterior, rest_sd_factor=factor, measured=measured)
-        return with_empty_flag(updated)
+        return updated(self, columns_measured(observed))
 
     @one_blas_thread
-    def to_dict(self, reserve: float | None = None, probability: float | None = None) -> dict[str, Any]:
+    def to_dict(self, reserve: float | None = None, probability: float | None = None) -> ForecastResponse:
         """Plain values, as the command line and the service give them.
 
         Parameters
@@ -668,15 +669,15 @@ class Forecast:
 
         Returns
         -------
-        dict
+        ForecastResponse
             Numbers, texts, lists and further dicts only; energies [Wh], states of charge 0 to 1.
 
         Examples
         --------
         >>> import tripwatt as tw
         >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
-        >>> found = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
-        >>> found.to_dict()["energy_wh"] == found.energy_wh
+        >>> forecast = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
+        >>> forecast.to_dict()["energy_wh"] == forecast.energy_wh
         True
         """
         return forecast_document(self, reserve, probability)
@@ -694,8 +695,8 @@ class Forecast:
         --------
         >>> import tripwatt as tw
         >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
-        >>> found = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
-        >>> list(found.to_frame().columns[:3])
+        >>> forecast = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
+        >>> list(forecast.to_frame().columns[:3])
         ['time_s', 'distance_m', 'energy_wh']
         """
         return self.series()
@@ -712,8 +713,8 @@ class Forecast:
         --------
         >>> import tripwatt as tw
         >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
-        >>> found = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
-        >>> found.plot().savefig("forecast.png")  # doctest: +SKIP
+        >>> forecast = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
+        >>> forecast.plot().savefig("forecast.png")  # doctest: +SKIP
         """
         from tripwatt.forecasting.plots import plot_forecast  # matplotlib is slow to import
 
@@ -793,7 +794,13 @@ class Forecast:
     @cached_property
     def _arrival_band(self) -> tuple[FloatArray, ...]:
         """Displayed charge along the way: low end, middle and high end of the 90 % band, each of shape (segments + 1,)."""
-        return tuple(self.soc_along(p) for p in ARRIVAL_BAND)
+        low, _, high = ARRIVAL_BAND
+        return self.soc_along(low), self._expected_charge, self.soc_along(high)
+
+    @cached_property
+    def _expected_charge(self) -> FloatArray:
+        """Middle of the band of the displayed charge along the way, shape (segments + 1,)."""
+        return self.soc_along(ARRIVAL_BAND[1])
 
     @property
     def _ends_s(self) -> FloatArray:
@@ -803,26 +810,36 @@ class Forecast:
         return float(np.interp(time_s, self._ends_s, self._cumulative_wh))
 
 
-def forecast_again(found: Forecast, soc: float, read_s: float) -> Forecast:
+def updated(forecast: Forecast, observed: Columns) -> Forecast:
+    """A forecast after what was measured so far, timed from the departure: see `Forecast.update_since_departure`."""
+    drive, uncertainty = forecast.drive, forecast.uncertainty
+    samples = checked_samples(observed, forecast.plan)
+    raise_faults(implausible_faults(observed, drive))
+    measured, readings = read_measured(samples, drive, uncertainty.process)
+    posterior, factor = updated_power(drive, uncertainty, samples, measured, readings)
+    return with_empty_flag(replace(forecast, posterior=posterior, rest_sd_factor=factor, measured=measured))
+
+
+def forecast_again(forecast: Forecast, soc: float, read_s: float) -> Forecast:
     """A forecast from another charge; on the way, from that charge at the time of the last reading [s]."""
     departure = Departure(soc=soc)  # checks it
-    if found.maker is None or found.measured is not NOT_MEASURED:
+    if forecast.maker is None or forecast.measured is not NOT_MEASURED:
         charged = ChargeReading(read_s, soc, displayed=True, charged=True)
-        return with_empty_flag(replace(found, measured=replace(found.measured, anchor=charged)))
-    again = found.maker(found.plan.with_departure(departure))
-    kept = (flag for flag in found.flags if flag.code not in OF_CHARGE)
+        return with_empty_flag(replace(forecast, measured=replace(forecast.measured, anchor=charged)))
+    again = forecast.maker(forecast.plan.with_departure(departure))
+    kept = (flag for flag in forecast.flags if flag.code not in OF_CHARGE)
     flags = tuple(dict.fromkeys((*kept, *again.flags)))
-    return replace(again, state_sd_wh=found.state_sd_wh, flags=flags)
+    return replace(again, state_sd_wh=forecast.state_sd_wh, flags=flags)
 
 
-def with_empty_flag(found: Forecast) -> Forecast:
+def with_empty_flag(forecast: Forecast) -> Forecast:
     """The forecast with the flag of a battery that does not hold what the trip takes, where that is expected."""
-    flags = tuple(flag for flag in found.flags if flag.code != "battery_empty")
-    missing = found.missing_wh[1]
+    flags = tuple(flag for flag in forecast.flags if flag.code != "battery_empty")
+    missing = forecast._missing_wh(forecast._expected_charge)
     if missing > 0.0:
-        return replace(found, flags=(*flags, Flag("battery_empty", "battery", missing, "wh")))
+        return replace(forecast, flags=(*flags, Flag("battery_empty", "battery", missing, "wh")))
     # as it is where nothing changes, with what was worked out of it
-    return found if len(flags) == len(found.flags) else replace(found, flags=flags)
+    return forecast if len(flags) == len(forecast.flags) else replace(forecast, flags=flags)
 
 
 def charge_with_spare(spare: Callable[[float], float]) -> float:
@@ -856,9 +873,13 @@ def remaining_sd_wh(forecast: Forecast) -> FloatArray:
     return np.asarray(whole * np.cumsum(ahead) / forecast.drive.table.hours.sum())
 
 
-def forecast_document(forecast: Forecast, reserve: float | None, probability: float | None) -> dict[str, Any]:
+def forecast_document(
+    forecast: Forecast, reserve: float | None, probability: float | None
+) -> ForecastResponse:
     """A forecast as plain values: see `Forecast.to_dict`."""
     levels = ARRIVAL_LEVELS if reserve is None else (*ARRIVAL_LEVELS, require_fraction("reserve", reserve))
+    early, expected, late = forecast.empty_at_m
+    least, middle, most = forecast.missing_wh
     return {
         "trip": forecast.plan.trip_id,
         "given": forecast.given,
@@ -867,16 +888,16 @@ def forecast_document(forecast: Forecast, reserve: float | None, probability: fl
         "soc_arrival": forecast.soc_arrival,
         "soc_quantiles": {f"{p:g}": forecast.soc_quantile(p) for p in QUANTILES},
         "wh_per_display": forecast.charge.wh_per_display,
-        "empty_at_m": dict(zip(("early", "expected", "late"), forecast.empty_at_m, strict=True)),
-        "missing_wh": dict(zip(("least", "expected", "most"), forecast.missing_wh, strict=True)),
+        "empty_at_m": {"early": early, "expected": expected, "late": late},
+        "missing_wh": {"least": least, "expected": middle, "most": most},
         "p_arrive": {f"{level:g}": forecast.p_arrive(level) for level in levels},
-        "climb": None if forecast.climbing is None else climb_document(forecast, levels),
+        "climb": climb_document(forecast, levels),
         "leave_with": None if probability is None else leave_document(forecast, reserve or 0.0, probability),
-        "series": {name: values.tolist() for name, values in forecast._series().items()},
+        "series": Series(**{name: values.tolist() for name, values in forecast._series().items()}),  # type: ignore[typeddict-item]
         "by_cause_wh": forecast.by_cause_wh,
         "battery_loss_wh": forecast.battery_loss_wh,
         "measured_until_s": forecast.measured_until_s,
-        "flags": [flag_to_dict(flag) for flag in forecast.flags],
+        "flags": [FlagDocument(**flag_to_dict(flag)) for flag in forecast.flags],  # type: ignore[typeddict-item]
     }
 
 
@@ -900,36 +921,39 @@ def with_route_error(
             flags.append(Flag("travel_time_error_unknown", "road"))
         if link_m > float(route.length_m[-1]):
             flags.append(Flag("links_too_long", "links", link_m, "m"))
-    found = replace(forecast, route_sd_wh=route_sd_wh, flags=tuple(dict.fromkeys(flags)))
-    return with_empty_flag(found)
+    wider = replace(forecast, route_sd_wh=route_sd_wh, flags=tuple(dict.fromkeys(flags)))
+    return with_empty_flag(wider)
 
 
-def climb_document(forecast: Forecast, levels: tuple[float, ...]) -> dict[str, Any]:
-    """What the climb of a road of unknown heights changes, as plain values."""
+def climb_document(forecast: Forecast, levels: tuple[float, ...]) -> UnknownClimbDocument | None:
+    """What the climb of a road of unknown heights changes, as plain values; None where they are known."""
+    soc_per_m = forecast.soc_per_climb_m
+    if soc_per_m is None:
+        return None
     return {
         "terrain": forecast.plan.departure.terrain or "unknown",
-        "soc_per_m": forecast.soc_per_climb_m,
+        "soc_per_m": soc_per_m,
         "changes_at_m": {f"{level:g}": forecast.climb_to(level) for level in levels},
     }
 
 
-def leave_document(found: Forecast, reserve: float, probability: float) -> dict[str, Any]:
+def leave_document(forecast: Forecast, reserve: float, probability: float) -> LeaveWith:
     """The charge to leave with as plain values, with its sentence."""
-    needed = found.soc_needed(reserve, probability)
+    needed = forecast.soc_needed(reserve, probability)
     sentence = leave_in_words(needed, reserve, probability)
     return {"soc_needed": needed, "reserve": reserve, "probability": probability, "message": sentence}
 
 
-def table_rows(found: Forecast) -> list[tuple[str, str]]:
+def table_rows(forecast: Forecast) -> list[tuple[str, str]]:
     """What a notebook shows of a forecast: names and values."""
-    (low, high), (least, most) = found.interval(BAND), found.soc_interval(BAND)
+    (low, high), (least, most) = forecast.interval(BAND), forecast.soc_interval(BAND)
     return [
-        ("energy", f"{found.energy_wh / 1000.0:.2f} kWh"),
+        ("energy", f"{forecast.energy_wh / 1000.0:.2f} kWh"),
         (f"{BAND:.0%} interval", f"{low / 1000.0:.2f} to {high / 1000.0:.2f} kWh"),
-        ("state of charge at arrival", f"{found.soc_arrival:.0%} ({least:.0%} to {most:.0%})"),
-        ("probability to arrive", f"{found.p_arrive():.1%}"),
-        ("given", found.given),
-        *(("note", message(flag)) for flag in found.flags),
+        ("state of charge at arrival", f"{forecast.soc_arrival:.0%} ({least:.0%} to {most:.0%})"),
+        ("probability to arrive", f"{forecast.p_arrive():.1%}"),
+        ("given", forecast.given),
+        *(("note", message(flag)) for flag in forecast.flags),
     ]
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -11,10 +12,18 @@ import pandas as pd
 
 from tripwatt.arrays import BoolArray, FloatArray, IntArray
 from tripwatt.auditing.signals import blank_stuck_heater
-from tripwatt.errors import Fault, InvalidInput
-from tripwatt.forecasting.expected import ExpectedDrive
+from tripwatt.errors import InvalidInput
+from tripwatt.forecasting.expected import ExpectedTrip
 from tripwatt.hybrid.climate_log import CLIMATE_COLUMNS, CLIMATE_IN_ALL
-from tripwatt.trips import Plan, observed_cumulative_energy, raise_faults, structure_faults, value_faults
+from tripwatt.trips import (
+    COLUMNS,
+    Plan,
+    observed_cumulative_energy,
+    raise_faults,
+    structure_faults,
+    table_of,
+    value_faults,
+)
 from tripwatt.trips.inertia import WRONG_SIGN, apparent_mass
 from tripwatt.uncertainty import PowerPrior, ResidualPower
 from tripwatt.uncertainty.charge import CAPACITY_SD
@@ -94,9 +103,9 @@ class SegmentReadings:
 
     def touches(self, n: int) -> BoolArray:
         """Which of n segments a reading shows a part of."""
-        found = np.zeros(n, dtype=bool)
-        found[self.seen] = True
-        return found
+        touched = np.zeros(n, dtype=bool)
+        touched[self.seen] = True
+        return touched
 
     def condition(self, prior: PowerPrior, power_w: FloatArray, variance_w2: FloatArray) -> ResidualPower:
         """The residual power given these values of the readings."""
@@ -134,21 +143,12 @@ class SpanReadings:
 PowerReadings = SegmentReadings | SpanReadings
 
 
-def checked_samples(observed: pd.DataFrame, plan: Plan) -> pd.DataFrame:
-    """Samples timed from the departure, without faults and on the clock of the plan.
-
-    Raises
-    ------
-    InvalidInput
-        With every fault of the samples.
-    """
-    samples = _with_speed(observed)
-    raise_faults(value_faults(samples, WHERE))
-    return along_the_plan(samples, plan) if "speed_m_s" in observed else samples
+Columns = Mapping[str, FloatArray]
+"""Samples that were measured on the way, by the name of their column, each of shape (samples,)."""
 
 
-def _with_speed(observed: pd.DataFrame) -> pd.DataFrame:
-    """The samples of a table that can be one, with a speed of 0 where they have none.
+def columns_measured(observed: pd.DataFrame) -> Columns:
+    """The columns of a table of samples that can be one. O(samples x columns).
 
     Raises
     ------
@@ -160,14 +160,28 @@ def _with_speed(observed: pd.DataFrame) -> pd.DataFrame:
             type(observed).__name__,
             "for example pandas.DataFrame({'time_s': [0.0, 60.0], 'soc': [0.8, 0.79]})",
         )
-        raise InvalidInput(Fault("unknown type", WHERE, got, "a DataFrame", fix))
-    samples = observed if "speed_m_s" in observed else observed.assign(speed_m_s=0.0)
-    raise_faults(structure_faults(samples, WHERE))
-    return samples
+        raise InvalidInput.of("unknown type", WHERE, got, "a DataFrame", fix)
+    raise_faults(structure_faults(observed, WHERE, required=("time_s",)))
+    known = [name for name in observed.columns if name in (*COLUMNS, "observed_energy_wh")]
+    if len(known) < len(observed.columns):
+        observed = observed[known]
+    return dict(zip(known, observed.to_numpy(dtype=np.float64).T, strict=True))
+
+
+def checked_samples(columns: Columns, plan: Plan) -> Columns:
+    """Samples timed from the departure, without faults and on the clock of the plan.
+
+    Raises
+    ------
+    InvalidInput
+        With every fault of the samples.
+    """
+    raise_faults(value_faults(columns, WHERE))
+    return along_the_plan(columns, plan) if "speed_m_s" in columns else columns
 
 
 def read_measured(
-    samples: pd.DataFrame, drive: ExpectedDrive, process: ResidualProcess
+    samples: Columns, drive: ExpectedTrip, process: ResidualProcess
 ) -> tuple[Measured, PowerReadings]:
     """What samples show of each segment. O(samples), and O(segments x readings) of a state of charge.
 
@@ -176,7 +190,7 @@ def read_measured(
     InvalidInput
         When the samples have neither energy nor a state of charge.
     """
-    time = np.asarray(samples["time_s"], dtype=np.float64)
+    time = samples["time_s"]
     soc = _measured_soc(samples, drive.vehicle.battery)
     anchor = _last_reading(samples, time)
     cumulative = measured_energy(samples)
@@ -187,29 +201,29 @@ def read_measured(
         return Measured(until, energy, hours, anchor), _from_power(energy, hours, drive, process, driven_s)
     if soc is not None:
         return Measured(float(time[-1]), anchor=anchor), _from_soc(time, soc, drive)
-    where = f"columns {sorted(map(str, samples.columns))}"
-    raise InvalidInput(Fault("no measured energy", WHERE, where, "voltage_v and current_a, or soc"))
+    where = f"columns {sorted(samples)}"
+    raise InvalidInput.of("no measured energy", WHERE, where, "voltage_v and current_a, or soc")
 
 
-def _last_reading(samples: pd.DataFrame, time: FloatArray) -> ChargeReading | None:
+def _last_reading(samples: Columns, time: FloatArray) -> ChargeReading | None:
     """The last reading of the display, else of the battery management."""
     for name in ("displayed_soc", "soc"):
-        if name in samples and samples[name].notna().any():
-            values = np.asarray(samples[name], dtype=np.float64)
-            last = int(np.flatnonzero(np.isfinite(values))[-1])
-            return ChargeReading(float(time[last]), float(values[last]), name == "displayed_soc")
+        known = np.flatnonzero(np.isfinite(samples[name])) if name in samples else np.empty(0, np.int64)
+        if len(known):
+            last = int(known[-1])
+            return ChargeReading(float(time[last]), float(samples[name][last]), name == "displayed_soc")
     return None
 
 
-def _measured_soc(samples: pd.DataFrame, battery: Battery) -> FloatArray | None:
-    if "soc" in samples and samples["soc"].notna().any():
-        return np.asarray(samples["soc"], dtype=np.float64)
-    if "displayed_soc" in samples and samples["displayed_soc"].notna().any():
-        return battery.soc_from_displayed(np.asarray(samples["displayed_soc"], dtype=np.float64))
+def _measured_soc(samples: Columns, battery: Battery) -> FloatArray | None:
+    if "soc" in samples and np.isfinite(samples["soc"]).any():
+        return samples["soc"]
+    if "displayed_soc" in samples and np.isfinite(samples["displayed_soc"]).any():
+        return battery.soc_from_displayed(samples["displayed_soc"])
     return None
 
 
-def _edges_to(drive: ExpectedDrive, end_s: float) -> FloatArray:
+def _edges_to(drive: ExpectedTrip, end_s: float) -> FloatArray:
     """Edges of the segments, the last one no earlier than the last sample."""
     edges = drive.edges_s.copy()
     edges[-1] = max(edges[-1], end_s)
@@ -217,7 +231,7 @@ def _edges_to(drive: ExpectedDrive, end_s: float) -> FloatArray:
 
 
 def _by_segment(
-    cumulative_wh: FloatArray, time_s: FloatArray, drive: ExpectedDrive
+    cumulative_wh: FloatArray, time_s: FloatArray, drive: ExpectedTrip
 ) -> tuple[FloatArray, FloatArray]:
     """Energy [Wh] and time [h] of each segment that the samples cover; long gaps cover nothing."""
     known = np.isfinite(cumulative_wh)
@@ -234,7 +248,7 @@ def _by_segment(
 def _from_power(
     energy_wh: FloatArray,
     hours: FloatArray,
-    drive: ExpectedDrive,
+    drive: ExpectedTrip,
     process: ResidualProcess,
     driven_s: FloatArray | None,
 ) -> SegmentReadings:
@@ -252,7 +266,7 @@ def _from_power(
     return SegmentReadings(seen, energy_wh[seen] / hours[seen], variance)
 
 
-def _from_soc(time_s: FloatArray, soc: FloatArray, drive: ExpectedDrive) -> SpanReadings:
+def _from_soc(time_s: FloatArray, soc: FloatArray, drive: ExpectedTrip) -> SpanReadings:
     """Mean power between readings of the state of charge that differ by a few steps."""
     known = np.isfinite(soc)
     time_s, soc = time_s[known], soc[known]
@@ -278,99 +292,82 @@ def _from_soc(time_s: FloatArray, soc: FloatArray, drive: ExpectedDrive) -> Span
     return SpanReadings(np.array(weights), np.array(power), np.array(variance))
 
 
-def since_departure(observed: pd.DataFrame, plan: Plan) -> pd.DataFrame:
+def since_departure(observed: Columns, plan: Plan) -> Columns:
     """Samples measured on the way, on the clock of a plan, with their times since its departure.
 
     Raises
     ------
     InvalidInput
-        When they are no table of samples, begin before the trip or after it, or their current has the wrong sign.
+        When they begin before the trip or after it, or their current has the wrong sign.
 
     Examples
     --------
     >>> from tripwatt.trips import plan_from_samples
     >>> plan = plan_from_samples(pd.DataFrame({"time_s": [60.0, 61.0], "speed_m_s": [0.0, 1.0]}))
-    >>> since_departure(pd.DataFrame({"time_s": [60.0, 61.0], "soc": [0.5, 0.5]}), plan)["time_s"].tolist()
+    >>> since_departure({"time_s": np.array([60.0, 61.0]), "soc": np.full(2, 0.5)}, plan)["time_s"].tolist()
     [0.0, 1.0]
     """
-    _with_speed(observed)
-    start = plan.start_s
-    times = observed["time_s"] - start
-    if float(times.iloc[0]) < 0.0:
-        got, allowed = f"{float(observed['time_s'].iloc[0]):g} s", f"{start:g} s or later"
-        raise InvalidInput(Fault("measured before departure", f"{WHERE}, time_s", got, allowed))
+    start, given = plan.start_s, observed["time_s"]
+    first, last = float(given[0]), float(given[-1])
+    if first - start < 0.0:
+        allowed = f"{start:g} s or later"
+        raise InvalidInput.of("measured before departure", f"{WHERE}, time_s", f"{first:g} s", allowed)
     if plan.link_m is None:
         end = start + plan.duration_s if plan.end_s is None else plan.end_s
-        first, last = (float(observed["time_s"].iloc[i]) for i in (0, -1))
         if first > end:
             got, allowed = f"{first:g} to {last:g} s", f"{start:g} to {end:g} s"
             fix = "give times on the clock of the trip"
-            raise InvalidInput(Fault("measured after the trip", f"{WHERE}, time_s", got, allowed, fix))
-    found = observed.assign(time_s=times)
-    _require_sign(found, plan)
-    return found
+            raise InvalidInput.of("measured after the trip", f"{WHERE}, time_s", got, allowed, fix)
+    samples = {**observed, "time_s": given - start}
+    _require_sign(samples, plan)
+    return samples
 
 
-def _require_sign(observed: pd.DataFrame, plan: Plan) -> None:
+def _require_sign(observed: Columns, plan: Plan) -> None:
     """Refuse a current with which the battery would charge while the car accelerates."""
-    if not {"voltage_v", "current_a"} <= set(observed.columns):
+    if not {"voltage_v", "current_a"} <= observed.keys():
         return
-    time = observed["time_s"].to_numpy(dtype=np.float64)
+    time = observed["time_s"]
     own = "speed_m_s" in observed
     if not own and plan.link_m is not None:
         return  # the car's speed is unknown
-    speed = (
-        observed["speed_m_s"].to_numpy(dtype=np.float64)
-        if own
-        else np.interp(time, plan.array("time_s"), plan.array("speed_m_s"))
-    )
-    power = (observed["voltage_v"] * observed["current_a"]).to_numpy(dtype=np.float64)
-    found = apparent_mass(time, speed, power)
-    if found is not None and found[1] < WRONG_SIGN:
-        got, allowed = (
-            "the battery would charge while the car accelerates",
-            "positive when the battery discharges",
-        )
-        raise InvalidInput(
-            Fault(
-                "current has the wrong sign",
-                f"{WHERE}, current_a",
-                got,
-                allowed,
-                "reverse the sign of current_a",
-            )
-        )
+    speed = observed["speed_m_s"] if own else np.interp(time, plan.array("time_s"), plan.array("speed_m_s"))
+    slope = apparent_mass(time, speed, observed["voltage_v"] * observed["current_a"])
+    if slope is not None and slope[1] < WRONG_SIGN:
+        got = "the battery would charge while the car accelerates"
+        allowed, fix = "positive when the battery discharges", "reverse the sign of current_a"
+        raise InvalidInput.of("current has the wrong sign", f"{WHERE}, current_a", got, allowed, fix)
 
 
-def along_the_plan(samples: pd.DataFrame, plan: Plan) -> pd.DataFrame:
+def along_the_plan(samples: Columns, plan: Plan) -> Columns:
     """Samples of a drive on the clock of its plan: each at the time at which the plan is where the car was. O(samples).
 
-    A car that is late on a planned route has more of it to go than its time tells. Where the car stands longer than
+    A car that is late on a planned route has more of it to go than its time suggests. Where the car stands longer than
     planned, its energy counts and the plan's clock stands still. A driven trace needs no change.
 
     Parameters
     ----------
-    samples : DataFrame
+    samples : mapping of str to ndarray
         Sound samples since departure with the car's speed.
     plan : Plan
 
     Returns
     -------
-    DataFrame
+    mapping of str to ndarray
         `time_s`, `driven_s` by the car's own clock, and what was measured of `observed_energy_wh`, `soc`, `displayed_soc` and the powers of climate control.
     """
     if plan.link_m is None:
         return samples
     there, at = _distance(plan.array("time_s") - plan.array("time_s")[0], plan.array("speed_m_s"))
     moves = np.concatenate(([True], np.diff(there) > 0.0))
-    time, speed = (samples[name].to_numpy(dtype=np.float64) for name in ("time_s", "speed_m_s"))
+    time, speed = samples["time_s"], samples["speed_m_s"]
     driven = _distance(time, speed)[0] + float(np.interp(time[0], at, there))
     clock = np.interp(driven, there[moves], at[moves])
-    states = {n: samples[n].to_numpy(dtype=np.float64) for n in ("soc", "displayed_soc") if n in samples}
-    sound = blank_stuck_heater(samples, "")[0]  # by the log's own clock
-    powers = {
-        n: sound[n].to_numpy(dtype=np.float64) for n in (*CLIMATE_COLUMNS, CLIMATE_IN_ALL) if n in sound
-    }
+    states = {name: samples[name] for name in ("soc", "displayed_soc") if name in samples}
+    powers = {name: samples[name] for name in (*CLIMATE_COLUMNS, CLIMATE_IN_ALL) if name in samples}
+    if powers:
+        sound = blank_stuck_heater(table_of(samples), "")[0]  # by the log's own clock
+        powers = {name: sound[name].to_numpy(dtype=np.float64) for name in powers}
     energy = measured_energy(samples)
     # of a standstill the last sample counts, and the first of all, from which energy is counted
     last = np.append(np.diff(clock) > 0.0, True)
@@ -388,25 +385,27 @@ def along_the_plan(samples: pd.DataFrame, plan: Plan) -> pd.DataFrame:
         len(parts),
     )
     order = np.arange(len(kept))
-    found = {"time_s": np.interp(place, order, clock[kept]), DRIVEN_S: np.interp(place, order, time[kept])}
+    columns = {"time_s": np.interp(place, order, clock[kept]), DRIVEN_S: np.interp(place, order, time[kept])}
     if energy is not None:
-        found["observed_energy_wh"] = np.interp(place, order, energy[kept])
-    found |= {name: np.interp(place, order, values[kept]) for name, values in powers.items()}
+        columns["observed_energy_wh"] = np.interp(place, order, energy[kept])
+    columns |= {name: np.interp(place, order, values[kept]) for name, values in powers.items()}
     whole = place == np.floor(place)
     for name, values in states.items():
-        found[name] = np.where(whole, values[kept][place.astype(np.int64)], np.nan)
-    return pd.DataFrame(found)
+        columns[name] = np.where(whole, values[kept][place.astype(np.int64)], np.nan)
+    return columns
 
 
-def measured_energy(samples: pd.DataFrame) -> FloatArray | None:
+def measured_energy(samples: Columns) -> FloatArray | None:
     """As `observed_cumulative_energy`, but NaN where voltage or current are missing for longer than `GAP_S`."""
     energy = observed_cumulative_energy(samples)
     if energy is None:
         return None
-    pair = {"voltage_v", "current_a"} <= set(samples.columns)
-    names = ["voltage_v", "current_a"] if pair else ["observed_energy_wh"]
-    known = np.isfinite(samples[names].to_numpy(dtype=np.float64)).all(axis=1)
-    time, at = samples["time_s"].to_numpy(dtype=np.float64), np.flatnonzero(known)
+    pair = "voltage_v" in samples and "current_a" in samples
+    names = ("voltage_v", "current_a") if pair else ("observed_energy_wh",)
+    known = np.isfinite([samples[name] for name in names]).all(axis=0)
+    if known.all():
+        return energy
+    time, at = samples["time_s"], np.flatnonzero(known)
     if not len(at):
         return None
     after = np.searchsorted(at, np.arange(len(time)))

@@ -7,6 +7,7 @@ totals become the conformal scores. An outer fold takes no part in it.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Final
@@ -15,9 +16,9 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import FloatArray, IntArray
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 from tripwatt.forecasting.donor import DonorModel
-from tripwatt.forecasting.expected import ExpectedDrive
+from tripwatt.forecasting.expected import ExpectedTrip
 from tripwatt.forecasting.forecast import Forecast
 from tripwatt.forecasting.inner import INNER_FOLDS, Again, inner_fits, shown_by
 from tripwatt.forecasting.plausible import impossible_faults
@@ -26,14 +27,9 @@ from tripwatt.forecasting.ranges import (
     kept_temperatures,
     training_ranges,
     unknown_state_sd_wh,
+    unknown_wind_sd_wh,
 )
-from tripwatt.hybrid import (
-    PowerCorrector,
-    SegmentTable,
-    power_corrector,
-    segment_table,
-    segment_trips,
-)
+from tripwatt.hybrid import PowerCorrector, SegmentTable, power_corrector, segment_table, segment_trips
 from tripwatt.hybrid.familiarity import Range
 from tripwatt.hybrid.hierarchy import Members
 from tripwatt.parallel import one_blas_thread
@@ -42,13 +38,7 @@ from tripwatt.routes.terrain import net_climbs
 from tripwatt.trips import Departure, Flag, Plan, Trip, plan_from_trip, raise_faults
 from tripwatt.trips.messages import name_of
 from tripwatt.trips.showing import html_table
-from tripwatt.uncertainty import (
-    ChargeScale,
-    LinkedTrips,
-    RouteUncertainty,
-    UncertaintyModel,
-    linked_trips,
-)
+from tripwatt.uncertainty import ChargeScale, LinkedTrips, RouteUncertainty, UncertaintyModel, linked_trips
 from tripwatt.uncertainty.free_flow import FreeFlowTrips
 from tripwatt.uncertainty.held_out import held_out_residual, process_segments
 from tripwatt.uncertainty.model import scale_wh
@@ -77,7 +67,7 @@ class HeldOut:
 
 @dataclass(eq=False, repr=False)
 class ForecastModel:
-    """Physics, learned correction and their uncertainty.
+    """Physics, a correction and their uncertainty.
 
     Parameters
     ----------
@@ -132,7 +122,7 @@ class ForecastModel:
         car_of: Callable[[IntArray], Vehicle] | None = None,
         progress: Callable[[int, int], None] | None = None,
     ) -> ForecastModel:
-        """Learn from raw trips with measured energy. See `fit_segments`.
+        """Fit to raw trips with measured energy. See `fit_segments`.
 
         Parameters
         ----------
@@ -182,7 +172,7 @@ class ForecastModel:
         again: Again | None = None,
         progress: Callable[[int, int], None] | None = None,
     ) -> ForecastModel:
-        """Learn corrector, process and scores. One fit of the corrector, one for each inner fold, and a few for its settings.
+        """Fit corrector, process and scores. One fit of the corrector, one for each inner fold, and a few for its settings.
 
         Parameters
         ----------
@@ -219,9 +209,7 @@ class ForecastModel:
         """
         if len(table) < MIN_TRIPS:
             fix = "adapt a model of another car with tripwatt fit --base MODEL"
-            raise InvalidInput(
-                Fault("too few trips", "training", str(len(table)), f"at least {MIN_TRIPS}", fix)
-            )
+            raise InvalidInput.of("too few trips", "training", str(len(table)), f"at least {MIN_TRIPS}", fix)
         self.corrector_ = power_corrector(self.corrector, self.seed).fit(table)
         self.trip_ids_ = table.trip_ids
         self.ranges_ = training_ranges(table)
@@ -293,7 +281,7 @@ class ForecastModel:
         'UncertaintyModel'
         """
         if self.corrector_ is None or self.uncertainty_ is None:
-            raise InvalidInput(Fault("model is not fitted", where, "no training trips", fix="call fit first"))
+            raise InvalidInput.of("model is not fitted", where, "no training trips", fix="call fit first")
         return self.corrector_, self.uncertainty_
 
     def as_donor(self, masked_inputs: Sequence[str] = ()) -> DonorModel:
@@ -365,7 +353,7 @@ class ForecastModel:
             climate = corrector.predict_climate(table)
             correction = correction if climate is None else correction - climate
         segments = process_segments(table, factor, corrector.outside_factor(table))
-        drive = ExpectedDrive(plan, self.vehicle, simulation, table, segments, corrector, correction)
+        drive = ExpectedTrip(plan, self.vehicle, simulation, table, segments, corrector, correction)
         posterior = uncertainty.process.prior(segments)
         unfamiliar = compare(table, self.ranges_, self.vehicle, plan.departure)
         forecast = Forecast(
@@ -373,7 +361,10 @@ class ForecastModel:
             uncertainty,
             posterior,
             sd_factor=uncertainty.scale.sd_wh(segments) / float(posterior.energy_wh(segments.hours)[1][-1]),
-            state_sd_wh=unknown_state_sd_wh(self.vehicle, unfamiliar.unknown, float(segments.hours.sum())),
+            state_sd_wh=math.hypot(
+                unknown_state_sd_wh(self.vehicle, unfamiliar.unknown, float(segments.hours.sum())),
+                unknown_wind_sd_wh(self.vehicle, plan),
+            ),
             climbing=None
             if plan.has_road
             else drive.climbing_energy(net_climbs(plan.departure.terrain or "unknown")),
@@ -455,8 +446,10 @@ class ForecastModel:
         return plot_model(self.forecast, self.vehicle.title)
 
     def _title(self) -> str:
-        learned = f"{self.corrector} corrector, {len(self.trip_ids_)} trips" if self.trip_ids_ else "no trips"
-        return f"{self.vehicle.title}, {learned}"
+        corrector = (
+            f"{self.corrector} corrector, {len(self.trip_ids_)} trips" if self.trip_ids_ else "no trips"
+        )
+        return f"{self.vehicle.title}, {corrector}"
 
     def __repr__(self) -> str:
         return f"<ForecastModel {self._title()}>"
@@ -470,10 +463,13 @@ class ForecastModel:
         return html_table(f"ForecastModel {self._title()}", [("training trips", ""), *rows] if rows else [])
 
 
-def _assumed(drive: ExpectedDrive) -> list[Flag]:
-    """Flag of a departure without a state of charge."""
+def _assumed(drive: ExpectedTrip) -> list[Flag]:
+    """Flags of a departure without a state of charge, and of a wind from an unknown side."""
     flags, departure = [], drive.plan.departure
     if departure.bms_soc is None and departure.soc is None:
         start = drive.vehicle.battery.displayed_from_soc(drive.departure_soc)
         flags.append(Flag("soc_assumed", "soc", start, "1"))
+    air = drive.plan.air
+    if air is not None and air.any_side_m_s:
+        flags.append(Flag("wind_direction_unknown", "wind_from_deg", departure.wind_speed_m_s, "m_s"))
     return flags

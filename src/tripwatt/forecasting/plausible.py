@@ -6,12 +6,11 @@ from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
-import pandas as pd
 
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import Fault
-from tripwatt.forecasting.expected import LEAST_RESISTANCE, ExpectedDrive
-from tripwatt.forecasting.measured import MOST_STRETCH, WHERE, measured_energy
+from tripwatt.forecasting.expected import LEAST_RESISTANCE, ExpectedTrip
+from tripwatt.forecasting.measured import MOST_STRETCH, WHERE, Columns, measured_energy
 from tripwatt.physics.battery import internal_resistance, largest_power, open_circuit_voltage
 from tripwatt.units import GRAVITY_M_S2, SECONDS_PER_HOUR
 from tripwatt.vehicles.relations import LEAST_PEAK_EFFICIENCY
@@ -29,7 +28,7 @@ LATE_S: Final = 60.0
 """Time [s] after the end of a driven speed trace up to which samples may belong to it."""
 
 MASS_MARGIN: Final = 0.5
-"""Share by which a correction that was learned may change the energy of climb and speed: a load, or a wrong mass."""
+"""Share by which a correction may change the energy of climb and speed: a load, or a wrong mass."""
 
 ROUNDING_WH: Final = 1.0
 """Error of the sums of a long trip."""
@@ -49,14 +48,14 @@ ELEVATION_ERROR_M: Final = 40.0
 """Error of the difference of two heights of a road [m]: a filled gap of a log jumps by half of it."""
 
 
-def implausible_faults(samples: pd.DataFrame, drive: ExpectedDrive) -> Iterator[Fault]:
+def implausible_faults(samples: Columns, drive: ExpectedTrip) -> Iterator[Fault]:
     """Every reason why samples measured on the way are not those of this car on this trip. O(samples + segments).
 
     Parameters
     ----------
-    samples : DataFrame
+    samples : mapping of str to ndarray
         Sound samples, timed from the departure.
-    drive : ExpectedDrive
+    drive : ExpectedTrip
 
     Notes
     -----
@@ -65,7 +64,7 @@ def implausible_faults(samples: pd.DataFrame, drive: ExpectedDrive) -> Iterator[
     that of climb and speed and half of the rolling resistance; less would be recovered from nothing, as with a current of the wrong sign.
     """
     where = WHERE
-    last, planned = float(samples["time_s"].iloc[-1]), drive.plan.duration_s
+    last, planned = float(samples["time_s"][-1]), drive.plan.duration_s
     if drive.plan.link_m is None:
         end = drive.plan.end_s
         most = (planned if end is None else end - drive.plan.start_s) + LATE_S
@@ -79,19 +78,21 @@ def implausible_faults(samples: pd.DataFrame, drive: ExpectedDrive) -> Iterator[
         )
         allowed = f"at most {most:g} s after the departure"
         yield Fault("measured after the trip", f"{where}, time_s", f"{last:g} s", allowed, fix)
-    yield from _energy_faults(samples, drive, where)
-    yield from _motion_faults(samples, drive, where)
+    cumulative = measured_energy(samples)
+    if cumulative is not None:
+        yield from _energy_faults(cumulative, drive, where)
+        yield from _motion_faults(samples, cumulative, drive, where)
     yield from _charge_faults(samples, drive, where)
 
 
-def impossible_faults(energy_wh: float, drive: ExpectedDrive) -> Iterator[Fault]:
+def impossible_faults(energy_wh: float, drive: ExpectedTrip) -> Iterator[Fault]:
     """The reason why a forecast energy breaks a law of physics; nothing for one that a car can take. O(samples).
 
     Parameters
     ----------
     energy_wh : float
         Of the whole trip at the battery [Wh].
-    drive : ExpectedDrive
+    drive : ExpectedTrip
 
     Notes
     -----
@@ -118,7 +119,7 @@ def impossible_faults(energy_wh: float, drive: ExpectedDrive) -> Iterator[Fault]
     yield Fault("energy that physics forbids", where, f"{energy_wh / 1000.0:.3g} kWh", allowed, fix)
 
 
-def _battery_most_w(drive: ExpectedDrive) -> float:
+def _battery_most_w(drive: ExpectedTrip) -> float:
     """Largest power of the battery on the way [W]: full, and as warm as it gets."""
     battery, warmest = drive.vehicle.battery, drive.simulation.battery_temperature_degc.max()
     soc = np.asarray(battery.resistance_soc)
@@ -127,15 +128,14 @@ def _battery_most_w(drive: ExpectedDrive) -> float:
     return float(largest_power(open_circuit_voltage(np.ones(1), battery), resistance, floor)[0])
 
 
-def battery_wh(drive: ExpectedDrive) -> float:
+def battery_wh(drive: ExpectedTrip) -> float:
     """Energy that the battery of a car holds at most [Wh]: its charge at the highest open-circuit voltage."""
     battery = drive.vehicle.battery
     return battery.capacity_ah * float(open_circuit_voltage(np.ones(1), battery)[0])
 
 
-def _energy_faults(samples: pd.DataFrame, drive: ExpectedDrive, where: str) -> Iterator[Fault]:
-    cumulative = measured_energy(samples)
-    known = np.empty(0) if cumulative is None else cumulative[np.isfinite(cumulative)]
+def _energy_faults(cumulative: FloatArray, drive: ExpectedTrip, where: str) -> Iterator[Fault]:
+    known = cumulative[np.isfinite(cumulative)]
     most = CAPACITY_MARGIN * battery_wh(drive)
     if len(known) and float(np.ptp(known)) > most:
         got = (
@@ -145,16 +145,17 @@ def _energy_faults(samples: pd.DataFrame, drive: ExpectedDrive, where: str) -> I
         yield Fault("more energy than the battery holds", where, got, f"at most {most / 1000.0:.1f} kWh", fix)
 
 
-def _motion_faults(samples: pd.DataFrame, drive: ExpectedDrive, where: str) -> Iterator[Fault]:
+def _motion_faults(
+    samples: Columns, cumulative: FloatArray, drive: ExpectedTrip, where: str
+) -> Iterator[Fault]:
     """The fault of an energy below what rolling, climb and speed take on the road that was driven. O(samples)."""
-    cumulative = measured_energy(samples)
-    known = np.empty(0, np.int64) if cumulative is None else np.flatnonzero(np.isfinite(cumulative))
-    if cumulative is None or len(known) < 2:
+    known = np.flatnonzero(np.isfinite(cumulative))
+    if len(known) < 2:
         return
-    time = samples["time_s"].to_numpy(dtype=np.float64)
+    time = samples["time_s"]
     plan_s = drive.plan.array("time_s") - drive.plan.array("time_s")[0]
     planned = np.interp(time, plan_s, drive.plan.array("speed_m_s"))
-    speed = samples["speed_m_s"].to_numpy(dtype=np.float64) if "speed_m_s" in samples else planned
+    speed = samples.get("speed_m_s", planned)
     # the road behind a first sample that came late was driven as planned
     start_m = float(np.interp(time[0], drive.edges_s, drive.distance_m))
     driven = start_m + np.concatenate(([0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(time))))
@@ -180,7 +181,7 @@ def _motion_faults(samples: pd.DataFrame, drive: ExpectedDrive, where: str) -> I
         yield Fault("less energy than the drive takes", where, got, allowed, fix)
 
 
-def _least_wh(drive: ExpectedDrive, from_to_m: tuple[float, float], speeds_m_s: tuple[float, float]) -> float:
+def _least_wh(drive: ExpectedTrip, from_to_m: tuple[float, float], speeds_m_s: tuple[float, float]) -> float:
     """Least energy at the terminals [Wh] between two distances of the road as it is known, with the speeds there."""
     features, hours = drive.table.features, drive.table.hours
 
@@ -194,22 +195,21 @@ def _least_wh(drive: ExpectedDrive, from_to_m: tuple[float, float], speeds_m_s: 
     return LEAST_RESISTANCE * between("rolling") + between("climb") + kinetic
 
 
-def _mass_kg(drive: ExpectedDrive) -> float:
+def _mass_kg(drive: ExpectedTrip) -> float:
     return drive.vehicle.body.test_mass_kg + (drive.plan.departure.payload_mass_kg or 0.0)
 
 
-def _weight_wh_m(drive: ExpectedDrive) -> float:
+def _weight_wh_m(drive: ExpectedTrip) -> float:
     """Potential energy of the car by height [Wh/m]."""
     return _mass_kg(drive) * GRAVITY_M_S2 / SECONDS_PER_HOUR
 
 
-def _charge_faults(samples: pd.DataFrame, drive: ExpectedDrive, where: str) -> Iterator[Fault]:
+def _charge_faults(samples: Columns, drive: ExpectedTrip, where: str) -> Iterator[Fault]:
     allowed = SOC_MARGIN + _descent_wh(drive) / battery_wh(drive)
     for name in ("soc", "displayed_soc"):
         if name not in samples:
             continue
-        values = samples[name].to_numpy(dtype=np.float64)
-        values = values[np.isfinite(values)]
+        values = samples[name][np.isfinite(samples[name])]
         rise = _largest_rise(values)
         if rise > allowed:
             got = f"a rise of {rise:.0%} on the way"
@@ -221,7 +221,7 @@ def _largest_rise(values: FloatArray) -> float:
     return float(np.max(values - np.minimum.accumulate(values))) if len(values) else 0.0
 
 
-def _descent_wh(drive: ExpectedDrive) -> float:
+def _descent_wh(drive: ExpectedTrip) -> float:
     """Potential energy of the largest descent of the road [Wh]."""
     if not drive.plan.has_road:
         return _weight_wh_m(drive) * UNKNOWN_DESCENT_M

@@ -113,10 +113,10 @@ def plot_model(forecast: Callable[[Plan, Departure], Interval], car: str) -> Fig
             cabin_temperature_degc=ambient,
             battery_temperature_degc=ambient,
         )
-        found = [forecast(_constant(speed), departure) for speed in MODEL_SPEEDS_KM_H]
+        forecasts = [forecast(_constant(speed), departure) for speed in MODEL_SPEEDS_KM_H]
         km = MODEL_DRIVE_M / 1000.0
-        low, high = np.array([one.interval(0.9) for one in found]).T / km / 10.0
-        middle = np.array([one.energy_wh for one in found]) / km / 10.0
+        low, high = np.array([one.interval(0.9) for one in forecasts]).T / km / 10.0
+        middle = np.array([one.energy_wh for one in forecasts]) / km / 10.0
         axis.fill_between(MODEL_SPEEDS_KM_H, low, high, color=colour, alpha=0.15, lw=0)
         axis.plot(
             MODEL_SPEEDS_KM_H, middle, color=colour, marker=marker, ms=4, label=f"{ambient:.0f} °C outside"

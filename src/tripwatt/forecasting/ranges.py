@@ -11,7 +11,7 @@ import numpy as np
 
 from tripwatt.hybrid import SegmentTable
 from tripwatt.hybrid.familiarity import Range
-from tripwatt.physics import conditions_at_departure
+from tripwatt.physics import conditions_at_departure, simulate_trip
 from tripwatt.physics.cabin import heat_pump_cop
 from tripwatt.trips import TEMPERATURES, Departure, Flag, Plan
 from tripwatt.units import SECONDS_PER_HOUR
@@ -102,6 +102,20 @@ def unknown_state_sd_wh(vehicle: Vehicle, unknown: Collection[str], hours: float
                 heat_wh_k = min(heat_wh_k, stored / SECONDS_PER_HOUR)
             parts.append(kelvin * heat_wh_k * cost)
     return float(np.linalg.norm(parts))
+
+
+def unknown_wind_sd_wh(vehicle: Vehicle, plan: Plan) -> float:
+    """Standard deviation of a trip's energy by a wind of unknown direction [Wh]: half of what head wind and tail wind differ.
+
+    The direction holds for the whole way, as on a straight road: a road with turns differs less.
+    """
+    air = plan.air
+    if air is None or not air.any_side_m_s:
+        return 0.0
+    against, behind = (
+        simulate_trip(vehicle, plan.with_weather(side)).simulated_energy_wh for side in air.sides()
+    )
+    return 0.5 * abs(against - behind)
 
 
 def kept_temperatures(plan: Plan, given: Departure | None) -> list[Flag]:

@@ -1,74 +1,37 @@
 """A forecaster as a model directory and back: what is loaded forecasts to the last bit as what was stored.
 
 The car is stored with all its values and their sources, so that a later change of the bundled cars changes no stored
-model. Meaning of the parts: `model.json` holds the plain values, `vehicle.json` the car, `corrector*.npz` arrays.
+model. `model.json` is the model, field by field, and `model.npz` its arrays.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, fields, replace
+from dataclasses import replace
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
-from types import MappingProxyType
-from typing import Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final, get_origin, get_type_hints
 
 import numpy as np
 import pandas as pd
 
-from tripwatt.errors import Fault, InvalidInput
-from tripwatt.forecasting.donor import DonorModel
+from tripwatt.errors import InvalidInput, excerpt
+from tripwatt.forecasting.document import ForecastResponse
 from tripwatt.forecasting.model import ForecastModel
-from tripwatt.hybrid.familiarity import Range
+from tripwatt.forecasting.upgrading import version_1_tree
 from tripwatt.hybrid.segments import SEGMENT_S
-from tripwatt.hybrid.stored import (
-    Stored,
-    corrector_of_parts,
-    corrector_parts,
-    members_of_parts,
-    members_parts,
-)
-from tripwatt.modelfile import Part, read_metadata, read_model, write_model
-from tripwatt.routes.free_flow import TravelTimeFactors
-from tripwatt.trips import (
-    COLUMNS,
-    QUANTITIES,
-    REQUIRED_COLUMNS,
-    ROUTE_COLUMNS,
-    SIGNALS,
-    Flag,
-    plan_from_samples,
-)
-from tripwatt.uncertainty import (
-    ChargeScale,
-    ConformalScores,
-    ResidualProcess,
-    RouteUncertainty,
-    TotalScale,
-    UncertaintyModel,
-    UpdateShrinkage,
-)
-from tripwatt.uncertainty.free_flow import FreeFlowUncertainty
-from tripwatt.uncertainty.residual_power import ComponentProcess
-from tripwatt.uncertainty.scale import TimeCourse
-from tripwatt.vehicles import Vehicle, vehicle_from_document
+from tripwatt.hybrid.stored import REFIT, new_converter, parts_tree, structured, tree_parts
+from tripwatt.modelfile import FORMAT_VERSION, Part, read_metadata, read_model, write_model
+from tripwatt.trips import COLUMNS, QUANTITIES, REQUIRED_COLUMNS, ROUTE_COLUMNS, SIGNALS, plan_from_samples
+from tripwatt.vehicles import Vehicle, vehicle_document, vehicle_from_document
+
+if TYPE_CHECKING:
+    from cattrs import Converter
 
 GIVEN: Final = "given the driven speed trace"
 """What every figure of a forecast is on condition of."""
-
-_SHRINKAGE: Final = {
-    "climate": "climate",
-    "drive": "drive",
-    "whole": "joint",
-    "apart_spread": "split_sd_factor",
-    "whole_spread": "joint_sd_factor",
-    "off": "off",
-}
-"""Key in the file -> field of `UpdateShrinkage`."""
-
-_OLD_CORRECTORS: Final = {"kriging": "gp", "channels": "split"}
-"""Name in older files -> name of the corrector."""
 
 DEFAULT_MODEL: Final = "bmw_i3_tum"
 """The model that comes with the package."""
@@ -82,88 +45,62 @@ def model_parts(model: ForecastModel) -> dict[str, Part]:
     InvalidInput
         For a model that is not fitted, or whose corrector cannot be stored.
     """
-    corrector, uncertainty = model.fitted_parts("store")
-    about, arrays = corrector_parts(corrector)
-    process = asdict(uncertainty.process)
-    process["apart"] = process.pop("split")
-    shrinkage = uncertainty.shrinkage
-    values = {
-        "corrector": model.corrector,
-        "seed": model.seed,
-        "block_s": SEGMENT_S,
-        "fitted": about,
-        "process": process | {"climate_limit_w": _finite(uncertainty.process.climate_limit_w)},
-        **_scale_part(uncertainty.scale),
-        "scores": uncertainty.scores.values.tolist(),
-        "gain": {key: getattr(shrinkage, name).tolist() for key, name in _SHRINKAGE.items()},
-        "route_doubt": _route_part(uncertainty.route),
-        "free_flow": _free_flow_part(uncertainty.free_flow),
-        "charge": None if uncertainty.charge is None else asdict(uncertainty.charge),
-        "ranges": {n: [_finite(r.low), _finite(r.high), r.sd] for n, r in model.ranges_.items()},
-        "trip_ids": list(model.trip_ids_),
-    }
-    if model.flags:
-        values["flags"] = [asdict(flag) for flag in model.flags]
-    if model.donor_ is not None:
-        values["elsewhere"], more = _donor_part(model.donor_)
-        arrays |= more
-    return {"model.json": values, "vehicle.json": vehicle_part(model.vehicle), **arrays}
+    model.fitted_parts("store")
+    return tree_parts({"segment_s": SEGMENT_S, **_converter().unstructure(model)})
 
 
-def model_of_parts(parts: Mapping[str, Part]) -> ForecastModel:
-    """Reverse of `model_parts`.
+def model_of_parts(parts: Mapping[str, Part], version: int = FORMAT_VERSION) -> ForecastModel:
+    """Reverse of `model_parts`; `version` is that of the format of the parts.
 
     Raises
     ------
     InvalidInput
-        For parts that do not make a model of this version, with the reason.
+        For parts that do not make a model of this version, with every reason.
     """
     try:
-        values: Mapping[str, Any] = parts["model.json"]
-        if values["block_s"] != SEGMENT_S:
-            got, allowed = f"segments of {values['block_s']} s", f"segments of {SEGMENT_S:g} s"
-            raise InvalidInput(
-                Fault("model of an older version", "model.json, block_s", got, allowed, "fit the model again")
-            )
-        process = values["process"]
-        ranges = {
-            n: Range(_bound(low, -math.inf), _bound(high, math.inf), sd)
-            for n, (low, high, sd) in values["ranges"].items()
-        }
-        return ForecastModel(
-            vehicle=vehicle_of_part(parts["vehicle.json"]),
-            corrector=_OLD_CORRECTORS.get(values["corrector"], values["corrector"]),
-            seed=values["seed"],
-            corrector_=corrector_of_parts(values["fitted"], parts),
-            uncertainty_=UncertaintyModel(
-                process=ResidualProcess(
-                    drive=ComponentProcess(**process["drive"]),
-                    climate=ComponentProcess(**process["climate"]),
-                    climate_limit_w=_bound(process["climate_limit_w"], math.inf),
-                    split=process["apart"],
-                ),
-                scale=_scale_of_part(values),
-                scores=ConformalScores(np.array(values["scores"], dtype=np.float64)),
-                shrinkage=UpdateShrinkage(
-                    **{
-                        n: np.array(values["gain"][k], dtype=np.float64)
-                        for k, n in _SHRINKAGE.items()
-                        if k in values["gain"]  # models of older versions have no `off`
-                    }
-                ),
-                route=_route_of_part(values.get("route_doubt")),
-                free_flow=_free_flow_of_part(values.get("free_flow")),
-                charge=ChargeScale(**values["charge"]) if values.get("charge") else None,
-            ),
-            ranges_=ranges,
-            trip_ids_=tuple(values["trip_ids"]),
-            donor_=_donor_of_part(values["elsewhere"], parts) if "elsewhere" in values else None,
-            flags=tuple(Flag(**flag) for flag in values.get("flags", ())),
-        )
-    except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError, RecursionError) as error:
+        tree = parts_tree(parts) if version == FORMAT_VERSION else version_1_tree(parts)
+        segment_s = tree.pop("segment_s")
+    except (LookupError, TypeError, ValueError, AttributeError, RecursionError) as error:
         got = f"{type(error).__name__}: {error}"[:200]
-        fix = "fit the model again with this version of tripwatt"
-        raise InvalidInput(Fault("parts do not make a forecast model", "model", got, "", fix)) from error
+        raise InvalidInput.of("parts do not make a forecast model", "model", got, "", REFIT) from error
+    if segment_s != SEGMENT_S:
+        got, allowed = f"segments of {excerpt(segment_s)} s", f"segments of {SEGMENT_S:g} s"
+        raise InvalidInput.of("model of an older version", "model.json, segment_s", got, allowed, REFIT)
+    return structured(tree, ForecastModel, _converter(), "a forecast model")
+
+
+@cache
+def _converter() -> Converter:
+    from cattrs.gen import make_dict_structure_fn, make_dict_unstructure_fn, override
+
+    converter = new_converter()
+    converter.register_unstructure_hook(Vehicle, vehicle_values)
+    converter.register_structure_hook(Vehicle, lambda values, _: vehicle_of_values(values))
+    without = override(omit=True)  # the scores of the held-out trips are part of the metadata
+    unstructure = make_dict_unstructure_fn(ForecastModel, converter, held_out_=without)
+    converter.register_unstructure_hook(ForecastModel, unstructure)
+    structure = make_dict_structure_fn(
+        ForecastModel, converter, _cattrs_forbid_extra_keys=True, held_out_=without
+    )
+    converter.register_structure_hook(ForecastModel, structure)
+    return converter
+
+
+def vehicle_values(vehicle: Vehicle) -> dict[str, Any]:
+    """A car as plain values, with the source of every value."""
+    return {"name": vehicle.name, "preset": vehicle.preset, "document": vehicle_document(vehicle)}
+
+
+def vehicle_of_values(values: Mapping[str, Any]) -> Vehicle:
+    """Reverse of `vehicle_values`.
+
+    Raises
+    ------
+    InvalidInput
+        With every unknown or missing entry.
+    """
+    vehicle = vehicle_from_document(values["document"], str(values["name"]), "vehicle")
+    return replace(vehicle, preset=str(values["preset"]))
 
 
 def save_model(
@@ -182,7 +119,7 @@ def save_model(
     folder : path
         A new or empty folder, or one that holds a model, which is replaced.
     provenance : mapping, optional
-        Where it comes from, such as `trained` gives: data, audit, trips, versions.
+        Where it comes from, such as `fitting.fit_with_provenance` gives: data, audit, trips, versions.
     evaluation : mapping, optional
         Its figures.
 
@@ -248,7 +185,8 @@ def load_model(folder: Path | str | None = None) -> ForecastModel:
     'BMW i3 60 Ah'
     """
     place = model_folder(folder)
-    model = model_of_parts(read_model(place).parts)
+    stored = read_model(place)
+    model = model_of_parts(stored.parts, stored.metadata["format_version"])
     if folder is not None:
         require_usable(model, f"{place}")
     return model
@@ -271,10 +209,10 @@ def require_usable(model: ForecastModel, where: str) -> None:
     try:
         with np.errstate(all="ignore"):
             before = model.forecast(plan_from_samples(drive, "trial"))
-            found = [before.to_dict(), before.update(observed).to_dict()]
+            documents = [before.to_dict(), before.update(observed).to_dict()]
             planned = replace(before.plan, link_m=250.0)
-            found.append(model.forecast(planned).to_dict())
-            sound = all(math.isfinite(sum(_numbers(document))) for document in found)
+            documents.append(model.forecast(planned).to_dict())
+            sound = all(math.isfinite(sum(_numbers(document))) for document in documents)
     except InvalidInput as error:
         got = error.faults[0].what
     except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
@@ -283,8 +221,7 @@ def require_usable(model: ForecastModel, where: str) -> None:
         if sound:
             return
         got = "numbers that are not finite"
-    fix = "fit the model again with this version of tripwatt"
-    raise InvalidInput(Fault("model gives no forecast", where, got, "a finite forecast of a trial trip", fix))
+    raise InvalidInput.of("model gives no forecast", where, got, "a finite forecast of a trial trip", REFIT)
 
 
 def _numbers(value: Any) -> Iterator[float]:
@@ -296,6 +233,33 @@ def _numbers(value: Any) -> Iterator[float]:
             yield from _numbers(entry)
     elif isinstance(value, int | float):
         yield float(value)
+
+
+def upgrade_model(folder: Path | str) -> bool:
+    """Write a stored model of an older format again in that of today, with the provenance and the figures that it has.
+
+    Its forecasts are the same to the last bit.
+
+    Parameters
+    ----------
+    folder : path
+        Of the stored model, which is replaced.
+
+    Returns
+    -------
+    bool
+        Whether its format was an older one; a model of today's format stays as it is.
+
+    Raises
+    ------
+    InvalidInput
+        As `load_model`, and when the folder cannot be written. The model is as it was then.
+    """
+    about = load_metadata(folder)
+    if about["format_version"] == FORMAT_VERSION:
+        return False
+    save_model(load_model(folder), folder, provenance=about["provenance"], evaluation=about["evaluation"])
+    return True
 
 
 def load_metadata(folder: Path | str | None = None, *, check_parts: bool = True) -> dict[str, Any]:
@@ -344,207 +308,29 @@ def contract(model: ForecastModel) -> dict[str, Any]:
         `inputs`: for each column of a trip, and for the payload, its unit, bounds, meaning, whether it is required,
         which samples count, and the range of the training trips where it is watched. `outputs`: name -> unit.
     """
+    payload = {"payload_mass_kg": QUANTITIES["payload_mass_kg"]}
     inputs = []
-    for name in (*ROUTE_COLUMNS, *SIGNALS.values()):
-        column = COLUMNS[name]
+    for name, column in (
+        {name: COLUMNS[name] for name in (*ROUTE_COLUMNS, *SIGNALS.values())} | payload
+    ).items():
         entry: dict[str, Any] = {
             "name": name,
             "unit": column.unit,
             "minimum": _finite(column.minimum) if name != "time_s" else 0.0,
             "maximum": _finite(column.maximum),
             "required": name in REQUIRED_COLUMNS,
-            "samples": "all" if name in ROUTE_COLUMNS else "first",
+            "samples": "all" if name in ROUTE_COLUMNS else "trip" if name in payload else "first",
             "meaning": column.meaning,
         }
         seen = model.ranges_.get(name)
         if seen is not None:
             entry["training"] = [_finite(seen.low), _finite(seen.high)]
         inputs.append(entry)
-    low, high = QUANTITIES["payload_mass_kg"].bounds
-    inputs.append(
-        {
-            "name": "payload_mass_kg",
-            "unit": "kg",
-            "minimum": low,
-            "maximum": high,
-            "required": False,
-            "samples": "trip",
-            "meaning": "load on top of the car's test mass; 0 when not given",
-        }
-    )
-    outputs = {
-        "energy_wh": "Wh",
-        "quantiles_wh": "Wh",
-        "soc_arrival": "1, displayed",
-        "soc_quantiles": "1, displayed, by probability",
-        "wh_per_display": "Wh",
-        "empty_at_m": "m, early, expected and late",
-        "missing_wh": "Wh, least, expected and most",
-        "p_arrive": "1, by displayed state of charge at the end",
-        "leave_with": "soc_needed, reserve, probability, message",
-        "series": "by column",
-        "by_cause_wh": "Wh",
-        "flags": "code, subject, value, unit, message",
-    }
+    answer = get_type_hints(ForecastResponse, include_extras=True)
+    outputs = {name: kind.__metadata__[0] for name, kind in answer.items() if get_origin(kind) is Annotated}
     return {"inputs": inputs, "outputs": outputs}
-
-
-def vehicle_part(vehicle: Vehicle) -> dict[str, Any]:
-    """A car as the document that gives the same car, with the source of every value."""
-    document: dict[str, dict[str, Any]] = {}
-    for key, entry in vehicle.entries.items():
-        section, _, name = key.partition(".")
-        value = list(entry.value) if isinstance(entry.value, tuple) else entry.value
-        stored: dict[str, Any] = {"value": value, "unit": entry.unit, "source": entry.source}
-        stored["licence"] = entry.licence
-        stored |= {k: v for k, v in (("estimated", entry.estimated), ("scale", entry.scale)) if v}
-        if entry.published is not None:
-            stored["published"] = entry.published
-        document.setdefault(section, {})[name] = stored
-    part: dict[str, Any] = {
-        "name": vehicle.name,
-        "title": vehicle.title,
-        "preset": vehicle.preset,
-        "document": document,
-        "anchor": vehicle.anchor,
-    }
-    if vehicle_of_part(part) != vehicle:  # some values were replaced after the car was loaded
-        _take_values(document, vehicle)
-    return part
-
-
-def vehicle_of_part(part: Mapping[str, Any]) -> Vehicle:
-    """Reverse of `vehicle_part`.
-
-    Raises
-    ------
-    InvalidInput
-        With every unknown or missing entry.
-    """
-    # Models stored before licences were recorded have none in their entries.
-    sections, published = _without_published(part["document"])
-    document = {**sections, "name": part["title"], "licence": "not-stated"}
-    document["anchor"] = part.get(
-        "anchor", "book"
-    )  # nor has any of those been held against certified figures
-    vehicle = vehicle_from_document(document, part["name"], "vehicle.json")
-    entries = dict(vehicle.entries)
-    entries |= {key: replace(entries[key], published=value) for key, value in published.items()}
-    return replace(vehicle, preset=part["preset"], entries=MappingProxyType(entries))
-
-
-def _without_published(document: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The sections of a stored car as a vehicle file has them, and the published values of entries that trips changed."""
-    sections = {
-        name: {key: dict(entry) for key, entry in section.items()} for name, section in document.items()
-    }
-    published = {}
-    for name, section in sections.items():
-        for key, entry in section.items():
-            value = entry.pop("published", None)
-            if value is not None:
-                published[f"{name}.{key}"] = tuple(value) if isinstance(value, list) else value
-    return sections, published
-
-
-def _donor_part(donor: DonorModel) -> Stored:
-    about, arrays = members_parts(donor.members, "corrector-elsewhere")
-    values = {
-        "fitted": about,
-        **_scale_part(donor.scale),
-        "scores": donor.scores.values.tolist(),
-        "hidden": list(donor.masked_inputs),
-    }
-    return values, arrays
-
-
-def _donor_of_part(values: Mapping[str, Any], parts: Mapping[str, Part]) -> DonorModel:
-    return DonorModel(
-        members_of_parts(values["fitted"], parts),
-        _scale_of_part(values),
-        ConformalScores(np.array(values["scores"], dtype=np.float64)),
-        tuple(values["hidden"]),
-    )
-
-
-def _take_values(document: dict[str, dict[str, Any]], vehicle: Vehicle) -> None:
-    """Put the values of the car's parts in place of those of its entries."""
-    for section, entries in list(document.items()):
-        part = getattr(vehicle, section)
-        if part is None:
-            del document[section]
-            continue
-        for field in fields(part):
-            value, entry = getattr(part, field.name), entries.get(field.name)
-            plain = list(value) if isinstance(value, tuple) else value
-            if value is None or (entry is not None and entry["value"] == plain and "scale" not in entry):
-                continue
-            source, licence = "set after the car was loaded", "user"
-            if entry is not None and entry["value"] == plain:
-                source, licence = entry["source"], entry["licence"]
-            scale = {"scale": "soc"} if field.metadata.get("scaled") else {}
-            entries[field.name] = {
-                "value": plain,
-                "unit": field.metadata["unit"],
-                "source": source,
-                "licence": licence,
-                **scale,
-            }
-
-
-def _scale_part(scale: TotalScale) -> dict[str, Any]:
-    return {"scale": scale.values.tolist(), "course": asdict(scale.course), "least_share": scale.least_share}
-
-
-def _scale_of_part(values: Mapping[str, Any]) -> TotalScale:
-    """Errors of power are constant over a trip in models of older versions."""
-    course = values.get("course", {"constant_w": 1.0, "drifts": []})
-    drifts = tuple((float(sd_w), float(time_s)) for sd_w, time_s in course["drifts"])
-    return TotalScale(
-        np.array(values["scale"], dtype=np.float64),
-        TimeCourse(float(course["constant_w"]), drifts),
-        float(values.get("least_share", 0.0)),
-    )
-
-
-def _free_flow_part(found: FreeFlowUncertainty | None) -> dict[str, Any] | None:
-    if found is None:
-        return None
-    return {
-        "speed_m_s": found.factors.speed_m_s.tolist(),
-        "factor": found.factors.factor.tolist(),
-        "scale_variance": found.scale_variance,
-        "local_variance_m": found.local_variance_m,
-        "trips": found.trips,
-    }
-
-
-def _free_flow_of_part(part: Mapping[str, Any] | None) -> FreeFlowUncertainty | None:
-    if part is None:
-        return None
-    factors = TravelTimeFactors(np.array(part["speed_m_s"]), np.array(part["factor"]))
-    return FreeFlowUncertainty(factors, part["scale_variance"], part["local_variance_m"], part["trips"])
-
-
-def _route_part(route: RouteUncertainty | None) -> dict[str, Any] | None:
-    if route is None:
-        return None
-    lengths, variances = route.length_m.tolist(), route.variance.tolist()
-    return {"length_m": lengths, "variance": variances, "trips": route.trips}
-
-
-def _route_of_part(part: Mapping[str, Any] | None) -> RouteUncertainty | None:
-    """Models of older versions have none."""
-    if part is None:
-        return None
-    length, variance = (np.array(part[name], dtype=np.float64) for name in ("length_m", "variance"))
-    return RouteUncertainty(length, variance, part["trips"])
 
 
 def _finite(value: float) -> float | None:
     """None for an infinite value, which JSON cannot hold."""
     return value if math.isfinite(value) else None
-
-
-def _bound(value: float | None, unbounded: float) -> float:
-    return unbounded if value is None else value

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-import pandas as pd
 
 from tripwatt.arrays import FloatArray
-from tripwatt.forecasting.expected import ExpectedDrive
-from tripwatt.forecasting.measured import Measured, PowerReadings
-from tripwatt.hybrid.climate_log import logged_climate
+from tripwatt.forecasting.expected import ExpectedTrip
+from tripwatt.forecasting.measured import Columns, Measured, PowerReadings
+from tripwatt.hybrid.climate_log import TOLD_BY, logged_climate
+from tripwatt.trips import table_of
 from tripwatt.uncertainty import ResidualPower, UncertaintyModel
 from tripwatt.uncertainty.process import EXACT_W2
 from tripwatt.uncertainty.residual_power import PowerSum, ShiftedPower
@@ -16,9 +16,9 @@ from tripwatt.uncertainty.shrinkage import is_off
 
 
 def updated_power(
-    drive: ExpectedDrive,
+    drive: ExpectedTrip,
     uncertainty: UncertaintyModel,
-    samples: pd.DataFrame,
+    samples: Columns,
     measured: Measured,
     readings: PowerReadings,
 ) -> tuple[ResidualPower, float]:
@@ -52,9 +52,11 @@ def updated_power(
 
 
 def _climate_power(
-    drive: ExpectedDrive, samples: pd.DataFrame
+    drive: ExpectedTrip, samples: Columns
 ) -> tuple[FloatArray, FloatArray] | tuple[None, None]:
     """Expected and measured power of climate control [W]; NaN in segments that were not measured."""
-    logged = logged_climate(samples, drive.edges_s)
+    if not any(name in samples for name in TOLD_BY):
+        return None, None
+    logged = logged_climate(table_of(samples), drive.edges_s)
     expected = None if logged is None else drive.climate_w
     return (None, None) if logged is None or expected is None else (expected, logged)

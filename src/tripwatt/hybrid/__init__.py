@@ -1,4 +1,4 @@
-"""Where physics meets statistics: simulated energy, and what is learned of its error.
+"""Where physics meets statistics: simulated energy, and a correction fitted to its error.
 
 `trip_table` holds trips sample by sample, `segments` in short time bins; `power` corrects the power of segments from
 what is known before departure. In both ``residual = observed - simulated`` and ``predicted = simulated + correction``.

@@ -13,7 +13,7 @@ from tripwatt.hybrid.trip_table import TripTable
 
 @dataclass
 class PhysicsOnly:
-    """The simulation as it is; nothing to learn.
+    """The simulation as it is, without a fit.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ class PhysicsOnly:
     simulation: str | None
 
     def fit(self, table: TripTable) -> Self:
-        """Do nothing: there is nothing to learn.
+        """Do nothing: there is nothing to fit.
 
         Parameters
         ----------

@@ -9,9 +9,8 @@ from typing import Final
 import numpy as np
 
 from tripwatt.arrays import FloatArray
-from tripwatt.errors import Fault, InvalidInput
 from tripwatt.hybrid.parameters import PARAMETERS, changed, sensitivities
-from tripwatt.hybrid.segments import segment_trips
+from tripwatt.hybrid.segments import require_measured, segment_trips
 from tripwatt.trips import Trip, plan_from_trip
 from tripwatt.vehicles import Vehicle
 
@@ -77,21 +76,14 @@ def calibrate(trips: Sequence[Trip], vehicle: Vehicle) -> Calibration:
     >>> sorted(found.changes) == sorted(p.name for p in PARAMETERS)
     True
     """
-    unmeasured = [t.trip_id for t in trips if t.observed_energy_wh is None]
-    faults = [Fault("no measured energy", name, "", "voltage and current") for name in unmeasured]
-    if len(trips) < LEAST_TRIPS:
-        faults.append(
-            Fault("too few trips to calibrate a car", "training", str(len(trips)), f"at least {LEAST_TRIPS}")
-        )
-    if faults:
-        raise InvalidInput(faults)
+    require_measured(trips, LEAST_TRIPS)
     plans = [plan_from_trip(trip) for trip in trips]
     table = segment_trips(trips, vehicle)
     by_change = sensitivities(plans, vehicle, table)
     totals = np.column_stack([table.totals_wh(column) for column in by_change.T])
     width = np.array([parameter.width for parameter in PARAMETERS])
     usual_wh = USUAL_ERROR * float(np.median(np.abs(table.totals_wh(table.simulated_w))))
-    mean, covariance = _most_probable(totals, table.totals_wh(table.residual_w), width, usual_wh)
+    mean, covariance = most_probable(totals, table.totals_wh(table.residual_w), width, usual_wh)
     names = [parameter.name for parameter in PARAMETERS]
     sd = np.sqrt(np.diag(covariance))
     return Calibration(
@@ -99,7 +91,7 @@ def calibrate(trips: Sequence[Trip], vehicle: Vehicle) -> Calibration:
     )
 
 
-def _most_probable(
+def most_probable(
     X: FloatArray, residual: FloatArray, width: FloatArray, usual_wh: float
 ) -> tuple[FloatArray, FloatArray]:
     """Posterior mode and covariance of a regression with t errors, by iterated weights (Lange et al. 1989).

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final, NoReturn
+from typing import ClassVar, Final
 
 import numpy as np
 
 from tripwatt.arrays import FloatArray, eigen
-from tripwatt.errors import Fault, InvalidInput
 from tripwatt.hybrid.hierarchy import CarTransfer, Members, Posterior
-from tripwatt.hybrid.power import less_trip_mean
+from tripwatt.hybrid.power import PowerCorrector, less_trip_mean
 from tripwatt.hybrid.segments import SegmentTable
 
 _SMALLEST: Final = 1e-8
@@ -18,7 +17,7 @@ _SMALLEST: Final = 1e-8
 
 
 @dataclass(frozen=True, eq=False)
-class HierarchicalCorrector:
+class HierarchicalCorrector(PowerCorrector):
     """Correction of the second car: the common part, faded outside the training range, and the car's own part.
 
     Attributes
@@ -34,6 +33,8 @@ class HierarchicalCorrector:
     shares : tuple of float
         Shares in common by stage; the base's shape within a trip is taken by them.
     """
+
+    refit: ClassVar[str] = "adapt the base again"
 
     base: Members
     scales: FloatArray
@@ -55,62 +56,36 @@ class HierarchicalCorrector:
             Parameters whose mean the car's values have taken. The mean of the others, and the uncertainty of all, becomes
             that of the causes that they multiply.
         """
-        from scipy.sparse import eye_array  # scipy is slow to import
-
         names = [term.columns[0] if term.kind == "line" else "" for term in transfer.members.terms]
-        features = len(transfer.scales)
-        starts = np.concatenate(([0], np.cumsum(transfer.members.sizes)))[:-1]
-        onto = eye_array(3 * features, 3 * features + len(transfer.parameters), format="lil")
-        moved = onto.copy()
-        for j, parameter in enumerate(transfer.parameters):
-            for cause in parameter.causes:
-                if f"{cause}_w" in names:
-                    row = features + int(starts[names.index(f"{cause}_w")])
-                    onto[row, 3 * features + j] = 1.0
-                    moved[row, 3 * features + j] = float(parameter.name not in calibrated)
-        mapping = onto.tocsr()
-        covariance = np.asarray((mapping @ (mapping @ posterior.covariance).T).T)
-        factor = _factor(0.5 * (covariance + covariance.T))
+        n = 3 * len(transfer.scales)
+        starts = np.concatenate(([0], np.cumsum(transfer.members.sizes)))[:-1] + len(transfer.scales)
+        onto = [  # rows of a parameter in the posterior, and of a cause that it multiplies
+            (n + j, int(starts[names.index(f"{cause}_w")]), parameter.name in calibrated)
+            for j, parameter in enumerate(transfer.parameters)
+            for cause in parameter.causes
+            if f"{cause}_w" in names
+        ]
+        mean, covariance = posterior.mean.copy(), posterior.covariance.copy()
+        for parameter, cause, in_car in onto:
+            mean[cause] += 0.0 if in_car else mean[parameter]
+            covariance[cause] += covariance[parameter]
+        for parameter, cause, _ in onto:
+            covariance[:, cause] += covariance[:, parameter]
+        mean, covariance = mean[:n], covariance[:n, :n]
+        factor = factor_of(0.5 * (covariance + covariance.T))
         factor = np.asarray(factor, dtype=np.float32).astype(np.float64)  # as it is stored: half the size
-        mean = np.asarray(moved.tocsr() @ posterior.mean)
         return cls(transfer.members, transfer.scales, mean, factor, posterior.shares)
 
-    def fit(self, table: SegmentTable) -> NoReturn:
-        """Not possible: it is adapted with `CarTransfer`, from the base."""
-        raise InvalidInput(Fault("transferred corrector cannot be fitted", "fit", fix="adapt the base again"))
-
-    def clone_tuned(self) -> NoReturn:
-        """Not possible, as `fit`."""
-        raise InvalidInput(
-            Fault("transferred corrector cannot be fitted", "clone_tuned", fix="adapt the base again")
-        )
-
-    def predict(self, table: SegmentTable) -> FloatArray:
-        """Residual power [W]."""
-        return self.predict_with_uncertainty(table)[0]
-
-    def uncertainty_factor(self, table: SegmentTable) -> FloatArray:
-        """`L` with `L @ L.T` the covariance of what is not known of the second car."""
-        return self.predict_with_uncertainty(table)[1]
-
-    def outside_factor(self, table: SegmentTable) -> FloatArray:
-        """No columns: what fades outside the first car's range is part of `uncertainty_factor`."""
-        return np.zeros((len(table.hours), 0))
-
     def predict_with_uncertainty(self, table: SegmentTable) -> tuple[FloatArray, FloatArray]:
-        """`predict` and `uncertainty_factor`."""
+        """Residual power [W], and its uncertainty by the posterior of the weights."""
         segments = CarTransfer(self.base, self.scales).rows(table)
         rows = np.hstack(segments)
         within = np.array(self.shares)[self.base.stage] * self.base.shape
         shape = less_trip_mean(segments[0] @ within[:, None], table)[:, 0]
         return rows @ self.mean + shape, rows @ self.factor
 
-    def predict_climate(self, table: SegmentTable) -> FloatArray | None:
-        """None: the car's own part is learned from totals alone."""
-        return None
 
-
-def _factor(covariance: FloatArray) -> FloatArray:
+def factor_of(covariance: FloatArray) -> FloatArray:
     """`L` with ``L @ L.T`` a covariance, without what is negligible.
 
     Weights that are independent of each other, as all causes and terms are before the first trip, are factorised on their own:

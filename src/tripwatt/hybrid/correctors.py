@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Final
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 from tripwatt.hybrid.power import (
     LINES,
     EnsembleCorrector,
@@ -68,7 +68,7 @@ def power_corrector(name: str, seed: int = 0) -> PowerCorrector:
     ('GPCorrector', ['boosting', 'ensemble', 'forest', 'gamm', 'gp', 'linear', 'split'])
     """
     if name not in POWER_CORRECTORS:
-        raise InvalidInput(Fault("unknown corrector", "corrector", name, ", ".join(POWER_CORRECTORS)))
+        raise InvalidInput.of("unknown corrector", "corrector", name, ", ".join(POWER_CORRECTORS))
     return POWER_CORRECTORS[name](seed)
 
 

@@ -1,6 +1,6 @@
-"""How near a trip is to what a correction was learned from, and so how much of the correction counts.
+"""How near a trip is to the training of a correction, and so how much of the correction counts.
 
-A correction is known where it was learned. Between the trips of its training it is interpolated; outside of them a share
+A correction is known within its training. Between the trips of its training it is interpolated; outside of them a share
 ``exp(-d² / 2)`` of it is kept, with `d` the distance from the range of each covariate in its standard deviations: the correlation of
 the Gaussian process whose length scale is one standard deviation. The rest is as unknown as before any trip: it comes
 back as variance. The duration of a trip is no such covariate, since the corrections are of power.
@@ -8,7 +8,7 @@ back as variance. The duration of a trip is no such covariate, since the correct
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -68,6 +68,11 @@ class Familiarity:
     ----------
     ranges : mapping of str to Range
 
+    Raises
+    ------
+    InvalidInput
+        When a range is not finite, or its standard deviation not positive.
+
     Examples
     --------
     >>> seen = Familiarity.from_features(pd.DataFrame({"ambient_temperature_degc": [10.0, 20.0]}), FADING)
@@ -76,6 +81,20 @@ class Familiarity:
     """
 
     ranges: Mapping[str, Range] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        faults = [
+            Fault(
+                "no range",
+                f"familiarity, {name}",
+                f"{seen.low:g} to {seen.high:g}, sd {seen.sd:g}",
+                "finite, sd above 0",
+            )
+            for name, seen in self.ranges.items()
+            if not (np.isfinite([seen.low, seen.high, seen.sd]).all() and seen.sd > 0.0)
+        ]
+        if faults:
+            raise InvalidInput(faults)
 
     @classmethod
     def from_features(cls, features: pd.DataFrame, columns: Iterable[str]) -> Familiarity:
@@ -93,34 +112,6 @@ class Familiarity:
             name: Range.from_values(features[name]) for name in FADING if name in wanted and name in features
         }
         return cls({name: seen for name, seen in found.items() if seen is not None})
-
-    def to_dict(self) -> dict[str, list[float]]:
-        """Lower bound, upper bound and standard deviation of each covariate, as a stored model keeps them."""
-        return {name: [seen.low, seen.high, seen.sd] for name, seen in self.ranges.items()}
-
-    @classmethod
-    def from_dict(cls, stored: Mapping[str, Sequence[float]]) -> Familiarity:
-        """Reverse of `to_dict`.
-
-        Raises
-        ------
-        InvalidInput
-            When a range is not finite, or its standard deviation not positive.
-        """
-        ranges = {name: Range(*(float(value) for value in values)) for name, values in stored.items()}
-        faults = [
-            Fault(
-                "no range",
-                f"familiar, {name}",
-                f"{seen.low:g} to {seen.high:g}, sd {seen.sd:g}",
-                "finite, sd above 0",
-            )
-            for name, seen in ranges.items()
-            if not (np.isfinite([seen.low, seen.high, seen.sd]).all() and seen.sd > 0.0)
-        ]
-        if faults:
-            raise InvalidInput(faults)
-        return cls(ranges)
 
     def distances(self, features: pd.DataFrame) -> dict[str, FloatArray]:
         """Distance of each row outside of each range, in standard deviations: covariate -> shape (rows,)."""

@@ -21,7 +21,8 @@ distance from the range of each covariate in its standard deviations; what is lo
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
@@ -31,12 +32,12 @@ from typing import Final
 import numpy as np
 
 from tripwatt.arrays import FloatArray, IntArray
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 from tripwatt.hybrid.familiarity import kept_share
+from tripwatt.hybrid.levels import Level, Mixture
 from tripwatt.hybrid.parameters import PARAMETERS, Parameter
-from tripwatt.hybrid.power import EnsembleCorrector, GPCorrector, PowerCorrector
+from tripwatt.hybrid.power import GPCorrector, PowerCorrector
 from tripwatt.hybrid.segments import SegmentTable
-from tripwatt.hybrid.split import SplitCorrector
 from tripwatt.learners.gp import KernelTerm
 from tripwatt.vehicles import Vehicle
 
@@ -44,10 +45,10 @@ SHARES: Final = (0.0, 0.25, 0.5, 0.75, 1.0)
 STAGE_SHARES: Final = (0.0, 0.5, 1.0)
 """Shares of each stage where a corrector has several: the grid has every combination."""
 OWN_SCALES: Final = (0.0, 0.25, 0.5, 0.75, 1.0)
-"""At 1 both cars are alike before any trip: each correction is drawn from the same prior. More would say that the book
+"""At 1 both cars are alike before any trip: each correction is drawn from the same prior. More would mean that the published
 values of the second car are worse than those of the first."""
 BOOK_SCALES: Final = (0.5, 1.0, 1.5)
-"""Never 0: no car is as its book says."""
+"""Without 0: published values of a car always have errors."""
 NOISE_SCALES: Final = (0.25, 0.5, 1.0, 2.0, 4.0)
 """Variance of a trip's error over that of the first car's: before any trip, half is as likely as double."""
 MODES: Final = ("effects", "parameters", "both")
@@ -59,7 +60,7 @@ _CLIMATE: Final = frozenset({"ambient_temperature_degc", "cabin_temperature_degc
 
 @dataclass(frozen=True, slots=True)
 class Option:
-    """One point of the grid: shares in common by stage, scales of what is own and of book values, of the error's variance."""
+    """One point of the grid: shares in common by stage, scales of what is own and of published values, of the error's variance."""
 
     shares: tuple[float, ...]
     own: float
@@ -70,6 +71,12 @@ class Option:
     def share(self) -> float:
         """Mean of the shares of all stages."""
         return sum(self.shares) / len(self.shares)
+
+    @property
+    def scales(self) -> tuple[float, ...]:
+        """Scale of each level: in common by stage, own by stage, lost by stage, parameters."""
+        own = (self.own * math.sqrt(1.0 - share**2) for share in self.shares)
+        return (*self.shares, *own, *self.shares, self.book)
 
 
 def grid(mode: str = "both", stages: int = 1) -> tuple[Option, ...]:
@@ -89,7 +96,7 @@ def grid(mode: str = "both", stages: int = 1) -> tuple[Option, ...]:
 def require_mode(mode: str) -> None:
     """Raise `InvalidInput` for an unknown mode."""
     if mode not in MODES:
-        raise InvalidInput(Fault("unknown adaptation mode", "mode", repr(mode), ", ".join(MODES)))
+        raise InvalidInput.of("unknown adaptation mode", "mode", repr(mode), ", ".join(MODES))
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,25 +112,17 @@ class Members:
 
     @classmethod
     def from_corrector(cls, corrector: PowerCorrector) -> Members:
-        """Those of any corrector; the other members have no uncertainty of their own.
+        """Those of any corrector.
 
         Raises
         ------
         InvalidInput
             When there is none.
         """
-        if isinstance(corrector, GPCorrector):
-            return cls((corrector,))
-        inner: tuple[PowerCorrector, ...] = ()
-        if isinstance(corrector, EnsembleCorrector):
-            inner = tuple(m for m in corrector.members if isinstance(m, GPCorrector))
-        elif isinstance(corrector, SplitCorrector):
-            inner = (corrector.climate, corrector.drive) if corrector.split_ else (corrector.joint,)
-        found = tuple(k for member in inner for k in cls.from_corrector(member).correctors)
-        if not found:
+        if not corrector.processes:
             got, allowed = type(corrector).__name__, "linear, gp, ensemble or split"
-            raise InvalidInput(Fault("corrector cannot be transferred", "corrector", got, allowed))
-        return cls(found)
+            raise InvalidInput.of("corrector cannot be transferred", "corrector", got, allowed)
+        return cls(corrector.processes)
 
     @property
     def terms(self) -> tuple[KernelTerm, ...]:
@@ -151,13 +150,6 @@ class Members:
         return np.concatenate([c.model.weights_ for c in self.correctors])
 
     @property
-    def covariance(self) -> FloatArray:
-        """Posterior covariance of the weights, shape (features, features); separate correctors are independent."""
-        from scipy.linalg import block_diag
-
-        return np.asarray(block_diag(*(c.model.factor_ @ c.model.factor_.T for c in self.correctors)))
-
-    @property
     def variances(self) -> FloatArray:
         """Variance of each weight before any trip, shape (features,)."""
         by_term = [c.model.variances_[: len(c.terms)] for c in self.correctors]
@@ -177,7 +169,7 @@ class Members:
         return np.asarray(np.sum([c.predict(table) for c in self.correctors], axis=0))
 
     def familiarity(self, table: SegmentTable) -> FloatArray:
-        """How near each row is to what was learned from: 1 inside, towards 0 far outside, shape (rows,)."""
+        """How near each row is to the training: 1 inside, towards 0 far outside, shape (rows,)."""
         distances: dict[str, FloatArray] = {}
         for corrector in self.correctors:
             for name, beyond in corrector.familiarity.distances(table.features).items():
@@ -308,147 +300,42 @@ class CarTransfer:
         trust = self.members.familiarity(table)[:, None]
         return features * trust, features, features * np.sqrt(1.0 - trust**2)
 
-    def posterior(self, evidence: Evidence) -> Posterior:
-        """Posterior of the second car's weights given its trips, integrated over the grid.
+    def given(self, evidence: Evidence) -> Mixture:
+        """The levels of the second car's weights, given its trips: in common, own, lost, each by stage; then the parameters."""
+        correctors, its = self.members.correctors, self.members.stage
+        stages = [np.flatnonzero(its == k) for k in range(len(correctors))]
+        before = self.members.variances
+        common = [
+            Level(evidence.world[:, stage], corrector.model.factor_, corrector.model.weights_)
+            for stage, corrector in zip(stages, correctors, strict=True)
+        ]
+        independent = [
+            Level(part[:, stage], before[stage]) for part in (evidence.own, evidence.lost) for stage in stages
+        ]
+        widths = np.array([parameter.width**2 for parameter in self.parameters])
+        return Mixture(
+            (*common, *independent, Level(evidence.physical, widths)),
+            np.array([option.scales for option in self.options]),
+            np.array([option.noise for option in self.options]),
+            evidence.noise_wh2,
+            evidence.measured,
+            evidence.residual_wh,
+        )
 
-        O(options x trips x features + trips x features^2 x options that count).
-        """
-        prior = self.options
-        weights = self._weights(evidence, prior)
-        total = sum(o.noise * w for o, w in zip(prior, weights, strict=True))
-        counting = [(o, w) for o, w in zip(prior, weights, strict=True) if w >= _NEGLIGIBLE]
-        kept = sum(w for _, w in counting)
-        features, stage = self._stacked(evidence), self.members.stage
-        common = np.zeros(len(stage))
-        diagonal = np.zeros(features.shape[1])
-        means, gains = [], []
-        for option, weight in counting:
-            share = np.sqrt(weight / kept)
-            mean, gain, own = self._conditioned(evidence, features, option)
-            means.append(share * mean)
-            gains.append(share * gain)
-            common += weight / kept * np.array(option.shares)[stage] ** 2
-            diagonal += own * weight / kept
-        stacked, known = np.array(means), np.hstack(gains)
-        centre = np.sqrt([w / kept for _, w in counting]) @ stacked
-        covariance = stacked.T @ stacked - np.outer(centre, centre) - known @ known.T
-        n = len(self.scales)
-        covariance[:n, :n] += common[:, None] * self.members.covariance  # stages are independent
-        covariance[np.diag_indices(len(centre))] += diagonal
-        return Posterior(centre, covariance, prior, weights, float(total))
+    def posterior(self, evidence: Evidence) -> Posterior:
+        """Posterior of the second car's weights given its trips, integrated over the grid: see `Mixture.posterior`."""
+        given = self.given(evidence)
+        return Posterior(*given.posterior(), self.options, given.weights, float(given.noise @ given.weights))
 
     def left_out(self, evidence: Evidence) -> tuple[FloatArray, FloatArray]:
-        """Mean and variance [Wh, Wh²] of each trip's residual energy given all others, without its own error.
-
-        The grid is weighted by the others as well: p(y_others) = p(y) / p(y_i | y_others). O(options x trips^3).
-        """
-        y, noise, measured = evidence.residual_wh, evidence.noise_wh2, evidence.measured
-        logs, means, variances = [], [], []
-        for option, mean, kernel in self._kernels(evidence, self.options):
-            covariance = kernel + np.diag(option.noise * noise + measured)
-            inverse = np.linalg.inv(covariance)
-            variance = 1.0 / np.diag(inverse)
-            error = (inverse @ (y - mean)) * variance
-            own = -0.5 * error**2 / variance - 0.5 * np.log(variance)
-            logs.append(_log_likelihood(y - mean, covariance) - own)
-            means.append(y - error)
-            variances.append(np.maximum(variance - option.noise * noise - measured, 0.0))
-        weight = np.exp(np.array(logs) - np.max(logs, axis=0))
-        weight /= weight.sum(axis=0)
-        centre = (weight * np.array(means)).sum(axis=0)
-        spread = (weight * (np.array(variances) + np.array(means) ** 2)).sum(axis=0) - centre**2
-        return centre, np.maximum(spread, 0.0)
+        """Mean and variance [Wh, Wh²] of each trip's residual energy given all others: see `Mixture.left_out`."""
+        return self.given(evidence).left_out()
 
     def predict_draws(self, evidence: Evidence, draws: IntArray, score: IntArray) -> DrawsForecast:
-        """Residual energy of some trips, given each of many draws of k other trips. O(options x draws x k^3).
-
-        Parameters
-        ----------
-        evidence : Evidence
-        draws : ndarray of int, shape (draws, k)
-            The trips that are known; k may be 0.
-        score : ndarray of int, shape (trips,)
-            The trips to predict.
-        """
-        prior = self.options
-        everything = [
-            _given_draws(mean, kernel, evidence.error_wh2(option.noise), evidence.residual_wh, draws, score)
-            for option, mean, kernel in self._kernels(evidence, prior)
-        ]
-        log_weight = np.array([e[2] for e in everything])
-        weight = np.exp(log_weight - log_weight.max(axis=0))
-        weight /= weight.sum(axis=0)
-        means, variances = np.array([e[0] for e in everything]), np.array([e[1] for e in everything])
-        mean = np.einsum("od,ods->ds", weight, means)
-        noise = np.array([o.noise for o in prior])[:, None, None] * evidence.noise_wh2[score]
-        noise = noise + evidence.measured[score]
-        second = np.einsum("od,ods->ds", weight, variances + noise + means**2)
-        share = weight.T @ np.array([o.share for o in prior])
-        return DrawsForecast(mean, np.sqrt(np.maximum(second - mean**2, 0.0)), share)
-
-    def _kernels(
-        self, evidence: Evidence, prior: Sequence[Option]
-    ) -> Iterator[tuple[Option, FloatArray, FloatArray]]:
-        """Mean and covariance of the trips' residual energies before any of them, for each option."""
-        members, physics = self.members, evidence.physical
-        before, posterior, stage = members.variances, members.covariance, members.stage
-        centres, shared, owned = [], [], []
-        for k in range(len(members.correctors)):
-            its = stage == k
-            world, own, lost = evidence.world[:, its], evidence.own[:, its], evidence.lost[:, its]
-            centres.append(world @ members.weights[its])
-            shared.append((world @ posterior[np.ix_(its, its)]) @ world.T + (lost * before[its]) @ lost.T)
-            owned.append((own * before[its]) @ own.T)
-        physical = (physics * self._widths()) @ physics.T
-        for option in prior:
-            kernel = option.book**2 * physical
-            for share, in_common, own_part in zip(option.shares, shared, owned, strict=True):
-                kernel = kernel + share**2 * in_common + option.own**2 * (1.0 - share**2) * own_part
-            yield option, np.einsum("k,kt->t", option.shares, np.array(centres)), kernel
-
-    def _weights(self, evidence: Evidence, prior: Sequence[Option]) -> FloatArray:
-        """Posterior probability of each option."""
-        y = evidence.residual_wh
-        logs = np.zeros(len(prior))
-        if len(y):
-            for i, (option, mean, kernel) in enumerate(self._kernels(evidence, prior)):
-                logs[i] = _log_likelihood(y - mean, kernel + np.diag(evidence.error_wh2(option.noise)))
-        weights = np.exp(logs - logs.max())
-        return np.asarray(weights / weights.sum())
-
-    def _stacked(self, evidence: Evidence) -> FloatArray:
-        return np.hstack([evidence.world, evidence.own, evidence.lost, evidence.physical])
-
-    def _conditioned(
-        self, evidence: Evidence, features: FloatArray, option: Option
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Mean of (common, own, lost, parameters) under one option, and two parts of their covariance.
-
-        `L` with ``L @ L.T`` what the trips took of it, and its diagonal before them beside what is in common.
-        """
-        before, n = self.members.variances, len(self.scales)
-        share = np.array(option.shares)[self.members.stage]
-        mean = np.concatenate([share * self.members.weights, np.zeros(features.shape[1] - n)])
-        own = option.own**2 * (1.0 - share**2) * before
-        diagonal = np.concatenate([np.zeros(n), own, share**2 * before, option.book**2 * self._widths()])
-        cross = diagonal[:, None] * features.T
-        cross[:n] += (share**2)[:, None] * self._common_cross(evidence)
-        total = features @ cross + np.diag(evidence.error_wh2(option.noise))
-        factor = np.linalg.inv(np.linalg.cholesky(total)).T  # inverse of the total is factor @ factor.T
-        gain = cross @ factor
-        return mean + gain @ (factor.T @ (evidence.residual_wh - features @ mean)), gain, diagonal
-
-    def _common_cross(self, evidence: Evidence) -> FloatArray:
-        start, products = 0, []
-        for corrector in self.members.correctors:
-            factor = corrector.model.factor_
-            part = evidence.world[:, start : start + len(factor)]
-            products.append(factor @ (factor.T @ part.T))
-            start += len(factor)
-        return np.vstack(products)
-
-    def _widths(self) -> FloatArray:
-        return np.array([p.width**2 for p in self.parameters])
+        """Residual energy of some trips, given each of many draws of other trips: see `Mixture.given_draws`."""
+        mean, variance, weights = self.given(evidence).given_draws(draws, score)
+        share = weights.T @ np.array([option.share for option in self.options])
+        return DrawsForecast(mean, np.sqrt(variance), share)
 
 
 @dataclass(frozen=True, eq=False)
@@ -501,45 +388,6 @@ class DrawsForecast:
     share: FloatArray
 
 
-_NEGLIGIBLE: Final = 1e-4
-
-
 def _totals(table: SegmentTable, rows_w: FloatArray) -> FloatArray:
     """Energy of each trip [Wh] of every column."""
     return np.asarray(np.add.reduceat(rows_w * table.hours[:, None], table.offsets[:-1], axis=0))
-
-
-def _log_likelihood(error: FloatArray, covariance: FloatArray) -> float:
-    factor = np.linalg.cholesky(covariance)
-    z = np.linalg.solve(factor, error)
-    return float(-0.5 * z @ z - np.log(np.diag(factor)).sum())
-
-
-def _given_draws(
-    mean: FloatArray,
-    kernel: FloatArray,
-    noise: FloatArray,
-    residual: FloatArray,
-    draws: IntArray,
-    score: IntArray,
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Mean and variance of the scored trips, shape (draws, trips), and log marginal likelihood of each draw."""
-    n_draws, k = draws.shape
-    before = np.diag(kernel)[score]
-    if not k:
-        return (
-            np.broadcast_to(mean[score], (n_draws, len(score))),
-            np.broadcast_to(before, (n_draws, len(score))),
-            np.zeros(n_draws),
-        )
-    inner = kernel[draws[:, :, None], draws[:, None, :]]
-    inner[:, range(k), range(k)] += noise[draws]
-    inverse = np.linalg.inv(np.linalg.cholesky(inner))
-    z = np.einsum("dij,dj->di", inverse, (residual - mean)[draws])
-    cross = np.einsum("dij,djs->dis", inverse, kernel[draws[:, :, None], score[None, None, :]])
-    log_likelihood = -0.5 * (z**2).sum(axis=1) + np.log(inverse[:, range(k), range(k)]).sum(axis=1)
-    return (
-        mean[score] + np.einsum("dis,di->ds", cross, z),
-        np.maximum(before - (cross**2).sum(axis=1), 0.0),
-        log_likelihood,
-    )

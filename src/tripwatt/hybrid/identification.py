@@ -1,7 +1,7 @@
 """Values of a car from the signals of its own stages, never from the energy of trips or the power of driving.
 
 A log with the torque of the motor, the power of heater and air conditioner, the power of the standing car or the voltage at rest shows
-what each stage does, while the energy of a trip shows their sum alone. What such a signal tells is put in the place of the published value, in so far
+what each stage does, while the energy of a trip shows their sum alone. The value from such a signal takes the place of the published one, in so far
 as the trips outweigh it: each value has a prior around the published one.
 
 =====================  ==========================================================  =======================================
@@ -20,8 +20,8 @@ voltage at rest        open-circuit voltage = curve + smooth change             
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any, Final
 
@@ -30,6 +30,7 @@ import pandas as pd
 
 from tripwatt.arrays import FloatArray
 from tripwatt.auditing.signals import blank_stuck_heater
+from tripwatt.hybrid.parameters import with_values
 from tripwatt.physics import Simulation, simulate_trip
 from tripwatt.physics.battery import internal_resistance, open_circuit_voltage
 from tripwatt.physics.cabin import CabinStart, condition_cabin
@@ -38,12 +39,11 @@ from tripwatt.physics.simulate import conditions_at_departure
 from tripwatt.trips import Trip, resample
 from tripwatt.units import GRAVITY_M_S2
 from tripwatt.vehicles import Climate, Vehicle
-from tripwatt.vehicles.loading import Entry
 
-SEGMENT_S: Final = 30.0
+STRETCH_S: Final = 30.0
 """Stretches over which work is summed, so that torque and speed need not belong to the same moment."""
 FRICTION_SHARE: Final = 0.9
-"""Beyond this share of the largest regenerative torque the friction brakes may take part: such a stretch says nothing of the road."""
+"""Beyond this share of the largest regenerative torque the friction brakes may take part: such a stretch does not measure the road."""
 ROLLING_WIDTH: Final = 0.15
 """Prior standard deviation of rolling and driveline drag: the classes of the EU tyre label (Regulation (EU) 2020/740: 6.5, 7.7, 9.0
 and 10.5 N/kN) lie about so far apart."""
@@ -75,7 +75,7 @@ INTERIOR_WIDTH: Final = 0.7
 """Prior standard deviation of the logarithm of the interior heat capacity: a factor of two of the mass that takes part."""
 COOLER_WIDTH: Final = 0.4
 """Prior standard deviation of the logarithm of sensible cooling over electric power: published figures of 2.5 to 3.5 in total, of which drying
-the air, hot surfaces and the cooling of the battery take what no set-point tells."""
+the air, hot surfaces and the cooling of the battery take power that does not follow from the set-point."""
 IDLE_QUANTILE: Final = 0.25
 """Quantile of the power of a running compressor that stands for its least power."""
 RUNNING_W: Final = 50.0
@@ -103,7 +103,7 @@ STANDING_M_S: Final = 0.1
 CLIMATE_OFF_W: Final = 50.0
 LEAST_STANDING_S: Final = 10.0
 FARTHEST: Final = 3.0
-"""Prior standard deviations beyond which a value tells of a dead or misnamed signal, and not of the car: the published one stays."""
+"""Prior standard deviations beyond which a value comes from a dead or misnamed signal, and not from the car: the published one stays."""
 LEAST_TRIPS: Final = 3
 """Fewest trips with a signal before it changes anything."""
 
@@ -209,27 +209,9 @@ class Identified:
         >>> found.applied(load_vehicle("bmw_i3_60ah")).auxiliaries.base_load_w
         380.0
         """
-        if not self.values:
-            return vehicle
-        entries = dict(vehicle.entries)
-        parts: dict[str, Any] = {}
-        for key, value in self.values.items():
-            section, _, name = key.partition(".")
-            part = parts.get(section, getattr(vehicle, section))
-            before = getattr(part, name)
-            parts[section] = replace(part, **{name: value})
-            old = entries.get(key)
-            if old is None:  # a value that no source has
-                unit = next(f.metadata["unit"] for f in fields(part) if f.name == name)
-                old = Entry(value, unit, "no source", licence="estimate")
-            published = f"{before:g}" if isinstance(before, float) else "another curve"
-            entries[key] = replace(
-                old,
-                value=value,
-                source=f"identified on {self.trips[key]} trips; published {published}: {old.source}",
-                published=before if old.published is None else old.published,
-            )
-        return replace(vehicle, entries=MappingProxyType(entries), **parts)
+        return with_values(
+            vehicle, self.values, {k: f"identified on {n} trips" for k, n in self.trips.items()}
+        )
 
     def __str__(self) -> str:
         """One line for people."""
@@ -285,7 +267,7 @@ def identify(records: Sequence[StageRecord], vehicle: Vehicle) -> Identified:
     Parameters
     ----------
     records : sequence of StageRecord
-        Of the trips to learn from, recorded with `vehicle`.
+        Of the trips to identify with, recorded with `vehicle`.
     vehicle : Vehicle
         The car with its published values, around which every prior lies.
 
@@ -306,17 +288,20 @@ def identify(records: Sequence[StageRecord], vehicle: Vehicle) -> Identified:
     >>> dict(identify([], load_vehicle("bmw_i3_60ah")).values)
     {}
     """
-    values: dict[str, float | tuple[float, ...]] = {}
+    values: _Values = {}
     trips: dict[str, int] = {}
-    for found, number in (
-        _road_values([r for r in records if len(r.road)], vehicle),
-        _fade_values([r.braking for r in records if r.braking.any()], vehicle),
-        _base_value([r.standing_w for r in records if np.isfinite(r.standing_w)], vehicle),
-        _climate_values([r.climate for r in records if r.climate is not None], vehicle),
-        _curve_value([r.rest for r in records if len(r.rest)], vehicle),
-    ):
-        values |= found
-        trips |= dict.fromkeys(found, number)
+    signals: tuple[tuple[Callable[[Any, Vehicle], _Values], list[Any]], ...] = (
+        (_road_values, [r for r in records if len(r.road)]),
+        (_fade_values, [r.braking for r in records if r.braking.any()]),
+        (_base_value, [r.standing_w for r in records if np.isfinite(r.standing_w)]),
+        (_climate_values, [r.climate for r in records if r.climate is not None]),
+        (_curve_value, [r.rest for r in records if len(r.rest)]),
+    )
+    for values_of, seen in signals:
+        if len(seen) >= LEAST_TRIPS:
+            known = values_of(seen, vehicle)
+            values |= known
+            trips |= dict.fromkeys(known, len(seen))
     return Identified(MappingProxyType(values), MappingProxyType(trips))
 
 
@@ -345,7 +330,7 @@ def identify_trips(trips: Sequence[Trip], vehicle: Vehicle) -> Identified:
     return identify([stage_record(trip, vehicle) for trip in trips], vehicle)
 
 
-_Found = tuple[dict[str, Any], int]
+_Values = dict[str, float | tuple[float, ...]]
 
 
 def _over_intervals(values: FloatArray) -> FloatArray:
@@ -363,7 +348,7 @@ def _column(samples: pd.DataFrame, name: str) -> FloatArray | None:
 def _torque_rows(trip: Trip, vehicle: Vehicle) -> tuple[FloatArray, FloatArray]:
     """Rows of the regression of the road load, and braking power by low speed; none without torque."""
     torque = _column(trip.samples, "motor_torque_nm")
-    if torque is None or len(torque) < SEGMENT_S:
+    if torque is None or len(torque) < STRETCH_S:
         return np.empty((0, 4)), np.empty((0, 2))
     drivetrain, torque = vehicle.drivetrain, _over_intervals(torque)
     run = simulate_trip(vehicle, trip)
@@ -388,7 +373,7 @@ def _torque_rows(trip: Trip, vehicle: Vehicle) -> tuple[FloatArray, FloatArray]:
             metres * (force - run.inertia_force_n - run.grade_force_n),
         )
     )
-    stretch = ((run.time_s - run.time_s[0]) / SEGMENT_S).astype(np.int64)
+    stretch = ((run.time_s - run.time_s[0]) / STRETCH_S).astype(np.int64)
     number = int(stretch[-1]) + 1
     sums = np.column_stack([np.bincount(stretch, column, number) for column in columns.T])
     way = np.bincount(stretch, metres, number)
@@ -421,16 +406,14 @@ def _braking_rows(
     )
 
 
-def _fade_values(records: Sequence[FloatArray], vehicle: Vehicle) -> _Found:
+def _fade_values(records: Sequence[FloatArray], vehicle: Vehicle) -> _Values:
     """Speeds between which recovery fades: a search over both ends, with the published fade as so many trips."""
-    if len(records) < LEAST_TRIPS:
-        return {}, 0
     rules = vehicle.regeneration
     possible, taken = np.sum(records, axis=0).T
     middle = (np.arange(LOW_BINS) + 0.5) * LOW_BIN_M_S
     high = middle > rules.full_speed_m_s
     if not LEAST_RECOVERED * possible[high].sum() < taken[high].sum() < MOST_RECOVERED * possible[high].sum():
-        return {}, 0
+        return {}
 
     def fade(zero: FloatArray, full: FloatArray) -> FloatArray:
         return np.clip((middle - zero[:, None]) / (full - zero)[:, None], 0.0, 1.0)
@@ -446,20 +429,11 @@ def _fade_values(records: Sequence[FloatArray], vehicle: Vehicle) -> _Found:
     zero, full = zero[full > zero], full[full > zero]
     best = int(np.argmin(((fade(zero, full) - target) ** 2) @ weight))
     found = {"regeneration.zero_speed_m_s": zero[best], "regeneration.full_speed_m_s": full[best]}
-    return {key: float(value) for key, value in found.items()}, len(records)
+    return {key: float(value) for key, value in found.items()}
 
 
-@dataclass(frozen=True, slots=True)
-class _PublishedRoad:
-    """What is published of a road load: rolling and driveline drag at the mass of the car [N], drag area, and its relative spread."""
-
-    rolling_n: float
-    drag_area_m2: float
-    drag_width: float
-
-
-def _published_road(vehicle: Vehicle) -> _PublishedRoad:
-    """Divide the published force into a rolling resistance and a drag area.
+def published_road(vehicle: Vehicle) -> tuple[float, float, float]:
+    """Published rolling and driveline drag at the mass of the car [N], drag area, and its relative spread.
 
     The terms of a coast-down are collinear: its force is known better than the share of each. Where drag coefficient and frontal
     area are published too, the drag area is the middle of both and their difference its spread; rolling and driveline take the
@@ -478,24 +452,22 @@ def _published_road(vehicle: Vehicle) -> _PublishedRoad:
     area = float(np.mean(areas))
     weights = 1.0 / force**2  # relative errors count
     rolling = float(np.sum(weights * (force - squares * area)) / np.sum(weights))
-    return _PublishedRoad(rolling, area, max(DRAG_WIDTH, float(np.ptp(areas)) / 2.0 / area))
+    return rolling, area, max(DRAG_WIDTH, float(np.ptp(areas)) / 2.0 / area)
 
 
-def _road_values(records: Sequence[StageRecord], vehicle: Vehicle) -> _Found:
+def _road_values(records: Sequence[StageRecord], vehicle: Vehicle) -> _Values:
     """Rolling resistance, its rise in the cold, and drag area."""
     from scipy.optimize import lsq_linear  # scipy is slow to import
 
-    if len(records) < LEAST_TRIPS:
-        return {}, 0
     load, tyres = vehicle.road_load, vehicle.tyres
     everything = np.concatenate([r.road for r in records])
-    book = _published_road(vehicle)
+    rolling_n, area_m2, area_width = published_road(vehicle)
     rise = 0.0 if tyres is None else tyres.temperature_coefficient_per_k
     ambient = np.array([r.ambient_temperature_degc for r in records])
     free = int((ambient < COLD_DEGC).sum()) >= LEAST_TRIPS and rise > 0.0
     # unknowns: rolling resistance [N], its rise for each kelvin [N/K], drag area [m2], each with a prior of its own
-    means = np.array([book.rolling_n, rise * book.rolling_n, book.drag_area_m2])
-    widths = np.array([ROLLING_WIDTH * means[0], COLD_WIDTH * means[1], book.drag_width * means[2]])
+    means = np.array([rolling_n, rise * rolling_n, area_m2])
+    widths = np.array([ROLLING_WIDTH * means[0], COLD_WIDTH * means[1], area_width * means[2]])
     known = np.array([True, free, True])
     prior, target = np.diag(1.0 / np.where(widths > 0.0, widths, 1.0))[known], (means / widths)[known]
     if not free:  # the published rise is kept as a share of the rolling resistance
@@ -513,7 +485,7 @@ def _road_values(records: Sequence[StageRecord], vehicle: Vehicle) -> _Found:
     rolling, colder, drag_area = (float(v) for v in values)
     found: dict[str, Any] = {}
     if (np.abs(values - means)[[0, 2]] > FARTHEST * widths[[0, 2]]).any():
-        return {}, 0
+        return {}
     if free and rolling > 0.0:
         found["tyres.temperature_coefficient_per_k"] = min(colder / rolling, STEEPEST_PER_K)
     if load.method == "coastdown":
@@ -528,7 +500,7 @@ def _road_values(records: Sequence[StageRecord], vehicle: Vehicle) -> _Found:
             vehicle.body.test_mass_kg * GRAVITY_M_S2
         )
         found["road_load.drag_coefficient"] = drag_area / load.frontal_area_m2
-    return found, len(records)
+    return found
 
 
 def _standing_power(samples: pd.DataFrame, climate: FloatArray | None) -> float:
@@ -541,17 +513,21 @@ def _standing_power(samples: pd.DataFrame, climate: FloatArray | None) -> float:
     return float(np.median((voltage * current)[still])) if still.sum() >= LEAST_STANDING_S else float("nan")
 
 
-def _base_value(standing: Sequence[float], vehicle: Vehicle) -> _Found:
+def _most_probable(mean: float, precision: float, published: float, width: float) -> float:
+    """Mean of a normal value with a normal prior around the published one."""
+    prior = width**-2
+    return (precision * mean + prior * published) / (precision + prior)
+
+
+def _base_value(standing: Sequence[float], vehicle: Vehicle) -> _Values:
     """Base load of the standing car."""
     published = vehicle.auxiliaries.base_load_w
-    if len(standing) < LEAST_TRIPS:
-        return {}, 0
     sd = max(float(np.std(standing, ddof=1)), LEAST_SD * published, 1.0)
-    own, book = len(standing) / sd**2, 1.0 / max(BASE_WIDTH * published, 1.0) ** 2
-    value = (own * float(np.mean(standing)) + book * published) / (own + book)
+    width = max(BASE_WIDTH * published, 1.0)
+    value = _most_probable(float(np.mean(standing)), len(standing) / sd**2, published, width)
     if value <= 0.0 or abs(value - published) > FARTHEST * BASE_WIDTH * published:
-        return {}, 0
-    return {"auxiliaries.base_load_w": value}, len(standing)
+        return {}
+    return {"auxiliaries.base_load_w": value}
 
 
 def _climate_record(
@@ -575,24 +551,23 @@ def _climate_record(
     )
 
 
-def _climate_values(records: Sequence[ClimateRecord], vehicle: Vehicle) -> _Found:
+def _climate_values(records: Sequence[ClimateRecord], vehicle: Vehicle) -> _Values:
     """Interior heat capacity of the cabin, and in warm air the compressor's least power and power for the cooling."""
     climate = vehicle.climate
-    if len(records) < LEAST_TRIPS or climate is None:
-        return {}, 0
+    if climate is None:
+        return {}
     names = ["interior_heat_capacity_j_k"]
     climate = _scaled_climate(climate, names[0], INTERIOR_WIDTH, records)
     warm = [r for r in records if r.ambient_temperature_degc > WARM_DEGC]
     running = [r.least_w for r in warm if np.isfinite(r.least_w)]
     if len(running) >= LEAST_TRIPS:
-        own = len(running) / max(float(np.var(running, ddof=1)), 1.0)
-        book = IDLE_WIDTH_W**-2
-        least = (own * float(np.median(running)) + book * climate.compressor_idle_w) / (own + book)
+        known = len(running) / max(float(np.var(running, ddof=1)), 1.0)
+        least = _most_probable(float(np.median(running)), known, climate.compressor_idle_w, IDLE_WIDTH_W)
         if abs(least - climate.compressor_idle_w) <= FARTHEST * IDLE_WIDTH_W:
             climate = replace(climate, compressor_idle_w=least)
         climate = _scaled_climate(climate, "cooler_cop", COOLER_WIDTH, warm)
         names += ["compressor_idle_w", "cooler_cop"]
-    return {f"climate.{name}": getattr(climate, name) for name in names}, len(records)
+    return {f"climate.{name}": getattr(climate, name) for name in names}
 
 
 def _scaled_climate(climate: Climate, name: str, width: float, records: Sequence[ClimateRecord]) -> Climate:
@@ -651,10 +626,8 @@ def _rest_rows(samples: pd.DataFrame, vehicle: Vehicle) -> FloatArray:
     return np.column_stack((charge, change / battery.cells_in_series))
 
 
-def _curve_value(rows: Sequence[FloatArray], vehicle: Vehicle) -> _Found:
+def _curve_value(rows: Sequence[FloatArray], vehicle: Vehicle) -> _Values:
     """Open-circuit voltage of a cell: the published curve and a smooth change."""
-    if len(rows) < LEAST_TRIPS:
-        return {}, 0
     battery = vehicle.battery
     knots = np.linspace(0.0, 1.0, 11)
     everything = np.concatenate(rows)
@@ -668,7 +641,7 @@ def _curve_value(rows: Sequence[FloatArray], vehicle: Vehicle) -> _Found:
     y = np.concatenate([everything[:, 1] / REST_SD_V, np.zeros(len(knots) + len(bends))])
     change = np.linalg.lstsq(X, y, rcond=None)[0]
     if np.abs(change).max() > FARTHEST * CURVE_WIDTH_V:
-        return {}, 0
+        return {}
     soc = np.asarray(battery.ocv_soc)
     curve = np.maximum.accumulate(np.asarray(battery.ocv_v) + np.interp(soc, knots, change))
-    return {"battery.ocv_v": tuple(curve.tolist())}, len(rows)
+    return {"battery.ocv_v": tuple(curve.tolist())}

@@ -1,6 +1,6 @@
-"""A few physical parameters of a car that its book values may have wrong, and what they do to the power of a trip.
+"""A few physical parameters of a car whose published values may be wrong, and what they do to the power of a trip.
 
-Each has a width: how far a car on the road may be from its book value. The widths come from what is published, never
+Each has a width: how far a car on the road may be from its published value. The widths come from what is published, never
 from the trips that they are used on.
 """
 
@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from types import MappingProxyType
-from typing import Final
+from typing import Final, cast
 
 import numpy as np
 
@@ -20,8 +20,8 @@ from tripwatt.physics import Simulation, simulate_trip
 from tripwatt.trips import Plan
 from tripwatt.vehicles import Vehicle
 from tripwatt.vehicles.catalogue import beyond_classes
-from tripwatt.vehicles.loading import Entry
 from tripwatt.vehicles.spreads import CLASS_ANCHORS, road_gain, spreads
+from tripwatt.vehicles.vehicle import Entry, Value
 
 _STEP: Final = 0.02
 """Relative change of a parameter for its finite difference."""
@@ -29,7 +29,7 @@ _STEP: Final = 0.02
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """One parameter of a car, as a relative change of its book value.
+    """One parameter of a car, as a relative change of its published value.
 
     Attributes
     ----------
@@ -125,7 +125,7 @@ def parameters_of(vehicle: Vehicle) -> tuple[Parameter, ...]:
     )
     if not beyond:
         return found
-    # loads of the class, of which no figure of the car says anything
+    # loads of the class, on which no figure of the car depends
     return tuple(replace(p, width=math.hypot(p.width, beyond)) if p.name in _LOADS else p for p in found)
 
 
@@ -175,26 +175,47 @@ def changed(vehicle: Vehicle, changes: Mapping[str, float], *, source: str = "")
     >>> car.auxiliaries.base_load_w, car.entries["auxiliaries.base_load_w"].value
     (450.0, 450.0)
     """
-    entries = dict(vehicle.entries)
+    values, sources = {}, {}
     for parameter in PARAMETERS:
         factor = 1.0 + changes.get(parameter.name, 0.0)
         for key in parameter.keys if factor != 1.0 else ():
+            value = cast(float | None, vehicle.value(key))
+            if value is not None:
+                values[key], sources[key] = value * factor, source or f"published value times {factor:.3f}"
+    return with_values(vehicle, values, sources)
+
+
+def with_values(vehicle: Vehicle, values: Mapping[str, Value], sources: Mapping[str, str]) -> Vehicle:
+    """A car with values in the place of the published ones, which its entries keep.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    values : mapping of str to (float, str or tuple of float)
+        By key of the entries, e.g. ``"auxiliaries.base_load_w"``.
+    sources : mapping of str to str
+        Where each value comes from.
+
+    Returns
+    -------
+    Vehicle
+        The same object where there are no values.
+    """
+    entries = {}
+    for key, value in values.items():
+        before, old = vehicle.value(key), vehicle.entries.get(key)
+        if old is None:  # a value that no source has
             section, _, name = key.partition(".")
-            part = getattr(vehicle, section)
-            value = getattr(part, name)
-            if value is None:
-                continue
-            vehicle = replace(vehicle, **{section: replace(part, **{name: value * factor})})
-            if key in entries:
-                changed_by = source or f"book value times {factor:.3f}"
-                old: Entry = entries[key]
-                entries[key] = replace(
-                    old,
-                    value=value * factor,
-                    source=f"{changed_by}; book value {value:g}: {old.source}",
-                    published=value if old.published is None else old.published,
-                )
-    return replace(vehicle, entries=MappingProxyType(entries))
+            unit = next(f.metadata["unit"] for f in fields(getattr(vehicle, section)) if f.name == name)
+            old = Entry(value, unit, "no source", licence="estimate")
+        published = f"{before:g}" if isinstance(before, float) else "another curve"
+        entries[key] = replace(
+            old,
+            value=value,
+            source=f"{sources[key]}; published {published}: {old.source}",
+            published=before if old.published is None else old.published,
+        )
+    return vehicle.with_values(values, entries) if values else vehicle
 
 
 def sensitivities(

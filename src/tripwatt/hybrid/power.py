@@ -1,23 +1,27 @@
-"""Correct power: the residual power of short segments, learned from what is known before departure."""
+"""Correct power: the residual power of short segments, estimated from what is known before departure."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, Final, Protocol, Self
+from typing import Any, ClassVar, Final, Self
 
 import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import FloatArray
+from tripwatt.errors import InvalidInput
 from tripwatt.hybrid.familiarity import FADING, Familiarity
 from tripwatt.hybrid.segments import LINE_CAUSES, SegmentTable
 from tripwatt.learners.gp import AdditiveGP, KernelTerm
 from tripwatt.trips import TEMPERATURES
 
 
-class PowerCorrector(Protocol):
-    """Learns the residual power of segments.
+class PowerCorrector:
+    """The residual power of segments, predicted from what is known before departure.
+
+    A corrector implements `predict`, or `predict_with_uncertainty` where it has an uncertainty of its own. One that can be fitted
+    implements `fit` and `clone_tuned` as well.
 
     Examples
     --------
@@ -26,19 +30,20 @@ class PowerCorrector(Protocol):
     >>> from tripwatt.vehicles import load_vehicle
     >>> table = segment_trips(synthetic_fleet(6).trips, load_vehicle(VEHICLE))
     >>> corrector: PowerCorrector = power_corrector("linear").fit(table)
-    >>> corrector.predict(table).shape == table.hours.shape
-    True
     >>> power_w, factor_w = corrector.predict_with_uncertainty(table)
-    >>> factor_w.shape == corrector.uncertainty_factor(table).shape
+    >>> corrector.predict(table).shape == power_w.shape == table.hours.shape
     True
-    >>> len(corrector.outside_factor(table)) == len(table.hours)
+    >>> len(factor_w) == len(corrector.outside_factor(table)) == len(table.hours)
     True
     >>> corrector.predict_climate(table) is None, corrector.clone_tuned() is corrector
     (True, False)
     """
 
+    refit: ClassVar[str] = "fit a new ForecastModel"
+    """What to do in place of a fit, for one that cannot be fitted."""
+
     def fit(self, table: SegmentTable) -> Self:
-        """Learn from the trips of a table.
+        """Fit to the trips of a table.
 
         Parameters
         ----------
@@ -49,8 +54,13 @@ class PowerCorrector(Protocol):
         -------
         PowerCorrector
             Itself.
+
+        Raises
+        ------
+        InvalidInput
+            For one that was made from a fitted one, and not from trips.
         """
-        ...
+        raise InvalidInput.of("corrector cannot be fitted", type(self).__name__, fix=self.refit)
 
     def clone_tuned(self) -> PowerCorrector:
         """Make an unfitted copy with the settings that `fit` chose, to fit on a part of the same trips.
@@ -59,8 +69,18 @@ class PowerCorrector(Protocol):
         -------
         PowerCorrector
             Of the same kind.
+
+        Raises
+        ------
+        InvalidInput
+            As `fit`.
         """
-        ...
+        raise InvalidInput.of("corrector cannot be fitted", type(self).__name__, fix=self.refit)
+
+    @property
+    def processes(self) -> tuple[GPCorrector, ...]:
+        """Its Gaussian processes, which can be put on another car: one, or one for each channel."""
+        return ()
 
     def predict(self, table: SegmentTable) -> FloatArray:
         """Predict the residual power of each row.
@@ -75,40 +95,10 @@ class PowerCorrector(Protocol):
         ndarray, shape (rows,)
             Observed minus simulated power [W].
         """
-        ...
-
-    def uncertainty_factor(self, table: SegmentTable) -> FloatArray:
-        """Compute `L` with `L @ L.T` the covariance of the corrector's own uncertainty [W²].
-
-        Parameters
-        ----------
-        table : SegmentTable
-            Segments; their measured power is not used.
-
-        Returns
-        -------
-        ndarray, shape (rows, any)
-            `L` [W].
-        """
-        ...
-
-    def outside_factor(self, table: SegmentTable) -> FloatArray:
-        """Compute `L` as of `uncertainty_factor`, of what the correction may be outside of what it was learned from.
-
-        Parameters
-        ----------
-        table : SegmentTable
-            Segments; their measured power is not used.
-
-        Returns
-        -------
-        ndarray, shape (rows, any)
-            `L` [W].
-        """
-        ...
+        return self.predict_with_uncertainty(table)[0]
 
     def predict_with_uncertainty(self, table: SegmentTable) -> tuple[FloatArray, FloatArray]:
-        """Compute `predict` and `uncertainty_factor` at once.
+        """Predict the residual power of each row, and the corrector's own uncertainty.
 
         Parameters
         ----------
@@ -120,9 +110,24 @@ class PowerCorrector(Protocol):
         power_w : ndarray, shape (rows,)
             As of `predict` [W].
         factor_w : ndarray, shape (rows, any)
-            As of `uncertainty_factor` [W].
+            `L` with ``L @ L.T`` the covariance of the corrector's own uncertainty [W]; zeros where it has none.
         """
-        ...
+        return self.predict(table), np.zeros((len(table.hours), 1))
+
+    def outside_factor(self, table: SegmentTable) -> FloatArray:
+        """Compute `L` as `predict_with_uncertainty` does, of what the correction may be outside of what it was fitted to.
+
+        Parameters
+        ----------
+        table : SegmentTable
+            Segments; their measured power is not used.
+
+        Returns
+        -------
+        ndarray, shape (rows, any)
+            `L` [W]; no columns where that is not known.
+        """
+        return np.zeros((len(table.hours), 0))
 
     def predict_climate(self, table: SegmentTable) -> FloatArray | None:
         """Predict the part of `predict` that is climate control.
@@ -137,7 +142,7 @@ class PowerCorrector(Protocol):
         ndarray, shape (rows,), or None
             Power [W]; None for a joint corrector.
         """
-        ...
+        return None
 
 
 _AMBIENT, _CABIN, _SETPOINT, _BATTERY = TEMPERATURES
@@ -168,31 +173,11 @@ over 70 W/K), so a twelfth of the difference is left. The battery then follows w
 no other kind of drive."""
 
 
-class _Joint:
-    """A corrector of climate control and driving jointly, which claims nothing outside of what it was learned from."""
-
-    def outside_factor(self, table: SegmentTable) -> FloatArray:
-        """No columns: not given."""
-        return np.zeros((len(table.hours), 0))
-
-    def predict_climate(self, table: SegmentTable) -> FloatArray | None:
-        """None: both are corrected jointly."""
-        return None
-
-
-class _OneByOne(_Joint):
-    """Prediction and uncertainty one after the other."""
-
-    def predict_with_uncertainty(self: PowerCorrector, table: SegmentTable) -> tuple[FloatArray, FloatArray]:
-        """`predict` and `uncertainty_factor`."""
-        return self.predict(table), self.uncertainty_factor(table)
-
-
-class GPCorrector(_Joint):
+class GPCorrector(PowerCorrector):
     """Additive Gaussian process: calibrated causes plus smooth functions of the departure state.
 
-    The weights are learned from the trips' totals, because rows of a trip are far from independent. The course along
-    the trip is learned from the rows: the remaining residual less the trip's mean is regressed on the same features,
+    The weights are fitted to the trips' totals, because rows of a trip are far from independent. The course along
+    the trip is fitted to the rows: the remaining residual less the trip's mean is regressed on the same features,
     also less their trip's mean. It moves energy along the trip and does not change the total. A total counts by the
     standard deviation of its measurement; a trip whose energy was not measured along the way has no course.
     """
@@ -241,9 +226,10 @@ class GPCorrector(_Joint):
         """Residual power [W]."""
         return self._mean(self.model.features(table.features)[0], table)
 
-    def uncertainty_factor(self, table: SegmentTable) -> FloatArray:
-        """From the posterior of the process, of the part that counts."""
-        return self.predict_with_uncertainty(table)[1]
+    @property
+    def processes(self) -> tuple[GPCorrector, ...]:
+        """Itself."""
+        return (self,)
 
     def outside_factor(self, table: SegmentTable) -> FloatArray:
         """From the prior of the process: of time beyond that of the training, and of the part that does not count."""
@@ -286,7 +272,7 @@ def less_trip_mean(values: FloatArray, table: SegmentTable) -> FloatArray:
     return np.asarray(values - means[table.groups])
 
 
-class LearnerCorrector(_OneByOne):
+class LearnerCorrector(PowerCorrector):
     """A scikit-learn style learner on segment rows, each trip weighing the same."""
 
     def __init__(
@@ -317,12 +303,8 @@ class LearnerCorrector(_OneByOne):
         found = np.asarray(self.model.predict(self.columns(table)), dtype=np.float64)
         return found * self.familiarity.share(table.features)
 
-    def uncertainty_factor(self, table: SegmentTable) -> FloatArray:
-        """Zeros: trees have no uncertainty of their own."""
-        return np.zeros((len(table.hours), 1))
-
     def columns(self, table: SegmentTable) -> pd.DataFrame:
-        """What the learner sees of a table."""
+        """The learner's features of a table."""
         return table.features[list(self.features)]
 
 
@@ -340,7 +322,7 @@ TREE_FEATURES: Final = (
 )
 
 
-class EnsembleCorrector(_Joint):
+class EnsembleCorrector(PowerCorrector):
     """Mean of several correctors; the uncertainty is that of the first."""
 
     def __init__(self, members: Sequence[PowerCorrector]) -> None:
@@ -349,8 +331,8 @@ class EnsembleCorrector(_Joint):
     def fit(self, table: SegmentTable) -> Self:
         """Fit each member.
 
-        The others weigh every row alike and know no errors: of a trip that was not measured along the way they learn what the
-        first learned of it.
+        The others weigh every row alike and have no errors of measurement: of a trip that was not measured along the way they are fitted to
+        the first one's estimate.
         """
         first, *others = self.members
         first.fit(table)
@@ -370,9 +352,10 @@ class EnsembleCorrector(_Joint):
         """Mean residual power [W]."""
         return np.asarray(np.mean([m.predict(table) for m in self.members], axis=0))
 
-    def uncertainty_factor(self, table: SegmentTable) -> FloatArray:
-        """Of the first member."""
-        return self.members[0].uncertainty_factor(table)
+    @property
+    def processes(self) -> tuple[GPCorrector, ...]:
+        """Those of all members; the other members have no uncertainty of their own."""
+        return tuple(process for member in self.members for process in member.processes)
 
     def outside_factor(self, table: SegmentTable) -> FloatArray:
         """Of the first member; trees fade outside of their range and have no variance of their own."""
@@ -414,7 +397,7 @@ def forest_corrector(seed: int) -> LearnerCorrector:
     return LearnerCorrector(make, lambda model: {"param_grid": None, **model.best_params_})
 
 
-class GammCorrector(_OneByOne):
+class GammCorrector(PowerCorrector):
     """The GAMM engine on segment power: smooths of the departure state and the drive, a random effect per trip."""
 
     FORMULA: Final = (
@@ -439,10 +422,6 @@ class GammCorrector(_OneByOne):
         """Residual power [W]; the random effect of a new trip is 0."""
         found = np.asarray(self.model.predict(self._frame(table)), dtype=np.float64)
         return found * self.familiarity.share(table.features)
-
-    def uncertainty_factor(self, table: SegmentTable) -> FloatArray:
-        """Not given."""
-        return np.zeros((len(table.hours), 1))
 
     def _frame(self, table: SegmentTable, *, trips: bool = False) -> pd.DataFrame:
         frame = table.features.fillna(self.medians_.fillna(0.0).to_dict())

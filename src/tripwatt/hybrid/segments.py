@@ -1,4 +1,4 @@
-"""A plan cut into short segments: the rows on which residual power is learned."""
+"""A plan cut into short segments: the rows on which residual power is fitted."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tripwatt.hybrid.climate_log import logged_climate
 from tripwatt.hybrid.energy_errors import EnergyErrors, unknown_climb_wh
 from tripwatt.physics import Simulation, simulate_trip
 from tripwatt.physics.simulate import CAUSES
-from tripwatt.trips import TEMPERATURES, Plan, Trip, plan_from_trip, resample, table_of
+from tripwatt.trips import TEMPERATURES, Plan, Trip, plan_from_trip, raise_faults, resample, table_of
 from tripwatt.units import SECONDS_PER_HOUR
 from tripwatt.vehicles import Vehicle
 
@@ -24,6 +24,10 @@ SEGMENT_S: Final = 30.0
 
 LINE_CAUSES: Final = tuple(cause for cause in CAUSES if cause != "shortfall")
 """Causes whose simulated power the correctors may scale; `shortfall` is no property of the car."""
+
+
+_BY_ROW: Final = ("hours", "simulated_w", "observed_w", "observed_hvac_w")
+"""Fields of a table with a value for each row."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,9 +89,7 @@ class SegmentTable:
     def observed_power_w(self) -> FloatArray:
         """Measured power [W], shape (rows,); refuses a table without it."""
         if self.observed_w is None:
-            raise InvalidInput(
-                Fault("no measured energy", "trips", "none", "voltage and current of each trip")
-            )
+            raise InvalidInput.of("no measured energy", "trips", "none", "voltage and current of each trip")
         return self.observed_w
 
     @property
@@ -125,14 +127,12 @@ class SegmentTable:
         """
         index = np.asarray(members, dtype=np.int64)
         rows = np.concatenate([np.arange(self.offsets[i], self.offsets[i + 1]) for i in index])
+        some: dict[str, Any] = {n: v[rows] for n in _BY_ROW if (v := getattr(self, n)) is not None}
         return SegmentTable(
             trip_ids=tuple(self.trip_ids[i] for i in index),
             offsets=np.concatenate(([0], np.cumsum(np.diff(self.offsets)[index]))),
             features=self.features.iloc[rows].reset_index(drop=True),
-            hours=self.hours[rows],
-            simulated_w=self.simulated_w[rows],
-            observed_w=None if self.observed_w is None else self.observed_w[rows],
-            observed_hvac_w=None if self.observed_hvac_w is None else self.observed_hvac_w[rows],
+            **some,
             charge=None if self.charge is None else self.charge[index],
             errors=None if self.errors is None else self.errors.take(index),
         )
@@ -166,25 +166,21 @@ class SegmentTable:
         SegmentTable
             Trips in the order of the tables; with measured power and charge only where all tables have them.
         """
-        observed = [t.observed_w for t in tables]
-        climate = [
-            np.full(len(t.hours), np.nan) if t.observed_hvac_w is None else t.observed_hvac_w for t in tables
-        ]
+        if any(t.observed_hvac_w is not None for t in tables):
+            tables = [
+                t if t.observed_hvac_w is not None else replace(t, observed_hvac_w=t.climate_residual_w)
+                for t in tables
+            ]
+
+        def joined(name: str) -> Any:
+            parts = [getattr(t, name) for t in tables]
+            return None if any(part is None for part in parts) else np.concatenate(parts)
+
         return cls(
             trip_ids=tuple(i for t in tables for i in t.trip_ids),
             offsets=np.concatenate(([0], np.cumsum([len(t.hours) for t in tables]))).astype(np.int64),
             features=pd.concat([t.features for t in tables], ignore_index=True),
-            hours=np.concatenate([t.hours for t in tables]),
-            simulated_w=np.concatenate([t.simulated_w for t in tables]),
-            observed_w=None
-            if any(o is None for o in observed)
-            else np.concatenate([o for o in observed if o is not None]),
-            observed_hvac_w=None
-            if all(t.observed_hvac_w is None for t in tables)
-            else np.concatenate(climate),
-            charge=None
-            if any(t.charge is None for t in tables)
-            else np.concatenate([t.charge for t in tables if t.charge is not None]),
+            **{name: joined(name) for name in (*_BY_ROW, "charge")},
             errors=None
             if all(t.errors is None for t in tables)
             else EnergyErrors.join([t.energy_errors for t in tables]),
@@ -303,12 +299,7 @@ def segment_trips(trips: Sequence[Trip], vehicle: Vehicle) -> SegmentTable:
     >>> len(table), len(table.residual_w) == len(table.hours)
     (2, True)
     """
-    unmeasured = [t.trip_id for t in trips if t.observed_energy_wh is None]
-    faults = [Fault("no measured energy", name, "", "voltage and current") for name in unmeasured]
-    if not trips:
-        faults.append(Fault("no trips", "training", "0", "at least 1 with measured energy"))
-    if faults:
-        raise InvalidInput(faults)
+    require_measured(trips)
     plans = [plan_from_trip(trip) for trip in trips]
     return SegmentTable.join(
         [
@@ -316,6 +307,19 @@ def segment_trips(trips: Sequence[Trip], vehicle: Vehicle) -> SegmentTable:
             for plan, trip in zip(plans, trips, strict=True)
         ]
     )
+
+
+def require_measured(trips: Sequence[Trip], least: int = 1) -> None:
+    """Raise `InvalidInput` with every trip without measured energy, and where there are too few trips."""
+    faults = [
+        Fault("no measured energy", trip.trip_id, "", "voltage and current")
+        for trip in trips
+        if trip.observed_energy_wh is None
+    ]
+    if len(trips) < least:
+        what = "too few trips" if trips else "no trips"
+        faults.append(Fault(what, "training", f"{len(trips)}", f"at least {least} with measured energy"))
+    raise_faults(faults)
 
 
 def resimulated(table: SegmentTable, plans: Sequence[Plan], vehicle: Vehicle) -> SegmentTable:
@@ -366,7 +370,7 @@ def _measured_power(measured: Trip, segment: IntArray, plan: Plan, seconds: Floa
     step_s = plan.step_s or float(np.median(np.diff(plan.array("time_s"))))
     if measured.step_s not in (None, step_s):
         got, allowed = f"segments of {measured.step_s:g} s", f"raw samples, or segments of {step_s:g} s"
-        raise InvalidInput(Fault("wrong time step", measured.trip_id, got, allowed))
+        raise InvalidInput.of("wrong time step", measured.trip_id, got, allowed)
     raw = measured if measured.step_s is not None else resample(measured, step_s)
     if "observed_energy_wh" not in raw:
         return None

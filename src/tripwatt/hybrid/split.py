@@ -3,7 +3,7 @@
 A log with the power of heater and air conditioner splits the residual in two. The power of climate control depends on
 temperatures and time, the power of driving on road and speed. Learned separately, neither is disturbed by the noise of
 the other, and each is updated on the way by its own measurements. Where too few trips log climate control, one
-corrector learns both jointly.
+corrector corrects both jointly.
 """
 
 from __future__ import annotations
@@ -69,13 +69,13 @@ DRIVE_TERMS: Final = (
 DRIVE_TREE_FEATURES: Final = tuple(n for n in TREE_FEATURES if n not in ("hvac_w", _CABIN, _SETPOINT))
 
 
-class SplitCorrector:
+class SplitCorrector(PowerCorrector):
     """One corrector for climate control and one for driving, or one for both where climate control is not logged.
 
     Parameters
     ----------
     climate, drive, joint : PowerCorrector
-        `joint` learns the undivided residual where too few trips log their climate control.
+        `joint` is fitted to the undivided residual where too few trips log their climate control.
     split : bool or None
         Whether to correct separately; None decides by the trips of `fit`.
 
@@ -123,31 +123,27 @@ class SplitCorrector:
             return SplitCorrector(self.climate.clone_tuned(), self.drive.clone_tuned(), self.joint, True)
         return SplitCorrector(self.climate, self.drive, self.joint.clone_tuned(), False)
 
+    @property
+    def _parts(self) -> tuple[PowerCorrector, ...]:
+        return (self.climate, self.drive) if self.split_ else (self.joint,)
+
+    @property
+    def processes(self) -> tuple[GPCorrector, ...]:
+        """Those of its parts."""
+        return tuple(process for part in self._parts for process in part.processes)
+
     def predict(self, table: SegmentTable) -> FloatArray:
         """Residual power [W]."""
-        if not self.split_:
-            return self.joint.predict(table)
-        return self.climate.predict(table) + self.drive.predict(table)
-
-    def uncertainty_factor(self, table: SegmentTable) -> FloatArray:
-        """Side by side: the covariances of independent corrections add up."""
-        if not self.split_:
-            return self.joint.uncertainty_factor(table)
-        parts = [one.uncertainty_factor(table) for one in (self.climate, self.drive)]
-        return np.hstack(parts)
+        return np.asarray(sum(part.predict(table) for part in self._parts))
 
     def outside_factor(self, table: SegmentTable) -> FloatArray:
-        """Side by side, as the uncertainty."""
-        if not self.split_:
-            return self.joint.outside_factor(table)
-        return np.hstack([one.outside_factor(table) for one in (self.climate, self.drive)])
+        """Side by side: the covariances of independent corrections add up."""
+        return np.hstack([part.outside_factor(table) for part in self._parts])
 
     def predict_with_uncertainty(self, table: SegmentTable) -> tuple[FloatArray, FloatArray]:
-        """Both at once."""
-        if not self.split_:
-            return self.joint.predict_with_uncertainty(table)
-        climate, drive = (one.predict_with_uncertainty(table) for one in (self.climate, self.drive))
-        return climate[0] + drive[0], np.hstack([climate[1], drive[1]])
+        """Both at once, side by side."""
+        powers, factors = zip(*(part.predict_with_uncertainty(table) for part in self._parts), strict=True)
+        return np.asarray(sum(powers)), np.hstack(factors)
 
     def predict_climate(self, table: SegmentTable) -> FloatArray | None:
         """Correction of climate control [W]; None where both are corrected jointly."""

@@ -1,40 +1,45 @@
-"""Correctors of power as arrays and plain values, and back, so that a stored model corrects to the last bit alike."""
+"""Fitted objects as plain values and arrays, and back, so that a stored model corrects to the last bit alike.
+
+Dataclasses are converted by their annotated fields; each kind of corrector has a name. A tree of such values is stored as one
+JSON document and one archive of arrays, in which an array has the name of its place in the tree.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
-from typing import Any, Final, NoReturn
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Final, TypeVar, get_args, get_origin
 
 import numpy as np
 import numpy.typing as npt
 
 from tripwatt.arrays import FloatArray
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, InvalidInput, excerpt
 from tripwatt.hybrid.car_corrector import HierarchicalCorrector
-from tripwatt.hybrid.familiarity import FADING, Familiarity
-from tripwatt.hybrid.hierarchy import Members
-from tripwatt.hybrid.power import (
-    EnsembleCorrector,
-    GPCorrector,
-    LearnerCorrector,
-    PowerCorrector,
-    fading_columns,
-)
+from tripwatt.hybrid.familiarity import Familiarity
+from tripwatt.hybrid.power import EnsembleCorrector, GPCorrector, LearnerCorrector, PowerCorrector
 from tripwatt.hybrid.segments import SegmentTable
 from tripwatt.hybrid.split import SplitCorrector
 from tripwatt.learners.gp import KernelTerm
 from tripwatt.learners.treetable import TreeTable
+from tripwatt.modelfile import Part
 
-Arrays = Mapping[str, npt.NDArray[Any]]
-Stored = tuple[dict[str, Any], dict[str, dict[str, npt.NDArray[Any]]]]
-"""Plain values, and arrays by the name of their part."""
+if TYPE_CHECKING:
+    from cattrs import Converter
 
-_SHAPE: Final = "shape"
+T = TypeVar("T")
+
+_ARRAY: Final = "array"
+_NUMBER: Final = "number"
+"""Key of a reference to an array, and of a number that JSON cannot hold."""
+
+REFIT: Final = "fit the model again with this version of tripwatt"
 
 
 @dataclass(frozen=True, eq=False)
-class StoredTrees:
+class StoredTrees(PowerCorrector):
     """Trees that were fitted once: the boosting's sum or the forest's mean, evaluated without the learner.
 
     Attributes
@@ -47,7 +52,7 @@ class StoredTrees:
     divisor : int or None
         Number of trees of a mean; None for a sum.
     familiarity : Familiarity
-        Where the correction is known; models of older versions have none and fade nowhere.
+        Where the correction is known.
     """
 
     trees: TreeTable
@@ -60,189 +65,239 @@ class StoredTrees:
     def __post_init__(self) -> None:
         if len(self.trees) and int(self.trees.split_feature.max()) >= len(self.columns):
             got = f"column {int(self.trees.split_feature.max())}"
-            raise InvalidInput(
-                Fault("wrong column of a split", "trees", got, f"0 to {len(self.columns) - 1}")
-            )
+            raise InvalidInput.of("wrong column of a split", "trees", got, f"0 to {len(self.columns) - 1}")
 
-    def fit(self, table: SegmentTable) -> NoReturn:
-        """Not possible: only what prediction needs was stored."""
-        raise InvalidInput(Fault("stored corrector cannot be fitted", "fit", fix="fit a new ForecastModel"))
+    @classmethod
+    def from_learner(cls, corrector: LearnerCorrector) -> StoredTrees:
+        """The trees of a fitted learner.
 
-    def clone_tuned(self) -> NoReturn:
-        """Not possible, as `fit`."""
-        raise InvalidInput(
-            Fault("stored corrector cannot be fitted", "clone_tuned", fix="fit a new ForecastModel")
-        )
+        Raises
+        ------
+        InvalidInput
+            When it has none.
+        """
+        model = corrector.model
+        if not hasattr(model, "booster_"):
+            raise InvalidInput(_unstorable(corrector))
+        lone = model.position_ < 0
+        text = "" if model.booster_ is None else model.booster_.model_to_string(num_iteration=-1)
+        trees = TreeTable.from_text(text, int((~lone).sum()))
+        if hasattr(model, "steps_"):
+            start, rest, divisor = float(model.start_), float(model.steps_[lone].sum()), None
+        else:
+            start, rest, divisor = 0.0, float(model.values_[lone, 0].sum()), len(model.position_)
+        return cls(trees, corrector.features, start, rest, divisor, corrector.familiarity)
 
     def predict(self, table: SegmentTable) -> FloatArray:
         """Residual power [W]."""
         values, names = table.features.to_numpy(dtype=np.float64), table.features.columns.tolist()
         X = values[:, [names.index(c) for c in self.columns]]
         total = self.trees.sum(X) + self.rest
-        found = self.start + total if self.divisor is None else total / self.divisor
-        return np.asarray(found * self.familiarity.share(table.features))
-
-    def uncertainty_factor(self, table: SegmentTable) -> FloatArray:
-        """Zeros: trees have no uncertainty of their own."""
-        return np.zeros((len(table.hours), 1))
-
-    def outside_factor(self, table: SegmentTable) -> FloatArray:
-        """No columns: trees fade outside of their range and have no variance of their own."""
-        return np.zeros((len(table.hours), 0))
-
-    def predict_with_uncertainty(self, table: SegmentTable) -> tuple[FloatArray, FloatArray]:
-        """`predict` and `uncertainty_factor`."""
-        return self.predict(table), self.uncertainty_factor(table)
-
-    def predict_climate(self, table: SegmentTable) -> FloatArray | None:
-        """None: the trees correct climate control and driving jointly."""
-        return None
+        power = self.start + total if self.divisor is None else total / self.divisor
+        return np.asarray(power * self.familiarity.share(table.features))
 
 
-def corrector_parts(corrector: PowerCorrector, name: str = "corrector") -> Stored:
-    """A fitted corrector as plain values and arrays.
+KINDS: Final[Mapping[str, type]] = MappingProxyType(
+    {
+        "gp": GPCorrector,
+        "ensemble": EnsembleCorrector,
+        "split": SplitCorrector,
+        "adapted": HierarchicalCorrector,
+        "trees": StoredTrees,
+    }
+)
+"""Name of each kind of corrector in a stored model."""
+
+
+def new_converter() -> Converter:
+    """A converter of correctors, arrays and strict plain values; the rooms above add the hooks of their own classes."""
+    from cattrs import Converter  # slow to import
+    from cattrs.strategies import configure_union_passthrough
+
+    converter = Converter(forbid_extra_keys=True)
+    for kind, types in {float: (float, int), int: (int,), str: (str,), bool: (bool,)}.items():
+        converter.register_structure_hook(kind, _strict(kind, types))
+    configure_union_passthrough(float | str | None, converter)
+    converter.register_structure_hook_func(_is_array, _array)
+    converter.register_unstructure_hook_func(_is_array, lambda array: array)
+    converter.register_unstructure_hook(GPCorrector, lambda gp: _gp_values(gp, converter))
+    converter.register_structure_hook(GPCorrector, lambda values, _: _gp(values, converter))
+    converter.register_unstructure_hook_func(
+        lambda kind: kind is PowerCorrector, lambda corrector: _corrector_values(corrector, converter)
+    )
+    converter.register_structure_hook_func(
+        lambda kind: kind is PowerCorrector, lambda values, _: _corrector(values, converter)
+    )
+    return converter
+
+
+def _strict(kind: type[T], types: tuple[type, ...]) -> Callable[[Any, Any], T]:
+    """A plain value as it is: no text counts as a number, and no truth value."""
+
+    def value_of(value: Any, _: Any) -> T:
+        if not isinstance(value, types) or (isinstance(value, bool) and kind is not bool):
+            raise TypeError(f"got {excerpt(value)}, not {kind.__name__}")
+        return kind(value)  # type: ignore[call-arg]
+
+    return value_of
+
+
+def _is_array(kind: Any) -> bool:
+    return kind is np.ndarray or get_origin(kind) is np.ndarray
+
+
+def _array(value: Any, kind: Any) -> npt.NDArray[Any]:
+    """An array of the annotated type; numbers are stored in the smallest type that holds them."""
+    if not isinstance(value, np.ndarray):
+        raise TypeError(f"got {excerpt(value)}, not an array")
+    wanted = next(iter(get_args(get_args(kind)[1])), Any)
+    if wanted is Any:
+        return value.astype(np.float64) if value.dtype.kind == "f" else value
+    if value.dtype.kind != np.dtype(wanted).kind:
+        raise TypeError(f"got an array of {value.dtype}, not of {np.dtype(wanted)}")
+    return value.astype(wanted)
+
+
+def _gp_values(corrector: GPCorrector, converter: Converter) -> dict[str, Any]:
+    return {
+        "terms": converter.unstructure(corrector.terms),
+        "share_column": corrector.share_column,
+        "familiarity": converter.unstructure(corrector.familiarity),
+        "shape": corrector.shape,
+        "process": corrector.model.to_arrays(),
+    }
+
+
+def _gp(values: Mapping[str, Any], converter: Converter) -> GPCorrector:
+    terms = converter.structure(values["terms"], tuple[KernelTerm, ...])
+    corrector = GPCorrector(terms, converter.structure(values["share_column"], str))
+    corrector.familiarity = converter.structure(values["familiarity"], Familiarity)
+    arrays = converter.structure(values["process"], dict[str, npt.NDArray[Any]])
+    corrector.model.load_arrays(arrays)
+    corrector.shape = converter.structure(values["shape"], FloatArray)
+    if corrector.shape.shape != corrector.model.weights_.shape:
+        got, allowed = f"{corrector.shape.shape}", f"{corrector.model.weights_.shape}"
+        raise InvalidInput.of("wrong shape of an array", "shape", got, allowed)
+    return corrector
+
+
+def _corrector_values(corrector: PowerCorrector, converter: Converter) -> dict[str, Any]:
+    if isinstance(corrector, SplitCorrector) and not corrector.split_:
+        return _corrector_values(corrector.joint, converter)
+    if isinstance(corrector, LearnerCorrector):
+        corrector = StoredTrees.from_learner(corrector)
+    kind = next((name for name, known in KINDS.items() if type(corrector) is known), None)
+    if kind is None:
+        raise InvalidInput(_unstorable(corrector))
+    if isinstance(corrector, SplitCorrector):
+        parts = {"climate": corrector.climate, "drive": corrector.drive}
+        return {"kind": kind, **{name: _corrector_values(part, converter) for name, part in parts.items()}}
+    if isinstance(corrector, EnsembleCorrector):
+        return {"kind": kind, "members": [_corrector_values(m, converter) for m in corrector.members]}
+    return {"kind": kind, **converter.unstructure(corrector)}
+
+
+def _corrector(values: Mapping[str, Any], converter: Converter) -> PowerCorrector:
+    kind, inner = values["kind"], {name: value for name, value in values.items() if name != "kind"}
+    if kind not in KINDS:
+        raise InvalidInput.of("unknown kind of corrector", "kind", excerpt(kind), ", ".join(KINDS))
+    if kind == "split":
+        climate, drive = (_corrector(inner[name], converter) for name in ("climate", "drive"))
+        return SplitCorrector(climate, drive, drive, True)
+    if kind == "ensemble":
+        return EnsembleCorrector([_corrector(member, converter) for member in inner["members"]])
+    corrector: PowerCorrector = converter.structure(inner, KINDS[kind])
+    return corrector
+
+
+def _unstorable(corrector: object) -> Fault:
+    allowed = "linear, gp, boosting, forest, ensemble or split"
+    return Fault("corrector cannot be stored", "corrector", type(corrector).__name__, allowed)
+
+
+def tree_parts(tree: Mapping[str, Any], name: str = "model") -> dict[str, Part]:
+    """A tree of plain values and arrays as the parts of a model, from which `parts_tree` makes it again."""
+    arrays: dict[str, npt.NDArray[Any]] = {}
+
+    def plain(value: Any, place: str) -> Any:
+        if isinstance(value, np.ndarray):
+            arrays[place] = _smallest(value)
+            return {_ARRAY: place}
+        if isinstance(value, Mapping):
+            return {key: plain(inner, f"{place}.{key}".lstrip(".")) for key, inner in value.items()}
+        if isinstance(value, list | tuple):
+            return [plain(inner, f"{place}.{i}") for i, inner in enumerate(value)]
+        return {_NUMBER: repr(value)} if isinstance(value, float) and math.isinf(value) else value
+
+    return {f"{name}.json": plain(tree, ""), f"{name}.npz": arrays}
+
+
+def _smallest(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """An array of floats in single precision where that changes no value."""
+    if array.dtype != np.float64:
+        return array
+    with np.errstate(over="ignore"):
+        small = array.astype(np.float32)
+    return small if np.array_equal(small, array) else array
+
+
+def parts_tree(parts: Mapping[str, Part], name: str = "model") -> dict[str, Any]:
+    """Reverse of `tree_parts`.
+
+    Raises
+    ------
+    LookupError
+        When a part or an array is missing.
+    """
+    arrays = parts[f"{name}.npz"]
+
+    def whole(value: Any) -> Any:
+        if isinstance(value, Mapping):
+            if value.keys() == {_ARRAY}:
+                return arrays[value[_ARRAY]]
+            if value.keys() == {_NUMBER}:
+                return float(value[_NUMBER])
+            return {key: whole(inner) for key, inner in value.items()}
+        return [whole(inner) for inner in value] if isinstance(value, list) else value
+
+    tree: dict[str, Any] = whole(parts[f"{name}.json"])
+    return tree
+
+
+def structured(values: Any, kind: type[T], converter: Converter, what: str) -> T:
+    """Plain values as an object.
 
     Parameters
     ----------
-    corrector : PowerCorrector
-    name : str
-        Begins the names of the parts with arrays.
+    values : mapping or list
+        From `parts_tree`.
+    kind : type
+        Of the object.
+    converter : Converter
+    what : str
+        Of which the values are, for messages.
 
     Raises
     ------
     InvalidInput
-        For a corrector that cannot be stored.
+        With every value that does not fit, and its place.
     """
-    if isinstance(corrector, EnsembleCorrector):
-        stored = [corrector_parts(member, f"{name}-{i}") for i, member in enumerate(corrector.members)]
-        arrays = {part: values for _, parts in stored for part, values in parts.items()}
-        return {"kind": "ensemble", "members": [about for about, _ in stored]}, arrays
-    if isinstance(corrector, SplitCorrector):
-        if not corrector.split_:
-            return corrector_parts(corrector.joint, name)
-        both = ("climate", corrector.climate), ("drive", corrector.drive)
-        stored_both = {key: corrector_parts(one, f"{name}-{key}") for key, one in both}
-        arrays = {part: values for _, parts in stored_both.values() for part, values in parts.items()}
-        return {"kind": "channels", **{key: about for key, (about, _) in stored_both.items()}}, arrays
-    part = f"{name}.npz"
-    if isinstance(corrector, GPCorrector):
-        about: dict[str, Any] = {"kind": "kriging", "arrays": part, "share_column": corrector.share_column}
-        about["parts"] = [asdict(t) | {"columns": list(t.columns)} for t in corrector.terms]
-        about["familiar"] = corrector.familiarity.to_dict()
-        return about, {part: {**corrector.model.to_arrays(), _SHAPE: corrector.shape}}
-    if isinstance(corrector, HierarchicalCorrector):
-        members, arrays = members_parts(corrector.base, f"{name}-base")
-        about = {"kind": "transferred", "arrays": part, "base": members, "shares": list(corrector.shares)}
-        own: dict[str, npt.NDArray[Any]] = {
-            "scales": corrector.scales,
-            "mean": corrector.mean,
-            "factor": corrector.factor.astype(np.float32),
-        }
-        return about, {**arrays, part: own}
-    trees = corrector if isinstance(corrector, StoredTrees) else _trees(corrector)
-    about = {
-        "kind": "trees",
-        "arrays": part,
-        "columns": list(trees.columns),
-        "start": trees.start,
-        "rest": trees.rest,
-        "divisor": trees.divisor,
-        "familiar": trees.familiarity.to_dict(),
-    }
-    return about, {part: trees.trees.to_arrays()}
+    try:
+        return converter.structure(values, kind)
+    except Exception as error:
+        raise InvalidInput(list(_faults(error, what, ""))) from error
 
 
-def corrector_of_parts(about: Mapping[str, Any], parts: Mapping[str, Arrays]) -> PowerCorrector:
-    """Reverse of `corrector_parts`.
-
-    Raises
-    ------
-    InvalidInput
-        For an unknown kind of corrector.
-    """
-    kind = about["kind"]
-    if kind == "ensemble":
-        return EnsembleCorrector([corrector_of_parts(member, parts) for member in about["members"]])
-    if kind == "channels":
-        climate, drive = (corrector_of_parts(about[key], parts) for key in ("climate", "drive"))
-        return SplitCorrector(climate, drive, drive, True)
-    if kind == "kriging":
-        terms = tuple(KernelTerm(**{**p, "columns": tuple(p["columns"])}) for p in about["parts"])
-        corrector = GPCorrector(terms, about["share_column"])
-        arrays = dict(parts[about["arrays"]])
-        corrector.shape = arrays.pop(_SHAPE)
-        corrector.model.load_arrays(arrays)
-        corrector.familiarity = _familiarity(about, corrector)
-        if corrector.shape.shape != corrector.model.weights_.shape:
-            got, allowed = f"{corrector.shape.shape}", f"{corrector.model.weights_.shape}"
-            raise InvalidInput(Fault("wrong shape of an array", f"{about['arrays']}, shape", got, allowed))
-        return corrector
-    if kind == "transferred":
-        base = members_of_parts(about["base"], parts)
-        own = parts[about["arrays"]]
-        factor = own["factor"].astype(np.float64)
-        one = [about["share"]] * len(base.correctors) if "share" in about else about["shares"]  # before 0.2
-        shares = tuple(float(share) for share in one)
-        return HierarchicalCorrector(base, own["scales"], own["mean"], factor, shares)
-    if kind == "trees":
-        return StoredTrees(
-            TreeTable.from_arrays(parts[about["arrays"]]),
-            tuple(about["columns"]),
-            float(about["start"]),
-            float(about["rest"]),
-            about["divisor"],
-            Familiarity.from_dict(about.get("familiar", {})),
-        )
-    raise InvalidInput(
-        Fault(
-            "unknown kind of corrector",
-            "model",
-            repr(kind),
-            "channels, ensemble, kriging, transferred, trees",
-        )
-    )
-
-
-def _familiarity(about: Mapping[str, Any], corrector: GPCorrector) -> Familiarity:
-    """Where a stored process is known; models of older versions keep the ranges of the smooth terms' columns alone."""
-    if "familiar" in about:
-        return Familiarity.from_dict(about["familiar"])
-    model, smooth = corrector.model, fading_columns(corrector.terms)
-    ranges: dict[str, list[float]] = {
-        name: [*model.ranges_[name], model.sds_[name]]
-        for name in FADING
-        if name in smooth and name in model.ranges_
-    }
-    return Familiarity.from_dict(ranges)
-
-
-def members_parts(
-    members: Members, name: str
-) -> tuple[list[dict[str, Any]], dict[str, dict[str, npt.NDArray[Any]]]]:
-    """Gaussian processes as plain values and arrays."""
-    stored = [corrector_parts(member, f"{name}-{i}") for i, member in enumerate(members.correctors)]
-    return [about for about, _ in stored], {k: v for _, parts in stored for k, v in parts.items()}
-
-
-def members_of_parts(about: Sequence[Mapping[str, Any]], parts: Mapping[str, Arrays]) -> Members:
-    """Reverse of `members_parts`."""
-    found = [corrector_of_parts(member, parts) for member in about]
-    return Members(tuple(c for c in found if isinstance(c, GPCorrector)))
-
-
-def _trees(corrector: PowerCorrector) -> StoredTrees:
-    if not isinstance(corrector, LearnerCorrector) or not hasattr(corrector.model, "booster_"):
-        got = type(corrector).__name__
-        allowed = "linear, gp, boosting, forest, ensemble or split"
-        raise InvalidInput(Fault("corrector cannot be stored", "corrector", got, allowed))
-    model = corrector.model
-    lone = model.position_ < 0
-    n_trees = int((~lone).sum())
-    text = "" if model.booster_ is None else model.booster_.model_to_string(num_iteration=-1)
-    trees = TreeTable.from_text(text, n_trees)
-    columns, familiar = corrector.features, corrector.familiarity
-    if hasattr(model, "steps_"):
-        rest = float(model.steps_[lone].sum())
-        return StoredTrees(trees, columns, float(model.start_), rest, None, familiar)
-    rest = float(model.values_[lone, 0].sum())
-    return StoredTrees(trees, columns, 0.0, rest, len(model.position_), familiar)
+def _faults(error: BaseException, what: str, place: str) -> Iterator[Fault]:
+    """Faults of an error and of those that it groups; the notes of cattrs name their places."""
+    for note in getattr(error, "__notes__", ()):
+        step = getattr(note, "name", getattr(note, "index", ""))
+        place = f"{place}.{step}".lstrip(".")
+    if isinstance(error, BaseExceptionGroup):
+        for inner in error.exceptions:
+            yield from _faults(inner, what, place)
+    elif isinstance(error, InvalidInput):
+        yield from error.faults
+    else:
+        got = f"{type(error).__name__}: {error}"[:200]
+        yield Fault(f"parts do not make {what}", place or "model", got, "", REFIT)

@@ -2,7 +2,7 @@
 
 from tripwatt.journey.atlas import Atlas, AtlasSettings, open_atlas
 from tripwatt.journey.charging import ChargingCurve
-from tripwatt.journey.forecasting import Drive
+from tripwatt.journey.forecasting import RoadForecaster
 from tripwatt.journey.planning import (
     Journey,
     JourneyOptions,
@@ -20,12 +20,12 @@ __all__ = [
     "AtlasSettings",
     "ChargingCurve",
     "ChargingStop",
-    "Drive",
     "Journey",
     "JourneyOptions",
     "Place",
     "Reach",
     "RoadForecast",
+    "RoadForecaster",
     "find_reach",
     "find_stops",
     "journey_with",

@@ -87,7 +87,7 @@ class ChargingCurve:
         Returns
         -------
         ChargingCurve
-            Its `is_class` tells which of them it is.
+            Its `is_class` is true for that of a class.
 
         Examples
         --------

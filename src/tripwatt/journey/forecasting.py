@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import datetime as dt
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
@@ -13,24 +12,16 @@ from tripwatt.arrays import BoolArray
 from tripwatt.forecasting import Forecast, ForecastModel
 from tripwatt.physics import simulate_trip
 from tripwatt.routes.routers import Road
-from tripwatt.routes.weather import (
-    WIND_AT_CAR,
-    Weather,
-    WeatherSource,
-    plan_with_weather,
-    weather_along,
-)
+from tripwatt.routes.weather import Weather, WeatherSource, plan_with_weather, weather_along
 from tripwatt.trips import Departure, Plan
-
-RoadForecaster = Callable[[Road], Forecast]
-"""Forecasts a road; the departure, the car and the weather are fixed."""
+from tripwatt.trips.weather import WIND_AT_CAR
 
 MOTORWAYS: Final = frozenset({"motorway", "motorway_link", "trunk"})
 
 
 @dataclass(frozen=True, eq=False)
-class Drive:
-    """Who drives when: what is the same for all roads of a journey.
+class RoadForecaster:
+    """Forecasts roads for one car and one departure: what is the same for all roads of a journey.
 
     Attributes
     ----------
@@ -38,8 +29,8 @@ class Drive:
         Of the car.
     departure : Departure
         When the car leaves, and what is known then.
-    weather : Weather, WeatherSource or None
-        By hand, or where it comes from; None where it is not known.
+    weather : WeatherSource or None
+        Where the weather comes from that the departure does not name; None where it is not known.
 
     Examples
     --------
@@ -48,24 +39,24 @@ class Drive:
     >>> links = route_from_links([{"length_m": 3000.0, "travel_time_s": 240.0}])
     >>> line = np.array([0.0, 3000.0])
     >>> road = Road(links, ("primary",), np.array([47.0, 47.027]), np.array([9.0, 9.0]), line)
-    >>> drive = Drive(tw.load_model("bmw_i3_tum"), Departure(soc=0.8))
-    >>> drive.expected(road).distance_m
+    >>> forecaster = RoadForecaster(tw.load_model("bmw_i3_tum"), Departure(soc=0.8))
+    >>> forecaster.expected(road).distance_m
     3000.0
-    >>> plan, weather = drive.plan(road, "there")
-    >>> plan.trip_id, weather, drive.forecast_plan(plan).energy_wh == drive.forecast(road).energy_wh
+    >>> plan, weather = forecaster.plan(road, "there")
+    >>> plan.trip_id, weather, forecaster.forecast_plan(plan).energy_wh == forecaster.forecast(road).energy_wh
     ('there', (), True)
-    >>> drive.forecast(road, payload_mass_kg=300.0).energy_wh > drive.forecast(road).energy_wh
+    >>> forecaster.forecast(road, payload_mass_kg=300.0).energy_wh > forecaster.forecast(road).energy_wh
     True
     """
 
     model: ForecastModel
     departure: Departure
-    weather: Weather | WeatherSource | None = None
+    weather: WeatherSource | None = None
 
     @property
-    def leaves(self) -> dt.datetime:
+    def departs_at(self) -> dt.datetime:
         """Departure; now where it is not known."""
-        return self.departure.started_at or dt.datetime.now(dt.UTC)
+        return self.departure.departs_at or dt.datetime.now(dt.UTC)
 
     def forecast(self, road: Road, trip_id: str = "journey", **changed: Any) -> Forecast:
         """Forecast the energy of a road.
@@ -89,11 +80,10 @@ class Drive:
         InvalidInput
             As the weather, and `ForecastModel.forecast`.
         """
-        drive = self if not changed else replace(self, departure=replace(self.departure, **changed))
-        plan, weather = drive.plan(road, trip_id)
-        return drive.forecast_plan(plan, weather)
+        plan, weather = self.plan(road, trip_id, **changed)
+        return self.forecast_plan(plan, weather)
 
-    def plan(self, road: Road, trip_id: str = "journey") -> tuple[Plan, tuple[Weather, ...]]:
+    def plan(self, road: Road, trip_id: str = "journey", **changed: Any) -> tuple[Plan, tuple[Weather, ...]]:
         """Make the plan of a road with its weather.
 
         Parameters
@@ -102,13 +92,15 @@ class Drive:
             From a router.
         trip_id : str
             Name of the plan.
+        **changed : object
+            Fields of the departure that differ.
 
         Returns
         -------
         plan : Plan
             With the departure.
         weather : tuple of Weather
-            At places along the road; empty without a source of weather.
+            At places along the road; empty without a source of weather, or where the departure names it.
 
         Raises
         ------
@@ -116,14 +108,15 @@ class Drive:
             As the weather.
         """
         road = self.expected(road)
-        plan = road.plan(trip_id).with_departure(self.departure)
-        if self.weather is None:
+        departure = replace(self.departure, **changed)
+        plan = road.plan(trip_id).with_departure(departure)
+        if self.weather is None or departure.has_weather:
             return plan, ()
-        position, weather = weather_along(road, self.weather, self.leaves)
+        position, weather = weather_along(road, self.weather, self.departs_at)
         return plan_with_weather(plan, road, position, weather), weather
 
     def expected(self, road: Road) -> Road:
-        """Replace free-flow travel times by those that are expected on the road, where the model knows them.
+        """Replace free-flow travel times by those that are expected on the road, where the model has them.
 
         Parameters
         ----------
@@ -155,9 +148,9 @@ class Drive:
         Forecast
             For the model's car.
         """
-        found = self.model.forecast(plan)
-        sd_wh = self._weather_sd_wh(found, weather)
-        return replace(found, state_sd_wh=float(np.hypot(found.state_sd_wh, sd_wh)))
+        forecast = self.model.forecast(plan)
+        sd_wh = self._weather_sd_wh(forecast, weather)
+        return replace(forecast, state_sd_wh=float(np.hypot(forecast.state_sd_wh, sd_wh)))
 
     def _weather_sd_wh(self, forecast: Forecast, weather: tuple[Weather, ...]) -> float:
         """Standard deviation of the energy by the error of the weather forecast [Wh]: one simulation more for each."""

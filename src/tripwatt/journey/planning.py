@@ -14,15 +14,14 @@ from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecasting import Forecast, ForecastModel
 from tripwatt.journey.atlas import Atlas, AtlasSettings, open_atlas
 from tripwatt.journey.charging import ChargingCurve
-from tripwatt.journey.forecasting import Drive, capped, on_motorway
+from tripwatt.journey.forecasting import RoadForecaster, capped, on_motorway
 from tripwatt.journey.stops import ChargingStop, find_stop
 from tripwatt.population import for_car
 from tripwatt.routes.places import Place
 from tripwatt.routes.routers import Road
-from tripwatt.routes.weather import Weather
 from tripwatt.trips import Departure, Flag, raise_faults
+from tripwatt.trips.columns import Column, number_faults, scalar_faults
 from tripwatt.trips.messages import flag_to_dict, leave_in_words
-from tripwatt.trips.schema import Column, number_faults, scalar_faults
 from tripwatt.trips.showing import html_table
 from tripwatt.units import M_S_PER_KM_H, SECONDS_PER_MINUTE
 from tripwatt.vehicles import Vehicle
@@ -54,8 +53,6 @@ class JourneyOptions:
         Other roads beside the fastest.
     round_trip : bool
         Back to the start.
-    weather : Weather or None
-        By hand, in place of the atlas'.
     answers : bool
         Whether costs, speed and charging are worked out beside the forecasts.
     charging_curve : ChargingCurve or None
@@ -70,7 +67,6 @@ class JourneyOptions:
     reserve: float = 0.1
     alternatives: int = 0
     round_trip: bool = False
-    weather: Weather | None = None
     answers: bool = True
     charging_curve: ChargingCurve | None = None
 
@@ -98,13 +94,13 @@ class RoadForecast:
     Examples
     --------
     >>> import tripwatt as tw
-    >>> from tripwatt.journey import Drive
+    >>> from tripwatt.journey import RoadForecaster
     >>> from tripwatt.routes import route_from_links
     >>> from tripwatt.routes.routers import Road
     >>> links = route_from_links([{"length_m": 3000.0, "travel_time_s": 240.0}])
     >>> line = np.array([0.0, 3000.0])
     >>> road = Road(links, ("primary",), np.array([47.0, 47.027]), np.array([9.0, 9.0]), line)
-    >>> found = RoadForecast(road, Drive(tw.load_model("bmw_i3_tum"), tw.Departure(soc=0.8)).forecast(road))
+    >>> found = RoadForecast(road, RoadForecaster(tw.load_model("bmw_i3_tum"), tw.Departure(soc=0.8)).forecast(road))
     >>> found.soc_at(0.0) > found.soc_at(3000.0)
     True
     >>> sorted(found.to_dict(reserve=0.1))[:4]
@@ -396,9 +392,8 @@ def plan_journey(
     options = options or JourneyOptions()
     if not isinstance(atlas, Atlas):
         atlas = open_atlas(atlas)
-    weather = options.weather if options.weather is not None else atlas.weather
-    drive = Drive(for_car(model, vehicle), departure or Departure(), weather)
-    return journey_with(drive, find_stops(stops, atlas, round_trip=options.round_trip), atlas, options)
+    forecaster = RoadForecaster(for_car(model, vehicle), departure or Departure(), atlas.weather)
+    return journey_with(forecaster, find_stops(stops, atlas, round_trip=options.round_trip), atlas, options)
 
 
 def find_stops(stops: Sequence[Place | str], atlas: Atlas, *, round_trip: bool = False) -> tuple[Place, ...]:
@@ -447,19 +442,21 @@ def find_stops(stops: Sequence[Place | str], atlas: Atlas, *, round_trip: bool =
     return (*found, found[0]) if round_trip else tuple(found)
 
 
-def journey_with(drive: Drive, stops: tuple[Place, ...], atlas: Atlas, options: JourneyOptions) -> Journey:
+def journey_with(
+    forecaster: RoadForecaster, stops: tuple[Place, ...], atlas: Atlas, options: JourneyOptions
+) -> Journey:
     """Plan a journey as `plan_journey` does, with everything opened.
 
     Parameters
     ----------
-    drive : Drive
+    forecaster : RoadForecaster
         The car, its departure and the weather.
     stops : tuple of Place
         In the order of the journey, at least two.
     atlas : Atlas
         With a router.
     options : JourneyOptions
-        What is asked; its weather is not used.
+        What is asked.
 
     Returns
     -------
@@ -469,27 +466,29 @@ def journey_with(drive: Drive, stops: tuple[Place, ...], atlas: Atlas, options: 
     Raises
     ------
     InvalidInput
-        When there is no road, or as `Drive.forecast`.
+        When there is no road, or as `RoadForecaster.forecast`.
 
     Examples
     --------
-    >>> journey_with(drive, find_stops(["Vaduz", "Malbun"], atlas), atlas, JourneyOptions())  # doctest: +SKIP
+    >>> journey_with(forecaster, find_stops(["Vaduz", "Malbun"], atlas), atlas, JourneyOptions())  # doctest: +SKIP
     """
     title = " to ".join(place.title for place in stops)[:100]
     roads = atlas.router.roads(stops, alternatives=options.alternatives)
-    found = _labelled([RoadForecast(road, drive.forecast(road, title)) for road in roads])
+    found = _labelled([RoadForecast(road, forecaster.forecast(road, title)) for road in roads])
     first = found[0]
     needed = first.forecast.soc_needed(options.reserve, CERTAIN)
     journey = Journey(stops, found, options.reserve, needed, attribution=atlas.attribution)
     if not options.answers:
         return journey
-    journey = replace(journey, costs_wh=_costs(drive, first), speed=_speed(drive, first, options.reserve))
+    journey = replace(
+        journey, costs_wh=_costs(forecaster, first), speed=_speed(forecaster, first, options.reserve)
+    )
     if journey.arrives:
         return journey
     curve = options.charging_curve or ChargingCurve.from_vehicle(
-        drive.model.vehicle, first.forecast.charge.wh_per_display
+        forecaster.model.vehicle, first.forecast.charge.wh_per_display
     )
-    stop = find_stop(drive, first.road, first.forecast, atlas, curve, options.reserve)
+    stop = find_stop(forecaster, first.road, first.forecast, atlas, curve, options.reserve)
     flags = list(journey.flags)
     if not atlas.stations:
         flags.append(Flag("no_stations", "charging"))
@@ -514,21 +513,25 @@ def _labelled(roads: list[RoadForecast]) -> tuple[RoadForecast, ...]:
     )
 
 
-def _costs(drive: Drive, first: RoadForecast) -> dict[str, float]:
+def _costs(forecaster: RoadForecaster, first: RoadForecast) -> dict[str, float]:
     """What climate control, wind and speed take [Wh]."""
     forecast, plan = first.forecast, first.forecast.plan
     off = replace(plan, departure=replace(plan.departure, climate="off"))
-    costs = {"climate": forecast.energy_wh - drive.forecast_plan(off).energy_wh, "wind": 0.0, "speed": 0.0}
-    if plan.weather is not None and bool(plan.weather.headwind_m_s.any()):
-        calm = replace(plan, weather=plan.weather.calm())
-        costs["wind"] = forecast.energy_wh - drive.forecast_plan(calm).energy_wh
+    costs = {
+        "climate": forecast.energy_wh - forecaster.forecast_plan(off).energy_wh,
+        "wind": 0.0,
+        "speed": 0.0,
+    }
+    if plan.air is not None and bool(plan.air.headwind_m_s.any()):
+        calm = plan.with_weather(plan.air.calm())
+        costs["wind"] = forecast.energy_wh - forecaster.forecast_plan(calm).energy_wh
     slower = capped(first.road, CHEAPER_KM_H * M_S_PER_KM_H)
     if slower.duration_s > first.road.duration_s:
-        costs["speed"] = forecast.energy_wh - drive.forecast(slower).energy_wh
+        costs["speed"] = forecast.energy_wh - forecaster.forecast(slower).energy_wh
     return costs
 
 
-def _speed(drive: Drive, first: RoadForecast, reserve: float) -> SpeedAdvice | None:
+def _speed(forecaster: RoadForecaster, first: RoadForecast, reserve: float) -> SpeedAdvice | None:
     if first.forecast.p_arrive(reserve) >= CERTAIN:
         return None
     road = first.road
@@ -538,7 +541,7 @@ def _speed(drive: Drive, first: RoadForecast, reserve: float) -> SpeedAdvice | N
         slower = capped(road, speed * M_S_PER_KM_H)
         if slower.duration_s <= road.duration_s:
             continue
-        forecast = drive.forecast(slower)
+        forecast = forecaster.forecast(slower)
         if forecast.p_arrive(reserve) >= CERTAIN:
             return SpeedAdvice(speed * M_S_PER_KM_H, forecast.plan.duration_s)
     return SpeedAdvice(None, None)

@@ -11,12 +11,12 @@ from tripwatt.arrays import FloatArray
 from tripwatt.errors import InvalidInput, RemoteError
 from tripwatt.forecasting import Forecast
 from tripwatt.journey.atlas import Atlas
-from tripwatt.journey.forecasting import Drive
+from tripwatt.journey.forecasting import RoadForecaster
 from tripwatt.routes.places import Place, bearings_deg
 from tripwatt.routes.routers import Road
 from tripwatt.trips import Flag
+from tripwatt.trips.columns import require_fraction
 from tripwatt.trips.messages import flag_to_dict
-from tripwatt.trips.schema import require_fraction
 
 LEVELS: Final = (0.95, 0.5)
 DIRECTIONS: Final = 24
@@ -97,7 +97,7 @@ class Reach:
         }
 
 
-def find_reach(drive: Drive, start: Place, atlas: Atlas, *, reserve: float = 0.0) -> Reach:
+def find_reach(forecaster: RoadForecaster, start: Place, atlas: Atlas, *, reserve: float = 0.0) -> Reach:
     """Find the area of reach. One road and one forecast for each of `DIRECTIONS` directions.
 
     Roads lead to places at the edge of an isochrone, or of a circle where the router has none, beyond the reach of the
@@ -105,7 +105,7 @@ def find_reach(drive: Drive, start: Place, atlas: Atlas, *, reserve: float = 0.0
 
     Parameters
     ----------
-    drive : Drive
+    forecaster : RoadForecaster
         The car, its departure and the weather.
     start : Place
         Where the car leaves.
@@ -126,11 +126,11 @@ def find_reach(drive: Drive, start: Place, atlas: Atlas, *, reserve: float = 0.0
 
     Examples
     --------
-    >>> find_reach(drive, Place(47.14, 9.52), open_atlas("map"), reserve=0.1)  # doctest: +SKIP
+    >>> find_reach(forecaster, Place(47.14, 9.52), open_atlas("map"), reserve=0.1)  # doctest: +SKIP
     """
     reserve = require_fraction("reserve", reserve)
     roads, last = [], None
-    for place in _targets(drive, start, atlas):
+    for place in _targets(forecaster, start, atlas):
         try:
             roads.append(atlas.router.roads((start, place))[0])
         except RemoteError:
@@ -140,7 +140,7 @@ def find_reach(drive: Drive, start: Place, atlas: Atlas, *, reserve: float = 0.0
     if not roads:
         raise last or InvalidInput([])
     return reach_along(
-        roads, [drive.forecast(road, "reach") for road in roads], start, reserve, atlas.attribution
+        roads, [forecaster.forecast(road, "reach") for road in roads], start, reserve, atlas.attribution
     )
 
 
@@ -173,10 +173,10 @@ def reached_share(forecast: Forecast, level: float, reserve: float) -> float:
     return float((distance[k - 1] + part * (distance[k] - distance[k - 1])) / distance[-1])
 
 
-def _targets(drive: Drive, start: Place, atlas: Atlas) -> list[Place]:
+def _targets(forecaster: RoadForecaster, start: Place, atlas: Atlas) -> list[Place]:
     """A place in each direction, farther than the charge carries, or at the end of the map."""
-    soc = drive.departure.soc if drive.departure.soc is not None else 0.8
-    vehicle = drive.model.vehicle
+    soc = forecaster.departure.soc if forecaster.departure.soc is not None else 0.8
+    vehicle = forecaster.model.vehicle
     energy_wh = (
         soc
         * vehicle.battery.capacity_ah

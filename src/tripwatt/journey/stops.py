@@ -11,7 +11,7 @@ from tripwatt.errors import InvalidInput, RemoteError
 from tripwatt.forecasting import Forecast
 from tripwatt.journey.atlas import Atlas
 from tripwatt.journey.charging import STOP_S, ChargingCurve
-from tripwatt.journey.forecasting import Drive
+from tripwatt.journey.forecasting import RoadForecaster
 from tripwatt.routes.maps import Station, near
 from tripwatt.routes.places import Place
 from tripwatt.routes.routers import Road
@@ -85,7 +85,12 @@ class ChargingStop:
 
 
 def find_stop(
-    drive: Drive, road: Road, forecast: Forecast, atlas: Atlas, curve: ChargingCurve, reserve: float
+    forecaster: RoadForecaster,
+    road: Road,
+    forecast: Forecast,
+    atlas: Atlas,
+    curve: ChargingCurve,
+    reserve: float,
 ) -> ChargingStop | None:
     """The stop with which the journey takes the least time; None where no station helps.
 
@@ -100,7 +105,7 @@ def find_stop(
                 atlas.router.roads((start, station.place))[0],
                 atlas.router.roads((station.place, end))[0],
             )
-            found = _with_stop(drive, legs, station, curve, reserve)
+            found = _with_stop(forecaster, legs, station, curve, reserve)
         except RemoteError:
             raise
         except InvalidInput:  # no road to this one
@@ -131,14 +136,18 @@ def _candidates(
 
 
 def _with_stop(
-    drive: Drive, legs: tuple[Road, Road], station: Station, curve: ChargingCurve, reserve: float
+    forecaster: RoadForecaster,
+    legs: tuple[Road, Road],
+    station: Station,
+    curve: ChargingCurve,
+    reserve: float,
 ) -> ChargingStop | None:
-    first = drive.forecast(legs[0], "to the station")
+    first = forecaster.forecast(legs[0], "to the station")
     p_station = first.p_arrive(LEAST_ARRIVAL)
     if p_station < CERTAIN:
         return None
     arrival = first.soc_arrival
-    guess = drive.forecast(legs[1], "from the station", soc=FULL_STOP, bms_soc=None, follows_trip=True)
+    guess = forecaster.forecast(legs[1], "from the station", soc=FULL_STOP, bms_soc=None, follows_trip=True)
     leave = guess.soc_needed(reserve, CERTAIN)
     if leave > FULL_STOP:
         return None

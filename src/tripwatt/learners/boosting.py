@@ -2,57 +2,37 @@
 
 Each round fits a tree to the working residuals V_i^-1 (y_i - F(x_i)) of the groups and gives its leaves the
 values that solve the estimating equation sum_i Z_i' V_i^-1 (y_i - F_i - Z_i b) = 0 (Liang & Zeger 1986; Friedman
-2001). The number of rounds is chosen by leaving groups out. See `docs/learners.md`.
+2001). The number of rounds is chosen by leaving groups out. See `docs/explanation/learners.md`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, Literal, Self
 
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
 from joblib import Parallel, delayed
-from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils.validation import check_is_fitted
 
 from tripwatt.arrays import BoolArray, FloatArray, IntArray
-from tripwatt.learners.clusters import Clusters, GroupLoss, Loss, ScoreRows, folds_of, thinned_rows
+from tripwatt.learners.clusters import Clusters, Loss, ScoreRows, folds_of
 from tripwatt.learners.correlation import LARGEST, Correlation
 from tripwatt.learners.rounds import Path, boost, fill_losses, write_leaf_values
 from tripwatt.learners.trees import (
+    ClusteredTrees,
     Sample,
-    about_columns,
-    as_text_array,
-    booster_array,
-    booster_of,
-    check_parameters,
-    column_blocks,
-    column_names,
-    from_text_array,
-    permutation_losses,
-    prepare,
-    restore_columns,
-    seed_of,
-    settings_of,
+    keep_arguments,
     sum_of_trees,
     validate_rows,
 )
 
 DEFAULT_GRID: dict[str, list[Any]] = {"max_leaf_nodes": [3, 6], "min_leaf_weight": [1.0, 4.0]}
-_SETTINGS = (
-    "learning_rate",
-    "max_leaf_nodes",
-    "max_depth",
-    "min_leaf_weight",
-    "max_features",
-    "subsample",
-    "correlation",
-)
 
 
-class ClusteredBoosting(RegressorMixin, BaseEstimator):
+class ClusteredBoosting(ClusteredTrees):
     """Gradient boosting of trees as a marginal, GEE-type model, stopped by leave-groups-out cross-validation.
 
     Parameters
@@ -68,7 +48,7 @@ class ClusteredBoosting(RegressorMixin, BaseEstimator):
     max_features : float
         Share of the columns that each split may choose from.
     subsample : float
-        Share of the groups that each round learns from (whole groups; Friedman 2002).
+        Share of the groups that each round is fitted to (whole groups; Friedman 2002).
     correlation : {"independence", "exchangeable", "ar1"}
         Working correlation of the rows of a group; ar1 goes by their order.
     start : {"mean", "zero"}
@@ -125,6 +105,30 @@ class ClusteredBoosting(RegressorMixin, BaseEstimator):
     True
     """
 
+    settings_names = (
+        "learning_rate",
+        "max_leaf_nodes",
+        "max_depth",
+        "min_leaf_weight",
+        "max_features",
+        "subsample",
+        "correlation",
+    )
+    default_grid = DEFAULT_GRID
+    stored_values = ("n_rounds", "correlation_parameter", "start")
+    stored_arrays = ("position", "steps", "learning_curve")
+    allowed = MappingProxyType(
+        {
+            "n_rounds": ("an integer >= 1", lambda v: v >= 1),
+            "learning_rate": ("a number in (0, 1]", lambda v: 0 < v <= 1),
+            "subsample": ("a share in (0, 1]", lambda v: 0 < v <= 1),
+            "correlation": ("one of " + ", ".join(LARGEST), lambda v: v in LARGEST),
+            "start": ("'mean' or 'zero'", lambda v: v in ("mean", "zero")),
+            "n_folds": ("None or an integer >= 2", lambda v: v is None or v >= 2),
+            "patience": ("an integer >= 1", lambda v: v >= 1),
+        }
+    )
+
     def __init__(
         self,
         n_rounds: int = 300,
@@ -148,31 +152,7 @@ class ClusteredBoosting(RegressorMixin, BaseEstimator):
         n_jobs: int | None = None,
         random_state: Any = None,
     ) -> None:
-        self.n_rounds = n_rounds
-        self.learning_rate = learning_rate
-        self.max_leaf_nodes = max_leaf_nodes
-        self.max_depth = max_depth
-        self.min_leaf_weight = min_leaf_weight
-        self.max_features = max_features
-        self.subsample = subsample
-        self.correlation = correlation
-        self.start = start
-        self.group_weight = group_weight
-        self.max_rows_per_group = max_rows_per_group
-        self.max_bins = max_bins
-        self.n_folds = n_folds
-        self.patience = patience
-        self.param_grid = param_grid
-        self.loss = loss
-        self.score_rows = score_rows
-        self.n_jobs = n_jobs
-        self.random_state = random_state
-
-    def __sklearn_tags__(self) -> Any:
-        tags = super().__sklearn_tags__()
-        tags.input_tags.allow_nan = True
-        tags.non_deterministic = False
-        return tags
+        keep_arguments(self, locals())
 
     def fit(self, X: Any, y: Any, groups: Any = None) -> Self:
         """Choose setting and rounds by leaving groups out, then fit all rows.
@@ -235,40 +215,6 @@ class ClusteredBoosting(RegressorMixin, BaseEstimator):
         ).reshape(len(self.steps_), len(rows))
         return np.asarray(self.start_ + np.cumsum(steps, axis=0))
 
-    def permutation_importance(
-        self,
-        X: Any,
-        y: Any,
-        groups: Any = None,
-        *,
-        columns: Mapping[str, Sequence[str]] | None = None,
-        n_repeats: int = 5,
-    ) -> pd.DataFrame:
-        """Rise of the loss when a covariate is permuted over the rows; give rows that were not fitted.
-
-        Parameters
-        ----------
-        X, y, groups
-            As in `fit`.
-        columns : dict, optional
-            Name -> columns to permute together (say, the indicators of one factor); default each alone.
-        n_repeats : int
-            Number of permutations of each.
-
-        Returns
-        -------
-        DataFrame
-            `covariate, importance, std`, the most important first.
-        """
-        check_is_fitted(self, "steps_")
-        rows, target = validate_rows(self, X, None, reset=False)[0], np.asarray(y, dtype=float)
-        codes = Clusters.from_groups(groups, len(rows)).codes
-        kept = thinned_rows(codes, self.max_rows_per_group)
-        loss = GroupLoss(target[kept], codes[kept], self.loss, self.score_rows)
-        blocks = column_blocks(column_names(self), columns)
-        rng = np.random.default_rng(seed_of(self.random_state))
-        return permutation_losses(self._raw, rows[kept], loss, blocks, n_repeats, rng)
-
     def leave_groups_out(self, X: Any, y: Any, groups: Any = None, folds: Any = None) -> FloatArray:
         """Prediction of each row by a model that is fitted and tuned without the row's fold.
 
@@ -295,67 +241,31 @@ class ClusteredBoosting(RegressorMixin, BaseEstimator):
         with Parallel(n_jobs=self.n_jobs) as parallel:
             choices = self._shared_choices(sample, settings, fold_of_group, len(fold_labels), seed, parallel)
             fold_of_row = fold_of_group[clusters.codes]
-            jobs = [
+            params = [self._base() | settings[setting] for setting, _, _ in choices]
+            results = parallel(
                 delayed(self._predict)(
-                    sample,
-                    self._base() | settings[setting],
-                    fold_of_group != fold,
-                    rounds,
-                    seed,
-                    rows[fold_of_row == fold],
+                    sample, chosen, fold_of_group != fold, rounds, seed, rows[fold_of_row == fold]
                 )
-                for fold, (setting, rounds, _) in enumerate(choices)
-            ]
-            results = parallel(jobs)
+                for fold, (chosen, (_, rounds, _)) in enumerate(zip(params, choices, strict=True))
+            )
         prediction = np.empty(len(rows))
         for fold, values in enumerate(results):
             prediction[fold_of_row == fold] = values
         self.fold_labels_ = fold_labels
-        self.fold_params_ = [self._base() | settings[setting] for setting, _, _ in choices]
+        self.fold_params_ = params
         self.fold_rounds_ = np.array([rounds for _, rounds, _ in choices])
         self.fold_errors_ = np.array([error for _, _, error in choices])
         return prediction
 
-    def to_arrays(self) -> dict[str, npt.NDArray[Any]]:
-        """The fitted model as plain arrays: numbers, and bytes of JSON and of LightGBM's text format."""
-        check_is_fitted(self, "steps_")
-        about = {
-            **about_columns(self),
-            "n_rounds": int(self.n_rounds_),
-            "correlation_parameter": float(self.correlation_parameter_),
-            "start": float(self.start_),
-        }
-        return {
-            "about": as_text_array(about),
-            "booster": booster_array(self.booster_),
-            "position": self.position_,
-            "steps": self.steps_,
-            "learning_curve": self.learning_curve_.to_numpy(dtype=float),
-        }
-
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, npt.NDArray[Any]]) -> Self:
         """Reverse of `to_arrays`; predictions are the same to the last bit."""
-        about = from_text_array(arrays["about"])
-        model = cls(**about["settings"])
-        restore_columns(model, about)
-        model.n_rounds_, model.start_ = about["n_rounds"], about["start"]
-        model.correlation_parameter_ = about["correlation_parameter"]
-        model.booster_ = booster_of(arrays["booster"])
-        model.position_, model.steps_ = arrays["position"], arrays["steps"]
+        model = super().from_arrays(arrays)
         model.learning_curve_ = pd.DataFrame(arrays["learning_curve"], columns=["round", "fold", "error"])
         return model
 
-    def _prepare(self, X: Any, y: Any, groups: Any) -> tuple[Sample, Clusters, FloatArray, int]:
-        check_parameters(self, _ALLOWED)
-        return (*prepare(self, X, y, groups), seed_of(self.random_state))
-
-    def _base(self) -> dict[str, Any]:
-        return {name: getattr(self, name) for name in _SETTINGS}
-
-    def _settings(self) -> list[dict[str, Any]]:
-        grid = DEFAULT_GRID if isinstance(self.param_grid, str) else self.param_grid
-        return settings_of(self._base(), grid)
+    def _predict_unseen(self, rows: FloatArray, clusters: Clusters) -> FloatArray:
+        return self._raw(rows)
 
     def _raw(self, rows: FloatArray) -> FloatArray:
         lone = self.position_ < 0
@@ -390,16 +300,8 @@ class ClusteredBoosting(RegressorMixin, BaseEstimator):
         scored: Sequence[IntArray],
     ) -> Path:
         """Boost some groups, scoring others, until the others stop improving."""
-        return boost(
-            sample,
-            setting,
-            inside,
-            self.n_rounds,
-            seed,
-            start=self.start,
-            patience=self.patience,
-            scored=scored,
-        )
+        options: dict[str, Any] = {"start": self.start, "patience": self.patience}
+        return boost(sample, setting, inside, self.n_rounds, seed, **options, scored=scored)
 
     def _fold_errors(
         self, sample: Sample, setting: dict[str, Any], block: IntArray, allowed: BoolArray, seed: int
@@ -458,30 +360,6 @@ class ClusteredBoosting(RegressorMixin, BaseEstimator):
         return errors[:, scored[0]], errors[:, scored[1]]
 
 
-_ALLOWED = {
-    "n_rounds": ("an integer >= 1", lambda v: v >= 1),
-    "learning_rate": ("a number in (0, 1]", lambda v: 0 < v <= 1),
-    "max_leaf_nodes": ("an integer >= 2", lambda v: v >= 2),
-    "max_depth": ("None or an integer >= 1", lambda v: v is None or v >= 1),
-    "min_leaf_weight": ("a number >= 0", lambda v: v >= 0),
-    "max_features": ("a share in (0, 1]", lambda v: 0 < v <= 1),
-    "subsample": ("a share in (0, 1]", lambda v: 0 < v <= 1),
-    "correlation": ("one of " + ", ".join(LARGEST), lambda v: v in LARGEST),
-    "start": ("'mean' or 'zero'", lambda v: v in ("mean", "zero")),
-    "group_weight": ("'equal' or 'rows'", lambda v: v in ("equal", "rows")),
-    "max_rows_per_group": ("None or an integer >= 1", lambda v: v is None or v >= 1),
-    "max_bins": ("an integer >= 2", lambda v: v >= 2),
-    "n_folds": ("None or an integer >= 2", lambda v: v is None or v >= 2),
-    "patience": ("an integer >= 1", lambda v: v >= 1),
-    "param_grid": (
-        "None, 'default' or a dict",
-        lambda v: v is None or v == "default" or isinstance(v, Mapping),
-    ),
-    "loss": ("'squared', 'absolute' or a function", lambda v: callable(v) or v in ("squared", "absolute")),
-    "score_rows": ("'all' or 'last'", lambda v: v in ("all", "last")),
-}
-
-
 def _blocks(n: int, n_blocks: int, seed: int) -> IntArray:
     """Assign n items at random to blocks of nearly equal size."""
     return np.random.default_rng([seed, 3]).permutation(np.arange(n) % min(n, n_blocks))
@@ -507,7 +385,6 @@ def _learning_curve(errors: FloatArray, block: IntArray) -> pd.DataFrame:
     for fold in np.unique(block):
         curve = errors[:, block == fold].mean(axis=1)
         reached = ~np.isnan(curve)
-        parts.append(
-            pd.DataFrame({"round": np.flatnonzero(reached) + 1, "fold": fold, "error": curve[reached]})
-        )
+        rounds = np.flatnonzero(reached) + 1
+        parts.append(pd.DataFrame({"round": rounds, "fold": fold, "error": curve[reached]}))
     return pd.concat(parts, ignore_index=True)

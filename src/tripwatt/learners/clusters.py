@@ -15,7 +15,7 @@ import pandas as pd
 from sklearn.utils.validation import check_consistent_length
 
 from tripwatt.arrays import FloatArray, IntArray
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, InvalidInput, raise_faults
 
 Loss = Literal["squared", "absolute"] | Callable[[FloatArray, FloatArray], float]
 ScoreRows = Literal["all", "last"]
@@ -23,7 +23,7 @@ ScoreRows = Literal["all", "last"]
 
 @dataclass(frozen=True)
 class Columns:
-    """How the columns of a table become numbers: levels by column name, learned once.
+    """How the columns of a table become numbers: levels by column name, from the training table.
 
     Attributes
     ----------
@@ -55,11 +55,10 @@ class Columns:
         return cls(levels)
 
     def encode(self, X: Any) -> Any:
-        """Numbers for levels; a level that was not learned, and a missing one, become NaN."""
+        """Numbers for levels; a level outside of the training table, and a missing one, become NaN."""
         if not isinstance(X, pd.DataFrame):
             return X
-        encoded = {}
-        faults = []
+        encoded, faults = {}, []
         for name in X.columns:
             known = self.levels.get(str(name))
             if known is not None:
@@ -70,8 +69,7 @@ class Columns:
                 encoded[name] = X[name].to_numpy(dtype=float, na_value=np.nan)
             except (TypeError, ValueError):
                 faults.append(Fault("text in a numeric column", f"column {name}", str(X[name].dtype)))
-        if faults:
-            raise InvalidInput(faults)
+        raise_faults(faults)
         return pd.DataFrame(encoded, index=X.index, columns=X.columns)
 
     def categorical_positions(self, names: Sequence[str]) -> list[int]:
@@ -104,9 +102,7 @@ class Clusters:
         codes, labels = pd.factorize(pd.Series(values.ravel()), sort=True)
         if (codes < 0).any():
             rows = np.flatnonzero(codes < 0)
-            raise InvalidInput(
-                Fault("missing group label", f"row {rows[0]}", f"{rows.size} missing", "a label")
-            )
+            raise InvalidInput.of("missing group label", f"row {rows[0]}", f"{rows.size} missing", "a label")
         return cls(np.asarray(labels), codes.astype(np.int64))
 
     @property
@@ -116,7 +112,7 @@ class Clusters:
 
 
 def thinned_rows(codes: IntArray, max_rows: int | None) -> IntArray:
-    """Rows to learn from, group after group: at most `max_rows` of each, evenly spaced, first and last kept.
+    """Rows to fit, group after group: at most `max_rows` of each, evenly spaced, first and last kept.
 
     Parameters
     ----------
@@ -219,11 +215,6 @@ def folds_of(folds: Any, clusters: Clusters) -> tuple[npt.NDArray[Any], IntArray
     fold_of_group = np.zeros(clusters.n_groups, dtype=np.int64)
     fold_of_group[clusters.codes] = by_row.codes
     torn = clusters.labels[np.unique(clusters.codes[fold_of_group[clusters.codes] != by_row.codes])]
-    if torn.size:
-        raise InvalidInput(
-            [
-                Fault("group in two folds", f"group {label}", allowed="one fold for all rows of a group")
-                for label in torn
-            ]
-        )
+    allowed = "one fold for all rows of a group"
+    raise_faults(Fault("group in two folds", f"group {label}", allowed=allowed) for label in torn)
     return by_row.labels, fold_of_group

@@ -1,56 +1,41 @@
 """A random forest for clustered rows: whole groups are drawn, left out and scored.
 
-Each tree sees a bootstrap of groups (Karpievitch et al. 2009), so a group that was not drawn is out of bag with
+Each tree takes a bootstrap of groups (Karpievitch et al. 2009), so a group that was not drawn is out of bag with
 all of its rows and the out-of-bag error is an error on new groups. The same property gives leave-one-group-out
-predictions without refits, see `ClusteredForest.leave_groups_out`. See `docs/learners.md`.
+predictions without refits, see `ClusteredForest.leave_groups_out`. See `docs/explanation/learners.md`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any, Literal, Self
 
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
-from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils.validation import check_is_fitted
 
 from tripwatt.arrays import BoolArray, FloatArray, IntArray
 from tripwatt.learners.clusters import (
     Clusters,
-    GroupLoss,
     Loss,
     ScoreRows,
     folds_of,
     mean_over_groups,
-    thinned_rows,
 )
 from tripwatt.learners.trees import (
+    ClusteredTrees,
     Sample,
     Trees,
     TreeShape,
-    about_columns,
-    as_text_array,
-    booster_array,
-    booster_of,
-    check_parameters,
-    column_blocks,
-    column_names,
-    from_text_array,
-    permutation_losses,
-    plain,
-    prepare,
-    restore_columns,
-    seed_of,
-    settings_of,
+    keep_arguments,
     sum_of_trees,
     validate_rows,
 )
 
 DEFAULT_GRID: dict[str, list[Any]] = {"max_leaf_nodes": [6, 12, 24], "max_features": [0.34, 0.67, 1.0]}
-_SETTINGS = ("max_leaf_nodes", "max_depth", "min_leaf_weight", "max_features")
 _CHUNK = 16_384  # rows whose leaf numbers are held at a time
 
 
@@ -80,7 +65,7 @@ class _Grown:
         return result
 
 
-class ClusteredForest(RegressorMixin, BaseEstimator):
+class ClusteredForest(ClusteredTrees):
     """Random forest with subject-level bootstrap, tuned by its out-of-bag error by group.
 
     Parameters
@@ -141,6 +126,17 @@ class ClusteredForest(RegressorMixin, BaseEstimator):
     True
     """
 
+    settings_names = ("max_leaf_nodes", "max_depth", "min_leaf_weight", "max_features")
+    default_grid = DEFAULT_GRID
+    stored_values = ("groups",)
+    stored_arrays = ("position", "values", "counts", "oob_error")
+    allowed = MappingProxyType(
+        {
+            "n_trees": ("an integer >= 1", lambda v: v >= 1),
+            "min_oob_trees": ("an integer >= 1", lambda v: v >= 1),
+        }
+    )
+
     def __init__(
         self,
         n_trees: int = 500,
@@ -158,25 +154,7 @@ class ClusteredForest(RegressorMixin, BaseEstimator):
         min_oob_trees: int = 15,
         random_state: Any = None,
     ) -> None:
-        self.n_trees = n_trees
-        self.max_leaf_nodes = max_leaf_nodes
-        self.max_depth = max_depth
-        self.min_leaf_weight = min_leaf_weight
-        self.max_features = max_features
-        self.group_weight = group_weight
-        self.max_rows_per_group = max_rows_per_group
-        self.max_bins = max_bins
-        self.param_grid = param_grid
-        self.loss = loss
-        self.score_rows = score_rows
-        self.min_oob_trees = min_oob_trees
-        self.random_state = random_state
-
-    def __sklearn_tags__(self) -> Any:
-        tags = super().__sklearn_tags__()
-        tags.input_tags.allow_nan = True
-        tags.non_deterministic = False
-        return tags
+        keep_arguments(self, locals())
 
     def fit(self, X: Any, y: Any, groups: Any = None) -> Self:
         """Grow and tune the forest.
@@ -241,42 +219,7 @@ class ClusteredForest(RegressorMixin, BaseEstimator):
         """
         check_is_fitted(self, "booster_")
         rows, _ = validate_rows(self, X, None, reset=False)
-        return self._oob_sum(rows, Clusters.from_groups(groups, len(rows)))
-
-    def permutation_importance(
-        self,
-        X: Any,
-        y: Any,
-        groups: Any = None,
-        *,
-        columns: Mapping[str, Sequence[str]] | None = None,
-        n_repeats: int = 5,
-    ) -> pd.DataFrame:
-        """Rise of the out-of-bag loss when a covariate is permuted over the rows.
-
-        Parameters
-        ----------
-        X, y, groups
-            As in `fit`; groups that `fit` saw are predicted by their out-of-bag trees.
-        columns : dict, optional
-            Name -> columns to permute together (say, the indicators of one factor); default each alone.
-        n_repeats : int
-            Number of permutations of each.
-
-        Returns
-        -------
-        DataFrame
-            `covariate, importance, std`, the most important first.
-        """
-        check_is_fitted(self, "booster_")
-        rows, target = validate_rows(self, X, None, reset=False)[0], np.asarray(y, dtype=float)
-        clusters = Clusters.from_groups(groups, len(rows))
-        kept = thinned_rows(clusters.codes, self.max_rows_per_group)
-        part = Clusters(clusters.labels, clusters.codes[kept])
-        loss = GroupLoss(target[kept], part.codes, self.loss, self.score_rows)
-        blocks = column_blocks(column_names(self), columns)
-        rng = np.random.default_rng(seed_of(self.random_state))
-        return permutation_losses(lambda Z: self._oob_sum(Z, part), rows[kept], loss, blocks, n_repeats, rng)
+        return self._predict_unseen(rows, Clusters.from_groups(groups, len(rows)))
 
     def leave_groups_out(self, X: Any, y: Any, groups: Any = None, folds: Any = None) -> FloatArray:
         """Prediction of each row by a forest that is grown and tuned without the row's fold.
@@ -324,44 +267,12 @@ class ClusteredForest(RegressorMixin, BaseEstimator):
         self.fold_refitted_ = ~enough
         return prediction
 
-    def to_arrays(self) -> dict[str, npt.NDArray[Any]]:
-        """The fitted forest as plain arrays: numbers, and bytes of JSON and of LightGBM's text format."""
-        check_is_fitted(self, "booster_")
-        about = {
-            **about_columns(self),
-            "groups": plain(self.groups_),
-        }
-        return {
-            "about": as_text_array(about),
-            "booster": booster_array(self.booster_),
-            "position": self.position_,
-            "values": self.values_,
-            "counts": self.counts_,
-            "oob_error": self.oob_error_,
-        }
-
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, npt.NDArray[Any]]) -> Self:
         """Reverse of `to_arrays`; predictions are the same to the last bit."""
-        about = from_text_array(arrays["about"])
-        forest = cls(**about["settings"])
-        restore_columns(forest, about)
-        forest.groups_ = np.array(about["groups"])
-        forest.booster_ = booster_of(arrays["booster"])
-        forest.position_, forest.values_ = arrays["position"], arrays["values"]
-        forest.counts_, forest.oob_error_ = arrays["counts"], arrays["oob_error"]
+        forest = super().from_arrays(arrays)
+        forest.groups_ = np.array(forest.groups_)
         return forest
-
-    def _prepare(self, X: Any, y: Any, groups: Any) -> tuple[Sample, Clusters, FloatArray, int]:
-        check_parameters(self, _ALLOWED)
-        return (*prepare(self, X, y, groups), seed_of(self.random_state))
-
-    def _base(self) -> dict[str, Any]:
-        return {name: getattr(self, name) for name in _SETTINGS}
-
-    def _settings(self) -> list[dict[str, Any]]:
-        grid = DEFAULT_GRID if isinstance(self.param_grid, str) else self.param_grid
-        return settings_of(self._base(), grid)
 
     def _grow(self, sample: Sample, counts: IntArray, setting: dict[str, Any], seed: int) -> _Grown:
         trees = sample.grower.start(TreeShape(**(self._base() | setting)))
@@ -409,16 +320,12 @@ class ClusteredForest(RegressorMixin, BaseEstimator):
 
     def _keep(self, forest: _Grown) -> None:
         """Write the leaf values into the booster, so that it alone predicts."""
-        self.booster_ = forest.trees.booster
-        self.position_ = np.array(forest.trees.position, dtype=np.int64)
         self.values_ = forest.values
         widths = forest.leaves.max(axis=1) + 1
-        for tree, position in enumerate(self.position_):
-            if position >= 0:
-                for leaf in range(widths[tree]):
-                    self.booster_.set_leaf_output(int(position), leaf, float(forest.values[tree, leaf]))
+        values = [values[:width] for values, width in zip(forest.values, widths, strict=True)]
+        self.booster_, self.position_ = forest.trees.with_values(values)
 
-    def _oob_sum(self, rows: FloatArray, clusters: Clusters) -> FloatArray:
+    def _predict_unseen(self, rows: FloatArray, clusters: Clusters) -> FloatArray:
         known = pd.Index(self.groups_).get_indexer(pd.Index(clusters.labels))
         used = np.where(known >= 0, self.counts_[:, known] == 0, True)[:, clusters.codes]
         result = np.empty(len(rows))
@@ -427,30 +334,11 @@ class ClusteredForest(RegressorMixin, BaseEstimator):
             leaves = np.zeros((len(self.position_), len(rows[part])), dtype=np.int64)
             split = self.position_ >= 0
             if split.any():
-                found = self.booster_.predict(rows[part], pred_leaf=True, num_threads=1)
-                leaves[split] = np.asarray(found).reshape(leaves.shape[1], -1).T
+                numbers = self.booster_.predict(rows[part], pred_leaf=True, num_threads=1)
+                leaves[split] = np.asarray(numbers).reshape(leaves.shape[1], -1).T
             values = np.take_along_axis(self.values_, leaves, axis=1)
             result[part] = _masked_mean(values, used[:, part])
         return result
-
-
-_ALLOWED = {
-    "n_trees": ("an integer >= 1", lambda v: v >= 1),
-    "max_leaf_nodes": ("an integer >= 2", lambda v: v >= 2),
-    "max_depth": ("None or an integer >= 1", lambda v: v is None or v >= 1),
-    "min_leaf_weight": ("a number >= 0", lambda v: v >= 0),
-    "max_features": ("a share in (0, 1]", lambda v: 0 < v <= 1),
-    "group_weight": ("'equal' or 'rows'", lambda v: v in ("equal", "rows")),
-    "max_rows_per_group": ("None or an integer >= 1", lambda v: v is None or v >= 1),
-    "max_bins": ("an integer >= 2", lambda v: v >= 2),
-    "param_grid": (
-        "None, 'default' or a dict",
-        lambda v: v is None or v == "default" or isinstance(v, Mapping),
-    ),
-    "loss": ("'squared', 'absolute' or a function", lambda v: callable(v) or v in ("squared", "absolute")),
-    "score_rows": ("'all' or 'last'", lambda v: v in ("all", "last")),
-    "min_oob_trees": ("an integer >= 1", lambda v: v >= 1),
-}
 
 
 def _bootstrap(n_trees: int, allowed: BoolArray, seed: int) -> IntArray:

@@ -1,4 +1,4 @@
-"""Additive Gaussian process for clustered rows, learned from the clusters' totals.
+"""Additive Gaussian process for clustered rows, fitted to the clusters' totals.
 
 ``y(x) = sum_c f_c(x) + group effect + error`` with independent Gaussian processes `f_c`: a line through the origin in
 one column, or a smooth function of a few. Rows of a cluster are far from independent, so the model is fitted to what
@@ -21,7 +21,7 @@ import pandas as pd
 from numpy.linalg import cholesky, solve
 
 from tripwatt.arrays import FloatArray, eigen
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, InvalidInput, raise_faults
 
 _JITTER: Final = 1e-8
 _T_PASSES: Final = 3
@@ -138,7 +138,7 @@ class AdditiveGP:
         self._check(X)
         codes, labels = pd.factorize(np.asarray(groups))
         if len(labels) < 3:
-            raise InvalidInput(Fault("too few groups", "groups", str(len(labels)), "at least 3"))
+            raise InvalidInput.of("too few groups", "groups", str(len(labels)), "at least 3")
         w = np.ones(len(X)) if weight is None else np.asarray(weight, dtype=np.float64)
         self._learn_columns(X)
         features, self.slices_ = self._features(X)
@@ -147,10 +147,8 @@ class AdditiveGP:
         target = np.asarray(np.bincount(codes, np.asarray(y, dtype=np.float64) * w), dtype=np.float64)
         effects: list[FloatArray] = [np.asarray(np.bincount(codes, w), dtype=np.float64)]
         if self.share_column is not None:
-            shares = np.bincount(
-                codes, np.abs(self._fill_missing(_columns(X)[self.share_column], self.share_column)) * w
-            )
-            effects.append(np.asarray(shares, dtype=np.float64))
+            share = self._fill_missing(_columns(X)[self.share_column], self.share_column)
+            effects.append(np.asarray(np.bincount(codes, np.abs(share) * w), dtype=np.float64))
         self._measured2 = np.zeros(len(labels)) if total_sd is None else np.square(np.asarray(total_sd))
         self._fit_totals(totals, target, np.array(effects))
         return self
@@ -206,28 +204,23 @@ class AdditiveGP:
             if not self._is_within(columns[name], name):
                 values = self._fill_missing(columns[name], name) - self.means_[name]
                 distance2[name] = ((values - self._held(columns, name)) / self.sds_[name]) ** 2
-        found = [
+        spreads = [
             np.sqrt(-2.0 * self.variances_[i] * np.expm1(-0.5 * sum(outside) / term.length**2))
             for i, term in smooth
             if (outside := [distance2[c] for c in term.columns if c in distance2])
         ]
-        return np.column_stack(found) if found else np.zeros((len(X), 0))
-
-    def effect_sds(self) -> tuple[float, float]:
-        """Standard deviation of the group effect and of the group's share."""
-        effects = np.sqrt(self.variances_[len(self.terms) :])
-        return float(effects[0]), float(effects[1]) if len(effects) > 1 else 0.0
+        return np.column_stack(spreads) if spreads else np.zeros((len(X), 0))
 
     def outside(self, X: pd.DataFrame) -> list[str]:
         """Columns of smooth terms with a value outside the range of the training rows."""
         names = dict.fromkeys(c for term in self.terms if term.kind == "smooth" for c in term.columns)
-        found = []
-        for name in names:
-            values = np.asarray(X[name], dtype=np.float64)
+
+        def is_outside(name: str) -> bool:
             low, high = self.ranges_[name]
-            if (values < low).any() or (values > high).any():
-                found.append(name)
-        return found
+            values = np.asarray(X[name], dtype=np.float64)
+            return bool((values < low).any() or (values > high).any())
+
+        return [name for name in names if is_outside(name)]
 
     def to_arrays(self) -> dict[str, npt.NDArray[Any]]:
         """Everything that prediction needs, as plain arrays."""
@@ -252,15 +245,10 @@ class AdditiveGP:
         InvalidInput
             When an array is missing, of another shape than the terms need, or not finite.
         """
-        faults = list(_array_faults(self.terms, self.share_column, arrays))
-        if faults:
-            raise InvalidInput(faults)
+        raise_faults(_array_faults(self.terms, self.share_column, arrays))
         names = [str(c) for c in arrays["columns"]]
-        self.weights_, self.factor_, self.variances_ = (
-            arrays["weights"],
-            arrays["factor"],
-            arrays["variances"],
-        )
+        self.weights_, self.factor_ = arrays["weights"], arrays["factor"]
+        self.variances_ = arrays["variances"]
         self.means_ = dict(zip(names, arrays["means"].tolist(), strict=True))
         self.sds_ = dict(zip(names, arrays["sds"].tolist(), strict=True))
         self.ranges_ = dict(zip(names, map(tuple, arrays["ranges"].tolist()), strict=True))
@@ -272,10 +260,7 @@ class AdditiveGP:
     def _check(self, X: pd.DataFrame) -> None:
         wanted = {c for term in self.terms for c in term.columns} | ({self.share_column} - {None})
         missing = sorted(str(c) for c in wanted if c not in X.columns)
-        if missing:
-            raise InvalidInput(
-                [Fault("missing column", "X", c, f"one of {sorted(X.columns)}") for c in missing]
-            )
+        raise_faults(Fault("missing column", "X", c, f"one of {sorted(X.columns)}") for c in missing)
 
     def _learn_columns(self, X: pd.DataFrame) -> None:
         self.means_, self.sds_, self.ranges_ = {}, {}, {}
@@ -292,9 +277,8 @@ class AdditiveGP:
                 continue
             held = {c: self._held(columns, c) for c in term.columns}
             z = np.unique(np.column_stack(self._standard(held, term)).round(3), axis=0)
-            self.points_[i] = _inducing_points(
-                z, self.inducing if len(term.columns) == 1 else 4 * self.inducing
-            )
+            most = self.inducing if len(term.columns) == 1 else 4 * self.inducing
+            self.points_[i] = _inducing_points(z, most)
             gram = _squared_exponential(list(self.points_[i].T), self.points_[i])
             self.whiteners_[i] = np.linalg.inv(cholesky(gram + 1e-6 * np.eye(len(gram)))).T
 
@@ -346,9 +330,8 @@ class AdditiveGP:
             scale = self._latent_scale(kernels, target, effects, scale)
             self.variances_ = self._variances(kernels, target, effects, scale, self.variances_)
         K = self._covariance(kernels, effects, scale)
-        prior = np.concatenate(
-            [np.full(s.stop - s.start, v) for s, v in zip(self.slices_, self.variances_, strict=False)]
-        )
+        pairs = zip(self.slices_, self.variances_, strict=False)
+        prior = np.concatenate([np.full(s.stop - s.start, v) for s, v in pairs])
         gain = solve(K, totals * prior).T
         self.weights_ = np.asarray(gain @ target)
         covariance = np.diag(prior) - gain @ (totals * prior)
@@ -387,8 +370,8 @@ class AdditiveGP:
 
         bounds = [(s - 9.0, s + 9.0) for s in start]
         first = start if before is None else np.log(before)
-        found = minimize(cost, first, jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": 100})
-        return np.asarray(np.exp(found.x))
+        result = minimize(cost, first, jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": 100})
+        return np.asarray(np.exp(result.x))
 
     def _covariance(self, kernels: FloatArray, effects: FloatArray, scale: FloatArray) -> FloatArray:
         n = len(self.terms)
@@ -447,11 +430,11 @@ def _columns(X: pd.DataFrame) -> dict[str, FloatArray]:
     values = X.to_numpy()
     if values.dtype == np.float64:
         return dict(zip(X.columns.tolist(), values.T, strict=True))
-    return {name: np.asarray(X[name], dtype=np.float64) for name in X.columns if _is_numeric(X[name])}
-
-
-def _is_numeric(column: pd.Series) -> bool:
-    return bool(pd.api.types.is_numeric_dtype(column))
+    return {
+        name: np.asarray(X[name], dtype=np.float64)
+        for name in X.columns
+        if pd.api.types.is_numeric_dtype(X[name])
+    }
 
 
 def _squared_exponential(columns: Sequence[FloatArray], points: FloatArray) -> FloatArray:

@@ -122,9 +122,5 @@ def fill_losses(errors: FloatArray, path: Path, groups: IntArray, end: int) -> N
 
 def write_leaf_values(path: Path) -> tuple[Any, IntArray, FloatArray]:
     """Booster with the leaf values of the path, tree -> its place there, first value of each tree."""
-    position = np.array(path.trees.position, dtype=np.int64)
-    for place, values in zip(position, path.values, strict=True):
-        if place >= 0:
-            for leaf, value in enumerate(values):
-                path.trees.booster.set_leaf_output(int(place), leaf, float(value))
-    return path.trees.booster, position, np.array([values[0] for values in path.values])
+    booster, position = path.trees.with_values(path.values)
+    return booster, position, np.array([values[0] for values in path.values])

@@ -9,17 +9,21 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar, Final, Self
 
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
+from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils import check_random_state
-from sklearn.utils.validation import validate_data
+from sklearn.utils.validation import check_is_fitted, validate_data
 
 from tripwatt.arrays import FloatArray, IntArray
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, raise_faults
 from tripwatt.learners.clusters import Clusters, Columns, GroupLoss, row_weights, thinned_rows
+
+Allowed = tuple[str, Callable[[Any], bool]]
+"""What is allowed, in words and as a test."""
 
 
 @dataclass(frozen=True)
@@ -127,6 +131,13 @@ class Trees:
         self._n_kept += 1
         return True
 
+    def with_values(self, values: Sequence[FloatArray]) -> tuple[Any, IntArray]:
+        """The booster with the values of each tree's leaves, and the place of each tree in it (-1 for a lone leaf)."""
+        for place, its_values in zip(self.position, values, strict=True):
+            for leaf, value in enumerate(its_values if place >= 0 else ()):
+                self.booster.set_leaf_output(place, leaf, float(value))
+        return self.booster, np.array(self.position, dtype=np.int64)
+
     def leaves(self, X: FloatArray, first: int = 0) -> IntArray:
         """Leaf of each row in each tree from `first` on, shape (n_trees - first, n_rows)."""
         wanted = np.array(self.position[first:], dtype=np.int64)
@@ -146,7 +157,7 @@ class Trees:
 
 @dataclass(frozen=True)
 class Sample:
-    """The rows that are learned from, sorted by group, and how groups are scored.
+    """The rows of a fit, sorted by group, and how groups are scored.
 
     Attributes
     ----------
@@ -185,6 +196,126 @@ def prepare(estimator: Any, X: Any, y: Any, groups: Any) -> tuple[Sample, Cluste
         n_groups=clusters.n_groups,
     )
     return sample, clusters, rows
+
+
+_ALLOWED: Final[Mapping[str, Allowed]] = {
+    "max_leaf_nodes": ("an integer >= 2", lambda v: v >= 2),
+    "max_depth": ("None or an integer >= 1", lambda v: v is None or v >= 1),
+    "min_leaf_weight": ("a number >= 0", lambda v: v >= 0),
+    "max_features": ("a share in (0, 1]", lambda v: 0 < v <= 1),
+    "group_weight": ("'equal' or 'rows'", lambda v: v in ("equal", "rows")),
+    "max_rows_per_group": ("None or an integer >= 1", lambda v: v is None or v >= 1),
+    "max_bins": ("an integer >= 2", lambda v: v >= 2),
+    "param_grid": (
+        "None, 'default' or a dict",
+        lambda v: v is None or v == "default" or isinstance(v, Mapping),
+    ),
+    "loss": ("'squared', 'absolute' or a function", lambda v: callable(v) or v in ("squared", "absolute")),
+    "score_rows": ("'all' or 'last'", lambda v: v in ("all", "last")),
+}
+"""Settings of all learners -> what is allowed."""
+
+
+class ClusteredTrees(RegressorMixin, BaseEstimator):
+    """A learner for clustered rows whose trees are LightGBM's. Subclasses add their own settings and their prediction."""
+
+    settings_names: ClassVar[tuple[str, ...]]
+    """Settings that `param_grid` may choose."""
+
+    default_grid: ClassVar[Mapping[str, list[Any]]]
+    allowed: ClassVar[Mapping[str, Allowed]]
+    """Settings of this learner alone -> what is allowed."""
+
+    stored_values: ClassVar[tuple[str, ...]]
+    stored_arrays: ClassVar[tuple[str, ...]]
+    """Attributes of a fitted learner that are stored, without the underscore at their end."""
+
+    def __sklearn_tags__(self) -> Any:
+        tags = super().__sklearn_tags__()
+        tags.input_tags.allow_nan = True
+        tags.non_deterministic = False
+        return tags
+
+    def permutation_importance(
+        self,
+        X: Any,
+        y: Any,
+        groups: Any = None,
+        *,
+        columns: Mapping[str, Sequence[str]] | None = None,
+        n_repeats: int = 5,
+    ) -> pd.DataFrame:
+        """Rise of the loss when a covariate is permuted over the rows.
+
+        A forest predicts groups that `fit` saw by their out-of-bag trees; give a boosting rows that it was not fitted to.
+
+        Parameters
+        ----------
+        X, y, groups
+            As in `fit`.
+        columns : dict, optional
+            Name -> columns to permute together (say, the indicators of one factor); default each alone.
+        n_repeats : int
+            Number of permutations of each.
+
+        Returns
+        -------
+        DataFrame
+            `covariate, importance, std`, the most important first.
+        """
+        check_is_fitted(self, "position_")
+        rows, target = validate_rows(self, X, None, reset=False)[0], np.asarray(y, dtype=float)
+        clusters = Clusters.from_groups(groups, len(rows))
+        kept = thinned_rows(clusters.codes, self.max_rows_per_group)
+        part = Clusters(clusters.labels, clusters.codes[kept])
+        loss = GroupLoss(target[kept], part.codes, self.loss, self.score_rows)
+        blocks = column_blocks(column_names(self), columns)
+        rng = np.random.default_rng(seed_of(self.random_state))
+        return permutation_losses(
+            lambda Z: self._predict_unseen(Z, part), rows[kept], loss, blocks, n_repeats, rng
+        )
+
+    def to_arrays(self) -> dict[str, npt.NDArray[Any]]:
+        """The fitted learner as plain arrays: numbers, and bytes of JSON and of LightGBM's text format."""
+        check_is_fitted(self, "booster_")
+        about = about_columns(self) | {name: plain(getattr(self, f"{name}_")) for name in self.stored_values}
+        arrays = {name: np.asarray(getattr(self, f"{name}_")) for name in self.stored_arrays}
+        return {"about": as_text_array(about), "booster": booster_array(self.booster_), **arrays}
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, npt.NDArray[Any]]) -> Self:
+        """Reverse of `to_arrays`; predictions are the same to the last bit."""
+        about = from_text_array(arrays["about"])
+        learner = cls(**about["settings"])
+        restore_columns(learner, about)
+        learner.booster_ = booster_of(arrays["booster"])
+        for name in cls.stored_values:
+            setattr(learner, f"{name}_", about[name])
+        for name in cls.stored_arrays:
+            setattr(learner, f"{name}_", arrays[name])
+        return learner
+
+    def _predict_unseen(self, rows: FloatArray, clusters: Clusters) -> FloatArray:
+        """Prediction of encoded rows of groups, without having seen the groups where that is possible."""
+        raise NotImplementedError
+
+    def _prepare(self, X: Any, y: Any, groups: Any) -> tuple[Sample, Clusters, FloatArray, int]:
+        check_parameters(self, {**_ALLOWED, **self.allowed})
+        return (*prepare(self, X, y, groups), seed_of(self.random_state))
+
+    def _base(self) -> dict[str, Any]:
+        return {name: getattr(self, name) for name in self.settings_names}
+
+    def _settings(self) -> list[dict[str, Any]]:
+        grid = self.default_grid if isinstance(self.param_grid, str) else self.param_grid
+        return settings_of(self._base(), grid)
+
+
+def keep_arguments(estimator: Any, arguments: Mapping[str, Any]) -> None:
+    """Set the arguments of a constructor, its `locals()`, as attributes of their names, as scikit-learn reads them."""
+    for name, value in arguments.items():
+        if value is not estimator:
+            setattr(estimator, name, value)
 
 
 def about_columns(estimator: Any) -> dict[str, Any]:
@@ -248,18 +379,12 @@ def settings_of(base: Mapping[str, Any], grid: Mapping[str, Sequence[Any]] | Non
 
     if not grid:
         return [{}]
-    unknown = [name for name in grid if name not in base]
-    if unknown:
-        raise InvalidInput(
-            [
-                Fault("unknown setting in param_grid", name, allowed=", ".join(sorted(base)))
-                for name in unknown
-            ]
-        )
+    what, allowed = "unknown setting in param_grid", ", ".join(sorted(base))
+    raise_faults(Fault(what, name, allowed=allowed) for name in grid if name not in base)
     return [dict(zip(grid, values, strict=True)) for values in product(*grid.values())]
 
 
-def check_parameters(estimator: Any, allowed: Mapping[str, tuple[str, Callable[[Any], bool]]]) -> None:
+def check_parameters(estimator: Any, allowed: Mapping[str, Allowed]) -> None:
     """Refuse settings that make no sense, all at once: name -> (what is allowed, test)."""
     faults = []
     for name, (text, test) in allowed.items():
@@ -269,11 +394,9 @@ def check_parameters(estimator: Any, allowed: Mapping[str, tuple[str, Callable[[
         except TypeError:
             sound = False
         if not sound:
-            faults.append(
-                Fault("setting out of range", f"{type(estimator).__name__}({name}=)", repr(value), text)
-            )
-    if faults:
-        raise InvalidInput(faults)
+            where = f"{type(estimator).__name__}({name}=)"
+            faults.append(Fault("setting out of range", where, repr(value), text))
+    raise_faults(faults)
 
 
 def permutation_losses(
@@ -304,17 +427,15 @@ def permutation_losses(
 
 
 def column_blocks(names: Sequence[str], columns: Mapping[str, Sequence[str]] | None) -> dict[str, list[int]]:
-    """Positions of the columns that are permuted together: each alone, or as `columns` says."""
+    """Positions of the columns that are permuted together: each alone, or by the groups of `columns`."""
     if columns is None:
         return {name: [position] for position, name in enumerate(names)}
-    faults = [
+    raise_faults(
         Fault("unknown column", f"columns[{block!r}]", name, ", ".join(names))
         for block, members in columns.items()
         for name in members
         if name not in names
-    ]
-    if faults:
-        raise InvalidInput(faults)
+    )
     return {block: [list(names).index(name) for name in members] for block, members in columns.items()}
 
 
@@ -353,5 +474,5 @@ def plain(value: Any) -> Any:
 
 
 def seed_of(random_state: Any) -> int:
-    """An integer seed out of whatever scikit-learn takes for one."""
+    """An integer seed from any that scikit-learn takes."""
     return int(check_random_state(random_state).randint(2**31 - 2))

@@ -6,7 +6,7 @@ last bit: the same comparisons, the same values, added in the same order.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Final, Self
 
@@ -38,6 +38,12 @@ class TreeTable:
     left, right : ndarray of int, shape (trees, splits)
         Next split, or ``-1 - leaf``.
     leaf_value : ndarray, shape (trees, leaves)
+
+    Raises
+    ------
+    InvalidInput
+        When the arrays do not make trees: of another shape or type, not finite, or with a split that does not lead to a later
+        split or a leaf of its tree, so that a row might never reach a leaf.
     """
 
     split_feature: IntArray
@@ -46,6 +52,11 @@ class TreeTable:
     left: IntArray
     right: IntArray
     leaf_value: FloatArray
+
+    def __post_init__(self) -> None:
+        faults = list(self._faults())
+        if faults:
+            raise InvalidInput(faults)
 
     def __len__(self) -> int:
         return len(self.leaf_value)
@@ -61,9 +72,9 @@ class TreeTable:
         """
         trees = [_fields(block) for block in text.split("\nTree=")[1 : n_trees + 1]]
         if len(trees) < n_trees:
-            raise InvalidInput(Fault("too few trees", "LightGBM text", str(len(trees)), str(n_trees)))
+            raise InvalidInput.of("too few trees", "LightGBM text", str(len(trees)), str(n_trees))
         if any(int(t.get("num_cat", "0")) or int(t.get("is_linear", "0")) for t in trees):
-            raise InvalidInput(Fault("trees cannot be stored", "LightGBM text", "levels", "numeric splits"))
+            raise InvalidInput.of("trees cannot be stored", "LightGBM text", "levels", "numeric splits")
         splits = max([1, *(len(t.get("split_feature", "").split()) for t in trees)])
         arrays: dict[str, npt.NDArray[Any]] = {}
         sources = ("split_feature", "threshold", "decision_type", "left_child", "right_child")
@@ -80,31 +91,10 @@ class TreeTable:
             arrays["leaf_value"][row, : len(values)] = [float(v) for v in values]
         return cls(**arrays)
 
-    @classmethod
-    def from_arrays(cls, arrays: Mapping[str, npt.NDArray[Any]]) -> Self:
-        """Reverse of `to_arrays`.
-
-        Raises
-        ------
-        InvalidInput
-            When the arrays do not make trees: missing, of another shape or type, not finite, or with a split that does
-            not lead to a later split or a leaf of its tree, so that a row might never reach a leaf.
-        """
-        missing = [name for name in _FIELDS if name not in arrays]
-        if missing:
-            raise InvalidInput([Fault("missing array of the trees", "trees", name) for name in missing])
-        found = cls(**{name: arrays[name] for name in _FIELDS})
-        faults = list(found._faults())
-        if faults:
-            raise InvalidInput(faults)
-        return found
-
     def _faults(self) -> Iterator[Fault]:
         """Every reason why the arrays are no trees. O(splits)."""
         shape = self.split_feature.shape
-        if len(shape) != 2 or not (
-            shape[1] <= _MOST_SPLITS and self.split_feature.size <= _MOST_NODES and shape[1] >= 1
-        ):
+        if len(shape) != 2 or not (1 <= shape[1] <= _MOST_SPLITS and self.split_feature.size <= _MOST_NODES):
             yield Fault("wrong shape of trees", "trees, split_feature", f"{shape}", "(trees, splits)")
             return
         for name in _FIELDS:
@@ -120,16 +110,11 @@ class TreeTable:
             elif name in ("left", "right"):
                 # a child that is a split comes later than its parent, so that every path ends
                 own = np.arange(shape[1])
-                if (
-                    (values < -1 - shape[1]) | (values >= shape[1]) | ((values >= 0) & (values <= own))
-                ).any():
+                outside = (values < -1 - shape[1]) | (values >= shape[1])
+                if (outside | ((values >= 0) & (values <= own))).any():
                     yield Fault("split leads back", f"trees, {name}", "a cycle", "a later split or a leaf")
             elif name == "split_feature" and (values < 0).any():
                 yield Fault("wrong column of a split", f"trees, {name}", f"{values.min()}", "0 or more")
-
-    def to_arrays(self) -> dict[str, npt.NDArray[Any]]:
-        """The fields by name."""
-        return {name: getattr(self, name) for name in _FIELDS}
 
     def sum(self, X: FloatArray) -> FloatArray:
         """Sum of all trees, shape (rows,), for rows of shape (rows, columns). O(trees x rows x depth)."""
@@ -155,9 +140,8 @@ class TreeTable:
         missing = decision & _MISSING
         unknown = np.isnan(value)
         value = np.where(unknown & (missing != _NAN_IS_MISSING), 0.0, value)
-        absent = (unknown & (missing == _NAN_IS_MISSING)) | (
-            (missing == _ZERO_IS_MISSING) & (np.abs(value) <= _ZERO)
-        )
+        zero = (missing == _ZERO_IS_MISSING) & (np.abs(value) <= _ZERO)
+        absent = (unknown & (missing == _NAN_IS_MISSING)) | zero
         return np.where(absent, (decision & _DEFAULT_LEFT) > 0, value <= self.threshold.take(split))
 
 

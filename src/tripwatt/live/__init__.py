@@ -1,24 +1,27 @@
-"""One car: its trips in a store, the model that they teach, its diary, and what it sends while it drives."""
+"""One car: its trips in a store, the model adapted to them, its diary, and what it sends while it drives."""
 
 from tripwatt.live.diary import Diary, Score
-from tripwatt.live.following import Broker, Follower, LiveForecaster
-from tripwatt.live.live_car import LiveCar, LivePlan, is_live_car, issue_token, open_live_car
+from tripwatt.live.documents import LiveDocument
+from tripwatt.live.following import Broker, Follower
 from tripwatt.live.live_trip import LiveTrip, TripFinder
-from tripwatt.live.own_car import Learned, OwnCar, create_car, forget_car, is_car, open_car
+from tripwatt.live.own_car import Car, Learned, create_car, forget_car, is_car, open_car
+from tripwatt.live.plan import LivePlan
+from tripwatt.live.road_car import RoadCar
 from tripwatt.live.teaching import has_news, learn_finished
 from tripwatt.live.telemetry import Sample, sample_from_abrp
+from tripwatt.live.tokens import has_token, issue_token
 from tripwatt.live.topics import TopicJoiner
 
 __all__ = [
     "Broker",
+    "Car",
     "Diary",
     "Follower",
     "Learned",
-    "LiveCar",
-    "LiveForecaster",
+    "LiveDocument",
     "LivePlan",
     "LiveTrip",
-    "OwnCar",
+    "RoadCar",
     "Sample",
     "Score",
     "TopicJoiner",
@@ -26,11 +29,10 @@ __all__ = [
     "create_car",
     "forget_car",
     "has_news",
+    "has_token",
     "is_car",
-    "is_live_car",
     "issue_token",
     "learn_finished",
     "open_car",
-    "open_live_car",
     "sample_from_abrp",
 ]

@@ -1,4 +1,4 @@
-"""The diary of a car: each trip as it was forecast before the car had learned it, and what it took."""
+"""The diary of a car: each trip as it was forecast before the model was adapted to it, and what it took."""
 
 from __future__ import annotations
 
@@ -20,22 +20,17 @@ LEVEL: Final = 0.9
 """Level of the interval that a diary keeps."""
 
 TEXTS: Final = ("trip_id", "started_at")
-NUMBERS: Final = (
-    "trips_learned",
-    "distance_m",
-    "duration_s",
-    "ambient_temperature_degc",
-    "energy_wh",
-    "forecast_wh",
-    "low_wh",
-    "high_wh",
-    "book_forecast_wh",
-    "book_low_wh",
-    "book_high_wh",
-)
+FORECAST: Final = ("forecast_wh", "low_wh", "high_wh")
+"""Columns of a forecast and of its interval."""
+
 BOOK: Final = "book_"
 """Start of the columns of the forecast by the model without own trips: by the published values of the car."""
 
+NUMBERS: Final = (
+    *("trips_learned", "distance_m", "duration_s", "ambient_temperature_degc", "energy_wh"),
+    *FORECAST,
+    *(f"{BOOK}{name}" for name in FORECAST),
+)
 CAUSE: Final = "cause_"
 """Start of the columns with the forecast's energy by cause [Wh]."""
 
@@ -108,22 +103,23 @@ class Score:
         --------
         >>> table = pd.DataFrame({"energy_wh": [1000.0, 3000.0], "forecast_wh": [1100.0, 2700.0],
         ...                       "low_wh": [900.0, 2500.0], "high_wh": [1300.0, 2900.0]})
-        >>> found = Score.of(table)
-        >>> found.inside, found.coverage, found.width, round(found.needed_width, 6)
+        >>> score = Score.of(table)
+        >>> score.inside, score.coverage, score.width, round(score.needed_width, 6)
         (1, 0.5, 0.2, 0.3)
         """
-        names = ("energy_wh", f"{start}forecast_wh", f"{start}low_wh", f"{start}high_wh")
+        names = ("energy_wh", *(f"{start}{name}" for name in FORECAST))
         took, said, low, high = (table[name].to_numpy(dtype=np.float64) for name in names)
         if not len(took):
-            return cls(0, math.nan, math.nan, math.nan, math.nan, math.nan, 0, math.nan)
+            nan = math.nan
+            return cls(0, nan, nan, nan, nan, nan, 0, nan)
         covered = Coverage.from_bounds(took, low, high, LEVEL)
-        error, total, counts = said - took, float(np.abs(took).sum()), took > 0.0
-        width = float((high - low).sum() / total) if total else math.nan
+        error, total, counts = said - took, float(np.abs(took).sum()) or math.nan, took > 0.0
+        width = float((high - low).sum() / total)
         return cls(
             len(took),
             float(np.mean(np.abs(error[counts]) / took[counts])) if counts.any() else math.nan,
-            float(np.abs(error).sum() / total) if total else math.nan,
-            float(error.sum() / total) if total else math.nan,
+            float(np.abs(error).sum() / total),
+            float(error.sum() / total),
             covered.share,
             width,
             covered.inside,
@@ -142,20 +138,18 @@ class Score:
         return {name: value if math.isfinite(value) else None for name, value in values.items()}
 
 
-def entry(trip: Trip, forecast: Forecast, by_book: Forecast, trips_learned: int) -> dict[str, Any]:
+def entry(trip: Trip, forecast: Forecast, published: Forecast, trips_learned: int) -> dict[str, Any]:
     """The row of a trip.
 
     Parameters
     ----------
     trip : Trip
         With measured energy.
-    forecast, by_book : Forecast
+    forecast, published : Forecast
         At its departure, by the model of that moment and by one without own trips.
     trips_learned : int
         Trips that the car had driven before.
     """
-    low, high = forecast.interval(LEVEL)
-    book_low, book_high = by_book.interval(LEVEL)
     started = trip.context.started_at
     return {
         "trip_id": trip.trip_id,
@@ -165,14 +159,15 @@ def entry(trip: Trip, forecast: Forecast, by_book: Forecast, trips_learned: int)
         "duration_s": trip.duration_s,
         "ambient_temperature_degc": forecast.plan.departure.ambient_temperature_degc,
         "energy_wh": trip.observed_energy_wh,
-        "forecast_wh": forecast.energy_wh,
-        "low_wh": low,
-        "high_wh": high,
-        "book_forecast_wh": by_book.energy_wh,
-        "book_low_wh": book_low,
-        "book_high_wh": book_high,
+        **_columns(forecast),
+        **_columns(published, BOOK),
         **{f"{CAUSE}{name}_wh": value for name, value in forecast.by_cause_wh.items()},
     }
+
+
+def _columns(forecast: Forecast, start: str = "") -> dict[str, float]:
+    values = forecast.energy_wh, *forecast.interval(LEVEL)
+    return dict(zip((f"{start}{name}" for name in FORECAST), values, strict=True))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -335,19 +330,18 @@ class Diary:
         month = pd.to_datetime(
             self.table["started_at"].replace("", None), errors="coerce", format="ISO8601", utc=True
         ).dt.month
-        found = {}
-        for number, name in enumerate(QUARTERS):
-            rows = self.table[(month % 12) // 3 == number]
-            if len(rows):
-                score = Score.of(rows).to_dict()
-                found[name] = {
-                    "trips": len(rows),
-                    "distance_m": float(rows["distance_m"].sum()),
-                    "energy_wh": float(rows["energy_wh"].sum()),
-                    "error": score["weighted_error"],
-                    "coverage": score["coverage"],
-                }
-        return found
+        quarters = {name: self.table[(month % 12) // 3 == k] for k, name in enumerate(QUARTERS)}
+        scores = {name: Score.of(rows).to_dict() for name, rows in quarters.items() if len(rows)}
+        return {
+            name: {
+                "trips": score["trips"],
+                "distance_m": float(quarters[name]["distance_m"].sum()),
+                "energy_wh": float(quarters[name]["energy_wh"].sum()),
+                "error": score["weighted_error"],
+                "coverage": score["coverage"],
+            }
+            for name, score in scores.items()
+        }
 
     def by_cause_wh(self) -> dict[str, float]:
         """Sum where the energy went: the forecasts by cause, and what was measured beside their sum.

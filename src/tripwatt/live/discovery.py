@@ -9,14 +9,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Final
 
-CHARGE: Final = "value_json.forecast.soc_quantiles"
+SILENCE: Final = "(value_json.seconds_since_message or 0) / 60"
 
 
 @dataclass(frozen=True, slots=True)
 class Sensor:
     """One figure of the published document.
 
-    `value` is a Jinja expression of `value_json`; `needs_forecast` is whether it exists on a trip with a plan alone.
+    `value` is a Jinja expression of `value_json`; it is unknown where `condition`, another one, does not hold.
     """
 
     key: str
@@ -24,42 +24,23 @@ class Sensor:
     value: str
     unit: str
     kind: str | None = None
-    needs_forecast: bool = True
+    condition: str = "value_json.forecast"
 
-    @property
-    def template(self) -> str:
-        """The template of the value; unknown where there is no forecast."""
-        condition = "value_json.forecast" if self.needs_forecast else "true"
-        return f"{{{{ ({self.value}) if {condition} else none }}}}"
+
+def _percent(of: str) -> str:
+    return f"(value_json.forecast.{of} * 100) | round(1)"
 
 
 SENSORS: Final = (
     Sensor(
         "energy", "Energy of the trip", "(value_json.forecast.energy_wh / 1000) | round(2)", "kWh", "energy"
     ),
-    Sensor("arrival", "Charge at arrival", f"({CHARGE}['0.5'] * 100) | round(1)", "%", "battery"),
-    Sensor("arrival_low", "Charge at arrival, 5 %", f"({CHARGE}['0.05'] * 100) | round(1)", "%", "battery"),
-    Sensor("arrival_high", "Charge at arrival, 95 %", f"({CHARGE}['0.95'] * 100) | round(1)", "%", "battery"),
-    Sensor(
-        "p_arrive",
-        "Chance to arrive with the reserve",
-        "(value_json.forecast.p_arrive * 100) | round(1)",
-        "%",
-    ),
-    Sensor(
-        "p_arrive_at_all",
-        "Chance to arrive at all",
-        "(value_json.forecast.p_arrive_at_all * 100) | round(1)",
-        "%",
-    ),
-    Sensor(
-        "silence",
-        "Time since the last message",
-        "(value_json.seconds_since_message or 0) / 60",
-        "min",
-        "duration",
-        needs_forecast=False,
-    ),
+    Sensor("arrival", "Charge at arrival", _percent("soc_quantiles['0.5']"), "%", "battery"),
+    Sensor("arrival_low", "Charge at arrival, 5 %", _percent("soc_quantiles['0.05']"), "%", "battery"),
+    Sensor("arrival_high", "Charge at arrival, 95 %", _percent("soc_quantiles['0.95']"), "%", "battery"),
+    Sensor("p_arrive", "Chance to arrive with the reserve", _percent("p_arrive"), "%"),
+    Sensor("p_arrive_at_all", "Chance to arrive at all", _percent("p_arrive_at_all"), "%"),
+    Sensor("silence", "Time since the last message", SILENCE, "min", "duration", "true"),
 )
 
 
@@ -93,7 +74,7 @@ def discovery(car: str, topic: str, prefix: str) -> Iterator[tuple[str, dict[str
             "name": sensor.title,
             "unique_id": f"{node}_{sensor.key}",
             "state_topic": topic,
-            "value_template": sensor.template,
+            "value_template": f"{{{{ ({sensor.value}) if {sensor.condition} else none }}}}",
             "unit_of_measurement": sensor.unit,
             "device": device,
         }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from array import array
 from collections import deque
@@ -117,7 +118,12 @@ class LiveTrip:
         self._columns["time_s"].append(sample.time_s)
 
     def table(
-        self, more: Iterable[Sample] = (), *, since_s: float | None = None, until_s: float = math.inf
+        self,
+        more: Iterable[Sample] = (),
+        *,
+        since_s: float | None = None,
+        until_s: float = math.inf,
+        start_s: float = 0.0,
     ) -> pd.DataFrame:
         """Tabulate the samples with canonical columns, timed from a departure. O(samples).
 
@@ -128,12 +134,15 @@ class LiveTrip:
         more : iterable of Sample
             Samples after those of the trip, until one of a car that is being charged.
         since_s, until_s : float, optional
-            The departure, `start_s` by default, and the last time that counts [s since 1970]. Earlier samples are left out.
+            The departure, that of the trip by default, and the last time that counts [s since 1970]. Earlier samples are
+            left out.
+        start_s : float
+            Time of the departure in the table [s].
 
         Returns
         -------
         DataFrame
-            One row per sample; `time_s` is 0 at the departure.
+            One row per sample.
         """
         columns = self._with_more(more)
         since_s = self.start_s if since_s is None else since_s
@@ -141,23 +150,22 @@ class LiveTrip:
         columns["speed_m_s"] = held(time, columns["speed_m_s"])
         kept = np.isfinite(columns["speed_m_s"]) & (time >= since_s) & (time <= until_s)
         return table_of(
-            {"time_s": time[kept] - since_s} | {n: v[kept] for n, v in columns.items() if n != "time_s"}
+            {"time_s": time[kept] - (since_s - start_s)}
+            | {n: v[kept] for n, v in columns.items() if n != "time_s"}
         )
 
     def _with_more(self, more: Iterable[Sample]) -> dict[str, FloatArray]:
-        later: list[Sample] = []
-        for sample in more:
-            if sample.charging:
-                break
-            later.append(sample)
-        names = dict.fromkeys((*self._columns, *(name for sample in later for name in sample.values)))
-        first = np.full(len(self), np.nan)
-        found = {}
-        for name in names:
-            own = np.array(self._columns[name]) if name in self._columns else first
-            new = [s.time_s if name == "time_s" else s.values.get(name, math.nan) for s in later]
-            found[name] = np.concatenate((own, np.array(new, dtype=np.float64)))
-        return found
+        later = list(itertools.takewhile(lambda sample: not sample.charging, more))
+        columns = {name: np.array(values) for name, values in self._columns.items()}
+        missing = np.full(len(self), np.nan)
+        for name in dict.fromkeys(name for sample in later for name in sample.values):
+            columns.setdefault(name, missing)
+        return {
+            name: np.append(
+                own, [s.time_s if name == "time_s" else s.values.get(name, math.nan) for s in later]
+            )
+            for name, own in columns.items()
+        }
 
 
 def held(time_s: FloatArray, speed_m_s: FloatArray) -> FloatArray:

@@ -5,6 +5,7 @@ They are kept beside the samples of the car, and beside the table of the trip wh
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 from collections.abc import Mapping
@@ -13,7 +14,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from tripwatt.errors import InvalidInput
-from tripwatt.files import read_text_file, write_file
+from tripwatt.files import read_text_file, write_text
 
 EVERY_S: Final = 120.0
 """Time between two forecasts of a trip that are kept [s]."""
@@ -56,7 +57,7 @@ class OnTheWay:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._start_s, self._made = _read(path)
+        self._start_s, self._made = read_forecasts(path)
 
     def of(self, start_s: float) -> tuple[MadeForecast, ...]:
         """The forecasts of the trip that started at a time [s since 1970]."""
@@ -96,32 +97,20 @@ def write_forecasts(path: Path, start_s: float, made: tuple[MadeForecast, ...]) 
     OSError
         When they cannot be written; the file is as before.
     """
-    text = json.dumps({"start_s": start_s, "forecasts": [asdict(forecast) for forecast in made]}) + "\n"
-
-    def write(part: Path) -> None:
-        part.write_text(text, encoding="utf-8")
-
-    write_file(path, write)
+    write_text(
+        path, json.dumps({"start_s": start_s, "forecasts": [asdict(forecast) for forecast in made]}) + "\n"
+    )
 
 
-def read_forecasts(path: Path) -> tuple[MadeForecast, ...]:
-    """The forecasts of a file; none where there is no such file or it is damaged."""
-    return _read(path)[1]
-
-
-def _read(path: Path) -> tuple[float | None, tuple[MadeForecast, ...]]:
+def read_forecasts(path: Path) -> tuple[float | None, tuple[MadeForecast, ...]]:
+    """Departure of the trip of a file, and its forecasts; none where there is no such file or it is damaged."""
     if not path.is_file():
         return None, ()
     try:
-        found: Mapping[str, Any] = json.loads(read_text_file(path, MOST_BYTES))
-        made = tuple(_forecast(row) for row in found["forecasts"])
-        return float(found["start_s"]), made
+        document: Mapping[str, Any] = json.loads(read_text_file(path, MOST_BYTES))
+        rows = [[float(row[name]) for name in MadeForecast.__slots__] for row in document["forecasts"]]
+        if not all(map(math.isfinite, itertools.chain(*rows))):
+            return None, ()
+        return float(document["start_s"]), tuple(MadeForecast(*row) for row in rows)
     except (InvalidInput, ValueError, KeyError, TypeError, AttributeError):
         return None, ()
-
-
-def _forecast(row: Mapping[str, Any]) -> MadeForecast:
-    values = {name: float(row[name]) for name in MadeForecast.__slots__}
-    if not all(map(math.isfinite, values.values())):
-        raise ValueError("a number that is not finite")
-    return MadeForecast(**values)

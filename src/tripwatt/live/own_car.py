@@ -1,6 +1,6 @@
-"""A car that learns: a folder with its description, a store of its trips, the model adapted to them, and its diary.
+"""A user's car: a folder with its description, a store of its trips, the model adapted to them, and its diary.
 
-Each new trip is forecast by a model that has not seen it, before it teaches: the scores of the diary are those of forecasts.
+Each new trip is forecast by a model that has not seen it, before the model is adapted to it: the scores of the diary are those of forecasts.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import shutil
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, cast
 
 from tripwatt.auditing import audit
 from tripwatt.errors import Fault, InvalidInput
@@ -43,8 +43,8 @@ DIARY: Final = "diary.parquet"
 MOST_ABOUT_BYTES: Final = 1 << 16
 
 AGAIN: Final = 0.1
-"""While trips are added, the model learns again when this share of its trips is new: an adaptation costs seconds with a
-hundred trips, and one trip in ten changes it little. After the last trip it learns always."""
+"""While trips are added, the model is adapted when this share of its trips is new: an adaptation costs seconds with a
+hundred trips, and one trip in ten changes it little. After the last trip it is always adapted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +73,7 @@ class Learned:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class OwnCar:
+class Car:
     """A car with its trips; made by `create_car`, opened by `open_car`.
 
     Attributes
@@ -126,7 +126,7 @@ class OwnCar:
         """
         if (self._learned / MODEL).is_dir():
             return load_model(self._learned / MODEL)
-        return self._by_book()
+        return self._published()
 
     def add(
         self, logs: Fleet | Iterable[Log], *, progress: Callable[[int, int], None] | None = None
@@ -171,9 +171,8 @@ class OwnCar:
         tuple of int
             File number and time of its model [ns]; of its description before the first trip.
         """
-        place = self._learned / MODEL
-        found = (place if place.is_dir() else self.folder / ABOUT).stat()
-        return found.st_ino, found.st_mtime_ns
+        restore_folder(self.folder / LEARNED)
+        return state_of(self.folder)
 
     def about(self, diary: Diary | None = None) -> dict[str, Any]:
         """Describe the car, its trips, what was learned, and its scores.
@@ -207,7 +206,7 @@ class OwnCar:
         }
 
     def __repr__(self) -> str:
-        return f"<OwnCar {self.name}: {self.vehicle.title}, {len(self.diary)} trips in its diary>"
+        return f"<Car {self.name}: {self.vehicle.title}, {len(self.diary)} trips in its diary>"
 
     @property
     def _learned(self) -> Path:
@@ -218,38 +217,36 @@ class OwnCar:
     def _base(self) -> ForecastModel:
         return load_model(self.base)
 
-    def _by_book(self) -> ForecastModel:
+    def _published(self) -> ForecastModel:
         return for_car(self.base, self.vehicle)
 
     def _parameters(self) -> dict[str, dict[str, float]]:
         path = self._learned / MODEL
         if not path.is_dir():
             return {}
-        found: dict[str, dict[str, float]] = load_metadata(path, check_parts=False)["provenance"]["adapted"][
-            "parameters"
-        ]
-        return found
+        adapted = load_metadata(path, check_parts=False)["provenance"]["adapted"]
+        return cast(dict[str, dict[str, float]], adapted["parameters"])
 
     def _learn(
         self, given: frozenset[str], progress: Callable[[int, int], None]
     ) -> tuple[int, tuple[str, ...]]:
         fleet = Fleet(self.name, tuple(self.store.logs()))
         diary = self.diary
-        found = audit(fleet)
-        trips = _in_order(found.trips)
-        left_out = [f"{trip}: {why}" for trip, why in found.set_aside.items() if trip in given]
+        judged = audit(fleet)
+        trips = _in_order(judged.trips)
+        left_out = [f"{trip}: {why}" for trip, why in judged.set_aside.items() if trip in given]
         behind = [trip for trip in trips if trip.trip_id in diary.trip_ids]
         ahead = [trip for trip in trips if trip.trip_id not in diary.trip_ids]
         if not ahead:
             return 0, tuple(left_out)
-        base, model, by_book = self._base(), self.model(), self._by_book()
+        base, model, published = self._base(), self.model(), self._published()
         entries = []
         taught = len(behind)
         for number, trip in enumerate(ahead, start=1):
             if len(behind) - taught >= max(1.0, AGAIN * taught):
                 model, taught = self._adapted(base, behind).model, len(behind)
             try:
-                entries.append(entry(trip, model.forecast(trip), by_book.forecast(trip), len(behind)))
+                entries.append(entry(trip, model.forecast(trip), published.forecast(trip), len(behind)))
             except InvalidInput as error:
                 left_out.append(f"{trip.trip_id}: {error}")
             else:
@@ -263,7 +260,7 @@ class OwnCar:
         return adaptation(base, trips, self.vehicle)
 
     def _keep(self, base: ForecastModel, trips: Sequence[Trip], diary: Diary) -> None:
-        """Write model and diary together: no reader sees one of them without the other."""
+        """Write model and diary together: no reader gets one of them without the other."""
         about = load_metadata(self.base, check_parts=False)
         model, provenance, figures = adapt_model(Fleet(self.name, tuple(trips)), self.vehicle, base, about)
 
@@ -272,6 +269,13 @@ class OwnCar:
             diary.table.to_parquet(made / DIARY, index=False)
 
         replace_folder(self.folder / LEARNED, write)
+
+
+def state_of(folder: Path) -> tuple[int, ...]:
+    """What a car has learned, as `Car.state`, without opening it."""
+    model = folder / LEARNED / MODEL
+    file = (model if model.is_dir() else folder / ABOUT).stat()
+    return file.st_ino, file.st_mtime_ns
 
 
 def _in_order(trips: Iterable[Trip]) -> list[Trip]:
@@ -287,10 +291,8 @@ def _in_order(trips: Iterable[Trip]) -> list[Trip]:
     )
 
 
-def create_car(
-    folder: Path | str, vehicle: Vehicle | str | Path, *, base: Path | str | None = None
-) -> OwnCar:
-    """Make the folder of a car that will learn from its trips.
+def create_car(folder: Path | str, vehicle: Vehicle | str | Path, *, base: Path | str | None = None) -> Car:
+    """Make the folder of a car whose model will be adapted to its trips.
 
     Parameters
     ----------
@@ -303,7 +305,7 @@ def create_car(
 
     Returns
     -------
-    OwnCar
+    Car
         Without trips.
 
     Raises
@@ -363,7 +365,7 @@ def is_car(folder: Path | str) -> bool:
     return (Path(folder) / ABOUT).is_file()
 
 
-def open_car(folder: Path | str) -> OwnCar:
+def open_car(folder: Path | str) -> Car:
     """Open the folder of a car that `create_car` or `tripwatt car new` made.
 
     Parameters
@@ -373,7 +375,7 @@ def open_car(folder: Path | str) -> OwnCar:
 
     Returns
     -------
-    OwnCar
+    Car
         With its trips, its model and its diary.
 
     Raises
@@ -410,7 +412,7 @@ def open_car(folder: Path | str) -> OwnCar:
             )
         )
     car = replace(load_vehicle(place / VEHICLE), name=f"{name}")
-    return OwnCar(place.absolute(), car, None if base is None else Path(f"{base}"))
+    return Car(place.absolute(), car, None if base is None else Path(f"{base}"))
 
 
 def forget_car(folder: Path | str) -> None:

@@ -1,4 +1,4 @@
-"""Trips that a car finished on the road, and what it learns from them.
+"""Trips that a car finished on the road, and their way into its model.
 
 The trips are files of the folder `live`. The store of the car holds those that it was given, its diary those that it learned: a
 process that is killed at any moment leaves work to do again, and counts no trip twice.
@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Final
 
 from tripwatt.errors import InvalidInput
-from tripwatt.files import read_text_file, write_file
-from tripwatt.live.live_car import finished_logs, finished_names, log_name
+from tripwatt.files import read_text_file, write_text
+from tripwatt.live.folder import finished_logs, finished_names, log_name
 from tripwatt.live.own_car import LIVE, Learned, is_car, open_car
 from tripwatt.trips import Log
 
@@ -45,14 +45,14 @@ def has_news(folder: Path) -> bool:
 
 
 def learn_finished(folder: Path | str, *, progress: Callable[[int, int], None] | None = None) -> Learned:
-    """Give a car the trips that it finished on the road: each is forecast before it teaches, and enters the diary.
+    """Give a car the trips that it finished on the road: each is forecast before the model is adapted to it, and enters the diary.
 
     Parameters
     ----------
     folder : path
         Of a car with a description; another process may follow it meanwhile.
     progress : callable, optional
-        As of `OwnCar.add`.
+        As of `Car.add`.
 
     Returns
     -------
@@ -62,7 +62,7 @@ def learn_finished(folder: Path | str, *, progress: Callable[[int, int], None] |
     Raises
     ------
     InvalidInput
-        As `open_car` and `OwnCar.add`.
+        As `open_car` and `Car.add`.
 
     Examples
     --------
@@ -82,12 +82,7 @@ def learn_finished(folder: Path | str, *, progress: Callable[[int, int], None] |
         except InvalidInput as error:  # somebody changed the file: the other trips count
             unreadable.append(f"{log_name(own.name, name)}: {error}")
     done = own.add(logs, progress=progress)
-    text = json.dumps({"trips": names}) + "\n"
-
-    def write(made: Path) -> None:
-        made.write_text(text, encoding="utf-8")
-
-    write_file(own.folder / LIVE / TAUGHT, write)
+    write_text(own.folder / LIVE / TAUGHT, json.dumps({"trips": names}) + "\n")
     known = done.known + len(names) - len(new)
     return Learned(done.added, known, done.entries, (*done.left_out, *unreadable))
 

@@ -1,7 +1,6 @@
-"""Messages of a car on the road, each as one sample in the units of the schema.
+"""Messages of a car on the road, each as one sample in the units of the schema; `FORMATS` lists what senders write.
 
-The format of A Better Routeplanner's live data is what most senders have: OVMS, TeslaMate, evcc and many adapters. Names,
-units and signs: Iternio Telemetry API, https://documenter.getpostman.com/view/7396339/SWTK5a8w.
+Names, units and signs of a format are those of its mapping for tables (`tripwatt/sources/mappings`).
 """
 
 from __future__ import annotations
@@ -9,12 +8,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from types import MappingProxyType
 from typing import Any, Final
 
 from tripwatt.errors import Fault, InvalidInput, excerpt
+from tripwatt.sources.mapping import POWER, UNITS, ColumnMapping, load_mapping
 from tripwatt.trips import COLUMNS
-from tripwatt.units import M_S_PER_KM_H
 
 SIGNALS: Final = tuple(name for name in COLUMNS if name != "time_s")
 """Columns that a sample may have."""
@@ -23,14 +23,8 @@ FIRST_TIME_S: Final = 946_684_800.0
 LAST_TIME_S: Final = 4_102_444_800.0
 """Bounds of a time stamp: the years 2000 and 2100. Milliseconds since 1970 are far outside."""
 
-NOMINAL_VOLTAGE_V: Final = 370.0
-"""Stands in where a car sends its power without the voltage: only their quotient, the current, depends on it."""
-
 MOST_POWER_W: Final = 2e6
 """Largest battery power; that of a lorry on a megawatt charger is below."""
-
-LATITUDES_DEG: Final = (-90.0, 90.0)
-LONGITUDES_DEG: Final = (-180.0, 180.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,10 +39,8 @@ class Sample:
         Finite values of columns of `tripwatt.trips.COLUMNS`, without `time_s`.
     charging, parked : bool
         Whether the car is being charged; whether its gear is in park.
-    position_deg : tuple of float, or None
-        Latitude and longitude. They are not stored.
     faults : tuple of Fault
-        What the message had beside, and cannot be: those values are left out.
+        Values of the message that are out of range or no numbers: they are left out.
 
     Raises
     ------
@@ -58,15 +50,14 @@ class Sample:
     Examples
     --------
     >>> sample = Sample(1.7e9, {"speed_m_s": 20.0, "displayed_soc": 0.65})
-    >>> sample.charging, sample.position_deg is None
-    (False, True)
+    >>> sample.charging, sample.parked
+    (False, False)
     """
 
     time_s: float
     values: Mapping[str, float] = field(default_factory=dict)
     charging: bool = False
     parked: bool = False
-    position_deg: tuple[float, float] | None = None
     faults: tuple[Fault, ...] = ()
 
     def __post_init__(self) -> None:
@@ -74,14 +65,10 @@ class Sample:
         for name, value in self.values.items():
             if name not in SIGNALS:
                 faults.append(Fault("unknown column", name[:60], name[:60], ", ".join(SIGNALS)))
-            elif not _inside(value, COLUMNS[name].bounds):
+            elif not is_sound(name, value):
                 faults.append(Fault("value out of range", name, f"{value:g}", COLUMNS[name].allowed))
         if faults:
             raise InvalidInput(faults)
-
-
-def _inside(value: float, bounds: tuple[float, float]) -> bool:
-    return bounds[0] <= value <= bounds[1]
 
 
 def _time_faults(time_s: float) -> list[Fault]:
@@ -92,58 +79,143 @@ def _time_faults(time_s: float) -> list[Fault]:
     return [Fault("time out of range", "utc", f"{time_s:g}", allowed, fix)]
 
 
-_FACTORS: Final[Mapping[str, tuple[str, float]]] = MappingProxyType(
+@dataclass(frozen=True)
+class MessageFormat:
+    """What a sender writes: an entry of `FORMATS`.
+
+    Attributes
+    ----------
+    mapping_name : str
+        Shipped mapping with names, units and signs of its fields. A time in seconds since 1970 is read from the messages;
+        else the time of arrival counts.
+    whole : bool
+        Whether a message is a JSON object with all values of one time; else each field has a topic of its own.
+    charging, parked : mapping of str to tuple of str
+        Field -> its texts, in lower case, of a car that is charged or parked.
+    more : mapping of str to str
+        Fields that the mapping lacks -> our columns, in our units.
+    """
+
+    mapping_name: str
+    whole: bool = False
+    charging: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    parked: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    more: Mapping[str, str] = field(default_factory=dict)
+
+    @cached_property
+    def mapping(self) -> ColumnMapping:
+        """The mapping of this name."""
+        return load_mapping(self.mapping_name)
+
+    @property
+    def time_field(self) -> str:
+        """Field with the time [s since 1970]; empty where the sender gives none."""
+        time = self.mapping.columns["time_s"]
+        return time.column if time.unit == "epoch_s" else ""
+
+    @cached_property
+    def columns(self) -> Mapping[str, tuple[str, float, float]]:
+        """Field -> our column, with factor and offset to its unit."""
+        found = {name: (ours, 1.0, 0.0) for name, ours in self.more.items()}
+        for ours, entry in self.mapping.columns.items():
+            if ours != "time_s":
+                factor, offset = UNITS[ours][entry.unit]
+                sign = self.mapping.discharge_sign if ours in ("current_a", POWER) else 1.0
+                found[entry.column] = ours, sign * factor, offset
+        return found
+
+    def with_current(self, values: dict[str, float]) -> dict[str, float]:
+        """The values with voltage and current in place of a power; only their product is the power."""
+        power = values.pop(POWER, None)
+        if power is not None:
+            voltage = values.setdefault("voltage_v", float(self.mapping.nominal_voltage_v or math.nan))
+            values["current_a"] = power / voltage
+            if not is_sound("current_a", values["current_a"]):
+                del values["current_a"]
+        return values
+
+    def sample(self, message: Any) -> Sample:
+        """The sample of a whole message. O(fields). See `sample_from_abrp`."""
+        if not isinstance(message, Mapping):
+            allowed = "an object with utc, speed, power, soc"
+            raise InvalidInput(Fault("not an object", "tlm", excerpt(message), allowed))
+        time_field, faults = self.time_field, list[Fault]()
+        time_s = _number(message, time_field, ("", 1.0, 0.0), faults)
+        if time_s is None:
+            raise InvalidInput(faults or Fault("missing field", time_field, "", "seconds since 1970"))
+        numbers = {column[0]: _number(message, name, column, faults) for name, column in self.columns.items()}
+        values = self.with_current({name: value for name, value in numbers.items() if value is not None})
+        parked = is_set(self.parked, message)
+        if parked:
+            values.setdefault("speed_m_s", 0.0)
+        return Sample(time_s, values, is_set(self.charging, message), parked, tuple(faults))
+
+
+_TRUE: Final = ("1", "1.0", "true")
+FORMATS: Final[Mapping[str, MessageFormat]] = MappingProxyType(
     {
-        "speed": ("speed_m_s", M_S_PER_KM_H),
-        "soc": ("displayed_soc", 0.01),
-        "elevation": ("elevation_m", 1.0),
-        "ext_temp": ("ambient_temperature_degc", 1.0),
-        "cabin_temp": ("cabin_temperature_degc", 1.0),
-        "hvac_setpoint": ("cabin_setpoint_degc", 1.0),
-        "batt_temp": ("battery_temperature_degc", 1.0),
-        "hvac_power": ("climate_power_w", 1000.0),
+        "ovms": MessageFormat("ovms", charging={"v.c.charging": ("yes",)}, parked={"v.e.on": ("no",)}),
+        "teslamate": MessageFormat(
+            "teslamate", charging={"state": ("charging",)}, parked={"shift_state": ("p",)}
+        ),
+        "abrp": MessageFormat(
+            "abrp",
+            whole=True,
+            charging={"is_charging": _TRUE, "is_dcfc": _TRUE},
+            parked={"is_parked": _TRUE},
+            more={"hvac_setpoint": "cabin_setpoint_degc", "current": "current_a"},
+        ),
     }
 )
-"""Parameter of the format -> our column, and the factor to its unit. `soc` is what the dashboard shows."""
+"""Name of a sender -> what it writes. A new one is an entry, and a mapping where there is none for its tables.
+
+The metrics of OVMS; the values of TeslaMate (https://docs.teslamate.org/docs/integrations/mqtt), whose power is in whole
+kilowatts; live data of A Better Routeplanner (https://documenter.getpostman.com/view/7396339/SWTK5a8w), which OVMS, TeslaMate,
+evcc and many adapters send too."""
 
 
-class _Reading:
-    """The numbers of one message, and the faults of those that are none."""
-
-    def __init__(self, message: Mapping[str, Any]) -> None:
-        self.message = message
-        self.faults: list[Fault] = []
-
-    def number(
-        self, name: str, low: float = -math.inf, high: float = math.inf, factor: float = 1.0
-    ) -> float | None:
-        """A number of the message in our unit; None where it is missing or cannot be one."""
-        given = self.message.get(name)
-        if given is None or given == "":
-            return None
-        value = _float(given) * factor
-        if math.isfinite(value) and low <= value <= high:
-            return value
-        allowed = "a number" if high == math.inf else f"{low / factor:g} to {high / factor:g}"
-        self.faults.append(Fault("value out of range", name, excerpt(given), allowed))
-        return None
-
-    def flag(self, *names: str) -> bool:
-        """Whether one of the flags is set: true, 1 or "1"."""
-        return any(_is_set(self.message.get(name)) for name in names)
+def is_sound(column: str, value: float) -> bool:
+    """Whether a value is within the bounds of its column; NaN is not."""
+    low, high = _bounds(column)
+    return low <= value <= high
 
 
-def _float(value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float | str):
+def is_set(flags: Mapping[str, tuple[str, ...]], values: Mapping[str, Any]) -> bool:
+    """Whether one of some fields has one of its texts."""
+    given = ((values.get(name), texts) for name, texts in flags.items())
+    return any(isinstance(value, str | int | float) and f"{value}".lower() in texts for value, texts in given)
+
+
+def number_of(given: Any) -> float:
+    """A number, or the text of one; NaN for anything else."""
+    if isinstance(given, bool) or not isinstance(given, int | float | str):
         return math.nan
     try:
-        return float(value[:40] if isinstance(value, str) else value)
+        return float(given[:40] if isinstance(given, str) else given)
     except (ValueError, OverflowError):
         return math.nan
 
 
-def _is_set(value: Any) -> bool:
-    return value is True or (isinstance(value, int | float) and value == 1) or value in ("1", "true")
+def _bounds(column: str) -> tuple[float, float]:
+    if column == POWER:
+        return -MOST_POWER_W, MOST_POWER_W
+    return COLUMNS[column].bounds if column else (-math.inf, math.inf)
+
+
+def _number(
+    message: Mapping[str, Any], name: str, column: tuple[str, float, float], faults: list[Fault]
+) -> float | None:
+    """A number of a message in our unit; None, with its fault, where it cannot be one."""
+    given, (ours, factor, offset) = message.get(name), column
+    if given is None or given == "":
+        return None
+    value = number_of(given) * factor + offset
+    if math.isfinite(value) and is_sound(ours, value):
+        return value
+    low, high = sorted((bound - offset) / factor for bound in _bounds(ours))
+    allowed = f"{low:g} to {high:g}" if ours else "a number"
+    faults.append(Fault("value out of range", name, excerpt(given), allowed))
+    return None
 
 
 def sample_from_abrp(message: Mapping[str, Any]) -> Sample:
@@ -154,8 +226,8 @@ def sample_from_abrp(message: Mapping[str, Any]) -> Sample:
     message : mapping
         The object `tlm`: `utc` [s], `speed` [km/h], `power` [kW, output is positive], `voltage` [V], `current` [A], `soc`
         [%, as the dashboard shows it], `elevation` [m], `ext_temp`, `batt_temp`, `cabin_temp`, `hvac_setpoint` [°C],
-        `hvac_power` [kW], `lat`, `lon` [°], `is_charging`, `is_dcfc`, `is_parked`. Numbers may be texts. Other fields have
-        no meaning here.
+        `hvac_power` [kW], `is_charging`, `is_dcfc`, `is_parked`. Numbers may be texts. Other fields, such as the position,
+        are not read.
 
     Returns
     -------
@@ -173,45 +245,4 @@ def sample_from_abrp(message: Mapping[str, Any]) -> Sample:
     >>> sample.values["speed_m_s"], sample.values["current_a"], sample.values["displayed_soc"]
     (20.0, 30.0, 0.65)
     """
-    if not isinstance(message, Mapping):
-        raise InvalidInput(
-            Fault("not an object", "tlm", excerpt(message), "an object with utc, speed, power, soc")
-        )
-    reading = _Reading(message)
-    time_s = reading.number("utc")
-    if time_s is None:
-        raise InvalidInput(reading.faults or Fault("missing field", "utc", "", "seconds since 1970"))
-    values = {}
-    for name, (column, factor) in _FACTORS.items():
-        value = reading.number(name, *COLUMNS[column].bounds, factor)
-        if value is not None:
-            values[column] = value
-    values |= _electric(reading)
-    parked = reading.flag("is_parked")
-    if parked:
-        values.setdefault("speed_m_s", 0.0)
-    return Sample(
-        time_s,
-        values,
-        charging=reading.flag("is_charging", "is_dcfc"),
-        parked=parked,
-        position_deg=_position(reading),
-        faults=tuple(reading.faults),
-    )
-
-
-def _electric(reading: _Reading) -> dict[str, float]:
-    """Voltage and current; where power is sent, their product is the power."""
-    voltage = reading.number("voltage", *COLUMNS["voltage_v"].bounds)
-    current = reading.number("current", *COLUMNS["current_a"].bounds)
-    power = reading.number("power", -MOST_POWER_W, MOST_POWER_W, 1000.0)
-    if power is not None:
-        voltage = NOMINAL_VOLTAGE_V if voltage is None else voltage
-        current = power / voltage
-    found = {"voltage_v": voltage, "current_a": current}
-    return {n: v for n, v in found.items() if v is not None and _inside(v, COLUMNS[n].bounds)}
-
-
-def _position(reading: _Reading) -> tuple[float, float] | None:
-    latitude, longitude = reading.number("lat", *LATITUDES_DEG), reading.number("lon", *LONGITUDES_DEG)
-    return None if latitude is None or longitude is None else (latitude, longitude)
+    return FORMATS["abrp"].sample(message)

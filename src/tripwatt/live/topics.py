@@ -1,22 +1,15 @@
-"""Senders with a topic for each metric: values joined by time into samples.
-
-Names and units are those of the mappings of the same senders' tables: the metrics of OVMS, and the values of TeslaMate
-(https://docs.teslamate.org/docs/integrations/mqtt), whose power is in whole kilowatts.
-"""
+"""Senders with a topic for each metric: values joined by time into samples."""
 
 from __future__ import annotations
 
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from types import MappingProxyType
 from typing import Any, Final
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.live.telemetry import NOMINAL_VOLTAGE_V, Sample, sample_from_abrp
-from tripwatt.sources.mapping import POWER, UNITS, ColumnMapping, load_mapping
-from tripwatt.trips import COLUMNS
+from tripwatt.live.telemetry import FORMATS, Sample, is_set, is_sound, number_of
+from tripwatt.sources.mapping import POWER
 
 JOIN_S: Final = 1.0
 """Values that come within so long are of one sample [s], where the sender gives no time."""
@@ -28,41 +21,10 @@ SLOW_HOLD_S: Final = 600.0
 """A state of charge or a temperature holds for so long [s]: senders repeat only what changes."""
 
 FAST: Final = frozenset({"speed_m_s", "voltage_v", "current_a", POWER})
-"""What holds for as long as the sender's mapping says, and what a broker kept from before says nothing about."""
+"""What holds for as long as in the sender's mapping; values of these that the broker kept from before do not count."""
 
 MOST_TEXT_BYTES: Final = 64
 MOST_MESSAGE_BYTES: Final = 65_536
-
-
-@dataclass(frozen=True, slots=True)
-class TopicSource:
-    """What a sender's topics mean.
-
-    Attributes
-    ----------
-    mapping : str
-        Shipped mapping with the names of the metrics.
-    time_metric : str
-        Metric with the time [s since 1970], which is sent before the values of that time; empty for none.
-    charging, parked : mapping of str to str
-        Metric -> its value, in lower case, of a car that is charged or parked.
-    """
-
-    mapping: str
-    time_metric: str = ""
-    charging: Mapping[str, str] = field(default_factory=dict)
-    parked: Mapping[str, str] = field(default_factory=dict)
-
-
-SOURCES: Final[Mapping[str, TopicSource]] = MappingProxyType(
-    {
-        "ovms": TopicSource("ovms", "m.time.utc", {"v.c.charging": "yes"}, {"v.e.on": "no"}),
-        "teslamate": TopicSource("teslamate", "", {"state": "charging"}, {"shift_state": "p"}),
-    }
-)
-"""Name of a sender -> its topics. `abrp`, messages of A Better Routeplanner in one topic, needs none."""
-
-SOURCE_NAMES: Final = (*SOURCES, "abrp")
 
 
 class TopicJoiner:
@@ -74,7 +36,7 @@ class TopicJoiner:
     Parameters
     ----------
     source : str
-        One of `SOURCE_NAMES`.
+        A key of `FORMATS`.
     root : str
         Topic below which the metrics are: `ovms/me/leaf/metric`, `teslamate/cars/1`. Of `abrp`, the topic itself.
 
@@ -95,16 +57,15 @@ class TopicJoiner:
     """
 
     def __init__(self, source: str, root: str) -> None:
-        if source not in SOURCE_NAMES:
-            raise InvalidInput(Fault("unknown sender", "source", source[:60], ", ".join(SOURCE_NAMES)))
+        if source not in FORMATS:
+            raise InvalidInput(Fault("unknown sender", "source", source[:60], ", ".join(FORMATS)))
         self.root = root.rstrip("/")
         if not self.root or {"+", "#"} & set(self.root):
             raise InvalidInput(
                 Fault("no topic of one car", "topic", root[:60], "a topic without '+' and '#'")
             )
-        self.source = SOURCES.get(source)
-        self._mapping = None if self.source is None else load_mapping(self.source.mapping)
-        self._columns = {} if self._mapping is None else _columns_of(self._mapping)
+        self.format = FORMATS[source]
+        self._hold_s = max(self.format.mapping.hold_s, JOIN_S)
         self._values: dict[str, tuple[float, float]] = {}
         self._flags: dict[str, str] = {}
         self._timed = self._fresh = False
@@ -114,7 +75,7 @@ class TopicJoiner:
     @property
     def filter(self) -> str:
         """What to subscribe to."""
-        return self.root if self.source is None else f"{self.root}/#"
+        return self.root if self.format.whole else f"{self.root}/#"
 
     def take(self, topic: str, payload: bytes, received_s: float, *, retained: bool = False) -> Sample | None:
         """Take a value. O(1).
@@ -135,20 +96,22 @@ class TopicJoiner:
         Sample or None
             The sample that is complete now.
         """
-        if self.source is None:
-            return None if retained or topic != self.root else _abrp_sample(payload)
+        if self.format.whole:
+            return None if retained or topic != self.root else self._whole(payload)
         if not topic.startswith(f"{self.root}/") or len(payload) > MOST_TEXT_BYTES:
             return None
         metric = topic.removeprefix(f"{self.root}/").replace("/", ".")
         text = payload.decode("utf-8", "replace").strip().lower()
-        if metric == self.source.time_metric:
-            return None if retained else self._start_at(_number(text))
-        if metric in self.source.charging or metric in self.source.parked:
+        if metric == self.format.time_field:
+            return None if retained else self._start_at(number_of(text))
+        if metric in self.format.charging or metric in self.format.parked:
             self._flags[metric] = text
             return self._note(received_s)
-        column, factor, offset = self._columns.get(metric, ("", 1.0, 0.0))
-        value = _number(text) * factor + offset
-        if not column or (retained and column in FAST) or not _is_sound(column, value):
+        if metric not in self.format.columns:
+            return None
+        column, factor, offset = self.format.columns[metric]
+        value = number_of(text) * factor + offset
+        if (retained and column in FAST) or not is_sound(column, value):
             return None
         done = self._note(received_s)
         self._values[column] = (value, self._open_s)
@@ -184,10 +147,9 @@ class TopicJoiner:
 
     def _note(self, received_s: float) -> Sample | None:
         """Note that something came; without a sender's time it may belong to the next sample."""
-        assert self.source is not None
         done = None
         self._first_s = min(self._first_s, received_s)
-        if not self._timed and self.source.time_metric and received_s < self._first_s + TIME_WAIT_S:
+        if not self._timed and self.format.time_field and received_s < self._first_s + TIME_WAIT_S:
             return None
         if not self._timed and received_s >= self._open_s + JOIN_S:
             done = self.flush()
@@ -196,61 +158,26 @@ class TopicJoiner:
         return done
 
     def _sample(self) -> Sample | None:
-        assert self.source is not None
-        assert self._mapping is not None
-        hold_s = max(self._mapping.hold_s, JOIN_S)
         values = {
             name: value
             for name, (value, at_s) in self._values.items()
-            if abs(self._open_s - at_s) <= (hold_s if name in FAST else SLOW_HOLD_S)
+            if abs(self._open_s - at_s) <= (self._hold_s if name in FAST else SLOW_HOLD_S)
         }
-        power = values.pop(POWER, None)
-        if power is not None:
-            values.setdefault("voltage_v", float(self._mapping.nominal_voltage_v or NOMINAL_VOLTAGE_V))
-            values["current_a"] = power / values["voltage_v"]
-        parked = self._has(self.source.parked)
+        parked = is_set(self.format.parked, self._flags)
         if parked:
             values["speed_m_s"] = 0.0
         try:
-            return Sample(self._open_s, values, self._has(self.source.charging), parked)
+            charging = is_set(self.format.charging, self._flags)
+            return Sample(self._open_s, self.format.with_current(values), charging, parked)
         except InvalidInput:
-            return None  # its time or its current cannot be one
+            return None  # its time cannot be one
 
-    def _has(self, flags: Mapping[str, str]) -> bool:
-        return any(self._flags.get(metric) == value for metric, value in flags.items())
-
-
-def _columns_of(mapping: ColumnMapping) -> dict[str, tuple[str, float, float]]:
-    """Metric -> our column, with factor and offset to its unit."""
-    found = {}
-    for ours, entry in mapping.columns.items():
-        if ours != "time_s":
-            factor, offset = UNITS[ours][entry.unit]
-            sign = mapping.discharge_sign if ours in ("current_a", POWER) else 1.0
-            found[entry.column] = (ours, sign * factor, offset)
-    return found
-
-
-def _number(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        return math.nan
-
-
-def _is_sound(column: str, value: float) -> bool:
-    if column == POWER:
-        return math.isfinite(value)
-    low, high = COLUMNS[column].bounds
-    return low <= value <= high
-
-
-def _abrp_sample(payload: bytes) -> Sample | None:
-    """The sample of a message with all values; None where it is none."""
-    if len(payload) > MOST_MESSAGE_BYTES:
-        return None
-    try:
-        found: Any = json.loads(payload)
-        return sample_from_abrp(found.get("tlm", found) if isinstance(found, dict) else found)
-    except (ValueError, RecursionError, InvalidInput):
-        return None
+    def _whole(self, payload: bytes) -> Sample | None:
+        """The sample of a message with all values; None where it is none."""
+        if len(payload) > MOST_MESSAGE_BYTES:
+            return None
+        try:
+            given: Any = json.loads(payload)
+            return self.format.sample(given.get("tlm", given) if isinstance(given, Mapping) else given)
+        except (ValueError, RecursionError, InvalidInput):
+            return None

@@ -6,13 +6,10 @@ import datetime as dt
 from collections.abc import Iterable
 from typing import Final
 
-from tripwatt.errors import InvalidInput
-from tripwatt.routes import LinkRoute, links_of_trip
-from tripwatt.trips import Recorded
 from tripwatt.units import SECONDS_PER_HOUR
 
 NEAR_S: Final = 1.5 * SECONDS_PER_HOUR
-"""A trip that began at a time of day further away says nothing of this one [s]."""
+"""A trip that began at a time of day further away is no guide to this one [s]."""
 
 LONGER: Final = 1.1
 """A trip that is longer than the usual one by this factor goes elsewhere."""
@@ -45,16 +42,8 @@ def usual_departure(earlier_s: Iterable[float], departure_s: float) -> float | N
     True
     """
     near = [(other, away) for other in earlier_s if (away := _away_s(other, departure_s)) <= NEAR_S]
-    alike = [found for found in near if _is_weekend(found[0]) == _is_weekend(departure_s)]
-    return min(alike or near, key=lambda found: (found[1], -found[0]), default=(None, 0.0))[0]
-
-
-def road_of(trip: Recorded) -> LinkRoute | None:
-    """The road of a finished trip as links; None where its samples give none."""
-    try:
-        return links_of_trip(trip)
-    except InvalidInput:
-        return None
+    alike = [pair for pair in near if _is_weekend(pair[0]) == _is_weekend(departure_s)]
+    return min(alike or near, key=lambda pair: (pair[1], -pair[0]), default=(None, 0.0))[0]
 
 
 def _away_s(one_s: float, other_s: float) -> float:

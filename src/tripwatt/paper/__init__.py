@@ -1,4 +1,4 @@
-"""The method of arXiv:2405.10984: cumulative energy simulated, its residual learned with the trip as the cluster.
+"""The method of arXiv:2405.10984: cumulative energy simulated, its residual fitted with the trip as the cluster.
 
 `correctors` has the paper's models ready to fit, `insight` the inside of a fitted GAMM.
 """

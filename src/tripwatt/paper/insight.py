@@ -163,7 +163,7 @@ def outside_the_others(table: TripTable, rows: Any = None) -> pd.DataFrame:
     ----------
     table : TripTable
     rows : ndarray of int, optional
-        Rows that a fit sees; all by default.
+        Rows of a fit; all by default.
 
     Returns
     -------

@@ -1,8 +1,8 @@
-"""The hybrid model of arXiv:2405.10984: simulated energy plus a learned correction, in four steps.
+"""The hybrid model of arXiv:2405.10984: simulated energy plus a correction, in four steps.
 
 1. Simulate the car along each trip; the simulated cumulative energy becomes a column.
 2. ``residual = observed - simulated``, of the cumulative energy.
-3. A corrector learns the residual from covariates; the trip is only the cluster.
+3. A corrector estimates the residual from covariates; the trip is only the cluster.
 4. ``predicted = simulated + correction``.
 """
 
@@ -37,7 +37,7 @@ class Corrector(Protocol):
         X : DataFrame, shape (rows, covariates)
             Known before departure.
         y : array_like, shape (rows,)
-            What is learned, such as the residual [Wh].
+            The target, such as the residual [Wh].
         groups : array_like, shape (rows,), optional
             Trip of each row.
 
@@ -129,7 +129,7 @@ class HybridModel:
         return self
 
     def training_data(self, table: TripTable) -> tuple[pd.DataFrame, FloatArray, IntArray]:
-        """Collect what the corrector learns from.
+        """Collect the corrector's training rows.
 
         Parameters
         ----------

@@ -98,7 +98,7 @@ class Table2Corrector:
         X : DataFrame, shape (rows, covariates)
             As of `TripTable.covariates`.
         y : ndarray, shape (rows,)
-            What is learned, such as the residual [Wh].
+            The target, such as the residual [Wh].
         groups : ndarray of int, shape (rows,)
             Trip of each row; rows of a trip follow one another.
 
@@ -139,7 +139,7 @@ class Table2Corrector:
         X : DataFrame, shape (rows, covariates)
             As of `fit`.
         y : ndarray, shape (rows,)
-            What is learned.
+            The target.
         groups : ndarray of int, shape (rows,)
             Trip of each row.
         folds : ndarray of int, shape (rows,), optional
@@ -175,7 +175,7 @@ class Table2Corrector:
         X : DataFrame, shape (rows, covariates)
             As of `fit`.
         y : ndarray, shape (rows,)
-            What is learned.
+            The target.
         groups : ndarray of int, shape (rows,)
             Trip of each row.
         folds : ndarray of int, shape (rows,)
@@ -226,7 +226,7 @@ class Table2Corrector:
         Returns
         -------
         frame : DataFrame
-            The rows as the engine sees them.
+            The rows in the engine's columns.
         rows : ndarray of int
             Their numbers.
         """
@@ -244,7 +244,7 @@ class Table2Corrector:
         return GAMM(formula, ar1_rho="estimate" if self.errors == "ar1" else None)
 
     def frame(self, X: pd.DataFrame, groups: IntArray | None = None) -> pd.DataFrame:
-        """Convert covariates to what the engine sees. Needs `fit`.
+        """Convert covariates to the engine's columns. Needs `fit`.
 
         Parameters
         ----------

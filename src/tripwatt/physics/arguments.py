@@ -45,9 +45,8 @@ def argument_faults(
                 yield Fault("infinite value", name, "inf", "finite numbers, NaN where missing")
         elif not np.isfinite(values).all():
             first = int(np.flatnonzero(~np.isfinite(values.ravel()))[0])
-            yield Fault(
-                "missing value", f"{name}, sample {first}", str(values.ravel()[first]), "finite numbers"
-            )
+            where, got = f"{name}, sample {first}", str(values.ravel()[first])
+            yield Fault("missing value", where, got, "finite numbers")
     if time.ndim == 1 and len(time) > 1 and np.isfinite(time).all() and not (np.diff(time) > 0).all():
         first = int(np.flatnonzero(np.diff(time) <= 0)[0]) + 1
         got = f"{time[first]:g} s after {time[first - 1]:g} s"
@@ -58,9 +57,8 @@ def argument_faults(
         ("hvac_power_w", hvac, 0.0, 1e5),
         ("headwind_m_s", headwind, -STRONGEST_WIND_M_S, STRONGEST_WIND_M_S),
     ):
-        if values is None:
-            continue
-        if np.isfinite(values).all() and values.size and (values.min() < low or values.max() > high):
+        finite = values is not None and values.size > 0 and np.isfinite(values).all()
+        if values is not None and finite and (values.min() < low or values.max() > high):
             worst = values.min() if values.min() < low else values.max()
             yield Fault("value out of range", name, f"{worst:g}", f"{low:g} to {high:g}")
     for name, (value, low, high) in scalars.items():

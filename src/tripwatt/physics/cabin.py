@@ -58,8 +58,8 @@ def irradiance(weather: str | None, season: str | None = None) -> float:
     """
     if weather is None:
         return UNKNOWN_SUN_W_M2
-    found = next((sun for word, sun in SUN_W_M2 if word in weather.lower()), UNKNOWN_SUN_W_M2)
-    return found * (WINTER_SUN if season == "winter" else 1.0)
+    sun_w_m2 = next((sun for word, sun in SUN_W_M2 if word in weather.lower()), UNKNOWN_SUN_W_M2)
+    return sun_w_m2 * (WINTER_SUN if season == "winter" else 1.0)
 
 
 HEAT_PUMP_RATING_DEGC: Final = 7.0

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from tripwatt.physics.cabin import UNKNOWN_SUN_W_M2, CabinStart
-from tripwatt.trips import COLUMNS, QUANTITIES, raise_faults
-from tripwatt.trips.departure import climate_faults
+from tripwatt.trips import COLUMNS, FIELDS, QUANTITIES, raise_faults
 from tripwatt.vehicles import Vehicle
 
 UNKNOWN_AMBIENT_DEGC: Final = 20.0
@@ -79,7 +78,7 @@ class DriveConditions:
     on_dynamometer: bool = False
 
     def __post_init__(self) -> None:
-        raise_faults(climate_faults(self.climate))
+        raise_faults(FIELDS["climate"].faults("climate", self.climate))
 
     @property
     def battery_start_degc(self) -> float:
@@ -106,9 +105,8 @@ class DriveConditions:
             temperature = self.ambient_temperature_degc
         if setpoint is None:
             setpoint = UNKNOWN_SETPOINT_DEGC if vehicle.climate is None else vehicle.climate.setpoint_degc
-        return CabinStart(
-            temperature, setpoint, self.solar_irradiance_w_m2, self.initial_warmth, self.climate
-        )
+        sun, warmth = self.solar_irradiance_w_m2, self.initial_warmth
+        return CabinStart(temperature, setpoint, sun, warmth, self.climate)
 
     def bounded_values(self, vehicle: Vehicle) -> dict[str, tuple[float, float, float]]:
         """List each number with the lowest and the highest that is allowed.
@@ -126,27 +124,18 @@ class DriveConditions:
         cabin = self.cabin_start(vehicle)
         lightest_kg = -0.5 * vehicle.body.curb_mass_kg  # a test may be lighter than the car with its driver
         density = 1.2 if self.air_density_kg_m3 is None else self.air_density_kg_m3
-        return {
-            "ambient_temperature_degc": (
-                self.ambient_temperature_degc,
-                *COLUMNS["ambient_temperature_degc"].bounds,
-            ),
-            "initial_soc": (self.initial_soc, *COLUMNS["soc"].bounds),
-            "initial_battery_temperature_degc": (
-                self.battery_start_degc,
-                *COLUMNS["battery_temperature_degc"].bounds,
-            ),
+        bounds = {
+            "ambient_temperature_degc": (self.ambient_temperature_degc, "ambient_temperature_degc"),
+            "initial_soc": (self.initial_soc, "soc"),
+            "initial_battery_temperature_degc": (self.battery_start_degc, "battery_temperature_degc"),
+            "initial_cabin_temperature_degc": (cabin.temperature_degc, "cabin_temperature_degc"),
+            "cabin_setpoint_degc": (cabin.setpoint_degc, "cabin_setpoint_degc"),
+            "solar_irradiance_w_m2": (self.solar_irradiance_w_m2, "solar_irradiance_w_m2"),
+            "rain_mm_h": (self.rain_mm_h, "rain_mm_h"),
+        }
+        columns = {**COLUMNS, **QUANTITIES}
+        return {name: (value, *columns[column].bounds) for name, (value, column) in bounds.items()} | {
             "payload_mass_kg": (self.payload_mass_kg, lightest_kg, QUANTITIES["payload_mass_kg"].maximum),
-            "initial_cabin_temperature_degc": (
-                cabin.temperature_degc,
-                *COLUMNS["cabin_temperature_degc"].bounds,
-            ),
-            "cabin_setpoint_degc": (cabin.setpoint_degc, *COLUMNS["cabin_setpoint_degc"].bounds),
-            "solar_irradiance_w_m2": (
-                self.solar_irradiance_w_m2,
-                *QUANTITIES["solar_irradiance_w_m2"].bounds,
-            ),
             "initial_warmth": (self.initial_warmth, 0.0, 1.0),
             "air_density_kg_m3": (density, 0.0, 10.0),
-            "rain_mm_h": (self.rain_mm_h, *QUANTITIES["rain_mm_h"].bounds),
         }

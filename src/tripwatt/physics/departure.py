@@ -27,14 +27,9 @@ def known_cabin(vehicle: Vehicle, given_degc: float | None, *, logged: bool) -> 
     (21.0, None, 10.0)
     """
     climate = vehicle.climate
-    if (
-        logged
-        and given_degc is not None
-        and climate is not None
-        and given_degc <= climate.sensor_minimum_degc
-    ):
-        return None
-    return given_degc
+    if given_degc is None or climate is None or not logged:
+        return given_degc
+    return given_degc if given_degc > climate.sensor_minimum_degc else None
 
 
 def cabin_at_departure(

@@ -216,9 +216,9 @@ def _height_over_distance(
         for values in (distance[known], elevation_m[known])
     )
     border = np.linspace(0.0, distance[-1], max(round(distance[-1] / GRADE_BIN_M), 1) + 1)
-    found = np.interp(border, where, height)
-    found[0], found[-1] = elevation_m[known][[0, -1]]
-    return border, found
+    smooth = np.interp(border, where, height)
+    smooth[0], smooth[-1] = elevation_m[known][[0, -1]]
+    return border, smooth
 
 
 def _without_spikes(height: FloatArray, steepest: float, piece_m: float) -> FloatArray:

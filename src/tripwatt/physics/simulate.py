@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tripwatt.arrays import FloatArray
-from tripwatt.errors import InvalidInput
+from tripwatt.errors import raise_faults
 from tripwatt.physics.arguments import argument_faults
 from tripwatt.physics.battery import BatteryRun, discharge, shift
 from tripwatt.physics.cabin import CabinRun, condition_cabin, irradiance
@@ -148,12 +148,8 @@ class Simulation:
     @property
     def traction_force_n(self) -> FloatArray:
         """Force at the wheels that the trace needs [N], + propels."""
-        return (
-            self.aero_drag_force_n
-            + self.rolling_resistance_force_n
-            + self.grade_force_n
-            + self.inertia_force_n
-        )
+        resistance = self.aero_drag_force_n + self.rolling_resistance_force_n
+        return resistance + self.grade_force_n + self.inertia_force_n
 
     def frame(self) -> pd.DataFrame:
         """Tabulate all arrays.
@@ -226,9 +222,7 @@ def simulate(
     hvac = np.asarray(0.0 if hvac_power_w is None else hvac_power_w, dtype=np.float64)
     values = conditions.bounded_values(vehicle)
     wind = None if headwind_m_s is None else np.asarray(headwind_m_s, dtype=np.float64)
-    faults = tuple(argument_faults(time, speed, slope, height, hvac, values, wind))
-    if faults:
-        raise InvalidInput(faults)
+    raise_faults(argument_faults(time, speed, slope, height, hvac, values, wind))
     if slope is None:
         slope = np.zeros(len(time)) if height is None else grade_from_elevation(time, speed, height)
     else:
@@ -283,7 +277,7 @@ def simulate_trip(vehicle: Vehicle, trip: Recorded | Plan) -> Simulation:
     >>> bool(run.simulated_energy_wh > 0.0)
     True
     """
-    weather = trip.weather if isinstance(trip, Plan) else None
+    weather = trip.air if isinstance(trip, Plan) else None
     return simulate(
         with_extras(vehicle, trip.departure.extras or ()),
         trip.array("time_s"),
@@ -392,14 +386,14 @@ def _chain(
     drive, battery = _drive_and_battery(vehicle, trace, wheel_power, auxiliary, conditions)
     lost_wh = _lost_when_full_wh(vehicle, trace, wheel_power, drive, battery)
     shortfall = drive.shortfall_power_w + (drive.motor_power_w + auxiliary - battery.power_w)
+    driven = wheel_power + drive.friction_brake_power_w - drive.shortfall_power_w
     by_cause = {
         "air": forces.aero * trace.mean_speed_m_s,
         "rolling": forces.rolling * trace.mean_speed_m_s,
         "climb": forces.climb * trace.mean_speed_m_s,
         "acceleration": forces.inertia * trace.mean_speed_m_s,
         "friction_brakes": drive.friction_brake_power_w,
-        "drivetrain": drive.motor_power_w
-        - (wheel_power + drive.friction_brake_power_w - drive.shortfall_power_w),
+        "drivetrain": drive.motor_power_w - driven,
         "base_load": base_load,
         "hvac": cabin.power_w,
         "shortfall": -shortfall,
@@ -485,9 +479,8 @@ def _drive_and_battery(
             guess=previous,
         )
         previous = run
-        settled = regeneration_acceptance(
-            shift(soc, run.soc), shift(temperature, run.temperature_degc), regeneration
-        )
+        states = shift(soc, run.soc), shift(temperature, run.temperature_degc)
+        settled = regeneration_acceptance(*states, regeneration)
         lowest = min(float(settled.min()), float(acceptance.min()))
         if hardest <= regeneration.max_power_w * lowest:
             break  # no braking in this trip meets the limit

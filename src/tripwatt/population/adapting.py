@@ -10,19 +10,18 @@ import numpy as np
 
 from tripwatt.arrays import FloatArray
 from tripwatt.auditing import audit
-from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecasting.donor import DonorModel, unknown_inputs
+from tripwatt.forecasting.fitting import held_out_figures, provenance_of
 from tripwatt.forecasting.model import ForecastModel, HeldOut
 from tripwatt.forecasting.ranges import NEVER_KNOWN, training_ranges
-from tripwatt.forecasting.training import data_digest, held_out_figures, versions
 from tripwatt.hybrid import SegmentTable, segment_trips
 from tripwatt.hybrid.car_corrector import HierarchicalCorrector
 from tripwatt.hybrid.familiarity import Range
 from tripwatt.hybrid.hierarchy import CarTransfer, Evidence, Posterior, require_mode, term_scales
 from tripwatt.hybrid.parameters import changed, on_road, parameters_of, sensitivities
+from tripwatt.hybrid.segments import require_measured
 from tripwatt.parallel import one_blas_thread
 from tripwatt.trips import Fleet, Trip, plan_from_trip
-from tripwatt.trips.messages import message
 from tripwatt.uncertainty import ChargeScale
 from tripwatt.uncertainty.conformal import ConformalScores
 from tripwatt.uncertainty.scale import T_VARIANCE, TotalScale
@@ -42,14 +41,14 @@ PROTOCOL: Final = "own trips, each left out of the adaptation"
 
 @dataclass(frozen=True, eq=False)
 class Adaptation:
-    """A model on its new car, and what was learned on the way.
+    """A model on its new car, and what was estimated for it.
 
     Attributes
     ----------
     model : ForecastModel
         The adapted model.
     posterior : Posterior
-        What was learned of the car.
+        What was estimated of the car.
     parameters : mapping of str to (float, float)
         Relative change of each physical parameter and its standard deviation.
     masked_inputs : tuple of str
@@ -105,46 +104,109 @@ def adaptation(
     ('Nissan Leaf 24 kWh', 1)
     """
     require_mode(mode)
-    _require_trips(trips)
-    _, own = base.fitted_parts("base")
-    parameters, vehicle = parameters_of(vehicle), on_road(vehicle)
+    require_measured(trips)
     donor, masked = _donor(base, trips)
-    plans = [plan_from_trip(trip) for trip in trips]
+    parameters, vehicle = parameters_of(vehicle), on_road(vehicle)
     table = segment_trips(trips, vehicle)
-    scales = term_scales(donor.members, base.vehicle, vehicle)
-    transfer = CarTransfer(donor.members, scales, parameters, mode)
-    evidence = transfer.evidence(
-        table, sensitivities(plans, vehicle, table, parameters), donor.variances_wh2(table)
-    )
+    transfer = CarTransfer(donor.members, term_scales(donor.members, base.vehicle, vehicle), parameters, mode)
+    changes_w = sensitivities([plan_from_trip(trip) for trip in trips], vehicle, table, parameters)
+    evidence = transfer.evidence(table, changes_w, donor.variances_wh2(table))
     posterior = transfer.posterior(evidence)
-    found = posterior.parameters([p.name for p in parameters])
-    calibrated = {p.name: found[p.name][0] for p in parameters if p.keys}
+    changes = posterior.parameters([p.name for p in parameters])
+    calibrated = {p.name: changes[p.name][0] for p in parameters if p.keys}
     source = f"calibrated on {len(trips)} trip{'s' if len(trips) > 1 else ''} of the car"
     own_car = changed(vehicle, calibrated, source=source) if mode != "effects" else vehicle
-    corrector = HierarchicalCorrector.from_posterior(transfer, posterior, frozenset(calibrated))
-    observed = table.totals_wh(table.observed_power_w)
-    scores, held_out = _scores(transfer, evidence, posterior, donor.scores, table)
+    model = transferred(base, donor, own_car, transfer, posterior, frozenset(calibrated))
+    assert model.uncertainty_ is not None
+    centre, corrector_variance = transfer.left_out(evidence)
+    observed, error = table.totals_wh(table.observed_power_w), evidence.residual_wh - centre
+    own = error / np.sqrt(evidence.error_wh2(posterior.noise_scale) + corrector_variance)
+    share = _share_of_energy(table, donor.scale, evidence.noise_wh2, posterior.noise_scale)
     uncertainty = replace(
-        own,
-        process=replace(own.process, split=False),
+        model.uncertainty_,
         charge=None if table.charge is None else ChargeScale.from_readings(table.charge, observed),
-        scale=replace(
-            adapted_scale(donor.scale, posterior.noise_scale),
-            least_share=_share_of_energy(table, donor.scale, evidence.noise_wh2, posterior.noise_scale),
-        ),
-        scores=scores,
+        scale=replace(model.uncertainty_.scale, least_share=share),
+        scores=_scores(donor.scores, posterior, own),
     )
-    model = ForecastModel(
-        vehicle=own_car,
-        corrector=TRANSFERRED,
-        seed=base.seed,
-        corrector_=corrector,
+    model = replace(
+        model,
         uncertainty_=uncertainty,
         ranges_=_joined(base.ranges_, training_ranges(table), masked),
         trip_ids_=table.trip_ids,
-        held_out_=held_out,
+        held_out_=tuple(
+            HeldOut(name, float(o), float(o - e), float(s))
+            for name, o, e, s in zip(table.trip_ids, observed, error, own, strict=True)
+        ),
     )
-    return Adaptation(model, posterior, found, masked)
+    return Adaptation(model, posterior, changes, masked)
+
+
+@one_blas_thread
+def without_trips(base: ForecastModel, vehicle: Vehicle) -> ForecastModel:
+    """Put a fitted model on a car without a measured trip.
+
+    It is the adaptation before its first trip: how much of the correction cars share, how far a car is from its published values and how
+    much larger the error may be are as uncertain as before any trip, and all of that is in the interval.
+
+    Parameters
+    ----------
+    base : ForecastModel
+        Fitted, with a corrector that holds a Gaussian process.
+    vehicle : Vehicle
+        The car without trips.
+
+    Returns
+    -------
+    ForecastModel
+        Its intervals contain the uncertainty of the car's published values and of what cars have in common.
+
+    Raises
+    ------
+    InvalidInput
+        When the base cannot be transferred.
+
+    Examples
+    --------
+    >>> from tripwatt.synthetic import synthetic_fleet
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> trips = synthetic_fleet(n_trips=12).trips
+    >>> base = ForecastModel(load_vehicle("bmw_i3_60ah"), corrector="linear").fit(trips[:11])
+    >>> own, other = base.forecast(trips[11]), without_trips(base, load_vehicle("nissan_leaf_24")).forecast(trips[11])
+    >>> bool(other.sd_wh > own.sd_wh)
+    True
+    """
+    donor = base.donor_ or base.as_donor()  # without the cabin, which few of its departures know
+    parameters, vehicle = parameters_of(vehicle), on_road(vehicle)
+    transfer = CarTransfer(donor.members, term_scales(donor.members, base.vehicle, vehicle), parameters)
+    features, nothing = np.empty((0, len(transfer.scales))), np.empty(0)
+    evidence = Evidence(features, features, features, np.empty((0, len(parameters))), nothing, nothing)
+    return transferred(base, donor, vehicle, transfer, transfer.posterior(evidence), frozenset())
+
+
+def transferred(
+    base: ForecastModel,
+    donor: DonorModel,
+    vehicle: Vehicle,
+    transfer: CarTransfer,
+    posterior: Posterior,
+    calibrated: frozenset[str],
+) -> ForecastModel:
+    """A model of another car from the posterior of its correction; of its own trips only the posterior counts."""
+    _, uncertainty = base.fitted_parts("base")
+    return ForecastModel(
+        vehicle=vehicle,
+        corrector=TRANSFERRED,
+        seed=base.seed,
+        corrector_=HierarchicalCorrector.from_posterior(transfer, posterior, calibrated),
+        uncertainty_=replace(
+            uncertainty,
+            process=replace(uncertainty.process, split=False),
+            charge=None,
+            scale=adapted_scale(donor.scale, posterior.noise_scale),
+            scores=_scores(donor.scores, posterior, np.empty(0)),
+        ),
+        ranges_=base.ranges_,
+    )
 
 
 def adapt_model(
@@ -173,7 +235,7 @@ def adapt_model(
     Returns
     -------
     model, provenance, evaluation
-        As of `train_model`; the provenance nests the base's with its digest.
+        As of `fit_with_provenance`; the provenance nests the base's with its digest.
 
     Examples
     --------
@@ -181,19 +243,8 @@ def adapt_model(
     """
     found = audit(fleet)
     done = adaptation(base, found.trips, vehicle, mode=mode)
-    digest = data_digest(found.trips)
     provenance = {
-        "data": {
-            "name": fleet.name,
-            "citation": fleet.citation,
-            "notes": [*map(message, fleet.notes), *_cars(found.trips)],
-            "logs": len(fleet),
-            "sha256": digest,
-        },
-        "trips_used": list(done.model.trip_ids_),
-        "audit": [str(finding) for finding in found.findings],
-        "seed": base.seed,
-        **versions(),
+        **provenance_of(fleet, found, done.model, _cars(found.trips)),
         "adapted": {
             "trips": len(found.trips),
             "mode": mode,
@@ -205,12 +256,7 @@ def adapt_model(
             if mode != "effects"
             else {},
         },
-        "base": {
-            "sha256": about_base["sha256"],
-            "tripwatt": about_base["tripwatt"],
-            "model": dict(about_base["model"]),
-            "provenance": dict(about_base["provenance"]),
-        },
+        "base": {name: about_base[name] for name in ("sha256", "tripwatt", "model", "provenance")},
     }
     return done.model, provenance, {**held_out_figures(done.model.held_out_), "protocol": PROTOCOL}
 
@@ -221,20 +267,8 @@ def _cars(trips: Sequence[Trip]) -> list[str]:
     return [f"cars {', '.join(cars)} count as one car"] if len(cars) > 1 else []
 
 
-def _require_trips(trips: Sequence[Trip]) -> None:
-    faults = [
-        Fault("no measured energy", t.trip_id, "", "voltage and current")
-        for t in trips
-        if t.observed_energy_wh is None
-    ]
-    if not trips:
-        faults.append(Fault("no trips", "adaptation", "0 after the audit", "at least 1 with measured energy"))
-    if faults:
-        raise InvalidInput(faults)
-
-
 def _donor(base: ForecastModel, trips: Sequence[Trip]) -> tuple[DonorModel, tuple[str, ...]]:
-    """The donor model for the new car, learned with no more inputs than its log has, and the masked inputs."""
+    """The donor model for the new car, fitted with no more inputs than its log has, and the masked inputs."""
     usual = base.as_donor()
     used = {column for term in usual.members.terms for column in term.columns}
     missing = tuple(name for name in unknown_inputs(trips) if name in used)
@@ -254,7 +288,7 @@ def _share_of_energy(
 ) -> float:
     """Root mean square of the errors of own trips, less their constant part, over the energy moved.
 
-    How the errors of this car grow with a trip was seen on the base's trips alone. What another book lacks (wind, tyres, load,
+    How the errors of this car grow with a trip was seen on the base's trips alone. What no published value has (wind, tyres, load,
     the driver) takes a share of the energy, and no error grows faster. Small errors on a few trips do not show that those of
     long ones are smaller than the base's.
     """
@@ -265,39 +299,18 @@ def _share_of_energy(
     return float(np.sqrt(np.mean(square / driven**2)))
 
 
-def _scores(
-    transfer: CarTransfer,
-    evidence: Evidence,
-    posterior: Posterior,
-    base: ConformalScores,
-    table: SegmentTable,
-) -> tuple[ConformalScores, tuple[HeldOut, ...]]:
-    """Standardised errors: the base's, over the posterior of the error's scale, and those of own trips.
+def _scores(base: ConformalScores, posterior: Posterior, own: FloatArray) -> ConformalScores:
+    """Standardised errors: the base's, over the posterior of the error's scale, and those of own trips, each left out in turn.
 
-    Own trips are left out in turn. The base counts as `BASE_TRIPS` of them, so that one trip alone neither narrows
-    nor blows up an interval.
+    The base counts as `BASE_TRIPS` of them, so that one trip alone neither narrows nor blows up an interval.
     """
-    scale = posterior.noise_scale
-    centre, corrector_variance = transfer.left_out(evidence)
-    error = evidence.residual_wh - centre
-    own = error / np.sqrt(evidence.error_wh2(scale) + corrector_variance)
-    noise = np.array([option.noise for option in posterior.options])
-    spread = np.sqrt(noise / scale)
-    usual = base.values / np.sqrt(T_VARIANCE)
-    values = np.concatenate([(usual[:, None] * spread).ravel(), np.abs(own)])
+    spread = np.sqrt([option.noise / posterior.noise_scale for option in posterior.options])
+    usual = base.values[:, None] / np.sqrt(T_VARIANCE) * spread  # as in `adapted_scale`
     share = BASE_TRIPS / (BASE_TRIPS + len(own))
-    weight = np.concatenate(
-        [
-            np.tile(share * posterior.weights / len(base.values), len(base.values)),
-            np.full(len(own), (1.0 - share) / len(own)),
-        ]
-    )
-    observed = table.totals_wh(table.observed_power_w)
-    held_out = tuple(
-        HeldOut(name, float(o), float(o - e), float(s))
-        for name, o, e, s in zip(table.trip_ids, observed, error, own, strict=True)
-    )
-    return ConformalScores.from_errors(weighted_quantiles(values, weight).tolist()), held_out
+    weight = np.tile(share * posterior.weights / len(usual), len(usual))
+    own_weight = np.full(len(own), (1.0 - share) / max(len(own), 1))
+    values = weighted_quantiles(np.append(usual.ravel(), np.abs(own)), np.append(weight, own_weight))
+    return ConformalScores.from_errors(values.tolist())
 
 
 def weighted_quantiles(values: FloatArray, weight: FloatArray) -> FloatArray:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from tripwatt.forecasting import ForecastModel, load_model
-from tripwatt.population.without_trips import without_trips
+from tripwatt.population.adapting import without_trips
 from tripwatt.trips import Flag
 from tripwatt.vehicles import (
     Difference,

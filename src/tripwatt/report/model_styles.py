@@ -22,7 +22,7 @@ class ModelStyle:
         sRGB hex. At least 3:1 in contrast on the light and on the dark page; a label or a marker always repeats
         it, so that nothing depends on colour alone.
     kind : {"constant", "baseline", "physics", "data", "hybrid"}
-        `hybrid` = simulation + learned correction, `data` = learned without simulation.
+        `hybrid` = simulation + correction, `data` = fitted without simulation.
     meaning : str
         One line for the legend of the table.
     stands_on : str or None

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
 from tripwatt.arrays import FloatArray
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, InvalidInput, raise_faults
 from tripwatt.routes.links import links_of_trip, plan_from_links
 from tripwatt.routes.profile import LinkStyle
 from tripwatt.trips import Plan, Trip
@@ -25,9 +25,8 @@ RECOVERY_EFFICIENCY: Final = 0.7
 """A compact electric car in round figures: c_d A 0.65 m² on 1500 kg in air of 1.2 kg/m³. Only how strongly air drag,
 rolling and lost kinetic energy weigh against each other matters here."""
 
-FITTED: Final = ("street_speed_m_s", "length_exponent", "comfort")
-LOWEST: Final = (2.0, 0.0, 0.08)
-HIGHEST: Final = (30.0, 0.8, 0.8)
+FITTED: Final = {"street_speed_m_s": (2.0, 30.0), "length_exponent": (0.0, 0.8), "comfort": (0.08, 0.8)}
+"""What is fitted of a style, and its bounds."""
 
 
 def road_work(trip: Trip | Plan) -> float:
@@ -114,21 +113,16 @@ def calibrate_style(
 
     start = style or LinkStyle()
     chosen = trips[:: -(-len(trips) // most_trips)] if trips else ()
-    faults = [
+    if not chosen:
+        raise InvalidInput.of("no trips", "trips", "0", "at least one")
+    raise_faults(
         Fault("no positive energy", trip.trip_id, f"{energy(trip):g}", "more than 0")
         for trip in chosen
         if not energy(trip) > 0
-    ]
-    if not chosen:
-        faults.append(Fault("no trips", "trips", "0", "at least one"))
-    if faults:
-        raise InvalidInput(faults)
-    names = FITTED if len(length_m) > 1 else tuple(n for n in FITTED if n != "length_exponent")
-    low = np.array([b for n, b in zip(FITTED, LOWEST, strict=True) if n in names])
-    high = np.array([b for n, b in zip(FITTED, HIGHEST, strict=True) if n in names])
-    cases = [
-        (links_of_trip(trip, length), trip.departure, energy(trip)) for trip in chosen for length in length_m
-    ]
+    )
+    names = [name for name in FITTED if len(length_m) > 1 or name != "length_exponent"]
+    low, high = np.array([FITTED[name] for name in names]).T
+    cases = [(links_of_trip(t, length), t.departure, energy(t)) for t in chosen for length in length_m]
 
     def loss(x: FloatArray) -> float:
         inside = np.clip(x, low, high)
@@ -137,24 +131,16 @@ def calibrate_style(
         return float(np.mean(off)) + float(np.sum(np.abs(x - inside)))
 
     first = np.array([getattr(start, name) for name in names])
-    simplex = np.vstack(
-        [first, *(first * np.where(np.arange(len(names)) == k, 1.25, 1.0) for k in range(len(names)))]
-    )
-    found = minimize(
+    simplex = np.vstack([first, first * (1.0 + 0.25 * np.eye(len(names)))])
+    result = minimize(
         loss,
         first,
         method="Nelder-Mead",
         options={"maxfev": most_evaluations, "initial_simplex": simplex, "xatol": 5e-3, "fatol": 2e-5},
     )
-    inside = np.clip(found.x, low, high)
-    return _with(start, names, inside)
+    return _with(start, names, np.clip(result.x, low, high))
 
 
 def _with(style: LinkStyle, names: Sequence[str], values: FloatArray) -> LinkStyle:
-    given = dict(zip(names, values.tolist(), strict=True))
-    return replace(
-        style,
-        street_speed_m_s=given.get("street_speed_m_s", style.street_speed_m_s),
-        length_exponent=given.get("length_exponent", style.length_exponent),
-        comfort=given.get("comfort", style.comfort),
-    )
+    given: dict[str, Any] = dict(zip(names, values.tolist(), strict=True))
+    return replace(style, **given)

@@ -1,4 +1,4 @@
-"""How a driver turns a route into speed over time: limits, comfort, stops, and a hand that is never quite steady.
+"""The driver model: from a route to speed over time, with limits, comfort, stops and fluctuation.
 
 A route is a row of links, each with a length, a speed that is allowed or expected on it, and a time of standstill at
 its end. The speed over *distance* is found first, by one pass forwards (how fast can the car have become?) and one
@@ -11,32 +11,36 @@ These are pure functions of arrays and independent of cars and trips: whether th
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields
 from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
-from tripwatt.arrays import FloatArray, IntArray
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.arrays import BoolArray, FloatArray, IntArray
+from tripwatt.errors import Fault, InvalidInput, and_more, raise_faults
 
 GRID_SPACING_M: Final = 4.0
 """Longest cell of the distance grid [m]: one metre per second at walking pace is resolved, memory stays small."""
 
 SLOWEST_SHARE: Final = 0.4
-"""Share of the aimed speed that fluctuation never goes below: a stop is a matter of the route, not of unsteadiness."""
+"""Lower bound of the fluctuation, as a share of the aimed speed: stops come from the route, not from fluctuation."""
 
 PEDAL_TIME_S: Final = 1.5
 """Time [s] at the links' speed over which the pressure on a pedal changes while speeding up or braking."""
 
 LEAST_EFFORT: Final = 0.3
-"""Share of the comfortable acceleration that the pressure never goes below."""
+"""Lower bound of the pressure on a pedal, as a share of the comfortable acceleration."""
+
+
+LinkRule = tuple[str, FloatArray, BoolArray, str]
+"""Name and values of a column of links, which of them are sound, and what is allowed."""
 
 
 @dataclass(frozen=True, slots=True)
 class DriverStyle:
-    """How somebody drives.
+    """Parameters of a driver.
 
     The acceleration of a driver falls with speed as `acceleration_m_s2 / (1 + (v / v_half)²)`, with
     `v_half = half_acceleration_speed_m_s`; braking is equally firm at every speed. The defaults are a choice, near the
@@ -71,19 +75,17 @@ class DriverStyle:
     dwell_mean_s: float = 20.0
 
     def __post_init__(self) -> None:
-        faults = []
+        raise_faults(self._faults())
+
+    def _faults(self) -> Iterator[Fault]:
         for name in (f.name for f in fields(self)):
             value = getattr(self, name)
             zero_allowed = name in {"fluctuation", "dwell_mean_s"}
             if not (math.isfinite(value) and (value > 0 or (zero_allowed and value == 0))):
                 allowed = "0 or more" if zero_allowed else "more than 0"
-                faults.append(Fault("driver style out of range", name, f"{value}", allowed))
+                yield Fault("driver style out of range", name, f"{value}", allowed)
         if self.speed_share > 1:
-            faults.append(
-                Fault("driver style out of range", "speed_share", f"{self.speed_share}", "at most 1")
-            )
-        if faults:
-            raise InvalidInput(faults)
+            yield Fault("driver style out of range", "speed_share", f"{self.speed_share}", "at most 1")
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -143,7 +145,7 @@ def draw_dwell(
     if wrong.any():
         first = int(np.flatnonzero(wrong)[0])
         where = f"stop_probability, link {first + 1}"
-        raise InvalidInput(Fault("not a probability", where, f"{probability[first]}", "0 to 1"))
+        raise InvalidInput.of("not a probability", where, f"{probability[first]}", "0 to 1")
     stops = rng.random(probability.shape) < probability
     extra_s = rng.exponential(1.0, probability.shape) * max(style.dwell_mean_s - minimum_s, 0.0)
     return np.where(stops, minimum_s + extra_s, 0.0)
@@ -196,18 +198,22 @@ def speed_profile(
     (500.0, True)
     """
     style = style or DriverStyle()
-    length = np.atleast_1d(np.asarray(length_m, dtype=np.float64))
-    speed = np.atleast_1d(np.asarray(speed_m_s, dtype=np.float64))
-    dwell = np.zeros_like(length) if dwell_s is None else np.atleast_1d(np.asarray(dwell_s, dtype=np.float64))
-    faults = tuple(_route_faults(length, speed, dwell, step_s))
-    if faults:
-        raise InvalidInput(faults)
+    length = link_column(length_m)
+    speed, dwell = link_column(speed_m_s), link_column(dwell_s, np.zeros_like(length))
+    rules = (
+        ("length_m", length, np.isfinite(length) & (length > 0), "finite, more than 0"),
+        ("speed_m_s", speed, np.isfinite(speed) & (speed > 0), "finite, more than 0"),
+        ("dwell_s", dwell, np.isfinite(dwell) & (dwell >= 0), "finite, 0 or more"),
+    )
+    raise_faults(link_faults(rules, step_s))
 
     # two cells at least: a link between two stops needs a point at which the car moves
     cells = np.maximum(np.ceil(length / GRID_SPACING_M), 2).astype(np.int64)
     ends = np.cumsum(cells)
     position = np.concatenate(([0.0], np.cumsum(np.repeat(length / cells, cells))))
-    allowed = _allowed_at_nodes(np.repeat(speed, cells))
+    cell_speed = np.repeat(speed, cells)
+    # where two cells meet the slower one rules, so that neither's limit is broken
+    allowed = np.minimum(np.append(cell_speed[0], cell_speed), np.append(cell_speed, cell_speed[-1]))
     at_speed_s = np.concatenate(([0.0], np.cumsum(np.repeat(length / cells / speed, cells))))
     if rng is not None:
         steadiness = np.exp(style.fluctuation * _smooth_noise(at_speed_s, style.fluctuation_time_s, rng))
@@ -216,9 +222,8 @@ def speed_profile(
     else:
         steadiness, effort = np.ones_like(position), None
     share = style.speed_share * steadiness
-    share = np.where(
-        share > 1.0, 2.0 - share, share
-    )  # turned back at the limit, where clipping would cruise on it
+    # turned back at the limit, where clipping would cruise on it
+    share = np.where(share > 1.0, 2.0 - share, share)
     aimed = allowed * np.maximum(share, SLOWEST_SHARE * style.speed_share)
     stops = ends[dwell > 0]
     aimed[0] = aimed[-1] = 0.0
@@ -296,30 +301,35 @@ def reachable_speed(
     return np.sqrt(squared, out=squared)
 
 
-def _route_faults(length: FloatArray, speed: FloatArray, dwell: FloatArray, step_s: float) -> Iterator[Fault]:
+def link_column(values: npt.ArrayLike | None, otherwise: FloatArray | None = None) -> FloatArray:
+    """A column of links as float64 of one dimension at least; what stands in for one that is not given."""
+    if values is None and otherwise is not None:
+        return otherwise
+    return np.atleast_1d(np.asarray(values, dtype=np.float64))
+
+
+def link_faults(rules: Sequence[LinkRule], step_s: float) -> Iterator[Fault]:
+    """Faults of links to be driven, by the rule of each column, and of the step between two samples [s]."""
+    length = rules[0][1]
     if not (math.isfinite(step_s) and step_s > 0):
         yield Fault("step out of range", "step_s", f"{step_s}", "more than 0 s")
     if length.ndim != 1 or not length.size:
         yield Fault("no route", "length_m", f"shape {length.shape}", "one dimension, at least one link")
-    for name, values, zero_allowed in (
-        ("length_m", length, False),
-        ("speed_m_s", speed, False),
-        ("dwell_s", dwell, True),
-    ):
-        if values.shape != length.shape:
-            yield Fault("wrong shape", name, f"shape {values.shape}", f"shape {length.shape} of length_m")
-            continue
-        wrong = ~(np.isfinite(values) & ((values > 0) | (zero_allowed & (values == 0))))
-        if wrong.any():
-            first = int(np.flatnonzero(wrong)[0])
-            allowed = "finite, 0 or more" if zero_allowed else "finite, more than 0"
-            yield Fault("link out of range", f"{name}, link {first + 1}", f"{values.flat[first]}", allowed)
+        return
+    yield from column_faults(rules)
 
 
-def _allowed_at_nodes(cell_speed: FloatArray) -> FloatArray:
-    """Where two cells meet the slower one rules, so that neither's limit is broken."""
-    padded = np.concatenate((cell_speed[:1], cell_speed, cell_speed[-1:]))
-    return np.minimum(padded[1:], padded[:-1])
+def column_faults(rules: Iterable[LinkRule]) -> Iterator[Fault]:
+    """A fault for each column of links that has another shape than the first, or values that are not sound."""
+    shape: tuple[int, ...] | None = None
+    for name, values, sound, allowed in rules:
+        shape = shape or values.shape
+        if values.shape != shape:
+            yield Fault("wrong shape", name, f"shape {values.shape}", f"shape {shape} of length_m")
+        elif not sound.all():
+            bad = np.flatnonzero(~sound)
+            where, got = f"link {bad[0] + 1}, {name}", f"{values[bad[0]]:g}{and_more(bad, 'links')}"
+            yield Fault("link out of range", where, got, allowed)
 
 
 def _smooth_noise(at: FloatArray, memory: float, rng: np.random.Generator) -> FloatArray:

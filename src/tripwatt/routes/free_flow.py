@@ -1,7 +1,7 @@
 """From the time of an empty road to the time that is expected: how much longer drives take, by the free speed of a link.
 
 A router's time is that of an empty road. The proxy that logged drives have for it is the speed class of a link: the
-smallest of `CLASSES_KM_H` that is not below the 90th percentile of the car's moving speed on it. The proxy sees the
+smallest of `CLASSES_KM_H` that is not below the 90th percentile of the car's moving speed on it. The proxy uses the
 drive, so it is better than a map.
 """
 

@@ -4,25 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
 from tripwatt.arrays import FloatArray
-from tripwatt.errors import Fault, InvalidInput, excerpt
+from tripwatt.errors import InvalidInput, excerpt
+from tripwatt.routes.documents import Node, content, parse_json
 from tripwatt.routes.links import FASTEST_LINK_M_S
-from tripwatt.routes.points import (
-    a_list,
-    a_number,
-    an_object,
-    content,
-    coordinates,
-    parse_json,
-    require_on_earth,
-)
-from tripwatt.routes.tracks import Track, times_of
+from tripwatt.routes.points import require_on_earth
+from tripwatt.routes.tracks import TIME_ALLOWED, Track, times_of
 from tripwatt.trips import Flag
 from tripwatt.units import M_S_PER_KM_H
 
@@ -83,105 +77,85 @@ def read_geojson(source: bytes | str | Path, *, where: str | None = None) -> Tra
     3
     """
     data, name = content(source, where)
-    return track_from_geojson(parse_json(data, name), name)
+    return track_from_geojson(Node(parse_json(data, name), name))
 
 
-def track_from_geojson(document: Any, where: str) -> Track:
+@dataclass(frozen=True, eq=False, slots=True)
+class _Line:
+    points: FloatArray
+    speed_m_s: float
+    times: list[str]
+
+
+def track_from_geojson(document: Node) -> Track:
     """As `read_geojson`, from the parsed text."""
-    lines: list[tuple[FloatArray, float, list[str]]] = []
-    skipped = _collect(an_object(document, where), {}, where, lines, 0)
+    lines: list[_Line] = []
+    skipped = _collect(document, Node({}, document.where), lines, 0)
     if not lines:
-        raise InvalidInput(Fault("no line", where, "no LineString", "a GeoJSON document with a LineString"))
-    points = np.concatenate([line[0] for line in lines])
-    require_on_earth(points[:, 0], points[:, 1], where)
+        allowed = "a GeoJSON document with a LineString"
+        raise InvalidInput.of("no line", document.where, "no LineString", allowed)
+    points = np.concatenate([line.points for line in lines])
+    require_on_earth(points[:, 0], points[:, 1], document.where)
     # the piece that joins two lines has the speed of the second one
-    speed = np.concatenate([np.full(len(line[0]), line[1]) for line in lines])[1:]
-    time, started_at, flags = times_of([text for line in lines for text in line[2]], where)
+    speed = np.concatenate([np.full(len(line.points), line.speed_m_s) for line in lines])[1:]
+    time, started_at, flags = times_of([text for line in lines for text in line.times], document.where)
     if skipped:
         flags = (*flags, Flag("geometries_skipped", "geometries", float(skipped), "1"))
     return Track(points[:, 0], points[:, 1], points[:, 2], time, speed, started_at, flags)
 
 
-def _collect(
-    node: dict[str, Any],
-    properties: dict[str, Any],
-    where: str,
-    lines: list[tuple[FloatArray, float, list[str]]],
-    depth: int,
-) -> int:
+def _collect(node: Node, properties: Node, lines: list[_Line], depth: int) -> int:
     """Append the lines below a GeoJSON object; the number of geometries that are no lines."""
     if depth > DEEPEST:
-        raise InvalidInput(Fault("nested too deeply", where, f"{depth} levels", f"at most {DEEPEST}"))
-    kind = node.get("type")
+        raise InvalidInput.of("nested too deeply", node.where, f"{depth} levels", f"at most {DEEPEST}")
+    kind = node["type"].value
     if kind in ("FeatureCollection", "GeometryCollection"):
-        key = "features" if kind == "FeatureCollection" else "geometries"
-        members = a_list(node.get(key), f"{where}, {key}")
-        return sum(
-            _collect(
-                an_object(m, f"{where}, {key}[{k}]"), properties, f"{where}, {key}[{k}]", lines, depth + 1
-            )
-            for k, m in enumerate(members)
-        )
+        members = node["features" if kind == "FeatureCollection" else "geometries"].entries()
+        return sum(_collect(member, properties, lines, depth + 1) for member in members)
     if kind == "Feature":
-        geometry = node.get("geometry")
-        if geometry is None:
+        if node["geometry"].value is None:
             return 0
-        return _collect(
-            an_object(geometry, f"{where}, geometry"),
-            an_object(node.get("properties") or {}, f"{where}, properties"),
-            where,
-            lines,
-            depth + 1,
-        )
-    if kind == "LineString":
-        parts = [node.get("coordinates")]
-    elif kind == "MultiLineString":
-        parts = a_list(node.get("coordinates"), f"{where}, coordinates")
-    elif kind in ("Point", "MultiPoint", "Polygon", "MultiPolygon"):
+        own = Node(node["properties"].value or {}, node["properties"].where)
+        return _collect(node["geometry"], own, lines, depth + 1)
+    if kind in ("Point", "MultiPoint", "Polygon", "MultiPolygon"):
         return 1
-    else:
-        raise InvalidInput(Fault("not GeoJSON", f"{where}, type", excerpt(kind), "a GeoJSON type"))
-    found = [coordinates(part, f"{where}, coordinates") for part in parts]
-    texts = _texts(properties, sum(map(len, found)), where)
-    speed = _speed(properties, where)
-    for points in found:
-        lines.append((points, speed, texts[: len(points)]))
+    if kind not in ("LineString", "MultiLineString"):
+        raise InvalidInput.of("not GeoJSON", node["type"].where, excerpt(kind), "a GeoJSON type")
+    parts = [node["coordinates"]] if kind == "LineString" else node["coordinates"].entries()
+    coordinates = [part.coordinates() for part in parts]
+    texts = _texts(properties, sum(map(len, coordinates)))
+    speed = _speed(properties)
+    for points in coordinates:
+        lines.append(_Line(points, speed, texts[: len(points)]))
         texts = texts[len(points) :]
     return 0
 
 
-def _texts(properties: dict[str, Any], number: int, where: str) -> list[str]:
-    times = properties.get("coordTimes")
-    if times is None and isinstance(properties.get("coordinateProperties"), dict):
-        times = properties["coordinateProperties"].get("times")
-    if times is None:
+def _texts(properties: Node, number: int) -> list[str]:
+    """The time of each point, empty where it has none."""
+    times = properties["coordTimes"]
+    if times.value is None and isinstance(properties["coordinateProperties"].value, dict):
+        times = properties["coordinateProperties"]["times"]
+    if times.value is None:
         return [""] * number
-    flat = [
-        t for part in a_list(times, f"{where}, times") for t in (part if isinstance(part, list) else [part])
-    ]
+    nested = [entry.value if isinstance(entry.value, list) else [entry.value] for entry in times.entries()]
+    flat = [text for part in nested for text in part]
     if len(flat) != number:
-        raise InvalidInput(
-            Fault(
-                "times and points differ in number",
-                where,
-                f"{len(flat)} times",
-                f"{number}, one for each point",
-            )
-        )
-    wrong = next((t for t in flat if not isinstance(t, str | None)), None)
+        got, allowed = f"{len(flat)} times", f"{number}, one for each point"
+        raise InvalidInput.of("times and points differ in number", times.where, got, allowed)
+    wrong = next((text for text in flat if not isinstance(text, str | None)), None)
     if wrong is not None:
-        raise InvalidInput(
-            Fault("invalid time", where, excerpt(wrong, 40), "ISO 8601, such as 2026-05-01T08:00:00Z")
-        )
-    return [t or "" for t in flat]
+        raise InvalidInput.of("invalid time", times.where, excerpt(wrong, 40), TIME_ALLOWED)
+    return [text or "" for text in flat]
 
 
-def _speed(properties: dict[str, Any], where: str) -> float:
-    if properties.get("speed_m_s") is not None:
-        value = a_number(properties["speed_m_s"], f"{where}, speed_m_s")
-        if not 0 < value <= FASTEST_LINK_M_S:
-            allowed = f"more than 0, at most {FASTEST_LINK_M_S:g} m/s"
-            raise InvalidInput(Fault("speed out of range", f"{where}, speed_m_s", f"{value:g}", allowed))
-        return value
-    road = properties.get("highway")
-    return ROAD_SPEED_M_S.get(road, math.nan) if isinstance(road, str) else math.nan
+def _speed(properties: Node) -> float:
+    """Mean speed of a line [m/s], NaN where neither it nor its class of road is known."""
+    speed, road = properties["speed_m_s"], properties["highway"].value
+    if speed.value is None:
+        return ROAD_SPEED_M_S.get(road, math.nan) if isinstance(road, str) else math.nan
+    value = speed.number()
+    if not 0 < value <= FASTEST_LINK_M_S:
+        allowed = f"more than 0, at most {FASTEST_LINK_M_S:g} m/s"
+        raise InvalidInput.of("speed out of range", speed.where, f"{value:g}", allowed)
+    return value

@@ -4,27 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
-import numpy as np
+from tripwatt.errors import InvalidInput
+from tripwatt.routes.documents import content
+from tripwatt.routes.tracks import Track
+from tripwatt.routes.xml_events import Line, XmlTracks
 
-from tripwatt.errors import Fault, InvalidInput
-from tripwatt.routes.links import first_of
-from tripwatt.routes.points import MOST_POINTS, content
-from tripwatt.routes.tracks import Track, times_of
-from tripwatt.routes.xml_events import read_events
-
-
-@dataclass(slots=True)
-class _Reading:
-    """What is collected while a GPX text goes by."""
-
-    path: list[str]
-    points: dict[str, list[list[tuple[float, float, float, str]]]]  # by kind: tracks or routes
-    current: dict[str, str]
-    text: str = ""
-    number: int = 0
+POINTS: Final = ("trkpt", "rtept")
 
 
 def read_gpx(source: bytes | str | Path, *, where: str | None = None) -> Track:
@@ -57,62 +45,39 @@ def read_gpx(source: bytes | str | Path, *, where: str | None = None) -> Track:
     11120
     """
     data, name = content(source, where)
-    reading = _Reading([], {"trk": [], "rte": []}, {})
-    read_events(
-        data,
-        name,
-        "gpx",
-        on_start=lambda tag, attributes: _start(reading, tag, attributes, name),
-        on_end=lambda tag: _end(reading, name),
-        on_text=lambda text: _characters(reading, text),
-    )
-    candidates = [p for kind in ("trk", "rte") for p in reading.points[kind] if len(p) >= 2]
-    if not candidates:
-        raise InvalidInput(
-            Fault("no track", name, "no trk or rte with two points", "a GPX document with a track or a route")
-        )
-    flags = () if len(candidates) == 1 else (first_of("tracks and routes", len(candidates)),)
-    chosen = candidates[0]
-    places = np.array([p[:3] for p in chosen], dtype=np.float64)
-    time, started_at, more = times_of([p[3] for p in chosen], name)
-    unknown = np.full(len(chosen) - 1, np.nan)
-    return Track(places[:, 0], places[:, 1], places[:, 2], time, unknown, started_at, (*flags, *more))
+    return _Gpx(name).track(data)
 
 
-def _start(reading: _Reading, tag: str, attributes: Mapping[str, str], name: str) -> None:
-    reading.path.append(tag)
-    reading.text = ""
-    if tag in ("trk", "rte") and len(reading.path) == 2:
-        reading.points[tag].append([])
-    elif tag in ("trkpt", "rtept"):
-        reading.number += 1
-        if reading.number > MOST_POINTS:
-            raise InvalidInput(
-                Fault("too many points", name, f"more than {MOST_POINTS}", f"at most {MOST_POINTS}")
-            )
-        reading.current = {"lat": attributes.get("lat", ""), "lon": attributes.get("lon", "")}
+class _Gpx(XmlTracks):
+    root = "gpx"
+    kinds = ("trk", "rte")
+    texts = ("ele", "time")
+    most_text = 100
+    allowed = "a GPX document with a trk or rte of two points"
 
+    place = ""
+    latitude = longitude = elevation = time = ""
 
-def _characters(reading: _Reading, text: str) -> None:
-    if len(reading.text) < 100:
-        reading.text += text
+    def started(self, tag: str, attributes: Mapping[str, str]) -> None:
+        if tag in self.kinds and len(self.path) == 2:
+            self.lines[tag].append(Line())
+        elif tag in POINTS:
+            self.place = self.count_point()
+            self.latitude, self.longitude = attributes.get("lat", ""), attributes.get("lon", "")
+            self.elevation = self.time = ""
 
-
-def _end(reading: _Reading, name: str) -> None:
-    tag = reading.path.pop()
-    parent = reading.path[-1] if reading.path else ""
-    if tag in ("ele", "time") and parent in ("trkpt", "rtept"):
-        reading.current[tag] = reading.text.strip()
-    elif tag in ("trkpt", "rtept") and len(reading.path) > 1 and reading.path[1] in reading.points:
-        place = f"{name}, point {reading.number}"
-        current = reading.current
-        latitude, longitude = (
-            _number(current["lat"], f"{place}, lat"),
-            _number(current["lon"], f"{place}, lon"),
-        )
-        height = _number(current["ele"], f"{place}, ele") if current.get("ele") else math.nan
-        reading.points[reading.path[1]][-1].append((latitude, longitude, height, current.get("time", "")))
-    reading.text = ""
+    def ended(self, tag: str, text: str) -> None:
+        if tag in POINTS and len(self.path) > 1 and self.path[1] in self.kinds:
+            latitude = _number(self.latitude, f"{self.place}, lat")
+            longitude = _number(self.longitude, f"{self.place}, lon")
+            height = _number(self.elevation, f"{self.place}, ele") if self.elevation else math.nan
+            line = self.lines[self.path[1]][-1]
+            line.points.append((latitude, longitude, height))
+            line.times.append(self.time)
+        elif tag == "ele" and self.path[-1] in POINTS:
+            self.elevation = text.strip()
+        elif tag == "time" and self.path[-1] in POINTS:
+            self.time = text.strip()
 
 
 def _number(text: str, where: str) -> float:
@@ -121,5 +86,5 @@ def _number(text: str, where: str) -> float:
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise InvalidInput(Fault("not a number", where, repr(text[:40]), "a finite number"))
+        raise InvalidInput.of("not a number", where, repr(text[:40]), "a finite number")
     return value

@@ -4,80 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import replace
 from pathlib import Path
-from typing import Final
 
 import numpy as np
 
-from tripwatt.errors import Fault, InvalidInput
-from tripwatt.routes.links import first_of
-from tripwatt.routes.points import MOST_POINTS, content
-from tripwatt.routes.tracks import Track, times_of
-from tripwatt.routes.xml_events import read_events
-
-TEXTS: Final = ("coordinates", "coord", "when")
-"""Elements whose text is read."""
-
-Point = tuple[float, float, float]
-"""Latitude, longitude [°] and altitude [m], which is NaN where there is none."""
-
-
-@dataclass(slots=True)
-class _Line:
-    points: list[Point] = field(default_factory=list)
-    times: list[str] = field(default_factory=list)
-
-
-@dataclass(slots=True)
-class _Reading:
-    """What is collected while a KML text goes by."""
-
-    name: str
-    path: list[str] = field(default_factory=list)
-    text: list[str] = field(default_factory=list)
-    tracks: list[_Line] = field(default_factory=list)
-    lines: list[_Line] = field(default_factory=list)
-    number: int = 0
-
-    def start(self, tag: str, _: Mapping[str, str]) -> None:
-        self.path.append(tag)
-        self.text = []
-        if tag == "Track":
-            self.tracks.append(_Line())
-        elif tag == "LineString":
-            self.lines.append(_Line())
-
-    def characters(self, text: str) -> None:
-        if self.path[-1] in TEXTS:  # outside of the root there is no text
-            self.text.append(text)
-
-    def end(self, tag: str) -> None:
-        self.path.pop()
-        parent, words = self.path[-1] if self.path else "", "".join(self.text).split()
-        if (tag, parent) == ("coordinates", "LineString"):
-            self.lines[-1].points += [self.point(word.split(",")) for word in words]
-        elif (tag, parent) == ("coord", "Track"):
-            self.tracks[-1].points.append(self.point(words))
-        elif (tag, parent) == ("when", "Track"):
-            self.tracks[-1].times.append(" ".join(words))
-        self.text = []
-
-    def point(self, numbers: list[str]) -> Point:
-        """A point of longitude, latitude and, where it is there, altitude."""
-        self.number += 1
-        if self.number > MOST_POINTS:
-            allowed = f"at most {MOST_POINTS}"
-            raise InvalidInput(Fault("too many points", self.name, f"more than {MOST_POINTS}", allowed))
-        try:
-            values = [float(text) for text in numbers]
-        except ValueError:
-            values = []
-        if len(values) not in (2, 3) or not all(map(math.isfinite, values)):
-            where, got = f"{self.name}, point {self.number}", repr(",".join(numbers)[:60])
-            allowed = "longitude, latitude and optionally altitude"
-            raise InvalidInput(Fault("not coordinates", where, got, allowed))
-        return values[1], values[0], values[2] if len(values) == 3 else math.nan
+from tripwatt.errors import InvalidInput
+from tripwatt.routes.documents import content
+from tripwatt.routes.tracks import Track
+from tripwatt.routes.xml_events import Line, Point, XmlTracks
 
 
 def read_kml(source: bytes | str | Path, *, where: str | None = None) -> Track:
@@ -110,23 +45,40 @@ def read_kml(source: bytes | str | Path, *, where: str | None = None) -> Track:
     11120
     """
     data, name = content(source, where)
-    reading = _Reading(name)
-    read_events(data, name, "kml", on_start=reading.start, on_end=reading.end, on_text=reading.characters)
-    found = [line for line in (*reading.tracks, *reading.lines) if len(line.points) >= 2]
-    if not found:
-        got = f"{reading.number} points"
-        raise InvalidInput(
-            Fault("no track in the file", name, got, "a LineString or a gx:Track of two points")
-        )
-    chosen = found[0]
-    if chosen.times and len(chosen.times) != len(chosen.points):
-        got = f"{len(chosen.times)} times, {len(chosen.points)} points"
-        raise InvalidInput(Fault("times and points differ in number", name, got, "a time for each point"))
-    places = np.array(chosen.points, dtype=np.float64)
-    height = places[:, 2]
-    if not (height != 0.0).any():
-        height = np.full(len(height), np.nan)
-    time, started_at, more = times_of(chosen.times, name)
-    flags = () if len(found) == 1 else (first_of("tracks and routes", len(found)),)
-    unknown = np.full(len(places) - 1, np.nan)
-    return Track(places[:, 0], places[:, 1], height, time, unknown, started_at, (*flags, *more))
+    track = _Kml(name).track(data)
+    if (track.elevation_m != 0.0).any():
+        return track
+    return replace(track, elevation_m=np.full(len(track), np.nan))
+
+
+class _Kml(XmlTracks):
+    root = "kml"
+    kinds = ("Track", "LineString")
+    texts = ("coordinates", "coord", "when")
+    allowed = "a LineString or a gx:Track of two points"
+
+    def started(self, tag: str, _: Mapping[str, str]) -> None:
+        if tag in self.kinds:
+            self.lines[tag].append(Line())
+
+    def ended(self, tag: str, text: str) -> None:
+        parent, words = self.path[-1] if self.path else "", text.split()
+        if (tag, parent) == ("coordinates", "LineString"):
+            self.lines[parent][-1].points += [self.point(word.split(",")) for word in words]
+        elif (tag, parent) == ("coord", "Track"):
+            self.lines[parent][-1].points.append(self.point(words))
+        elif (tag, parent) == ("when", "Track"):
+            self.lines[parent][-1].times.append(" ".join(words))
+
+    def point(self, numbers: list[str]) -> Point:
+        """A point of longitude, latitude and, where it is there, altitude."""
+        where = self.count_point()
+        try:
+            values = [float(text) for text in numbers]
+        except ValueError:
+            values = []
+        if len(values) not in (2, 3) or not all(map(math.isfinite, values)):
+            got = repr(",".join(numbers)[:60])
+            allowed = "longitude, latitude and optionally altitude"
+            raise InvalidInput.of("not coordinates", where, got, allowed)
+        return values[1], values[0], values[2] if len(values) == 3 else math.nan

@@ -2,48 +2,66 @@
 
 from __future__ import annotations
 
-import difflib
 import itertools
-import math
-from collections.abc import Iterable, Mapping, Sequence
+import sys
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from types import NoneType
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
+import numpy.typing as npt
+import pandas as pd
 
-from tripwatt.arrays import FloatArray
-from tripwatt.errors import MOST_FAULTS, MOST_HINTS, Fault, InvalidInput, excerpt, first_faults
+from tripwatt.arrays import BoolArray, FloatArray
+from tripwatt.errors import (
+    MOST_FAULTS,
+    MOST_HINTS,
+    Fault,
+    InvalidInput,
+    and_more,
+    excerpt,
+    first_faults,
+    raise_faults,
+)
 from tripwatt.routes.links import FLAT_ROAD, MOST_LINKS, LinkRoute
-from tripwatt.trips import STEEPEST_GRADE, Flag, raise_faults
+from tripwatt.trips import STEEPEST_GRADE, Flag
+from tripwatt.trips.headers import same_quantity
 
 RELATIVE_ELEVATION: Final = Flag("elevation_relative", "road")
 
-LINK_KEYS: Final = frozenset(
-    {
-        "length_m",
-        "speed_m_s",
-        "travel_time_s",
-        "grade",
-        "start_elevation_m",
-        "end_elevation_m",
-        "stop_s",
-        "moving_speed_m_s",
-        "speed_limit_m_s",
-    }
+LINK_KEYS: Final = (
+    "end_elevation_m",
+    "grade",
+    "length_m",
+    "moving_speed_m_s",
+    "speed_limit_m_s",
+    "speed_m_s",
+    "start_elevation_m",
+    "stop_s",
+    "travel_time_s",
 )
 """Keys of a link, see `route_from_links`."""
 
+_KNOWN: Final = frozenset(LINK_KEYS)
+_HARMLESS: Final = {key: 0.0 if key in ("grade", "stop_s") else 1.0 for key in LINK_KEYS}
+"""Stands in for a value that is no number, so that it is not called missing or out of range as well."""
 
-def route_from_links(links: Iterable[Mapping[str, float | None]]) -> LinkRoute:
+MOST_ALIKE: Final = 3
+"""Links that are named one by one for one kind of fault; of more the first is named and the others are counted."""
+
+
+def route_from_links(links: Iterable[Mapping[str, float | None]] | pd.DataFrame) -> LinkRoute:
     """A route from links as a user writes them. O(links).
 
     Parameters
     ----------
-    links : iterable of mapping
+    links : iterable of mapping, or DataFrame
         Each with `length_m` [m] and either `speed_m_s`, the mean speed including every standstill [m/s], or
         `travel_time_s` [s]. Optional: `stop_s`, the standstill at the end of the link (part of the travel time; 0 means
         that the car does not stop), `moving_speed_m_s`, the speed while nothing stands in the way, `speed_limit_m_s`,
-        and either `grade` or `start_elevation_m` and `end_elevation_m` [m]. None counts as not given.
+        and either `grade` or `start_elevation_m` and `end_elevation_m` [m]. None counts as not given, as does NaN in a table
+        with these columns.
 
     Returns
     -------
@@ -62,10 +80,16 @@ def route_from_links(links: Iterable[Mapping[str, float | None]]) -> LinkRoute:
     >>> route.duration_s, route.elevation_at([500.0, 1500.0]), route.flags[0].code
     (110.0, array([10.,  0.]), 'elevation_relative')
     """
-    given = list(itertools.islice(links, MOST_LINKS + 1))
-    columns = columns_at_once(given)
-    if columns is None:
-        columns = columns_one_by_one(given)
+    rows: Iterable[object] = links
+    if isinstance(links, pd.DataFrame):
+        rows = links.astype(object).where(links.notna(), None).to_dict("records")
+    columns, faults = columns_of_links(list(itertools.islice(rows, MOST_LINKS + 1)))
+    raise_faults(faults)
+    return route_of_columns(columns)
+
+
+def route_of_columns(columns: Mapping[str, FloatArray]) -> LinkRoute:
+    """A route from columns without a fault, as `columns_of_links` gives them."""
     length = columns["length_m"]
     with np.errstate(over="ignore"):  # what is beyond all bounds is named below
         time = np.where(
@@ -85,151 +109,170 @@ def route_from_links(links: Iterable[Mapping[str, float | None]]) -> LinkRoute:
     )
 
 
-def columns_at_once(links: Sequence[object]) -> dict[str, FloatArray] | None:
-    """Columns of links, NaN where not given, checked all at once; None where a link has a fault or another type.
+def route_with_elevation(
+    route: LinkRoute, position_m: npt.ArrayLike, elevation_m: npt.ArrayLike
+) -> LinkRoute:
+    """A route with heights [m] at distances from its start [m], both of shape (heights,), in place of what is known of them."""
+    flags = tuple(flag for flag in route.flags if flag != FLAT_ROAD)
+    position, height = (np.asarray(values, dtype=np.float64) for values in (position_m, elevation_m))
+    return replace(route, elevation_position_m=position, elevation_m=height, flags=flags)
+
+
+def fields_of_route(route: LinkRoute) -> dict[str, Any]:
+    """A route as `links` and `elevation` of a request, the inverse of `route_from_links` and `route_with_elevation`.
 
     Examples
     --------
-    >>> columns_at_once([{"length_m": 5.0, "speed_m_s": 1.0}])["length_m"], columns_at_once([{"length_m": -5.0}])
-    (array([5.]), None)
+    >>> fields_of_route(route_from_links([{"length_m": 100.0, "speed_m_s": 10.0}]))
+    {'links': [{'length_m': 100.0, 'travel_time_s': 10.0}], 'elevation': None}
     """
-    if not 0 < len(links) <= MOST_LINKS:
-        return None
-    rows = [link for link in links if type(link) is dict and link.keys() <= LINK_KEYS]
-    if len(rows) < len(links):
-        return None
-    lists = {name: [row.get(name) for row in rows] for name in LINK_KEYS}
-    if not all(set(map(type, values)) <= {float, int, NoneType} for values in lists.values()):
-        return None
-    try:
-        columns = {name: np.array(values, dtype=np.float64) for name, values in lists.items()}
-    except OverflowError:
-        return None
-    there = {name: ~np.isnan(values) for name, values in columns.items()}
-    heights = there["end_elevation_m"]
-    with np.errstate(invalid="ignore"):
-        sound = (
-            there["length_m"].all()
-            and (there["speed_m_s"] != there["travel_time_s"]).all()
-            and (there["start_elevation_m"] == heights).all()
-            and not (there["grade"] & heights).any()
-            and not any((columns[name] <= 0).any() for name in ("length_m", "speed_m_s", "travel_time_s"))
-            and not (np.abs(columns["grade"]) > STEEPEST_GRADE).any()
-            and not any(np.isinf(values).any() for values in columns.values())
-            # a NaN that was given is a fault, unlike the NaN of a missing key
-            and all(there[name].sum() == len(rows) - lists[name].count(None) for name in LINK_KEYS)
-        )
-    return columns if sound else None
+    columns = {
+        "length_m": route.length_m,
+        "travel_time_s": route.travel_time_s,
+        "stop_s": route.stop_s,
+        "moving_speed_m_s": route.moving_speed_m_s,
+    }
+    if route.speed_limit_m_s is not None:
+        columns["speed_limit_m_s"] = route.speed_limit_m_s
+    rows = zip(*(values.tolist() for values in columns.values()), strict=True)
+    links = [{n: v for n, v in zip(columns, row, strict=True) if v == v} for row in rows]
+    if route.elevation_m is None or route.elevation_position_m is None:
+        return {"links": links, "elevation": None}
+    position_m, elevation_m = route.elevation_position_m.tolist(), route.elevation_m.tolist()
+    return {"links": links, "elevation": {"position_m": position_m, "elevation_m": elevation_m}}
 
 
-def columns_one_by_one(links: Sequence[Mapping[str, float | None]]) -> dict[str, FloatArray]:
-    """Columns of links, NaN where not given, checked link by link.
+@dataclass(slots=True)
+class _Faults:
+    """Faults of links, in the order of the rules."""
 
-    Slower than `columns_at_once`, with the same columns for links without a fault.
+    where: str
+    faults: list[Fault] = field(default_factory=list)
 
-    Raises
-    ------
-    InvalidInput
-        With the faults of all links.
-
-    Examples
-    --------
-    >>> columns_one_by_one([{"length_m": 5.0, "speed_m_s": 1.0}])["length_m"]
-    array([5.])
-    """
-    faults: list[Fault] = []
-    rows = [_row(link, f"link {k}", faults) for k, link in enumerate(links[:MOST_LINKS], start=1)]
-    if len(links) > MOST_LINKS:
-        faults.append(Fault("too many links", "links", f"more than {MOST_LINKS}", f"at most {MOST_LINKS}"))
-    raise_faults(first_faults(faults, "links"))
-    if not rows:
-        raise InvalidInput(Fault("no links", "links", "0", "at least one link"))
-    return {name: np.array([row.get(name, np.nan) for row in rows]) for name in LINK_KEYS}
-
-
-ALLOWED_KEYS: Final = ", ".join(sorted(LINK_KEYS))
-
-
-def unit_hint(key: object) -> str:
-    """Our name of the same quantity, whatever the unit of the key; empty where there is none.
-
-    Examples
-    --------
-    >>> unit_hint("speed_km_h"), unit_hint("length_km"), unit_hint("colour")
-    ('did you mean speed_m_s?', 'did you mean length_m?', '')
-    """
-    name = str(key).lower()[:60]
-    same = [ours for ours in sorted(LINK_KEYS) if _stem(ours) == _stem(name)]
-    near = same or difflib.get_close_matches(name, LINK_KEYS, n=1, cutoff=0.8)
-    return f"did you mean {near[0]}?" if near else ""
-
-
-def _stem(name: str) -> str:
-    for ending in ("_m_s", "_km_h", "_kmh", "_kph", "_mph", "_km", "_m", "_ft", "_s", "_min", "_h"):
-        if name.endswith(ending):
-            return name.removesuffix(ending)
-    return name
-
-
-def harmless(key: str) -> float:
-    """What stands in for a value that is no number, so that it is not called missing or out of range as well."""
-    return 0.0 if key in ("grade", "stop_s") else 1.0
-
-
-def _row(link: Mapping[str, float | None], where: str, faults: list[Fault]) -> dict[str, float]:
-    if not isinstance(link, Mapping):
-        faults.append(Fault("not a link", where, excerpt(link), "an object with length_m and speed_m_s"))
-        return {}
-    row: dict[str, float] = {}
-    unknown = [key for key in link if key not in LINK_KEYS]
-    for key in unknown[:MOST_FAULTS]:
-        hint = unit_hint(key) if len(faults) < MOST_HINTS else ""
-        faults.append(Fault("unknown key", where, excerpt(key), ALLOWED_KEYS, hint))
-    if len(unknown) > MOST_FAULTS:
-        faults.append(Fault("unknown key", where, f"{len(unknown) - MOST_FAULTS} more", ALLOWED_KEYS))
-    for key, value in link.items():
-        if key not in LINK_KEYS:
-            continue
-        if isinstance(value, bool) or not isinstance(value, int | float | None):
-            faults.append(Fault("not a number", f"{where}, {key}", excerpt(value), "a number"))
-            row[key] = harmless(key)
-        elif value is not None:
-            row[key] = _finite(value, f"{where}, {key}", faults)
-    if "length_m" not in row:
-        faults.append(Fault("missing key", where, f"{sorted(row)}", "length_m"))
-    if ("speed_m_s" in row) == ("travel_time_s" in row):
-        what = "speed and travel time mixed" if "speed_m_s" in row else "speed is missing"
-        faults.append(Fault(what, where, f"{sorted(row)}", "either speed_m_s or travel_time_s"))
-    if ("start_elevation_m" in row) != ("end_elevation_m" in row) or (
-        "grade" in row and "end_elevation_m" in row
-    ):
-        what = "grade and elevation mixed" if "grade" in row else "elevation at one end only"
-        allowed = "either grade or start_elevation_m and end_elevation_m"
-        faults.append(Fault(what, where, f"{sorted(row)}", allowed))
-    for key, low in (("length_m", 0.0), ("speed_m_s", 0.0), ("travel_time_s", 0.0)):
-        if row.get(key, 1.0) <= low:
-            faults.append(Fault("link out of range", f"{where}, {key}", f"{row[key]:g}", "more than 0"))
-    if abs(row.get("grade", 0.0)) > STEEPEST_GRADE:
-        faults.append(
-            Fault(
-                "grade out of range",
-                f"{where}, grade",
-                f"{row['grade']:g}",
-                f"-{STEEPEST_GRADE} to {STEEPEST_GRADE}",
+    def add(
+        self,
+        what: str,
+        wrong: BoolArray | list[int],
+        key: str,
+        got: Callable[[int], str],
+        allowed: str,
+        fix: str = "",
+    ) -> None:
+        """Add the faults of one kind in links, by mask or index; `got` takes an index, `key` is empty for the link as a whole."""
+        bad = wrong if isinstance(wrong, list) else np.flatnonzero(wrong).tolist()
+        alike = len(bad) <= MOST_ALIKE
+        for k in bad if alike else bad[:1]:
+            place = f"{self.where}link {k + 1}{key and ', ' + key}"
+            self.faults.append(
+                Fault(what, place, got(k) + ("" if alike else and_more(bad, "links")), allowed, fix)
             )
-        )
-    return row
 
 
-def _finite(value: float, where: str, faults: list[Fault]) -> float:
+def columns_of_links(links: Sequence[object], where: str = "") -> tuple[dict[str, FloatArray], list[Fault]]:
+    """Columns of links by key, NaN where not given, and every fault of the links. O(links).
+
+    Parameters
+    ----------
+    links : sequence
+        Objects with the keys of `route_from_links`.
+    where : str
+        Before the number of a link in messages.
+
+    Examples
+    --------
+    >>> columns, faults = columns_of_links([{"length_m": 5.0, "speed_m_s": 1.0}, {"length_m": -5.0, "speed_m_s": 1.0}])
+    >>> columns["length_m"].tolist(), str(faults[0])
+    ([5.0, -5.0], 'link out of range: link 2, length_m: got -5; allowed: more than 0')
+    """
+    if not links:
+        raise InvalidInput.of("no links", "links", "0", "at least one link")
+    wrong = _Faults(where)
+    if len(links) > MOST_LINKS:
+        got, allowed = f"more than {MOST_LINKS}", f"at most {MOST_LINKS}"
+        wrong.faults.append(Fault("too many links", "links", got, allowed))
+    no_link = np.array([not isinstance(link, Mapping) for link in links])
+    allowed = "an object with length_m and speed_m_s"
+    wrong.add("not a link", no_link, "", lambda k: excerpt(links[k]), allowed)
+    rows: list[Mapping[str, Any]] = [link if isinstance(link, Mapping) else {} for link in links]
+    _unknown_keys(rows, wrong)
+    columns = {key: _numbers([row.get(key) for row in rows], key, wrong) for key in LINK_KEYS}
+    _missing_keys(columns, ~no_link, wrong)
+    for key in ("length_m", "speed_m_s", "travel_time_s"):
+        low = columns[key] <= 0.0
+        wrong.add("link out of range", low, key, _shown(columns[key]), "more than 0")
+    steep = np.abs(columns["grade"]) > STEEPEST_GRADE
+    allowed = f"-{STEEPEST_GRADE} to {STEEPEST_GRADE}"
+    wrong.add("grade out of range", steep, "grade", _shown(columns["grade"]), allowed)
+    return columns, first_faults(wrong.faults, "links", MOST_FAULTS + 1)
+
+
+def _shown(values: FloatArray) -> Callable[[int], str]:
+    return lambda k: f"{values[k]:g}"
+
+
+def key_hint(key: object) -> str:
+    """A question with the key of the same quantity; empty where there is none.
+
+    Examples
+    --------
+    >>> key_hint("speed_km_h"), key_hint("colour")
+    ('did you mean speed_m_s?', '')
+    """
+    near = same_quantity(key, LINK_KEYS, cutoff=0.8)
+    return f"did you mean {near}?" if near else ""
+
+
+def _unknown_keys(rows: Sequence[Mapping[str, Any]], wrong: _Faults) -> None:
+    unknown: dict[object, list[int]] = {}
+    for k, row in enumerate(rows):
+        if not row.keys() <= _KNOWN:
+            for key in row:
+                if key not in _KNOWN:
+                    unknown.setdefault(key, []).append(k)
+    allowed = ", ".join(LINK_KEYS)
+    for number, (name, where) in enumerate(itertools.islice(unknown.items(), MOST_FAULTS)):
+        hint, got = key_hint(name) if number < MOST_HINTS else "", dict.fromkeys(where, excerpt(name))
+        wrong.add("unknown key", where, "", got.__getitem__, allowed, hint)
+    if len(unknown) > MOST_FAULTS:
+        wrong.faults.append(Fault("unknown key", "links", f"{len(unknown) - MOST_FAULTS} more", allowed))
+
+
+def _numbers(values: Sequence[object], key: str, wrong: _Faults) -> FloatArray:
+    """Values of one key, NaN where not given; see `_HARMLESS` for what is no finite number."""
+    given: list[Any] = list(values)
+    if not set(map(type, given)) <= {float, int, NoneType}:
+        no_number = np.array([isinstance(v, bool) or not isinstance(v, int | float | None) for v in given])
+        wrong.add("not a number", no_number, key, lambda k: excerpt(values[k]), "a number")
+        given = [_HARMLESS[key] if bad else value for value, bad in zip(given, no_number, strict=True)]
     try:
-        number = float(value)
+        numbers = np.array(given, dtype=np.float64)
     except OverflowError:
-        number = math.inf
-    if not math.isfinite(number):
-        faults.append(Fault("not a finite number", where, excerpt(value), "a finite number"))
-        return harmless(where.rpartition(", ")[2])
-    return number
+        largest = sys.float_info.max
+        numbers = np.array([np.nan if v is None else np.inf if abs(v) > largest else v for v in given])
+    endless = ~np.isfinite(numbers)
+    if endless.any():
+        endless &= np.array([value is not None for value in given])
+        wrong.add("not a finite number", endless, key, lambda k: excerpt(values[k]), "a finite number")
+        numbers[endless] = _HARMLESS[key]
+    return numbers
+
+
+def _missing_keys(columns: Mapping[str, FloatArray], is_link: BoolArray, wrong: _Faults) -> None:
+    """Keys that a link needs, and pairs of which it needs one."""
+    there = {key: ~np.isnan(values) for key, values in columns.items()}
+
+    def given(k: int) -> str:
+        return f"{[key for key in LINK_KEYS if there[key][k]]}"
+
+    wrong.add("missing key", is_link & ~there["length_m"], "", given, "length_m")
+    speed, time = there["speed_m_s"], there["travel_time_s"]
+    allowed = "either speed_m_s or travel_time_s"
+    wrong.add("speed and travel time mixed", speed & time, "", given, allowed)
+    wrong.add("speed is missing", is_link & ~speed & ~time, "", given, allowed)
+    start, end, grade = there["start_elevation_m"], there["end_elevation_m"], there["grade"]
+    allowed = "either grade or start_elevation_m and end_elevation_m"
+    wrong.add("grade and elevation mixed", grade & (start | end), "", given, allowed)
+    wrong.add("elevation at one end only", (start != end) & ~grade, "", given, allowed)
 
 
 def _elevation(
@@ -244,10 +287,11 @@ def _elevation(
         position = np.column_stack((border[:-1], border[1:])).ravel()
         height = np.column_stack((start, end)).ravel()
         if np.isfinite(grade).any():
-            message = "grade on some links and elevation on others"
-            raise InvalidInput(
-                Fault("grade and elevation mixed", "links", message, "the same one of the two on all links")
+            got, allowed = (
+                "grade on some links and elevation on others",
+                "the same one of the two on all links",
             )
+            raise InvalidInput.of("grade and elevation mixed", "links", got, allowed)
         there = np.isfinite(height)
         flags = () if there.all() else (Flag("elevation_interpolated", "links"),)
         return position[there], height[there], flags

@@ -5,20 +5,11 @@ from __future__ import annotations
 import csv
 import io
 import itertools
-from collections import Counter
-from typing import Final
 
-from tripwatt.errors import MOST_FAULTS, MOST_HINTS, Fault, InvalidInput, excerpt, first_faults
-from tripwatt.routes.link_objects import (
-    ALLOWED_KEYS,
-    LINK_KEYS,
-    harmless,
-    route_from_links,
-    unit_hint,
-)
+from tripwatt.errors import Fault, InvalidInput, first_faults, raise_faults
+from tripwatt.routes.link_objects import LINK_KEYS, columns_of_links, key_hint, route_of_columns
 from tripwatt.routes.links import MOST_LINKS, LinkRoute
-
-DELIMITERS: Final = (";", "\t", ",")
+from tripwatt.trips.headers import DELIMITERS, header_faults
 
 
 def is_links_table(data: bytes) -> bool:
@@ -44,9 +35,9 @@ def is_links_table(data: bytes) -> bool:
 
 
 def route_from_table(data: bytes, where: str = "links") -> LinkRoute:
-    r"""Read links from a CSV table with a header: comma, semicolon or tab between cells. O(bytes).
+    r"""Read links from a CSV table with a header: comma, semicolon, tab or bar between cells. O(bytes).
 
-    Columns are those of `route_from_links`; an empty cell is not given. With semicolons or tabs a decimal comma is read.
+    Columns are those of `route_from_links`; an empty cell is not given. A decimal comma is read where no comma is between cells.
 
     Parameters
     ----------
@@ -77,50 +68,24 @@ def route_from_table(data: bytes, where: str = "links") -> LinkRoute:
         filled = (row for row in itertools.islice(reader, 1, None) if any(cell.strip() for cell in row))
         rows = list(itertools.islice(filled, MOST_LINKS + 1))
     except (UnicodeDecodeError, csv.Error) as error:
-        raise InvalidInput(Fault("not a table", where, str(error)[:120], "CSV in UTF-8")) from error
-    unknown = [name for name in names if name not in LINK_KEYS]
-    faults = first_faults(
-        [
-            Fault(
-                "unknown column",
-                f"{where}, column {name[:40]!r}",
-                name[:40],
-                ALLOWED_KEYS,
-                unit_hint(name) if k < MOST_HINTS else "",
-            )
-            for k, name in enumerate(unknown)
-        ],
-        where,
-    )
-    counts = Counter(name for name in names if name in LINK_KEYS)
+        raise InvalidInput.of("not a table", where, str(error)[:120], "CSV in UTF-8") from error
+    faults = [*header_faults(names, LINK_KEYS, where, "unknown column", key_hint)]
     faults += [
-        Fault("duplicate column", f"{where}, column {name!r}", f"{count} times", "once")
-        for name, count in sorted(counts.items())
-        if count > 1
+        Fault("missing column", where, ", ".join(names)[:120], " or ".join(needed))
+        for needed in (("length_m",), ("speed_m_s", "travel_time_s"))
+        if not set(needed) & set(names)
     ]
-    if "length_m" not in names:
-        faults.append(Fault("missing column", where, ", ".join(names)[:120], "length_m"))
-    if not {"speed_m_s", "travel_time_s"} & set(names):
-        faults.append(Fault("missing column", where, ", ".join(names)[:120], "speed_m_s or travel_time_s"))
-    links: list[dict[str, float | None]] = []
-    wrong: list[Fault] = []
-    for row in rows:
-        place = f"{where}, link {len(links) + 1}"
-        if len(row) > len(names):
-            wrong.append(Fault("too many cells", place, f"{len(row)}", f"{len(names)}"))
-        cells = zip(names, row, strict=False)
-        links.append({n: _number(c, n, place, delimiter, wrong) for n, c in cells if n in LINK_KEYS})
-        if len(wrong) > MOST_FAULTS:
-            break
-    if faults:  # a header that is wrong makes every link wrong: named once
-        raise InvalidInput([*faults, *wrong])
-    try:
-        route = route_from_links(links)
-    except InvalidInput as error:
-        raise InvalidInput([*wrong, *error.faults]) from error
-    if wrong:
-        raise InvalidInput(wrong)
-    return route
+    raise_faults(faults)  # a header that is wrong makes every link wrong: named once
+    faults += [
+        Fault("too many cells", f"{where}, link {k}", f"{len(row)}", f"{len(names)}")
+        for k, row in enumerate(rows, start=1)
+        if len(row) > len(names)
+    ]
+    comma = delimiter != ","
+    links = [{n: _number(c, comma) for n, c in zip(names, row, strict=False)} for row in rows]
+    columns, more = columns_of_links(links, f"{where}, ")
+    raise_faults([*more, *first_faults(faults, where)])
+    return route_of_columns(columns)
 
 
 def _cells(header: str) -> tuple[list[str], str]:
@@ -129,13 +94,10 @@ def _cells(header: str) -> tuple[list[str], str]:
     return [name.strip().strip('"').strip().lower() for name in header.split(delimiter)], delimiter
 
 
-def _number(cell: str, name: str, where: str, delimiter: str, faults: list[Fault]) -> float | None:
+def _number(cell: str, decimal_comma: bool) -> float | str | None:
+    """The value of a cell; None for an empty one, its text where it is no number."""
     text = cell.strip()
-    if not text:
-        return None
     try:
-        return float(text if delimiter == "," else text.replace(",", "."))
+        return float(text.replace(",", ".") if decimal_comma else text) if text else None
     except ValueError:
-        got = excerpt(text)
-        faults.append(Fault("not a number", f"{where}, {name}", got, "a number, or an empty cell"))
-        return harmless(name)
+        return text

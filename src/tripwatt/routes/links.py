@@ -10,8 +10,9 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from tripwatt.arrays import BoolArray, FloatArray, IntArray
+from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.errors import Fault, InvalidInput
+from tripwatt.routes.driver import LinkRule, column_faults
 from tripwatt.routes.profile import LinkStyle, link_profile
 from tripwatt.trips import COLUMNS, LINK_COLUMNS, Flag, Plan, Recorded, raise_faults, table_of
 
@@ -33,7 +34,7 @@ SHORTEST_LINK_M: Final = LINK_COLUMNS["length_m"].minimum
 LONGEST_LINK_M: Final = LINK_COLUMNS["length_m"].maximum
 
 SHORTEST_STRETCH_M: Final = 60.0
-"""Shorter links are joined with what follows before they are driven: nobody keeps a mean speed over a car's length."""
+"""Shorter links are joined with what follows before they are driven: a mean speed over a few metres means nothing."""
 
 SAME_SPEED: Final = 1e-6
 """Relative difference of two speeds that are one: what rounding leaves."""
@@ -140,15 +141,7 @@ def _route_faults(route: LinkRoute) -> Iterator[Fault]:
     if not 1 <= n_links <= MOST_LINKS:
         yield Fault("number of links out of range", "links", f"{n_links}", f"1 to {MOST_LINKS}")
         return
-    for name, values, sound, allowed in _link_rules(route):
-        if values.shape != route.length_m.shape:
-            expected = f"shape {route.length_m.shape} of length_m"
-            yield Fault("wrong shape", name, f"shape {values.shape}", expected)
-        elif not sound.all():
-            bad = np.flatnonzero(~sound)
-            more = f" (and {len(bad) - 1} more links)" if len(bad) > 1 else ""
-            where, got = f"link {bad[0] + 1}, {name}", f"{values[bad[0]]:g}{more}"
-            yield Fault("link out of range", where, got, allowed)
+    yield from column_faults(_link_rules(route))
     with np.errstate(over="ignore"):
         total = float(route.travel_time_s.sum())
     if total > MOST_TRAVEL_TIME_S:
@@ -162,8 +155,7 @@ def _route_faults(route: LinkRoute) -> Iterator[Fault]:
             yield Fault("elevation out of range", where, got, f"{column.minimum:g} to {column.maximum:g} m")
 
 
-def _link_rules(route: LinkRoute) -> Iterator[tuple[str, FloatArray, BoolArray, str]]:
-    """Name, values, which of them are sound, and what is allowed, for each column of the links."""
+def _link_rules(route: LinkRoute) -> Iterator[LinkRule]:
     length, time, stop, moving = route.length_m, route.travel_time_s, route.stop_s, route.moving_speed_m_s
     limit = np.full(length.shape, np.nan) if route.speed_limit_m_s is None else route.speed_limit_m_s
     with np.errstate(all="ignore"):
@@ -212,11 +204,11 @@ def links_of_trip(trip: Recorded, length_m: float = 250.0) -> LinkRoute:
     array([25., 35.])
     """
     if not (math.isfinite(length_m) and length_m > 0):
-        raise InvalidInput(Fault("length out of range", "length_m", f"{length_m}", "more than 0 m"))
+        raise InvalidInput.of("length out of range", "length_m", f"{length_m}", "more than 0 m")
     time, speed = trip.array("time_s"), trip.array("speed_m_s")
     driven = np.concatenate(([0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(time))))
     if not driven[-1] > 0:
-        raise InvalidInput(Fault("trip without distance", trip.trip_id, f"{driven[-1]:g} m", "more than 0 m"))
+        raise InvalidInput.of("trip without distance", trip.trip_id, f"{driven[-1]:g} m", "more than 0 m")
     number = max(1, round(driven[-1] / length_m))
     border = np.append(np.arange(number) * length_m, driven[-1])
     moves = np.concatenate(([True], np.diff(driven) > 0))
@@ -279,17 +271,17 @@ def plan_from_links(
     """
     finest = max(route.duration_s / MOST_SAMPLES, 1e-3)
     if not (math.isfinite(step_s) and step_s >= finest):
-        raise InvalidInput(Fault("step out of range", "step_s", f"{step_s}", f"{finest:g} s or more"))
+        raise InvalidInput.of("step out of range", "step_s", f"{step_s}", f"{finest:g} s or more")
     route = _uncut(route)
-    first = _stretches(route)
+    first = first_of_stretches(route)
     length, time = np.add.reduceat(route.length_m, first), np.add.reduceat(route.travel_time_s, first)
     last = np.append(first[1:], len(route)) - 1
     profile = link_profile(
         length,
         time,
-        stop_s=_stops(route, first, last),
-        moving_speed_m_s=_moving_speeds(route, first),
-        speed_limit_m_s=_limits(route, first),
+        stop_s=given_stops(route, first, last),
+        moving_speed_m_s=moving_speeds(route, first),
+        speed_limit_m_s=highest_limits(route, first),
         style=style,
         rng=rng,
         step_s=step_s,
@@ -330,7 +322,7 @@ def _uncut(route: LinkRoute) -> LinkRoute:
     )
 
 
-def _stretches(route: LinkRoute) -> IntArray:
+def first_of_stretches(route: LinkRoute) -> IntArray:
     """Index of the first link of each stretch: short links go with what follows, the last one with what went before."""
     if float(route.length_m.min()) >= SHORTEST_STRETCH_M:
         return np.arange(len(route), dtype=np.int64)
@@ -346,29 +338,23 @@ def _stretches(route: LinkRoute) -> IntArray:
     return np.array(first, dtype=np.int64)
 
 
-def _stops(route: LinkRoute, first: IntArray, last: IntArray) -> FloatArray:
+def given_stops(route: LinkRoute, first: IntArray, last: IntArray) -> FloatArray:
     """Given standstill at the end of each stretch; unknown where it is unknown on one of its links."""
     unknown = np.add.reduceat(np.isnan(route.stop_s).astype(np.float64), first) > 0
     end = route.stop_s[last]
     return np.where(unknown & ~(end > 0), np.nan, np.nan_to_num(end, nan=0.0))
 
 
-def _moving_speeds(route: LinkRoute, first: IntArray) -> FloatArray:
+def moving_speeds(route: LinkRoute, first: IntArray) -> FloatArray:
     """Length over the sum of the moving times of a stretch, unknown where it is unknown on one of its links."""
-    return np.asarray(
-        np.add.reduceat(route.length_m, first)
-        / np.add.reduceat(route.length_m / route.moving_speed_m_s, first),
-        dtype=np.float64,
-    )
+    moving_s = np.add.reduceat(route.length_m / route.moving_speed_m_s, first)
+    return np.asarray(np.add.reduceat(route.length_m, first) / moving_s, dtype=np.float64)
 
 
-def _limits(route: LinkRoute, first: IntArray) -> FloatArray | None:
+def highest_limits(route: LinkRoute, first: IntArray) -> FloatArray | None:
     """Highest speed limit of each stretch, unknown where it is unknown on one of its links."""
-    return (
-        None
-        if route.speed_limit_m_s is None
-        else np.asarray(np.maximum.reduceat(route.speed_limit_m_s, first))
-    )
+    limit = route.speed_limit_m_s
+    return None if limit is None else np.asarray(np.maximum.reduceat(limit, first))
 
 
 def join_routes(routes: Sequence[LinkRoute]) -> LinkRoute:
@@ -391,30 +377,30 @@ def join_routes(routes: Sequence[LinkRoute]) -> LinkRoute:
     >>> join_routes([one, one]).distance_m
     1000.0
     """
-    heights = [r.elevation_m for r in routes if r.elevation_m is not None]
-    places, driven = [], 0.0
-    for route in routes:
-        if route.elevation_position_m is not None:
-            places.append(route.elevation_position_m + driven)
-        driven += route.distance_m
-    complete = len(heights) == len(routes)
-    limits = [r.speed_limit_m_s for r in routes]
+    starts = np.cumsum([0.0, *(route.distance_m for route in routes[:-1])])
+    heights = [
+        (start + route.elevation_position_m, route.elevation_m)
+        for start, route in zip(starts.tolist(), routes, strict=True)
+        if route.elevation_position_m is not None and route.elevation_m is not None
+    ]
+    position, height = (
+        map(np.concatenate, zip(*heights, strict=True)) if len(heights) == len(routes) else (None, None)
+    )
     flags = tuple(dict.fromkeys(flag for route in routes for flag in route.flags))
+    unknown = [np.full(len(route), np.nan) for route in routes]
+    limits = [route.speed_limit_m_s for route in routes]
     return LinkRoute(
-        np.concatenate([r.length_m for r in routes]),
-        np.concatenate([r.travel_time_s for r in routes]),
-        np.concatenate([r.stop_s for r in routes]),
-        np.concatenate([r.moving_speed_m_s for r in routes]),
-        np.concatenate(places) if complete else None,
-        np.concatenate(heights) if complete else None,
-        flags if complete or FLAT_ROAD in flags else (*flags, FLAT_ROAD),
+        np.concatenate([route.length_m for route in routes]),
+        np.concatenate([route.travel_time_s for route in routes]),
+        np.concatenate([route.stop_s for route in routes]),
+        np.concatenate([route.moving_speed_m_s for route in routes]),
+        position,
+        height,
+        flags if height is not None or FLAT_ROAD in flags else (*flags, FLAT_ROAD),
         None
         if all(limit is None for limit in limits)
         else np.concatenate(
-            [
-                np.full(len(r), np.nan) if limit is None else limit
-                for r, limit in zip(routes, limits, strict=True)
-            ]
+            [other if limit is None else limit for limit, other in zip(limits, unknown, strict=True)]
         ),
-        any(r.free_flow for r in routes),
+        any(route.free_flow for route in routes),
     )

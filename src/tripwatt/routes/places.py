@@ -7,14 +7,15 @@ import math
 import re
 import unicodedata
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
 
 from tripwatt.arrays import FloatArray
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, raise_faults
 from tripwatt.routes.points import EARTH_RADIUS_M, haversine_m
+from tripwatt.trips import Plan
 
 COORDINATES: Final = re.compile(r"^\s*(?:geo:)?(-?\d{1,3}(?:\.\d+)?)\s*[,; ]\s*(-?\d{1,3}(?:\.\d+)?)\s*$")
 """Latitude and longitude as a person writes or pastes them."""
@@ -63,13 +64,11 @@ class Place:
 
     def __post_init__(self) -> None:
         bounds = {"latitude": (self.latitude_deg, 90.0), "longitude": (self.longitude_deg, 180.0)}
-        faults = [
+        raise_faults(
             Fault("coordinate out of range", name, f"{value:g}°", f"-{most:g}° to {most:g}°")
             for name, (value, most) in bounds.items()
-            if not (math.isfinite(value) and abs(value) <= most)
-        ]
-        if faults:
-            raise InvalidInput(faults)
+            if not abs(value) <= most
+        )
 
     @property
     def title(self) -> str:
@@ -153,11 +152,8 @@ class Place:
         >>> round(Place(0.0, 0.0).distance_m(Place(0.0, 1.0)), 1)
         111195.1
         """
-        latitude, longitude = (
-            (self.latitude_deg, other.latitude_deg),
-            (self.longitude_deg, other.longitude_deg),
-        )
-        return float(haversine_m(latitude, longitude)[0])
+        latitude = self.latitude_deg, other.latitude_deg
+        return float(haversine_m(latitude, (self.longitude_deg, other.longitude_deg))[0])
 
     def moved(self, bearing_deg: float, distance_m: float) -> Place:
         """Find the place at a distance in a direction, on the sphere.
@@ -209,13 +205,13 @@ def without_twins(places: Iterable[Place]) -> tuple[Place, ...]:
     True
     """
     kept: dict[str, list[Place]] = {}
-    found = []
+    single = []
     for place in places:
         same = kept.setdefault(place.name, [])
         if all(other.distance_m(place) > TWIN_M for other in same):
             same.append(place)
-            found.append(place)
-    return tuple(found)
+            single.append(place)
+    return tuple(single)
 
 
 def read_coordinates(text: str) -> Place | None:
@@ -231,8 +227,8 @@ def read_coordinates(text: str) -> Place | None:
     >>> read_coordinates("47.141, 9.5209"), read_coordinates("Vaduz")
     (Place(latitude_deg=47.141, longitude_deg=9.5209, name='', kind=''), None)
     """
-    found = COORDINATES.match(text)
-    return None if found is None else Place(float(found[1]), float(found[2]))
+    match = COORDINATES.match(text)
+    return None if match is None else Place(float(match[1]), float(match[2]))
 
 
 def bearings_deg(latitude_deg: FloatArray, longitude_deg: FloatArray) -> FloatArray:
@@ -247,3 +243,43 @@ def bearings_deg(latitude_deg: FloatArray, longitude_deg: FloatArray) -> FloatAr
     east = np.sin(np.diff(lon)) * np.cos(lat[1:])
     north = np.cos(lat[:-1]) * np.sin(lat[1:]) - np.sin(lat[:-1]) * np.cos(lat[1:]) * np.cos(np.diff(lon))
     return np.asarray(np.degrees(np.arctan2(east, north)) % 360.0, dtype=np.float64)
+
+
+def heading_along(
+    latitude_deg: FloatArray, longitude_deg: FloatArray, position_m: FloatArray, at_m: FloatArray
+) -> FloatArray:
+    """Direction of travel along a line at distances from its start, clockwise from north [°], shape of `at_m`.
+
+    Parameters
+    ----------
+    latitude_deg, longitude_deg, position_m : ndarray, shape (points,)
+        The line, and the distance of each point from its start.
+    at_m : ndarray
+        Distances from the start.
+
+    Examples
+    --------
+    >>> line = np.array([0.0, 1.0, 1.0]), np.array([0.0, 0.0, 1.0]), np.array([0.0, 100.0, 200.0])
+    >>> heading_along(*line, np.array([50.0, 150.0])).round(1).tolist()
+    [0.0, 90.0]
+    """
+    if len(position_m) < 2:
+        return np.zeros_like(at_m)
+    heading = bearings_deg(latitude_deg, longitude_deg)
+    piece = np.searchsorted(position_m, at_m, side="right") - 1
+    return np.asarray(heading[np.clip(piece, 0, len(heading) - 1)], dtype=np.float64)
+
+
+def driven_m(plan: Plan, distance_m: float) -> FloatArray:
+    """Distance of each sample of a plan from its start, on the scale of a road of some length, shape (samples,)."""
+    time = plan.array("time_s")
+    driven = np.cumsum(plan.array("speed_m_s") * np.diff(time, prepend=time[0]))
+    return driven * (distance_m / driven[-1]) if driven[-1] > 0.0 else driven
+
+
+def with_heading(
+    plan: Plan, latitude_deg: FloatArray, longitude_deg: FloatArray, position_m: FloatArray, distance_m: float
+) -> Plan:
+    """A plan with its direction of travel, from a line of some length with the position of each point."""
+    along = heading_along(latitude_deg, longitude_deg, position_m, driven_m(plan, distance_m))
+    return replace(plan, heading_deg=along)

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from tripwatt.routes.links import LinkRoute, links_of_trip, plan_from_links
+from tripwatt.routes.places import with_heading
 from tripwatt.routes.profile import LinkStyle
 from tripwatt.routes.tracks import Track, plan_from_track, route_from_track
 from tripwatt.trips import Plan, Trip
@@ -60,7 +61,12 @@ def plan_from_route(
     if isinstance(route, Track):
         if route.is_log:
             return plan_from_track(route, trip_id=trip_id, step_s=step_s)
-        route = route_from_track(route, speed_m_s)
+        plan = plan_from_links(
+            route_from_track(route, speed_m_s), trip_id=trip_id, style=style, rng=rng, step_s=step_s
+        )
+        return with_heading(
+            plan, route.latitude_deg, route.longitude_deg, route.position_m, float(route.position_m[-1])
+        )
     return plan_from_links(route, trip_id=trip_id, style=style, rng=rng, step_s=step_s)
 
 

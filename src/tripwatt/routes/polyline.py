@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from tripwatt.arrays import FloatArray
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 from tripwatt.routes.points import MOST_POINTS, require_on_earth
 
 _MOST_CHARACTERS: Final = 10
@@ -41,19 +41,17 @@ def decode_polyline(text: str, where: str, *, precision: float = 1e5, dimensions
            [  40.7 , -120.95]])
     """
     if len(text) > 32 * MOST_POINTS:
-        raise InvalidInput(
-            Fault("polyline too long", where, f"{len(text)} characters", f"{32 * MOST_POINTS}")
-        )
+        raise InvalidInput.of("polyline too long", where, f"{len(text)} characters", f"{32 * MOST_POINTS}")
     chunks = np.frombuffer(text.encode("utf-32-le", "surrogatepass"), dtype=np.uint32).astype(np.int64) - 63
     ends = np.flatnonzero(chunks < 0x20)  # of each number: its last character has no bit for "more follow"
     starts = np.concatenate(([0], ends + 1))
     lengths = np.diff(starts, append=len(chunks))  # the last is that of a number without an end
     if ((chunks < 0) | (chunks >= 64)).any() or (lengths > _MOST_CHARACTERS).any():
-        raise InvalidInput(Fault("not an encoded polyline", where, repr(text[:20]), "an encoded polyline"))
+        raise InvalidInput.of("not an encoded polyline", where, repr(text[:20]), "an encoded polyline")
     if lengths[-1] or len(ends) % dimensions or len(ends) < 2 * dimensions:
         got = f"{len(ends)} numbers{' and a part of one' if lengths[-1] else ''}"
-        raise InvalidInput(
-            Fault("not an encoded polyline", where, got, f"{dimensions} for each of at least 2 points")
+        raise InvalidInput.of(
+            "not an encoded polyline", where, got, f"{dimensions} for each of at least 2 points"
         )
     place = np.arange(len(chunks)) - np.repeat(starts, lengths)
     values = np.add.reduceat((chunks & 0x1F) << (5 * place), starts[:-1])

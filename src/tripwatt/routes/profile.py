@@ -9,8 +9,6 @@ that the delays that reproduce the travel times of all links are found at once.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -18,14 +16,23 @@ import numpy as np
 import numpy.typing as npt
 
 from tripwatt.arrays import BoolArray, FloatArray, IntArray
-from tripwatt.errors import Fault, InvalidInput
-from tripwatt.routes.driver import DriverStyle, SpeedProfile, draw_dwell, profile_over_time, reachable_speed
+from tripwatt.errors import Fault, raise_faults
+from tripwatt.routes.driver import (
+    DriverStyle,
+    LinkRule,
+    SpeedProfile,
+    draw_dwell,
+    link_column,
+    link_faults,
+    profile_over_time,
+    reachable_speed,
+)
 
 REFERENCE_LENGTH_M: Final = 250.0
 """Length of a link to which `LinkStyle.street_speed_m_s` refers [m]."""
 
 LONGEST_STREET_M: Final = 2000.0
-"""The growth of the street speed with the link's length ends here: twice the longest links that it was found on [m]."""
+"""The growth of the street speed with the link's length ends here: twice the longest links of its fit [m]."""
 
 SPACING_M: Final = 4.0
 """Longest cell of the distance grid [m]."""
@@ -72,7 +79,7 @@ class LinkStyle:
     """How traffic and driver fill a link of which only the mean speed is known.
 
     The defaults of `street_speed_m_s`, `length_exponent` and `comfort` are what `calibrate_style` finds on the electric
-    cars of the Vehicle Energy Dataset, rounded; the other values are a choice. `docs/routes.md` says how.
+    cars of the Vehicle Energy Dataset, rounded; the other values are a choice (method: `docs/reference/routes.md`).
 
     Attributes
     ----------
@@ -116,13 +123,11 @@ class LinkStyle:
             "sharpness": (1.0, 50.0),
             "stop_place": (0.1, 0.9),
         }
-        faults = [
+        raise_faults(
             Fault("link style out of range", name, f"{getattr(self, name)}", f"{low:g} to {high:g}")
             for name, (low, high) in bounds.items()
             if not low <= getattr(self, name) <= high
-        ]
-        if faults:
-            raise InvalidInput(faults)
+        )
 
     def free_speed(self, length_m: FloatArray, speed_m_s: FloatArray) -> FloatArray:
         """Speed between two disturbances [m/s] on links of a mean speed, shape of `length_m`.
@@ -166,7 +171,7 @@ def link_profile(
 
     Speed is continuous and changes no faster than `style.driver` allows. Where the travel time of a link cannot be
     reproduced within these limits, the link takes longer; everywhere else it takes its travel time, to
-    5 per mille or 0.2 s (see `docs/routes.md` for the measured share).
+    5 per mille or 0.2 s (see `docs/reference/routes.md` for the measured share).
 
     Parameters
     ----------
@@ -203,94 +208,42 @@ def link_profile(
     (750.0, True)
     """
     style = style or LinkStyle()
-    length = np.atleast_1d(np.asarray(length_m, dtype=np.float64))
-    time = np.atleast_1d(np.asarray(travel_time_s, dtype=np.float64))
-    stop = _array_or_nan(stop_s, length)
-    moving = _array_or_nan(moving_speed_m_s, length)
-    limit = _array_or_nan(speed_limit_m_s, length)
-    faults = tuple(_link_faults(length, time, stop, moving, limit, step_s))
-    if faults:
-        raise InvalidInput(faults)
-    course = _Course.from_links(length, time, stop, moving, limit, style, rng)
+    length, time = link_column(length_m), link_column(travel_time_s)
+    unknown = np.full(length.shape, np.nan)
+    given = (stop_s, moving_speed_m_s, speed_limit_m_s)
+    stop, moving, limit = (link_column(values, unknown) for values in given)
+    raise_faults(link_faults(_rules(length, time, stop, moving, limit), step_s))
+    course = Course(length, time, stop, moving, limit, style, rng)
     speed, driving_s = course.solve()
-    return profile_over_time(
-        course.position, speed, driving_s, course.waiting(speed, driving_s, rng), course.ends, step_s
-    )
+    waiting_s = course.waiting(speed, driving_s, rng)
+    return profile_over_time(course.position, speed, driving_s, waiting_s, course.ends, step_s)
 
 
-def _array_or_nan(values: npt.ArrayLike | None, like: FloatArray) -> FloatArray:
-    return (
-        np.full(like.shape, np.nan) if values is None else np.atleast_1d(np.asarray(values, dtype=np.float64))
-    )
+def _rules(
+    length: FloatArray, time: FloatArray, stop: FloatArray, moving: FloatArray, limit: FloatArray
+) -> list[LinkRule]:
+    not_whole = stop < time if stop.shape == time.shape else True
+    sound = np.isnan(stop) | (np.isfinite(stop) & (stop >= 0) & not_whole)
+    above, perhaps = "finite, more than 0", "more than 0 m/s, NaN if unknown"
+    return [
+        ("length_m", length, np.isfinite(length) & (length > 0), f"{above} m"),
+        ("travel_time_s", time, np.isfinite(time) & (time > 0), f"{above} s"),
+        ("stop_s", stop, sound, "0 s to less than the travel time, NaN if unknown"),
+        ("moving_speed_m_s", moving, ~((moving <= 0) | np.isinf(moving)), perhaps),
+        ("speed_limit_m_s", limit, ~((limit <= 0) | np.isinf(limit)), perhaps),
+    ]
 
 
-def _link_faults(
-    length: FloatArray,
-    time: FloatArray,
-    stop: FloatArray,
-    moving: FloatArray,
-    limit: FloatArray,
-    step_s: float,
-) -> Iterator[Fault]:
-    if not (math.isfinite(step_s) and step_s > 0):
-        yield Fault("step out of range", "step_s", f"{step_s}", "more than 0 s")
-    if length.ndim != 1 or not length.size:
-        yield Fault("no route", "length_m", f"shape {length.shape}", "one dimension, at least one link")
-        return
-    rules = (
-        ("length_m", length, np.isfinite(length) & (length > 0), "finite, more than 0 m"),
-        ("travel_time_s", time, np.isfinite(time) & (time > 0), "finite, more than 0 s"),
-        ("stop_s", stop, np.isnan(stop) | (np.isfinite(stop) & (stop >= 0)), "0 s or more, NaN if unknown"),
-        (
-            "moving_speed_m_s",
-            moving,
-            np.isnan(moving) | (np.isfinite(moving) & (moving > 0)),
-            "more than 0 m/s, NaN if unknown",
-        ),
-        (
-            "speed_limit_m_s",
-            limit,
-            np.isnan(limit) | (np.isfinite(limit) & (limit > 0)),
-            "more than 0 m/s, NaN if unknown",
-        ),
-    )
-    for name, values, sound, allowed in rules:
-        if values.shape != length.shape:
-            yield Fault("wrong shape", name, f"shape {values.shape}", f"shape {length.shape} of length_m")
-        elif not sound.all():
-            first = int(np.flatnonzero(~sound)[0])
-            yield Fault("link out of range", f"{name}, link {first + 1}", f"{values[first]}", allowed)
-    if stop.shape == time.shape == length.shape and bool((stop >= time).any()):
-        first = int(np.flatnonzero(stop >= time)[0])
-        yield Fault(
-            "stop takes the whole travel time",
-            f"stop_s, link {first + 1}",
-            f"{stop[first]:g} s",
-            f"less than {time[first]:g} s",
-        )
+class Course:
+    """The grid over the links and what is known before the delays are.
 
+    `limit` is infinite where there is none, `free` the speed without disturbance, `time` the time to drive and to wait in
+    invented stops, without the stops that were given. `link` is that of each cell, `ends` the last node of each link,
+    `ramp` the speed that a node may have at least because the neighbouring link is faster.
+    """
 
-@dataclass(frozen=True, eq=False, slots=True)
-class _Course:
-    """The grid over the links and what is known before the delays are."""
-
-    length: FloatArray
-    time: FloatArray  # to drive and to wait in invented stops, without the stops that were given
-    stop: FloatArray
-    free: FloatArray
-    limit: FloatArray  # inf where there is none
-    style: LinkStyle
-    position: FloatArray
-    link: IntArray  # of each cell
-    ends: IntArray  # last node of each link
-    ramp: FloatArray  # speed that a node may have at least because the neighbouring link is faster
-    dip_node: IntArray
-    dip_link: IntArray
-    most_delay: FloatArray
-
-    @classmethod
-    def from_links(
-        cls,
+    def __init__(
+        self,
         length: FloatArray,
         time: FloatArray,
         stop: FloatArray,
@@ -298,51 +251,38 @@ class _Course:
         limit: FloatArray,
         style: LinkStyle,
         rng: np.random.Generator | None,
-    ) -> _Course:
-        given = np.nan_to_num(stop, nan=0.0)
-        to_drive = time - given
-        mean = length / to_drive
+    ) -> None:
+        n = len(length)
+        self.length, self.stop, self.style = length, np.nan_to_num(stop, nan=0.0), style
+        self.time = time - self.stop
+        mean = length / self.time
         free = np.where(np.isnan(moving), style.free_speed(length, mean), np.maximum(moving, mean))
         # a link whose stops are given has no reason to go faster than its own speed
         free = np.where(np.isnan(stop) | ~np.isnan(moving), free, mean)
         if rng is not None:
             free = free * np.exp(SPEED_LOG_STD * rng.standard_normal(free.shape))
-        limit = np.where(np.isnan(limit), np.inf, np.maximum(limit, mean))
-        free = np.minimum(free, limit)
-        dips = _number_of_dips(length, to_drive, free, np.isnan(stop), style)
+        self.limit = np.where(np.isnan(limit), np.inf, np.maximum(limit, mean))
+        self.free = np.minimum(free, self.limit)
+        dips = number_of_dips(length, self.time, self.free, np.isnan(stop), style)
         spacing = max(SPACING_M, float(length.sum()) / MOST_NODES)
         cells = np.maximum(np.maximum(np.ceil(length / spacing), 4), CELLS_PER_DIP * dips).astype(np.int64)
-        ends = np.cumsum(cells)
-        link = np.repeat(np.arange(len(length)), cells)
-        position = np.concatenate(([0.0], np.cumsum((length / cells)[link])))
-        position[ends] = np.cumsum(length)
-        dip_link = np.repeat(np.arange(len(length)), dips)
-        order = np.arange(len(dip_link)) - np.repeat(np.cumsum(dips) - dips, dips)
-        place = (
-            np.full(len(dip_link), style.stop_place) if rng is None else rng.uniform(0.2, 0.8, len(dip_link))
-        )
-        within = np.rint((order + place) / dips[dip_link] * cells[dip_link]).astype(np.int64)
-        dip_node = (ends - cells)[dip_link] + np.clip(within, 2, cells[dip_link] - 2)
+        self.ends = np.cumsum(cells)
+        self.link = np.repeat(np.arange(n), cells)
+        self.position = np.concatenate(([0.0], np.cumsum((length / cells)[self.link])))
+        self.position[self.ends] = np.cumsum(length)
+        self.dip_link = np.repeat(np.arange(n), dips)
+        order = np.arange(len(self.dip_link)) - np.repeat(np.cumsum(dips) - dips, dips)
+        drawn = None if rng is None else rng.uniform(0.2, 0.8, len(self.dip_link))
+        place = style.stop_place if drawn is None else drawn
+        around = cells[self.dip_link]
+        within = np.rint((order + place) / dips[self.dip_link] * around).astype(np.int64)
+        self.dip_node = (self.ends - cells)[self.dip_link] + np.clip(within, 2, around - 2)
         most = np.where(dips > 0, 1.0, MOST_DELAY)
         # at both ends of the route the car stands anyway: time to spare is spent there
-        at_rest = np.zeros(len(length), dtype=bool)
+        at_rest = np.zeros(n, dtype=bool)
         at_rest[[0, -1]] = np.isnan(stop[[0, -1]])
-        most = np.where(at_rest & (dips == 0), 0.0, most)
-        return cls(
-            length,
-            to_drive,
-            given,
-            free,
-            limit,
-            style,
-            position,
-            link,
-            ends,
-            _ramps(position, ends, np.minimum(free, HURRY * mean + 2.0), style),
-            dip_node,
-            dip_link,
-            most,
-        )
+        self.most_delay = np.where(at_rest & (dips == 0), 0.0, most)
+        self.ramp = ramp_speeds(self.position, self.ends, np.minimum(self.free, HURRY * mean + 2.0), style)
 
     def drive(self, delay: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Speed at the nodes [m/s] and time between them [s] for a delay of each link, without waiting.
@@ -438,7 +378,7 @@ class _Course:
         return wait
 
 
-def _ramps(position: FloatArray, ends: IntArray, free: FloatArray, style: LinkStyle) -> FloatArray:
+def ramp_speeds(position: FloatArray, ends: IntArray, free: FloatArray, style: LinkStyle) -> FloatArray:
     """Speed that is allowed at each node [m/s] because a faster link is near, 0 where none is.
 
     A change of speed lies on both sides of the point at which two links meet: the car passes it at the mean of the
@@ -459,7 +399,7 @@ def _ramps(position: FloatArray, ends: IntArray, free: FloatArray, style: LinkSt
     return ramp
 
 
-def _number_of_dips(
+def number_of_dips(
     length: FloatArray,
     time: FloatArray,
     free: FloatArray,
@@ -474,8 +414,8 @@ def _number_of_dips(
     stop_s = free / (2.0 * down) + free / (2.0 * up) * (1.0 + free**2 / (6.0 * half_squared))
     spare = time - length / free
     at_ends = np.zeros(len(length))
-    at_ends[0] += 0.5
-    at_ends[-1] += 0.5
+    for end in (0, -1):
+        at_ends[end] += 0.5
     number = np.rint(spare / (stop_s + style.driver.dwell_mean_s) - at_ends)
     number = np.clip(number, np.where(at_ends > 0, 0, 1), np.maximum(length // SHORTEST_BETWEEN_STOPS_M, 1))
     return np.asarray(np.where(unknown, number, 0), dtype=np.int64)

@@ -6,13 +6,13 @@ import difflib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, Final, Protocol
+from typing import ClassVar, Final, Protocol, Self
 
-from tripwatt.errors import Fault, InvalidInput, RemoteError
+from tripwatt.errors import InvalidInput, RemoteError
+from tripwatt.routes.documents import Node
 from tripwatt.routes.places import TWIN_M, Place, read_coordinates, without_twins
-from tripwatt.routes.points import a_list, a_number, an_object
 from tripwatt.routes.routers import split_kind
-from tripwatt.routes.web import WebClient
+from tripwatt.routes.web import WebClient, as_remote
 
 KEY: Final = "TRIPWATT_PLACES_KEY"
 LONGEST_TEXT: Final = 200
@@ -37,94 +37,88 @@ class PlaceSearch(Protocol):
 
 
 @dataclass(frozen=True)
-class PhotonSearch:
+class ServerSearch:
+    """Places by a server."""
+
+    client: WebClient
+
+    key_place: ClassVar[str]
+    path: ClassVar[str]
+    more: ClassVar[Mapping[str, str]] = MappingProxyType({})
+    """What the question has beside a text and a number of places."""
+
+    @classmethod
+    def from_url(cls, url: str) -> Self:
+        """A search by the URL of its server."""
+        return cls(WebClient(url, "the search for places", KEY, cls.key_place))
+
+    def search(self, text: str, *, limit: int = 10) -> tuple[Place, ...]:
+        """See `PlaceSearch.search`.
+
+        Raises
+        ------
+        RemoteError
+            When the server does not answer, or not with places.
+        """
+        query = {"q": text[:LONGEST_TEXT], "limit": str(limit), **self.more}
+        answer = self.client.get_json(self.path, query)
+        with as_remote():
+            return without_twins(self.places(Node(answer, self.client.host)))[: min(limit, MOST_FOUND)]
+
+    @staticmethod
+    def places(answer: Node) -> list[Place]:
+        """Places of an answer, the best first."""
+        raise NotImplementedError
+
+
+class PhotonSearch(ServerSearch):
     """Places of a Photon server."""
 
-    client: WebClient
+    key_place = "query:api_key"
+    path = "/api"
 
-    @classmethod
-    def from_url(cls, url: str) -> PhotonSearch:
-        """A server by its URL."""
-        return cls(WebClient(url, "the search for places", KEY, "query:api_key"))
+    @staticmethod
+    def places(answer: Node) -> list[Place]:
+        """See `ServerSearch.places`."""
+        places = []
+        for feature in answer["features"].entries():
+            about = feature["properties"].members()
+            pair = feature["geometry"]["coordinates"].entries(least=2)
+            street = " ".join(str(about[key]) for key in ("street", "housenumber") if about.get(key))
+            parts = [about.get("name") or street, about.get("city"), about.get("country")]
+            name = ", ".join(dict.fromkeys(str(part) for part in parts if part))
+            longitude, latitude = (degrees.number() for degrees in pair[:2])
+            kind = str(about.get("osm_value", ""))[:40]
+            places.append(Place(latitude, longitude, name[:LONGEST_TEXT], kind))
+        return places
 
-    def search(self, text: str, *, limit: int = 10) -> tuple[Place, ...]:
-        """See `PlaceSearch.search`.
 
-        Raises
-        ------
-        RemoteError
-            When the server does not answer, or not with places.
-        """
-        answer = self.client.get_json("/api", {"q": text[:LONGEST_TEXT], "limit": str(limit)})
-        return _places(answer, self.client.host, _from_photon, limit)
-
-
-@dataclass(frozen=True)
-class NominatimSearch:
+class NominatimSearch(ServerSearch):
     """Places of a Nominatim server."""
 
-    client: WebClient
+    key_place = "query:key"
+    path = "/search"
+    more = MappingProxyType({"format": "jsonv2"})
 
-    @classmethod
-    def from_url(cls, url: str) -> NominatimSearch:
-        """A server by its URL."""
-        return cls(WebClient(url, "the search for places", KEY, "query:key"))
-
-    def search(self, text: str, *, limit: int = 10) -> tuple[Place, ...]:
-        """See `PlaceSearch.search`.
-
-        Raises
-        ------
-        RemoteError
-            When the server does not answer, or not with places.
-        """
-        query = {"q": text[:LONGEST_TEXT], "limit": str(limit), "format": "jsonv2"}
-        return _places(self.client.get_json("/search", query), self.client.host, _from_nominatim, limit)
+    @staticmethod
+    def places(answer: Node) -> list[Place]:
+        """See `ServerSearch.places`."""
+        places = []
+        for entry in answer.entries():
+            latitude, longitude = (_text_number(entry[key]) for key in ("lat", "lon"))
+            about = entry.members()
+            name = str(about.get("display_name", ""))[:LONGEST_TEXT]
+            kind = str(about.get("addresstype") or about.get("type") or "")[:40]
+            places.append(Place(latitude, longitude, name, kind))
+        return places
 
 
-def _places(
-    answer: Any, where: str, read: Callable[[Any, str], list[Place]], limit: int
-) -> tuple[Place, ...]:
-    try:
-        return without_twins(read(answer, where))[: min(limit, MOST_FOUND)]
-    except InvalidInput as error:
-        raise RemoteError(error.faults) from error
-
-
-def _from_photon(answer: Any, where: str) -> list[Place]:
-    places = []
-    for k, entry in enumerate(a_list(an_object(answer, where).get("features"), f"{where}, features")):
-        feature = an_object(entry, f"{where}, features[{k}]")
-        about = an_object(feature.get("properties"), f"{where}, features[{k}], properties")
-        geometry = an_object(feature.get("geometry"), f"{where}, features[{k}], geometry")
-        pair = a_list(geometry.get("coordinates"), f"{where}, features[{k}], coordinates", least=2)
-        street = " ".join(str(about[key]) for key in ("street", "housenumber") if about.get(key))
-        parts = [about.get("name") or street, about.get("city"), about.get("country")]
-        name = ", ".join(dict.fromkeys(str(part) for part in parts if part))
-        longitude, latitude = (a_number(value, f"{where}, features[{k}], coordinates") for value in pair[:2])
-        places.append(Place(latitude, longitude, name[:LONGEST_TEXT], str(about.get("osm_value", ""))[:40]))
-    return places
-
-
-def _from_nominatim(answer: Any, where: str) -> list[Place]:
-    places = []
-    for k, entry in enumerate(a_list(answer, where)):
-        found = an_object(entry, f"{where}[{k}]")
-        latitude, longitude = (_text_number(found.get(key), f"{where}[{k}], {key}") for key in ("lat", "lon"))
-        name, kind = (
-            str(found.get("display_name", "")),
-            str(found.get("addresstype") or found.get("type") or ""),
-        )
-        places.append(Place(latitude, longitude, name[:LONGEST_TEXT], kind[:40]))
-    return places
-
-
-def _text_number(value: Any, where: str) -> float:
+def _text_number(text: Node) -> float:
     """Nominatim writes coordinates as text."""
     try:
-        return a_number(float(value), where)
+        return Node(float(text.value), text.where).number()
     except (TypeError, ValueError) as error:
-        raise InvalidInput(Fault("not a number", where, repr(value)[:40], "a number")) from error
+        raise InvalidInput.of("not a number", text.where, repr(text.value)[:40], "a number") from error
 
 
 SEARCH_KINDS: Final[Mapping[str, Callable[[str], PlaceSearch]]] = MappingProxyType(
@@ -169,20 +163,20 @@ def find_place(text: str, search: PlaceSearch | None, where: str, covers: str = 
     if place is not None:
         return place
     if not text.strip():
-        raise InvalidInput(Fault("no place", where, "an empty text", "a name, or latitude and longitude"))
+        raise InvalidInput.of("no place", where, "an empty text", "a name, or latitude and longitude")
     if search is None:
         fix = "give latitude and longitude, build a map, or name a search for places by its URL"
-        raise InvalidInput(Fault("names of places are not known", where, text[:60], "47.141, 9.521", fix))
-    found = search.search(text, limit=MOST_ASKED)
-    whole = [place for place in found if place.is_called(text)]
+        raise InvalidInput.of("names of places are not known", where, text[:60], "47.141, 9.521", fix)
+    matches = search.search(text, limit=MOST_ASKED)
+    whole = [place for place in matches if place.is_called(text)]
     others = [place for place in whole if place.kind == whole[0].kind and place.distance_m(whole[0]) > TWIN_M]
     if whole and not others:
         return whole[0]
     what = "several places have this name" if whole else "unknown place"
-    candidates = [whole[0], *others] if whole else [*found] or _similar(text, search)
+    candidates = [whole[0], *others] if whole else [*matches] or _similar(text, search)
     allowed = "the whole name of a place, street or house of the map, or latitude and longitude"
     fix = "; ".join(part for part in (did_you_mean(candidates), covers) if part)
-    raise InvalidInput(Fault(what, where, text[:60], allowed, fix))
+    raise InvalidInput.of(what, where, text[:60], allowed, fix)
 
 
 def did_you_mean(places: Sequence[Place]) -> str:
@@ -204,9 +198,9 @@ def _similar(text: str, search: PlaceSearch) -> list[Place]:
     """The place whose name is most similar, among those that begin with the same letters; one more search."""
     typed = " ".join(text.split())[:LONGEST_NAME]
     try:
-        found = search.search(typed[:SAME_LETTERS])
+        alike = search.search(typed[:SAME_LETTERS])
     except RemoteError:
         return []
-    named = {place.name.partition(",")[0].casefold(): place for place in reversed(found)}
+    named = {place.name.partition(",")[0].casefold(): place for place in reversed(alike)}
     near = difflib.get_close_matches(typed.casefold(), [*named], n=1)
     return [named[near[0]]] if near else []

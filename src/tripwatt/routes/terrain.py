@@ -2,7 +2,7 @@
 
 The net climb of a road scales with its length as ``(length / 10 km) ** GROWTH``. Within one terrain the scale differs from road to
 road, so a normal climb of a lognormal scale describes it: most roads end near the height where they begin, a few climb far.
-Terrain that nobody named is a mixture of all of them.
+Unknown terrain is a mixture of all of them.
 """
 
 from __future__ import annotations

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import datetime as dt
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
-from tripwatt.arrays import FloatArray
-from tripwatt.errors import Fault, InvalidInput, excerpt
+from tripwatt.arrays import FloatArray, IntArray
+from tripwatt.errors import Fault, InvalidInput, and_more, excerpt, raise_faults
 from tripwatt.routes.links import (
     FASTEST_LINK_M_S,
     FLAT_ROAD,
@@ -19,10 +20,11 @@ from tripwatt.routes.links import (
     SHORTEST_LINK_M,
     LinkRoute,
 )
+from tripwatt.routes.places import heading_along
 from tripwatt.routes.points import haversine_m, require_on_earth
-from tripwatt.trips import COLUMNS, Departure, Flag, Plan, raise_faults, table_of
+from tripwatt.trips import COLUMNS, Departure, Flag, Plan, table_of
+from tripwatt.trips.columns import is_number
 from tripwatt.trips.gaps import SHORTEST_GAP_S
-from tripwatt.trips.schema import is_number
 from tripwatt.units import M_S_PER_KM_H
 
 DENSE_STEP_S: Final = 5.0
@@ -42,6 +44,8 @@ MOST_IN_GAPS: Final = 0.25
 
 EARLIEST_YEAR, LATEST_YEAR = 1970, 2199
 """Years of a time of a track."""
+
+TIME_ALLOWED: Final = "ISO 8601, such as 2026-05-01T08:00:00Z"
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -89,36 +93,29 @@ class Track:
 
     def __post_init__(self) -> None:
         if len(self.latitude_deg) < 2:
-            raise InvalidInput(Fault("too few points", "track", f"{len(self.latitude_deg)}", "at least 2"))
+            raise InvalidInput.of("too few points", "track", f"{len(self.latitude_deg)}", "at least 2")
         require_on_earth(self.latitude_deg, self.longitude_deg, "track")
-        faults = []
+        raise_faults(self._faults())
+
+    def _faults(self) -> Iterator[Fault]:
         if self.time_s is not None:
-            back = np.flatnonzero(np.diff(self.time_s) < 0)
+            step = np.diff(self.time_s)
+            back = np.flatnonzero(step < 0)
             if len(back):
-                more = f" (and {len(back) - 1} more points)" if len(back) > 1 else ""
-                got = f"{-np.diff(self.time_s)[back[0]]:g} s back{more}"
-                faults.append(
-                    Fault("time decreases", f"track, point {back[0] + 2}", got, "times that never decrease")
-                )
+                got = f"{-step[back[0]]:g} s back{and_more(back, 'points')}"
+                where = f"track, point {back[0] + 2}"
+                yield Fault("time decreases", where, got, "times that never decrease")
             span = float(self.time_s[-1] - self.time_s[0])
             if not 0 < span <= MOST_TRAVEL_TIME_S:
-                faults.append(
-                    Fault(
-                        "duration out of range",
-                        "track",
-                        f"{span:g} s",
-                        f"more than 0, at most {MOST_TRAVEL_TIME_S:g} s",
-                    )
-                )
+                allowed = f"more than 0, at most {MOST_TRAVEL_TIME_S:g} s"
+                yield Fault("duration out of range", "track", f"{span:g} s", allowed)
         if not float(self.step_m.sum()) > 0:
-            faults.append(Fault("track has no length", "track", "0 m", "two different places"))
+            yield Fault("track has no length", "track", "0 m", "two different places")
         column = COLUMNS["elevation_m"]
         high = np.flatnonzero((self.elevation_m < column.minimum) | (self.elevation_m > column.maximum))
         if len(high):
-            allowed = f"{column.minimum:g} to {column.maximum:g} m"
-            got = f"{self.elevation_m[high[0]]:g} m"
-            faults.append(Fault("elevation out of range", f"track, point {high[0] + 1}", got, allowed))
-        raise_faults(faults)
+            where, got = f"track, point {high[0] + 1}", f"{self.elevation_m[high[0]]:g} m"
+            yield Fault("elevation out of range", where, got, f"{column.minimum:g} to {column.maximum:g} m")
 
     def __len__(self) -> int:
         return len(self.latitude_deg)
@@ -185,33 +182,25 @@ def times_of(texts: list[str], where: str) -> tuple[FloatArray | None, dt.dateti
         return None, None, ()
     if not (texts[0] and texts[-1]):
         return None, None, (Flag("times_ignored", "track"),)
-    values = np.full(len(texts), np.nan)
-    first: dt.datetime | None = None
-    for k, text in enumerate(texts):
-        if not text:
-            continue
-        try:
-            moment = dt.datetime.fromisoformat(text)
-        except ValueError as error:
-            fault = Fault(
-                "invalid time",
-                f"{where}, point {k + 1}",
-                repr(text[:40]),
-                "ISO 8601, such as 2026-05-01T08:00:00Z",
-            )
-            raise InvalidInput(fault) from error
-        moment = moment if moment.tzinfo is not None else moment.replace(tzinfo=dt.UTC)
-        if not EARLIEST_YEAR <= moment.year <= LATEST_YEAR:
-            allowed = f"{EARLIEST_YEAR} to {LATEST_YEAR}"
-            raise InvalidInput(
-                Fault("invalid time", f"{where}, point {k + 1}", f"year {moment.year}", allowed)
-            )
-        first = first or moment
-        values[k] = moment.timestamp()
+    moments = [
+        _moment(text, f"{where}, point {k}") if text else None for k, text in enumerate(texts, start=1)
+    ]
+    values = np.array([math.nan if moment is None else moment.timestamp() for moment in moments])
     known = np.flatnonzero(np.isfinite(values))
     flags = () if len(known) == len(values) else (Flag("times_interpolated", "track"),)
     values = np.interp(np.arange(len(values)), known, values[known])
-    return values - values[0], first, flags
+    return values - values[0], moments[0], flags
+
+
+def _moment(text: str, where: str) -> dt.datetime:
+    try:
+        moment = dt.datetime.fromisoformat(text)
+    except ValueError as error:
+        raise InvalidInput.of("invalid time", where, repr(text[:40]), TIME_ALLOWED) from error
+    if not EARLIEST_YEAR <= moment.year <= LATEST_YEAR:
+        allowed = f"{EARLIEST_YEAR} to {LATEST_YEAR}"
+        raise InvalidInput.of("invalid time", where, f"year {moment.year}", allowed)
+    return moment if moment.tzinfo is not None else moment.replace(tzinfo=dt.UTC)
 
 
 def route_from_track(track: Track, speed_m_s: float | None = None) -> LinkRoute:
@@ -250,18 +239,11 @@ def route_from_track(track: Track, speed_m_s: float | None = None) -> LinkRoute:
     else:
         if speed_m_s is not None and not (is_number(speed_m_s) and 0 < speed_m_s <= FASTEST_LINK_M_S):
             allowed = f"more than 0, at most {FASTEST_LINK_M_S:g} m/s"
-            raise InvalidInput(Fault("speed out of range", "speed_m_s", excerpt(speed_m_s), allowed))
+            raise InvalidInput.of("speed out of range", "speed_m_s", excerpt(speed_m_s), allowed)
         unknown = np.isnan(track.piece_speed_m_s)
         if unknown.any() and speed_m_s is None:
-            raise InvalidInput(
-                Fault(
-                    "speed is missing",
-                    "track",
-                    f"{int(unknown.sum())} pieces without time and speed",
-                    "a mean speed for the track",
-                    "give speed_m_s",
-                )
-            )
+            got, allowed = f"{int(unknown.sum())} pieces without time and speed", "a mean speed for the track"
+            raise InvalidInput.of("speed is missing", "track", got, allowed, "give speed_m_s")
         if speed_m_s is not None and unknown.any():
             flags = (*flags, Flag("speed_assumed", "track", speed_m_s, "m_s"))
         time = step / np.where(unknown, speed_m_s or np.nan, track.piece_speed_m_s)
@@ -288,11 +270,11 @@ def _moving_gaps(time_s: FloatArray, driven_m: FloatArray) -> tuple[Flag, ...]:
     if share > MOST_IN_GAPS:
         got = f"{share:.0%} of the way in gaps of up to {step[gaps].max():g} s"
         allowed = f"at most {MOST_IN_GAPS:.0%} in gaps over {SHORTEST_GAP_S:g} s"
-        raise InvalidInput(Fault("gaps in the track", "track", got, allowed, "give the whole track"))
+        raise InvalidInput.of("gaps in the track", "track", got, allowed, "give the whole track")
     return (Flag("gap_bridged", "speed_m_s", float(step[gaps].sum()), "s"),)
 
 
-def _join(step: FloatArray, time: FloatArray, kind: FloatArray) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
+def _join(step: FloatArray, time: FloatArray, kind: FloatArray) -> IntArray:
     """First piece of each link; a link ends when it is long enough, or where the speed of the pieces changes."""
     first, driven, spent = [0], 0.0, 0.0
     steps, times, kinds = step.tolist(), time.tolist(), np.nan_to_num(kind, nan=-1.0).tolist()
@@ -346,7 +328,7 @@ def plan_from_track(
     np.float64(11.12)
     """
     if track.time_s is None:
-        raise InvalidInput(Fault("no times", "track", "points without time", "a track with times"))
+        raise InvalidInput.of("no times", "track", "points without time", "a track with times")
     keep = np.concatenate(([True], np.diff(track.time_s) > 0))
     # of points with one time the last place counts
     last = np.append(np.flatnonzero(keep)[1:], len(track)) - 1
@@ -355,7 +337,7 @@ def plan_from_track(
     finest = max(span / MOST_SAMPLES, 1e-3)
     if not finest <= step_s <= MOST_TRAVEL_TIME_S:
         allowed = f"{finest:g} to {MOST_TRAVEL_TIME_S:g} s"
-        raise InvalidInput(Fault("step out of range", "step_s", f"{step_s}", allowed))
+        raise InvalidInput.of("step out of range", "step_s", f"{step_s}", allowed)
     time = np.arange(max(math.ceil(span / step_s - 1e-9), 1) + 1, dtype=np.float64) * step_s
     before, after = np.maximum(time - WINDOW_S, 0.0), np.minimum(time + WINDOW_S, span)
     after = np.maximum(after, before + 1e-9)
@@ -364,19 +346,15 @@ def plan_from_track(
     fast = np.flatnonzero(speed > FASTEST_LINK_M_S)
     if len(fast):
         got = f"{speed[fast[0]] / M_S_PER_KM_H:.0f} km/h at {time[fast[0]]:g} s"
-        raise InvalidInput(
-            Fault(
-                "implausible jump of the track",
-                "track",
-                got,
-                f"at most {FASTEST_LINK_M_S / M_S_PER_KM_H:g} km/h",
-            )
+        raise InvalidInput.of(
+            "implausible jump of the track", "track", got, f"at most {FASTEST_LINK_M_S / M_S_PER_KM_H:g} km/h"
         )
     position, height, flags = track.elevation()
-    columns = {"time_s": time, "speed_m_s": speed}
+    columns, at_m = {"time_s": time, "speed_m_s": speed}, np.interp(time, known_s, driven)
     if position is not None and height is not None:
-        columns["elevation_m"] = np.interp(np.interp(time, known_s, driven), position, height)
+        columns["elevation_m"] = np.interp(at_m, position, height)
     flags += _moving_gaps(known_s, driven)
-    departure = Departure(started_at=track.started_at)
+    departure = Departure(departs_at=track.started_at)
     plan = Plan.from_samples(trip_id, table_of(columns), departure, flags=(*track.flags, *flags))
-    return replace(plan, step_s=step_s)
+    heading = heading_along(track.latitude_deg, track.longitude_deg, track.position_m, at_m)
+    return replace(plan, step_s=step_s, heading_deg=heading)

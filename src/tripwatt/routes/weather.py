@@ -7,26 +7,20 @@ import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Final, Protocol
+from typing import Final, Protocol
 
 import numpy as np
 
 from tripwatt.arrays import FloatArray
-from tripwatt.errors import Fault, InvalidInput, RemoteError
-from tripwatt.routes.places import Place
-from tripwatt.routes.points import a_list, a_number, an_object
+from tripwatt.errors import InvalidInput
+from tripwatt.routes.documents import Node
+from tripwatt.routes.places import Place, driven_m
 from tripwatt.routes.routers.road import Road
-from tripwatt.routes.web import WebClient, require_url
+from tripwatt.routes.web import WebClient, as_remote, require_url
 from tripwatt.trips import Plan, PlanWeather, raise_faults
-from tripwatt.trips.schema import scalar_faults
-from tripwatt.units import DRY_AIR_GAS_CONSTANT_J_KG_K, SECONDS_PER_HOUR, ZERO_CELSIUS_K
-
-ROUGHNESS_M: Final = 0.1
-"""Roughness length of open country with hedges and single houses (European Wind Atlas, class 2)."""
-
-CAR_HEIGHT_M: Final = 1.0
-WIND_AT_CAR: Final = math.log(CAR_HEIGHT_M / ROUGHNESS_M) / math.log(10.0 / ROUGHNESS_M)
-"""Wind at the car over that at 10 m, by the logarithmic profile: 0.5."""
+from tripwatt.trips.columns import scalar_faults
+from tripwatt.trips.weather import WIND_AT_CAR, air_density_at
+from tripwatt.units import SECONDS_PER_HOUR
 
 POINT_EVERY_M: Final = 30_000.0
 """Distance of the points of a road at which the weather is asked [m]: a few cells of a weather model."""
@@ -83,11 +77,9 @@ class Weather:
     hours_ahead: float | None = None
 
     def __post_init__(self) -> None:
-        own = {
-            name: getattr(self, name)
-            for name in ("wind_speed_m_s", "wind_from_deg", "rain_mm_h", "pressure_pa")
-        }
-        raise_faults(scalar_faults({"ambient_temperature_degc": self.temperature_degc, **own}))
+        own = ("wind_speed_m_s", "wind_from_deg", "rain_mm_h", "pressure_pa")
+        values = {name: getattr(self, name) for name in own}
+        raise_faults(scalar_faults({"ambient_temperature_degc": self.temperature_degc, **values}))
 
     @property
     def temperature_sd_k(self) -> float:
@@ -113,7 +105,7 @@ def _sd(now_and_per_day: tuple[float, float], hours_ahead: float | None) -> floa
 
 
 class WeatherSource(Protocol):
-    """What knows the weather."""
+    """A source of weather by place and time."""
 
     def at(self, places: Sequence[Place], when: Sequence[dt.datetime]) -> tuple[Weather, ...]:
         """The weather at places, each at its time."""
@@ -141,10 +133,8 @@ class WeatherServer:
         InvalidInput
             When it is no URL.
         """
-        client = WebClient(
-            require_url(url, where), "the weather server", "TRIPWATT_WEATHER_KEY", "query:apikey"
-        )
-        return cls(client)
+        url = require_url(url, where)
+        return cls(WebClient(url, "the weather server", "TRIPWATT_WEATHER_KEY", "query:apikey"))
 
     def at(self, places: Sequence[Place], when: Sequence[dt.datetime]) -> tuple[Weather, ...]:
         """See `WeatherSource.at`. Answers are kept for an hour.
@@ -157,13 +147,12 @@ class WeatherServer:
         keys = [_cell(place, hour) for place, hour in zip(places, when, strict=True)]
         now = time.monotonic()
         missing = [key for key in dict.fromkeys(keys) if self._kept.get(key, (-math.inf,))[0] < now - KEPT_S]
+        if len(self._kept) + len(missing) > MOST_KEPT:
+            self._kept.clear()
+            missing = list(dict.fromkeys(keys))
         if missing:
-            if len(self._kept) + len(missing) > MOST_KEPT:
-                self._kept.clear()
-                missing = list(dict.fromkeys(keys))
-            self._kept.update(
-                {key: (now, weather) for key, weather in zip(missing, self._ask(missing), strict=True)}
-            )
+            asked = zip(missing, self._ask(missing), strict=True)
+            self._kept.update({key: (now, weather) for key, weather in asked})
         return tuple(self._kept[key][1] for key in keys)
 
     def _ask(self, keys: Sequence[tuple[int, int, dt.datetime]]) -> list[Weather]:
@@ -178,19 +167,14 @@ class WeatherServer:
             "end_hour": f"{last:%Y-%m-%dT%H:%M}",
         }
         answer = self.client.get_json("/v1/forecast", query)
-        try:
+        host = self.client.host
+        with as_remote():
             if isinstance(answer, dict) and answer.get("error"):
-                raise InvalidInput(Fault("no weather", self.client.host, str(answer.get("reason"))[:120]))
+                raise InvalidInput.of("no weather", host, str(answer.get("reason"))[:120])
             tables = answer if isinstance(answer, list) else [answer]
             if len(tables) != len(keys):
-                raise InvalidInput(
-                    Fault("weather of other places", self.client.host, f"{len(tables)}", f"{len(keys)}")
-                )
-            return [
-                _weather(table, key[2], self.client.host) for table, key in zip(tables, keys, strict=True)
-            ]
-        except InvalidInput as error:
-            raise RemoteError(error.faults) from error
+                raise InvalidInput.of("weather of other places", host, f"{len(tables)}", f"{len(keys)}")
+            return [_weather(Node(table, host), key[2]) for table, key in zip(tables, keys, strict=True)]
 
 
 def _cell(place: Place, when: dt.datetime) -> tuple[int, int, dt.datetime]:
@@ -200,39 +184,30 @@ def _cell(place: Place, when: dt.datetime) -> tuple[int, int, dt.datetime]:
     return round(place.latitude_deg / CELL_DEG), round(place.longitude_deg / CELL_DEG), hour
 
 
-def _weather(table: Any, hour: dt.datetime, where: str) -> Weather:
-    hourly = an_object(an_object(table, where).get("hourly"), f"{where}, hourly")
-    times = a_list(hourly.get("time"), f"{where}, hourly, time", least=1)
-    wanted = f"{hour:%Y-%m-%dT%H:%M}"
+def _weather(table: Node, hour: dt.datetime) -> Weather:
+    hourly, wanted = table["hourly"], f"{hour:%Y-%m-%dT%H:%M}"
+    times = [time.value for time in hourly["time"].entries(least=1)]
     if wanted not in times:
-        raise InvalidInput(Fault("no weather for this hour", where, wanted, f"{times[0]} to {times[-1]}"))
+        allowed = f"{times[0]} to {times[-1]}"
+        raise InvalidInput.of("no weather for this hour", table.where, wanted, allowed)
     k = times.index(wanted)
-    value = {}
-    for name in HOURLY:
-        column = a_list(hourly.get(name), f"{where}, hourly, {name}", least=k + 1)
-        value[name] = a_number(column[k], f"{where}, hourly, {name}")
-    ahead = (hour - dt.datetime.now(dt.UTC)).total_seconds() / SECONDS_PER_HOUR
-    return Weather(
-        value["temperature_2m"],
-        value["wind_speed_10m"],
-        value["wind_direction_10m"] % 360.0,
-        value["precipitation"],
-        100.0 * value["surface_pressure"],
-        max(ahead, 0.0),
+    temperature, rain, pressure, wind, wind_from = (
+        hourly[name].entries(least=k + 1)[k].number() for name in HOURLY
     )
+    ahead = (hour - dt.datetime.now(dt.UTC)).total_seconds() / SECONDS_PER_HOUR
+    return Weather(temperature, wind, wind_from % 360.0, rain, 100.0 * pressure, max(ahead, 0.0))
 
 
 def weather_along(
-    road: Road, source: Weather | WeatherSource, leaves: dt.datetime
+    road: Road, source: WeatherSource, departs_at: dt.datetime
 ) -> tuple[FloatArray, tuple[Weather, ...]]:
     """Positions along a road [m] and the weather there when the car comes by.
 
     Parameters
     ----------
     road : Road
-    source : Weather or WeatherSource
-        One weather for the whole road, or what knows it.
-    leaves : datetime
+    source : WeatherSource
+    departs_at : datetime
         Departure.
 
     Raises
@@ -240,13 +215,11 @@ def weather_along(
     RemoteError
         As the source.
     """
-    if isinstance(source, Weather):
-        return np.array([0.0]), (source,)
     number = min(max(round(road.distance_m / POINT_EVERY_M), 1), MOST_POINTS)
     position = (np.arange(number) + 0.5) / number * road.distance_m
     border = np.concatenate(([0.0], np.cumsum(road.links.length_m)))
     passed = np.interp(position, border, np.concatenate(([0.0], np.cumsum(road.links.travel_time_s))))
-    when = [leaves + dt.timedelta(seconds=float(seconds)) for seconds in passed]
+    when = [departs_at + dt.timedelta(seconds=float(seconds)) for seconds in passed]
     return position, source.at([road.place_at(float(at)) for at in position], when)
 
 
@@ -258,31 +231,23 @@ def plan_with_weather(plan: Plan, road: Road, position_m: FloatArray, weather: S
 
     Examples
     --------
-    >>> WIND_AT_CAR
+    >>> plan_with_weather(plan, road, np.array([0.0]), (Weather(10.0, rain_mm_h=0.5),)).weather.rain_mm_h  # doctest: +SKIP
     0.5
     """
-    step = np.diff(plan.array("time_s"), prepend=plan.array("time_s")[0])
-    driven = np.cumsum(plan.array("speed_m_s") * step)
-    if driven[-1] > 0.0:
-        driven *= road.distance_m / driven[-1]
+    driven = driven_m(plan, road.distance_m)
     angle = np.radians([w.wind_from_deg for w in weather])
     speed = np.array([w.wind_speed_m_s for w in weather])
     east = np.interp(driven, position_m, speed * np.sin(angle))
     north = np.interp(driven, position_m, speed * np.cos(angle))
     heading = np.radians(road.heading_at(driven))
     headwind = WIND_AT_CAR * (east * np.sin(heading) + north * np.cos(heading))
-    temperature, pressure = (
-        _mean([w.temperature_degc for w in weather]),
-        _mean([w.pressure_pa for w in weather]),
-    )
+    pressure = _mean([w.pressure_pa for w in weather])
     ambient = plan.departure.ambient_temperature_degc
     if ambient is None:
-        ambient = temperature
-    density = None
-    if pressure is not None and ambient is not None:
-        density = pressure / (DRY_AIR_GAS_CONSTANT_J_KG_K * (ambient + ZERO_CELSIUS_K))
-    rain = float(np.mean([w.rain_mm_h for w in weather]))
+        ambient = _mean([w.temperature_degc for w in weather])
     departure = replace(plan.departure, ambient_temperature_degc=ambient)
+    density = air_density_at(replace(departure, pressure_pa=pressure))
+    rain = float(np.mean([w.rain_mm_h for w in weather]))
     return replace(plan, departure=departure, weather=PlanWeather(headwind, density, rain))
 
 

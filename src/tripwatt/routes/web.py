@@ -7,16 +7,17 @@ its client logs URLs, and a URL may contain a key.
 from __future__ import annotations
 
 import os
-import threading
 import time
 import weakref
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Final
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Final, cast
 from urllib.parse import urlsplit
 
-from tripwatt.errors import Fault, InvalidInput, RemoteError, install
-from tripwatt.routes.points import parse_json
+from tripwatt.errors import InvalidInput, RemoteError, install
+from tripwatt.routes.documents import Node, parse_json
 
 if TYPE_CHECKING:
     import httpx
@@ -35,8 +36,6 @@ FIRST_PAUSE_S: Final = 0.2
 PASSING: Final = frozenset({429, 502, 503, 504})
 """Statuses after which another attempt may succeed."""
 
-_OPENING: Final = threading.Lock()
-
 EXTRA: Final = install("routing")
 
 
@@ -46,6 +45,31 @@ class Answer:
 
     status: int
     body: bytes
+
+
+@contextmanager
+def as_remote() -> Iterator[None]:
+    """What is wrong with an answer is the server's fault: `RemoteError` in place of `InvalidInput`."""
+    try:
+        yield
+    except RemoteError:
+        raise
+    except InvalidInput as error:
+        raise RemoteError(error.faults) from error
+
+
+def an_answer(value: Any, where: str) -> Node:
+    """The JSON object of a server's answer.
+
+    Raises
+    ------
+    RemoteError
+        When it is none.
+    """
+    with as_remote():
+        node = Node(value, where)
+        node.members()
+    return node
 
 
 def require_url(url: str, where: str) -> str:
@@ -70,7 +94,7 @@ def require_url(url: str, where: str) -> str:
     if not sound or parts.username or parts.password or parts.query or parts.fragment:
         got = url.rpartition("@")[2][:60]  # no password in a message
         allowed = "http://HOST[:PORT][/PATH] or https://..., without user name and query"
-        raise InvalidInput(Fault("not the URL of a server", where, got, allowed))
+        raise InvalidInput.of("not the URL of a server", where, got, allowed)
     return url.rstrip("/")
 
 
@@ -91,6 +115,8 @@ class WebClient:
         Longest time [s] of one request with its retries.
     pause : callable
         Waits for a time [s].
+    transport : httpx.BaseTransport, optional
+        What sends the requests; connections of the client's own by default.
     """
 
     base_url: str
@@ -99,7 +125,7 @@ class WebClient:
     key_place: str = "header:Authorization"
     timeout_s: float = TOTAL_TIMEOUT_S
     pause: Callable[[float], object] = time.sleep
-    _transport: list[httpx.BaseTransport] = field(default_factory=list, repr=False, compare=False)
+    transport: httpx.BaseTransport | None = field(default=None, repr=False, compare=False)
 
     @property
     def host(self) -> str:
@@ -131,28 +157,24 @@ class WebClient:
             As `post_json`, except that any body is accepted.
         """
         deadline = time.monotonic() + self.timeout_s
-        for attempt in range(ATTEMPTS):
-            last = attempt == ATTEMPTS - 1
-            found = self._attempt(method, path, body, query, deadline)
-            if isinstance(found, Answer) and found.status not in PASSING:
-                return self._accepted(found)
-            wait_s = FIRST_PAUSE_S * 2.0**attempt
-            if last or time.monotonic() + wait_s >= deadline:
+        for attempt in range(1, ATTEMPTS + 1):
+            answer = self._attempt(method, path, body, query, deadline)
+            if isinstance(answer, Answer) and answer.status not in PASSING:
+                return self._accepted(answer)
+            wait_s = FIRST_PAUSE_S * 2.0 ** (attempt - 1)
+            if attempt == ATTEMPTS or time.monotonic() + wait_s >= deadline:
                 break
             self.pause(wait_s)
-        got = f"status {found.status}" if isinstance(found, Answer) else found
-        raise RemoteError(
-            Fault(f"{self.what} does not respond", self.host, got, "", "check the URL, or try again later")
-        )
+        got = f"status {answer.status}" if isinstance(answer, Answer) else answer
+        fix = "check the URL, or try again later"
+        raise RemoteError.of(f"{self.what} does not respond", self.host, got, fix=fix)
 
     def _accepted(self, answer: Answer) -> Answer:
         if answer.status in (401, 403):
             fix = f"set {self.key_variable} to a valid key" if self.key_variable else "use another server"
-            raise RemoteError(
-                Fault(f"{self.what} refuses access", self.host, f"status {answer.status}", "", fix)
-            )
+            raise RemoteError.of(f"{self.what} refuses access", self.host, f"status {answer.status}", "", fix)
         if answer.status >= 500 and not answer.body.lstrip().startswith(b"{"):
-            raise RemoteError(Fault(f"{self.what} failed", self.host, f"status {answer.status}"))
+            raise RemoteError.of(f"{self.what} failed", self.host, f"status {answer.status}")
         return answer
 
     def _attempt(
@@ -166,12 +188,12 @@ class WebClient:
             request = httpx.Request(
                 method,
                 self.base_url + path,
-                params=self._with_key(query),
+                params={**(query or {}), **self._key("query")} or None,
                 json=body,
-                headers=self._headers(),
+                headers={"Accept": "application/json", "User-Agent": "tripwatt", **self._key("header")},
                 extensions={"timeout": timeout.as_dict()},
             )
-            response = self._open_transport().handle_request(request)
+            response = self._connections.handle_request(request)
             try:
                 return Answer(response.status_code, self._body(response, request, deadline))
             finally:
@@ -188,8 +210,7 @@ class WebClient:
         for part in response.iter_bytes():
             size += len(part)
             if size > MOST_ANSWER_BYTES:
-                fault = Fault("answer too large", self.host, f"more than {MOST_ANSWER_BYTES} bytes")
-                raise RemoteError(fault)
+                raise RemoteError.of("answer too large", self.host, f"more than {MOST_ANSWER_BYTES} bytes")
             if time.monotonic() > deadline:
                 raise httpx.ReadTimeout("slow answer", request=request)
             parts.append(part)
@@ -199,42 +220,28 @@ class WebClient:
         try:
             return parse_json(answer.body, self.host)
         except InvalidInput as error:
-            raise RemoteError(
-                Fault(
-                    f"{self.what} gives no JSON",
-                    self.host,
-                    f"status {answer.status}, {len(answer.body)} bytes",
-                    "JSON",
-                )
-            ) from error
+            got = f"status {answer.status}, {len(answer.body)} bytes"
+            raise RemoteError.of(f"{self.what} gives no JSON", self.host, got, "JSON") from error
 
-    @property
-    def _key(self) -> str:
-        return os.environ.get(self.key_variable, "").strip() if self.key_variable else ""
+    def _key(self, place: str) -> dict[str, str]:
+        """Name and value of the key where the server expects it in a place, "query" or "header"."""
+        expected, _, name = self.key_place.partition(":")
+        key = os.environ.get(self.key_variable, "").strip() if self.key_variable else ""
+        return {name: key} if expected == place and key else {}
 
-    def _with_key(self, query: Mapping[str, Any] | None) -> dict[str, Any] | None:
-        place, _, name = self.key_place.partition(":")
-        own = {name: self._key} if place == "query" and self._key else {}
-        return {**(query or {}), **own} or None
-
-    def _headers(self) -> dict[str, str]:
-        place, _, name = self.key_place.partition(":")
-        own = {name: self._key} if place == "header" and self._key else {}
-        return {"Accept": "application/json", "User-Agent": "tripwatt", **own}
-
-    def _open_transport(self) -> httpx.BaseTransport:
+    @cached_property
+    def _connections(self) -> httpx.BaseTransport:
         """One transport for all requests, so that connections stay open; closed with the client."""
-        with _OPENING:
-            if not self._transport:
-                transport = _httpx().HTTPTransport(trust_env=False)
-                weakref.finalize(self, transport.close)
-                self._transport.append(transport)
-        return self._transport[0]
+        if self.transport is not None:
+            return self.transport
+        transport = _httpx().HTTPTransport(trust_env=False)
+        weakref.finalize(self, transport.close)
+        return cast("httpx.BaseTransport", transport)
 
 
 def _httpx() -> Any:
     try:
         import httpx  # an extra, and slow to import
     except ImportError as error:
-        raise InvalidInput(Fault("missing package", "a server by URL", str(error), fix=EXTRA)) from error
+        raise InvalidInput.of("missing package", "a server by URL", str(error), fix=EXTRA) from error
     return httpx

@@ -1,22 +1,30 @@
-"""XML texts as events, without document types, so that no entity can be declared; depth is bounded."""
+"""XML texts as tracks: events without document types, so that no entity can be declared; depth and points are bounded."""
 
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Mapping
-from typing import Final
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import ClassVar, Final
 from xml.parsers import expat
 
-from tripwatt.errors import Fault, InvalidInput
+import numpy as np
+
+from tripwatt.errors import InvalidInput
+from tripwatt.routes.links import first_of
+from tripwatt.routes.points import MOST_POINTS
+from tripwatt.routes.tracks import Track, times_of
 
 DEEPEST_XML: Final = 64
 ROOT_BYTES: Final = 65_536
 """The root of a text begins within its first bytes."""
 
-Start = Callable[[str, Mapping[str, str]], object]
+Point = tuple[float, float, float]
+"""Latitude, longitude [°] and altitude [m], which is NaN where there is none."""
 
 
-class _Found(Exception):
+class _RootRead(Exception):
     """The root is read."""
 
 
@@ -31,66 +39,130 @@ def local_name(tag: str) -> str:
     return tag.rpartition(":")[2]
 
 
-def read_events(
-    data: bytes,
-    name: str,
-    root: str,
-    *,
-    on_start: Start,
-    on_end: Callable[[str], object],
-    on_text: Callable[[str], object],
-) -> None:
-    """Call functions for the elements and the texts of an XML text, in its order. O(bytes).
+@dataclass(slots=True)
+class Line:
+    """A line of a text: its points, and their times as they are written."""
+
+    points: list[Point] = field(default_factory=list)
+    times: list[str] = field(default_factory=list)
+
+
+class XmlTracks:
+    """Collector of the lines of an XML text; a subclass gives the elements of its format.
 
     Parameters
     ----------
-    data : bytes
     name : str
-        For messages.
-    root : str
-        Name of the outermost element.
-    on_start, on_end, on_text : callable
-        Take the name of an element without prefix and its attributes, the name alone, a part of the text between.
-
-    Raises
-    ------
-    InvalidInput
-        For a text that is not well-formed, has a document type, another root, or is nested too deeply.
+        Of the text, for messages.
     """
-    depth = 0
-    format_name = root.upper()
 
-    def refuse(*_: object) -> None:
-        allowed = f"{format_name} without a document type declaration"
-        raise InvalidInput(Fault("XML with a document type declaration", name, "<!DOCTYPE ...>", allowed))
+    root: ClassVar[str]
+    """Name of the outermost element."""
 
-    def start(tag: str, attributes: Mapping[str, str]) -> None:
-        nonlocal depth
+    kinds: ClassVar[tuple[str, ...]]
+    """Elements that are lines; those of the first kind come first."""
+
+    texts: ClassVar[tuple[str, ...]]
+    """Elements whose text is read."""
+
+    most_text: ClassVar[float] = math.inf
+    """A part of a text that begins behind so many characters is left out."""
+
+    allowed: ClassVar[str]
+    """What a text holds that has a line of two points, for messages."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.lines: dict[str, list[Line]] = {kind: [] for kind in self.kinds}
+        self.path: list[str] = []
+        self.number = 0
+        self._text: list[str] = []
+        self._characters = 0
+
+    def started(self, tag: str, attributes: Mapping[str, str]) -> None:
+        """Called at the start of an element, which ends the path."""
+
+    def ended(self, tag: str, text: str) -> None:
+        """Called behind an element with its text; the path ends with its parent."""
+
+    def count_point(self) -> str:
+        """Count a point; its place for messages.
+
+        Raises
+        ------
+        InvalidInput
+            When there are too many.
+        """
+        self.number += 1
+        if self.number > MOST_POINTS:
+            got, allowed = f"more than {MOST_POINTS}", f"at most {MOST_POINTS}"
+            raise InvalidInput.of("too many points", self.name, got, allowed)
+        return f"{self.name}, point {self.number}"
+
+    def track(self, data: bytes) -> Track:
+        """The first line of a text that has two points. O(bytes).
+
+        Raises
+        ------
+        InvalidInput
+            For a text that is not well-formed, has a document type, another root, is nested too deeply, or has no possible track.
+        """
+        self._parse(data)
+        lines = [line for kind in self.kinds for line in self.lines[kind] if len(line.points) >= 2]
+        if not lines:
+            raise InvalidInput.of("no track in the file", self.name, f"{self.number} points", self.allowed)
+        first, flags = lines[0], (() if len(lines) == 1 else (first_of("tracks and routes", len(lines)),))
+        if first.times and len(first.times) != len(first.points):
+            got = f"{len(first.times)} times, {len(first.points)} points"
+            raise InvalidInput.of(
+                "times and points differ in number", self.name, got, "a time for each point"
+            )
+        latitude, longitude, height = np.array(first.points, dtype=np.float64).T
+        time, started_at, more = times_of(first.times, self.name)
+        unknown = np.full(len(height) - 1, np.nan)
+        return Track(latitude, longitude, height, time, unknown, started_at, (*flags, *more))
+
+    def _parse(self, data: bytes) -> None:
+        format_name = self.root.upper()
+
+        def refuse(*_: object) -> None:
+            allowed = f"{format_name} without a document type declaration"
+            raise InvalidInput.of(
+                "XML with a document type declaration", self.name, "<!DOCTYPE ...>", allowed
+            )
+
+        parser = expat.ParserCreate()
+        parser.buffer_text = True
+        parser.StartElementHandler = self._start
+        parser.EndElementHandler = self._end
+        parser.CharacterDataHandler = self._add_text
+        parser.StartDoctypeDeclHandler = parser.EntityDeclHandler = refuse
+        try:
+            parser.Parse(data, True)
+        except (expat.ExpatError, ValueError, LookupError) as error:  # the latter two for encodings
+            allowed = f"a {format_name} document"
+            raise InvalidInput.of("not well-formed XML", self.name, str(error)[:120], allowed) from error
+
+    def _start(self, tag: str, attributes: Mapping[str, str]) -> None:
         tag = local_name(tag)
-        if depth == 0 and tag != root:
-            raise InvalidInput(Fault(f"not {format_name}", name, f"<{tag[:40]}>", f"<{root}>"))
-        depth += 1
-        if depth > DEEPEST_XML:
-            got, allowed = f"{depth} levels", f"at most {DEEPEST_XML}"
-            raise InvalidInput(Fault("XML nested too deeply", name, got, allowed))
-        on_start(tag, attributes)
+        if not self.path and tag != self.root:
+            raise InvalidInput.of(f"not {self.root.upper()}", self.name, f"<{tag[:40]}>", f"<{self.root}>")
+        self.path.append(tag)
+        if len(self.path) > DEEPEST_XML:
+            got, allowed = f"{len(self.path)} levels", f"at most {DEEPEST_XML}"
+            raise InvalidInput.of("XML nested too deeply", self.name, got, allowed)
+        self._text, self._characters = [], 0
+        self.started(tag, attributes)
 
-    def end(tag: str) -> None:
-        nonlocal depth
-        depth -= 1
-        on_end(local_name(tag))
+    def _add_text(self, text: str) -> None:
+        if self.path[-1] in self.texts and self._characters < self.most_text:
+            self._text.append(text)
+            self._characters += len(text)
 
-    parser = expat.ParserCreate()
-    parser.buffer_text = True
-    parser.StartElementHandler = start
-    parser.EndElementHandler = end
-    parser.CharacterDataHandler = on_text
-    parser.StartDoctypeDeclHandler = parser.EntityDeclHandler = refuse
-    try:
-        parser.Parse(data, True)
-    except (expat.ExpatError, ValueError, LookupError) as error:  # the latter two for encodings
-        allowed = f"a {format_name} document"
-        raise InvalidInput(Fault("not well-formed XML", name, str(error)[:120], allowed)) from error
+    def _end(self, _: str) -> None:
+        tag = self.path.pop()
+        self.ended(tag, "".join(self._text))
+        self._text, self._characters = [], 0
 
 
 def root_of(data: bytes) -> str:
@@ -101,14 +173,14 @@ def root_of(data: bytes) -> str:
     >>> root_of(b'<?xml version="1.0"?><kml xmlns="http://www.opengis.net/kml/2.2"><Document/></kml>')
     'kml'
     """
-    found = []
+    roots: list[str] = []
 
     def start(tag: str, _: Mapping[str, str]) -> None:
-        found.append(local_name(tag))
-        raise _Found
+        roots.append(local_name(tag))
+        raise _RootRead
 
     parser = expat.ParserCreate()
     parser.StartElementHandler = start
-    with contextlib.suppress(_Found, expat.ExpatError, ValueError, LookupError):
+    with contextlib.suppress(_RootRead, expat.ExpatError, ValueError, LookupError):
         parser.Parse(data[:ROOT_BYTES], False)
-    return found[0] if found else ""
+    return roots[0] if roots else ""

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import AsyncIterator, Awaitable, Callable, Mapping, Sequence
+from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Final
 
@@ -25,18 +24,40 @@ from starlette.types import Receive, Scope, Send
 import tripwatt
 from tripwatt.errors import Fault, excerpt
 from tripwatt.forecasting import load_metadata, load_model
+from tripwatt.forecasting.document import ForecastResponse
 from tripwatt.forecasting.storage import DEFAULT_MODEL
-from tripwatt.service import openapi, schemas
+from tripwatt.service import schemas
+from tripwatt.service.answering import Answering, json_response
 from tripwatt.service.batching import LineSplitter, forecast_lines
 from tripwatt.service.car_operations import CarOperations
-from tripwatt.service.journey_schemas import MapResponse
+from tripwatt.service.example_requests import UPLOADS
+from tripwatt.service.journey_schemas import (
+    MapResponse,
+    PlacesResponse,
+    PlanRequest,
+    PlanResponse,
+    ReachRequest,
+    ReachResponse,
+    ViewResponse,
+)
 from tripwatt.service.live_operations import LiveOperations
 from tripwatt.service.metrics import Metrics
 from tripwatt.service.middleware import ServiceMiddleware
-from tripwatt.service.openapi import JSON, NDJSON, TILE
+from tripwatt.service.openapi import (
+    BINARY,
+    BODY_PROBLEMS,
+    COMMON_PROBLEMS,
+    DESCRIPTION,
+    JSON,
+    NDJSON,
+    TEXT,
+    TILE,
+    add_operations,
+    operation,
+)
 from tripwatt.service.pool import WorkerPool
-from tripwatt.service.problems import Problem, invalid_input, refusal
-from tripwatt.service.receiving import Arrivals, request_id, require_accepts
+from tripwatt.service.problems import Problem, invalid_input
+from tripwatt.service.receiving import request_id, require_accepts
 from tripwatt.service.settings import Settings
 
 PAGE: Final = Path(__file__).with_name("page")
@@ -47,6 +68,8 @@ BATCH_TYPES: Final = (NDJSON, "application/jsonl", "application/ndjson")
 
 PROBLEM_KINDS: Final = {400: "bad-request", 404: "not-found", 405: "method-not-allowed"}
 """HTTP status of an error of the framework -> kind of problem."""
+
+HEALTH_PROBLEMS: Final = ("bad-request", "internal")
 
 MIN_GZIP_BYTES: Final = 1000
 """Smaller bodies fit into one packet without compression."""
@@ -109,31 +132,6 @@ class BatchResponse(StreamingResponse):
             self.on_end = None
 
 
-@dataclass(frozen=True, slots=True)
-class ExampleDocuments:
-    """The responses with example trips.
-
-    Attributes
-    ----------
-    summaries : bytes
-        Response of `/v1/examples`.
-    by_name : mapping of str to bytes
-        Responses of `/v1/examples/{trip}`.
-    """
-
-    summaries: bytes
-    by_name: Mapping[str, bytes]
-
-    @classmethod
-    def from_job(cls, content: bytes) -> ExampleDocuments:
-        """Split the result of the job `examples`."""
-        examples = orjson.loads(content)
-        fields = schemas.ExampleSummary.model_fields
-        summaries = [{name: example[name] for name in fields} for example in examples.values()]
-        by_name = {name: orjson.dumps(example) for name, example in examples.items()}
-        return cls(orjson.dumps({"examples": summaries}), by_name)
-
-
 def create_app(settings: Settings | None = None, log: Log = lambda **record: None) -> ServiceMiddleware:
     """Create the application; its workers start and stop with its lifespan.
 
@@ -151,7 +149,7 @@ def create_app(settings: Settings | None = None, log: Log = lambda **record: Non
     settings = settings or Settings()
     api = Api(settings, log)
     packed = GZipMiddleware(api.app, minimum_size=MIN_GZIP_BYTES, compresslevel=GZIP_LEVEL)
-    return ServiceMiddleware(packed, settings, api.metrics, log, api.live.end_streams)
+    return ServiceMiddleware(packed, settings, api.metrics, log)
 
 
 class Api:
@@ -165,38 +163,31 @@ class Api:
     """
 
     def __init__(self, settings: Settings, log: Log) -> None:
+        def log_event(event: str, **more: Any) -> None:
+            log(event=event, **more)
+
         self.settings = settings
         self.metrics = Metrics()
-        self.pool = WorkerPool(settings, lambda event, **more: log(event=event, **more))
-        self.metrics.set_pool_gauges(
-            lambda: self.pool.waiting, lambda: self.pool.ready, lambda: self.pool.lost
-        )
+        self.pool = WorkerPool(settings, log_event)
+        self.metrics.waiting.set_function(lambda: self.pool.waiting)
+        self.metrics.workers.set_function(lambda: self.pool.ready)
+        self.metrics.lost.set_function(lambda: self.pool.lost)
         self.running_batches = 0
-        self.bodies, self.batch_bodies = Arrivals(settings.limits.bodies), Arrivals(settings.limits.batches)
-        self.vehicles: bytes | None = None
-        self.map: bytes | None = None
-        self.examples: ExampleDocuments | None = None
+        self.answering = Answering(settings, self.pool, self.metrics)
         self.models = _models_document(settings)
-        self.live = LiveOperations(settings, self.pool, self._body, log)
-        self.cars = CarOperations.from_settings(
-            settings,
-            self.pool,
-            lambda: self.live.cars,
-            self._body,
-            lambda event, **more: log(event=event, **more),
-        )
-        self.app = FastAPI(
+        self.live = LiveOperations(settings, self.pool, self.answering.read, log)
+        self.cars = CarOperations(self.answering, lambda: self.live.cars, log_event)
+        self.app: FastAPI = FastAPI(
             title="tripwatt",
             version=tripwatt.__version__,
             summary="Forecasts the battery energy of an electric-car trip with a prediction interval.",
-            description=openapi.DESCRIPTION,
+            description=DESCRIPTION,
             docs_url=None,  # the page of FastAPI loads scripts from another host
             redoc_url=None,
             lifespan=self._lifespan,
         )
         add_handlers(self.app)
-        self._add_routes()
-        openapi.add_schemas(self.app, bool(settings.token))
+        add_operations(self.app, (self, self.live, self.cars), with_token=bool(settings.token))
         add_page(self.app)
 
     @asynccontextmanager
@@ -206,69 +197,31 @@ class Api:
             yield
         await self.pool.stop()
 
-    def _add_routes(self) -> None:
-        add = self.app.add_api_route
-        for path, method, handler, more in (
-            ("/v1/forecast", "POST", self.forecast, openapi.forecast()),
-            ("/v1/forecast/update", "POST", self.update, openapi.update()),
-            ("/v1/forecast/batch", "POST", self.batch, openapi.batch()),
-            ("/v1/routes", "POST", self.route, openapi.route()),
-            ("/v1/plan", "POST", self.plan, openapi.plan()),
-            ("/v1/reachable", "POST", self.reach, openapi.reach()),
-            ("/v1/places", "GET", self.get_places, openapi.places()),
-            ("/v1/map/view", "GET", self.get_view, openapi.view()),
-            ("/v1/tiles/{zoom}/{column}/{row}", "GET", self.get_tile, openapi.tile()),
-            ("/v1/map", "GET", self.get_map, openapi.library(MapResponse, "The map")),
-            ("/v1/telemetry", "POST", self.live.telemetry, openapi.telemetry()),
-            ("/v1/live", "GET", self.live.list_live, openapi.live_cars()),
-            ("/v1/live/{vehicle}", "GET", self.live.get_live, openapi.live()),
-            ("/v1/live/{vehicle}/plan", "PUT", self.live.put_plan, openapi.live_plan()),
-            ("/v1/live/{vehicle}/events", "GET", self.live.get_events, openapi.live_events()),
-            ("/v1/need", "GET", self.live.get_need, openapi.need()),
-            ("/v1/cars", "GET", self.cars.list_cars, openapi.cars()),
-            ("/v1/cars", "POST", self.cars.new_car, openapi.new_car()),
-            ("/v1/cars/{car}", "GET", self.cars.get_car, openapi.car()),
-            ("/v1/cars/{car}", "DELETE", self.cars.forget_car, openapi.forget_car()),
-            ("/v1/cars/{car}/token", "POST", self.cars.new_token, openapi.car_token()),
-            ("/v1/cars/{car}/uploads/{upload}/{file}", "PUT", self.cars.put_file, openapi.put_logs()),
-            ("/v1/cars/{car}/uploads/{upload}", "POST", self.cars.read_logs, openapi.read_logs()),
-            ("/v1/cars/{car}/uploads/{upload}/learn", "POST", self.cars.learn, openapi.learn()),
-            ("/v1/models", "GET", self.get_models, openapi.library(schemas.ModelsResponse, "models")),
-            (
-                "/v1/vehicles",
-                "GET",
-                self.get_vehicles,
-                openapi.library(schemas.VehiclesResponse, "vehicles", "invalid-input"),
-            ),
-            ("/v1/vehicles", "POST", self.describe, openapi.describe()),
-            ("/v1/examples", "GET", self.get_examples, openapi.library(schemas.ExamplesResponse, "examples")),
-            (
-                "/v1/examples/{trip}",
-                "GET",
-                self.get_example,
-                openapi.library(schemas.ExampleResponse, "The trip", "not-found", "invalid-input"),
-            ),
-            ("/healthz", "GET", self.healthz, openapi.health(ready=False)),
-            ("/readyz", "GET", self.readyz, openapi.health(ready=True)),
-            ("/metrics", "GET", self.get_metrics, openapi.metrics()),
-        ):
-            add(path, handler, methods=[method], response_class=Response, response_model=None, **more)
-
+    @operation("POST /v1/forecast", "forecast", ForecastResponse, schemas.ForecastRequest)
     async def forecast(self, request: Request) -> Response:
         """Forecast a trip from a speed trace or from the links of a planned route."""
-        return await self._job(request, {"kind": "forecast"}, await self._body(request, (JSON,)))
+        return await self.answering.body_job(request, "forecast")
 
+    @operation("POST /v1/forecast/update", "forecast", ForecastResponse, schemas.UpdateRequest)
     async def update(self, request: Request) -> Response:
         """Update the forecast of a trip with the samples measured so far."""
-        return await self._job(request, {"kind": "update"}, await self._body(request, (JSON,)))
+        return await self.answering.body_job(request, "update")
 
+    @operation(
+        "POST /v1/forecast/batch",
+        "forecast",
+        {NDJSON: TEXT},
+        {NDJSON: {"schema": {"description": "one ForecastRequest per line"}}},
+        only=(*COMMON_PROBLEMS, *BODY_PROBLEMS, "busy"),
+        description="One ForecastResponse or ProblemDocument per line, in the order of the requests",
+    )
     async def batch(self, request: Request) -> Response:
         """Forecast many trips: one request per line in, one forecast or problem per line out, in the same order."""
         require_accepts(request, NDJSON)
         limits = self.settings.limits
         self._require_place_for_batch()
         splitter = LineSplitter(limits.batch)
-        await self.batch_bodies.read(
+        await self.answering.batch_bodies.read(
             request, BATCH_TYPES, limits.batch_bytes, limits.body_timeout_s, splitter.take
         )
         lines = splitter.lines()
@@ -283,6 +236,7 @@ class Api:
     def _end_batch(self) -> None:
         self.running_batches -= 1
 
+    @operation("POST /v1/routes", "routes", schemas.RouteResponse, UPLOADS)
     async def route(
         self,
         request: Request,
@@ -292,20 +246,23 @@ class Api:
         ] = None,
     ) -> Response:
         """Read a route or a trip: GPX, KML, GeoJSON, the response of a router, links, or samples as CSV."""
-        body = await self._body(request, tuple(openapi.UPLOADS))
+        body = await self.answering.read(request, tuple(UPLOADS))
         speed = speed_m_s if speed_m_s is not None and math.isfinite(speed_m_s) else None
-        return await self._job(request, {"kind": "route", "speed_m_s": speed}, body)
+        return await self.answering.job(request, "route", body, speed_m_s=speed)
 
+    @operation("POST /v1/journeys", "journeys", PlanResponse, PlanRequest, alias="/v1/plan")
     async def plan(self, request: Request) -> Response:
         """Plan a journey: roads, their forecasts, the charge to leave with, a charging stop."""
         self._require_map()
-        return await self._job(request, {"kind": "plan"}, await self._body(request, (JSON,)))
+        return await self.answering.body_job(request, "plan")
 
+    @operation("POST /v1/reachable", "journeys", ReachResponse, ReachRequest)
     async def reach(self, request: Request) -> Response:
         """Return the area that the charge reaches with 95 % and with 50 %."""
         self._require_map()
-        return await self._job(request, {"kind": "reach"}, await self._body(request, (JSON,)))
+        return await self.answering.body_job(request, "reach")
 
+    @operation("GET /v1/places", "journeys", PlacesResponse)
     async def get_places(
         self,
         request: Request,
@@ -315,17 +272,15 @@ class Api:
         limit: Annotated[int, Query(ge=1, le=50, description="most places")] = 10,
     ) -> Response:
         """Find places by the start of their names."""
-        require_accepts(request, JSON)
         self._require_map()
-        return await self._job(request, {"kind": "places", "text": q, "limit": limit}, b"")
+        return await self.answering.job(request, "places", text=q, limit=limit)
 
+    @operation("GET /v1/map", "library", MapResponse)
     async def get_map(self, request: Request) -> Response:
-        """Return what the service knows of roads, places and weather."""
-        require_accepts(request, JSON)
-        if self.map is None:
-            self.map = await self._document("map")
-        return Response(self.map, media_type=JSON)
+        """Return the roads, places and weather of the service."""
+        return await self.answering.kept(request, "map")
 
+    @operation("GET /v1/map/view", "journeys", ViewResponse)
     async def get_view(
         self,
         request: Request,
@@ -336,11 +291,15 @@ class Api:
         limit: Annotated[int, Query(ge=1, le=1000, description="most settlements, most stations")] = 200,
     ) -> Response:
         """Return settlements and charging stations inside of bounds."""
-        require_accepts(request, JSON)
         self._require_map()
-        bounds = [south, west, north, east]
-        return await self._job(request, {"kind": "view", "bounds_deg": bounds, "limit": limit}, b"")
+        return await self.answering.job(request, "view", bounds_deg=[south, west, north, east], limit=limit)
 
+    @operation(
+        "GET /v1/tiles/{zoom}/{column}/{row}",
+        "journeys",
+        {TILE: BINARY},
+        description="The tile; empty without roads",
+    )
     async def get_tile(
         self,
         request: Request,
@@ -349,10 +308,10 @@ class Api:
         row: TileNumber,
     ) -> Response:
         """Return the roads of a part of the map as a vector tile."""
-        require_accepts(request, TILE)
         self._require_map()
-        job = {"kind": "tile", "zoom": zoom, "column": column, "row": row}
-        response = await self._job(request, job, b"", TILE)
+        response = await self.answering.job(
+            request, "tile", media_type=TILE, zoom=zoom, column=column, row=row
+        )
         response.headers["Cache-Control"] = "private, max-age=3600"
         return response
 
@@ -360,15 +319,18 @@ class Api:
         if not self.settings.atlas.map:
             raise Problem("no-map", "start the service with --map")
 
+    @operation("GET /v1/models", "library", schemas.ModelsResponse)
     async def get_models(self, request: Request) -> Response:
         """List the models with their inputs, provenance and scores."""
         require_accepts(request, JSON)
         return Response(self.models, media_type=JSON)
 
+    @operation("POST /v1/vehicles", "library", schemas.DescribedVehicle, schemas.VehicleFigures)
     async def describe(self, request: Request) -> Response:
         """Describe a car that the library does not have, by a few figures."""
-        return await self._job(request, {"kind": "describe"}, await self._body(request, (JSON,)))
+        return await self.answering.body_job(request, "describe")
 
+    @operation("GET /v1/vehicles", "library", schemas.VehiclesResponse)
     async def get_vehicles(
         self,
         request: Request,
@@ -378,87 +340,42 @@ class Api:
         ] = None,
     ) -> Response:
         """List the cars of the library, or those that words find, and the models fitted on each."""
-        require_accepts(request, JSON)
         if search is not None:
-            return Response(await self._document("vehicles", search=search), media_type=JSON)
-        if self.vehicles is None:
-            self.vehicles = await self._document("vehicles")
-        return Response(self.vehicles, media_type=JSON)
+            return await self.answering.job(request, "vehicles", search=search)
+        return await self.answering.kept(request, "vehicles")
 
+    @operation("GET /v1/examples", "library", schemas.ExamplesResponse)
     async def get_examples(self, request: Request) -> Response:
         """List synthetic trips as examples."""
-        require_accepts(request, JSON)
-        return Response((await self._examples()).summaries, media_type=JSON)
+        return await self.answering.kept(request, "examples")
 
+    @operation("GET /v1/examples/{trip}", "library", schemas.ExampleResponse, also=("not-found",))
     async def get_example(self, request: Request, trip: str) -> Response:
         """Return one synthetic trip: a request for a forecast, and the samples simulated for it."""
-        require_accepts(request, JSON)
-        by_name = (await self._examples()).by_name
-        if trip not in by_name:
-            raise Problem("not-found", "unknown example")
-        return Response(by_name[trip], media_type=JSON)
+        return await self.answering.kept(request, "example", trip=trip)
 
+    @operation("GET /healthz", "operation", schemas.HealthResponse, only=HEALTH_PROBLEMS)
     async def healthz(self) -> Response:
         """Check that the service is alive."""
-        return self._health("alive", 200)
+        return json_response({"status": "alive", "workers": self.pool.ready})
 
+    @operation("GET /readyz", "operation", schemas.HealthResponse, only=(*HEALTH_PROBLEMS, "busy"))
     async def readyz(self) -> Response:
         """Check that a worker is ready to forecast."""
         if not self.pool.ready:
             raise Problem("busy", "no worker is ready", headers={"Retry-After": "1"})
-        return self._health("ready", 200)
+        return json_response({"status": "ready", "workers": self.pool.ready})
 
-    def _health(self, status: str, code: int) -> Response:
-        return Response(orjson.dumps({"status": status, "workers": self.pool.ready}), code, media_type=JSON)
-
+    @operation(
+        "GET /metrics",
+        "operation",
+        {"text/plain": TEXT},
+        only=COMMON_PROBLEMS,
+        description="Metrics in the text format of Prometheus",
+    )
     async def get_metrics(self) -> Response:
         """Return metrics for Prometheus."""
         return Response(self.metrics.render(), media_type=CONTENT_TYPE_LATEST)
-
-    async def _body(
-        self,
-        request: Request,
-        media_types: Sequence[str],
-        most_bytes: int | None = None,
-        *,
-        large: bool = False,
-    ) -> bytes:
-        """Read the body of a request for a job, unless too many requests wait already.
-
-        A `large` body takes one of the places of batches, and may have more than `Limits.body_bytes`.
-        """
-        limits = self.settings.limits
-        if most_bytes is None or not large:
-            most_bytes = min(most_bytes or limits.body_bytes, limits.body_bytes)
-        require_accepts(request, JSON)
-        if self.pool.waiting >= limits.waiting:
-            raise Problem("busy", "too many requests wait", headers={"Retry-After": "1"})
-        parts: list[bytes] = []
-        bodies = self.batch_bodies if large else self.bodies
-        await bodies.read(request, media_types, most_bytes, limits.body_timeout_s, parts.append)
-        return parts[0] if len(parts) == 1 else b"".join(parts)
-
-    async def _job(
-        self, request: Request, job: dict[str, Any], body: bytes, media_type: str = JSON
-    ) -> Response:
-        result = await self.pool.run(job, body)
-        self.metrics.job_seconds.labels(job["kind"]).observe(result.seconds)
-        if result.status == 200:
-            return Response(result.content, media_type=media_type)
-        return refusal(result.status, result.content, request_id(request))
-
-    async def _document(self, kind: str, **parameters: str) -> bytes:
-        """The document of a job without a body."""
-        result = await self.pool.run({"kind": kind, **parameters}, b"")
-        if result.status != 200:
-            raise Problem("internal")
-        return result.content
-
-    async def _examples(self) -> ExampleDocuments:
-        """The documents of the example trips, computed once."""
-        if self.examples is None:
-            self.examples = ExampleDocuments.from_job(await self._document("examples"))
-        return self.examples
 
 
 def add_page(app: FastAPI) -> None:

@@ -1,8 +1,7 @@
-"""Jobs of cars that learn: list and show them, propose how their logs are read, learn, forget. All file work is here."""
+"""Jobs of users' cars: list and show them, propose how their logs are read, learn, forget. All file work is here."""
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
 from collections.abc import Hashable, Mapping
@@ -11,25 +10,27 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+import orjson
+from cachetools import LRUCache
 
 from tripwatt.auditing import audit
 from tripwatt.errors import InvalidInput
 from tripwatt.files import write_file
 from tripwatt.forecasting import ForecastModel
 from tripwatt.live import (
+    Car,
     Learned,
-    OwnCar,
     create_car,
     forget_car,
+    has_token,
     is_car,
-    is_live_car,
     issue_token,
     learn_finished,
     open_car,
 )
 from tripwatt.live.diary import CAUSE
-from tripwatt.live.live_car import VALID_NAME, forecasts_of
-from tripwatt.live.own_car import UPLOADS
+from tripwatt.live.folder import VALID_NAME, forecasts_of
+from tripwatt.live.own_car import UPLOADS, state_of
 from tripwatt.physics.battery import open_circuit_voltage
 from tripwatt.service.car_schemas import LogsRequest, plain
 from tripwatt.service.library import usable_energy_wh
@@ -56,7 +57,10 @@ SHOWN_FINDINGS: Final = 40
 SHOWN_TRIPS: Final = 200
 SHOWN_REASONS: Final = 20
 MOST_KEPT_MODELS: Final = 16
-"""Models of cars that a worker keeps in memory; the oldest goes first."""
+"""Models of cars that a worker keeps in memory; the one that was used least recently goes first."""
+
+ABOUT: Final = ("score", "latest", "latest_by_book", "by_temperature", "by_season", "by_cause_wh")
+"""What a car says of itself and its diary that a response passes on."""
 
 HALF_CHARGED: Final = 0.5
 """State of charge whose open-circuit voltage stands for the battery's nominal voltage."""
@@ -70,12 +74,14 @@ class CarJobs:
     ----------
     folder : Path or None
         None for a service without cars.
-    models : dict
+    models : LRUCache
         Models in memory, by name: what they were read from, and the model.
     """
 
     folder: Path | None = None
-    models: dict[str, tuple[tuple[int, ...], ForecastModel]] = field(default_factory=dict)
+    models: LRUCache[str, tuple[tuple[int, ...], ForecastModel]] = field(
+        default_factory=lambda: LRUCache(MOST_KEPT_MODELS)
+    )
 
     def names(self) -> list[str]:
         """Names of the cars."""
@@ -83,46 +89,21 @@ class CarJobs:
             return []
         return sorted(place.name for place in self.folder.iterdir() if is_car(place))
 
-    def place(self, name: str) -> Path:
-        """The folder of a car of this name, which may not exist.
-
-        Raises
-        ------
-        Problem
-            `no-live` for a service without cars, `not-found` for what cannot be a name.
-        """
-        if self.folder is None:
-            raise Problem("no-live", "start the service with --cars")
-        if VALID_NAME.fullmatch(name) is None:
-            raise Problem("not-found", "no such car")
-        return self.folder / name
-
-    def car(self, name: str) -> OwnCar:
-        """The car of this name.
-
-        Raises
-        ------
-        Problem
-            `not-found`.
-        """
-        place = self.place(name)
-        if not is_car(place):
-            raise Problem("not-found", "no such car")
-        return open_car(place)
+    def car(self, name: str) -> Car:
+        """The car of this name; errors are those of `car_folder`."""
+        return open_car(car_folder(self.folder, name))
 
     def model(self, name: str) -> tuple[str, ForecastModel] | None:
         """The model of a car as it is now, with a label that changes when it learns; None where there is no such car."""
-        if self.folder is None or VALID_NAME.fullmatch(name) is None or not is_car(self.folder / name):
+        try:
+            state = state_of(car_folder(self.folder, name))
+            kept = self.models.get(name)
+            if kept is None or kept[0] != state:
+                own = self.car(name)
+                self.models[name] = kept = own.state(), own.model()
+        except Problem:
             return None
-        own = open_car(self.folder / name)
-        state = own.state()
-        kept = self.models.get(name)
-        if kept is None or kept[0] != state:
-            self.models.pop(name, None)
-            while len(self.models) >= MOST_KEPT_MODELS:
-                del self.models[next(iter(self.models))]
-            self.models[name] = kept = state, own.model()
-        return f"{name}@{state}", kept[1]
+        return f"{name}@{kept[0]}", kept[1]
 
     def list(self) -> dict[str, Any]:
         """Return the cars, as `CarsResponse`."""
@@ -135,25 +116,20 @@ class CarJobs:
         own = self.car(name)
         diary = own.diary
         about = own.about(diary)
-        rows = [
-            _entry(row, own.folder) for row in diary.table.tail(SHOWN_TRIPS).iloc[::-1].to_dict("records")
-        ]
+        rows = diary.table.tail(SHOWN_TRIPS).iloc[::-1].to_dict("records")
         return {
             **_summary(own, about),
-            **{
-                key: about[key]
-                for key in ("score", "latest", "latest_by_book", "by_temperature", "by_season", "by_cause_wh")
-            },
+            **{key: about[key] for key in ABOUT},
             "learned": {
-                key: {"change": found["change"], "sd": found["sd"]} for key, found in about["learned"].items()
+                name: {key: row[key] for key in ("change", "sd")} for name, row in about["learned"].items()
             },
             "base_load_w": own.vehicle.auxiliaries.base_load_w,
-            "diary": rows,
+            "diary": [_entry(row, own.folder) for row in rows],
         }
 
     def create(self, name: str, vehicle: Vehicle | str) -> dict[str, Any]:
         """Make a car, and return it as `show`."""
-        create_car(self.place(name), vehicle)
+        create_car(named_folder(self.folder, name), vehicle)
         return self.show(name)
 
     def forget(self, name: str) -> dict[str, Any]:
@@ -171,27 +147,23 @@ class CarJobs:
         own = self.car(name)
         tables = uploaded(own.folder, upload)
         proposal = suggest_mapping(tables)
-        found: dict[str, Any] = {
-            "columns": _columns(tables),
-            "fields": [{"ours": ours, "units": units_of(ours)} for ours in UNITS],
-            "shipped": proposal.shipped,
-        }
         document, assumed = changed_tables(proposal, request, own.vehicle)
         shown = _shown_mapping(document, proposal)
         used = {entry["column"] for entry in shown}
         # where a file has a row for each value, signals stand for columns
-        found["columns"] = list(dict.fromkeys([*found["columns"], *used]))
+        columns = list(dict.fromkeys([*_columns(tables), *used]))
         preview, faults = None, []
         try:
             preview = preview_of(read_table(tables, mapping_from_tables(document, "mapping")))
         except InvalidInput as error:
             faults = [fault_document(fault) for fault in _by_file(error, tables).faults[:MAX_FAULTS]]
-        positive = document.get("current", {}).get("positive", "discharge")
         return {
-            **found,
+            "columns": columns,
+            "fields": [{"ours": ours, "units": units_of(ours)} for ours in UNITS],
+            "shipped": proposal.shipped,
             "mapping": shown,
-            "unused": [column for column in found["columns"] if column not in used],
-            "current_positive": positive,
+            "unused": [column for column in columns if column not in used],
+            "current_positive": document.get("current", {}).get("positive", "discharge"),
             "assumed": assumed,
             "preview": preview,
             "faults": faults,
@@ -213,6 +185,47 @@ class CarJobs:
     def learn_finished(self, name: str) -> dict[str, Any]:
         """Learn the trips that a car finished on the road, as `learn`."""
         return _learned(learn_finished(self.car(name).folder))
+
+
+def require_folder(folder: Path | None) -> Path:
+    """The folder of cars.
+
+    Raises
+    ------
+    Problem
+        `no-live` for a service without cars.
+    """
+    if folder is None:
+        raise Problem("no-live", "start the service with --cars")
+    return folder
+
+
+def named_folder(folder: Path | None, name: str) -> Path:
+    """The folder of a car of this name, which may not exist.
+
+    Raises
+    ------
+    Problem
+        `no-live` for a service without cars, `no-such-car` for what cannot be a name.
+    """
+    cars = require_folder(folder)
+    if VALID_NAME.fullmatch(name) is None:
+        raise Problem("no-such-car")
+    return cars / name
+
+
+def car_folder(folder: Path | None, name: str) -> Path:
+    """The folder of the car of this name.
+
+    Raises
+    ------
+    Problem
+        `no-live` for a service without cars, `no-such-car`.
+    """
+    place = named_folder(folder, name)
+    if not is_car(place):
+        raise Problem("no-such-car")
+    return place
 
 
 def uploaded(car: Path, upload: str) -> Path:
@@ -249,68 +262,59 @@ def changed_tables(
     proposal: Suggestion, request: LogsRequest, vehicle: Vehicle
 ) -> tuple[dict[str, Any], dict[str, float]]:
     """The tables of a proposed mapping with the changes of a request, and values of the battery that the car fills in."""
-    found = parse_tables(proposal.toml, "mapping")
-    columns = found.setdefault("columns", {})
+    mapping = parse_tables(proposal.toml, "mapping")
+    columns = mapping.setdefault("columns", {})
     for ours, choice in request.changes.items():
         before = columns.pop(ours, {})
         if choice is not None:
-            kept = (
-                {"format": before["format"]}
-                if before.get("format") and before.get("column") == choice.column
-                else {}
-            )
-            unit = choice.unit or (before.get("unit") if before.get("column") == choice.column else None)
-            columns[ours] = {"column": choice.column, **kept, **({"unit": unit} if unit else {})}
+            same = before if before.get("column") == choice.column else {}
+            given = {"format": same.get("format"), "unit": choice.unit or same.get("unit")}
+            columns[ours] = {"column": choice.column, **{name: text for name, text in given.items() if text}}
     if request.current_positive is not None:
-        found["current"] = {"positive": request.current_positive}
-    battery, assumed = found.setdefault("battery", {}), {}
+        mapping["current"] = {"positive": request.current_positive}
+    battery, assumed = mapping.setdefault("battery", {}), {}
     measured = {POWER, "current_a"} & columns.keys()
     if measured and "voltage_v" not in columns:
-        assumed["nominal_voltage_v"] = float(
-            open_circuit_voltage(np.array([HALF_CHARGED]), vehicle.battery)[0]
-        )
+        half_v = open_circuit_voltage(np.array([HALF_CHARGED]), vehicle.battery)
+        assumed["nominal_voltage_v"] = float(half_v[0])
     elif not measured and {"soc", "displayed_soc"} & columns.keys():
         assumed["usable_capacity_kwh"] = usable_energy_wh(vehicle) / 1000.0
     battery.update(assumed)
     if not battery:
-        del found["battery"]
-    return found, assumed
+        del mapping["battery"]
+    return mapping, assumed
 
 
 def preview_of(fleet: Fleet) -> dict[str, Any]:
-    """What the audit says of some logs, as `LogsPreview`."""
-    found = audit(fleet)
-    sound = [trip for trip in found.trips if trip.observed_energy_wh is not None]
+    """The audit of some logs, as `LogsPreview`."""
+    audited = audit(fleet)
+    sound = [trip for trip in audited.trips if trip.observed_energy_wh is not None]
     return {
         "logs": len(fleet.logs),
         "drives": len(sound),
         "distance_m": float(sum(trip.distance_m for trip in sound)),
         "energy_wh": float(sum(trip.observed_energy_wh or 0.0 for trip in sound)),
-        "findings": [asdict(finding) for finding in found.findings[:SHOWN_FINDINGS]],
-        "n_findings": len(found.findings),
+        "findings": [asdict(finding) for finding in audited.findings[:SHOWN_FINDINGS]],
+        "n_findings": len(audited.findings),
     }
 
 
 def read_progress(folder: Path, upload: str) -> tuple[int, int | None]:
     """Trips of an upload that were learned, and their number; 0 and None before the first."""
     try:
-        found = json.loads((folder / UPLOADS / upload / PROGRESS).read_text(encoding="utf-8"))
-        return int(found["done"]), int(found["total"])
+        progress = orjson.loads((folder / UPLOADS / upload / PROGRESS).read_bytes())
+        return int(progress["done"]), int(progress["total"])
     except (OSError, ValueError, KeyError, TypeError):
         return 0, None
 
 
 def _write_progress(path: Path, done: int, total: int) -> None:
-    text = json.dumps({"done": done, "total": total})
-
-    def write(made: Path) -> None:
-        made.write_text(text, encoding="utf-8")
-
-    write_file(path, write)
+    content = orjson.dumps({"done": done, "total": total})
+    write_file(path, lambda partial: partial.write_bytes(content))
 
 
 def _by_file(error: InvalidInput, tables: Path) -> InvalidInput:
-    """The same faults with files by their names: where the service keeps them is nobody's business."""
+    """The same faults with files by their names: clients need not know where the service keeps them."""
     folder = f"{tables}{os.sep}"
     return InvalidInput(
         replace(fault, **{name: text.replace(folder, "") for name, text in asdict(fault).items()})
@@ -355,12 +359,12 @@ def _learned(done: Learned) -> dict[str, Any]:
     return {**asdict(done), "left_out": list(done.left_out[:SHOWN_REASONS])}
 
 
-def _summary(own: OwnCar, about: Mapping[str, Any]) -> dict[str, Any]:
+def _summary(own: Car, about: Mapping[str, Any]) -> dict[str, Any]:
     return {
         "name": own.name,
         "vehicle": own.vehicle.name,
         "title": own.vehicle.title,
         "trips": about["trips"],
         "in_diary": about["in_diary"],
-        "has_token": is_live_car(own.folder),
+        "has_token": has_token(own.folder),
     }

@@ -1,4 +1,4 @@
-"""The endpoints of cars that learn from their trips: made, shown, given logs, erased.
+"""The endpoints of users' cars: made, shown, given logs, erased.
 
 This process stores uploads and keeps track of what is learned; workers read, audit and learn.
 """
@@ -11,7 +11,7 @@ import shutil
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
 from contextlib import asynccontextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Final
 
@@ -22,15 +22,25 @@ from starlette.responses import Response
 
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.live.own_car import UPLOADS
-from tripwatt.service.car_jobs import TABLES, read_progress
-from tripwatt.service.car_schemas import NAME_PATTERN
+from tripwatt.service.answering import Answering, json_response
+from tripwatt.service.car_jobs import TABLES, car_folder, read_progress, require_folder
+from tripwatt.service.car_schemas import (
+    NAME_PATTERN,
+    CarResponse,
+    CarsResponse,
+    Forgotten,
+    LogsRequest,
+    LogsResponse,
+    NewCarRequest,
+    TokenResponse,
+    UploadResponse,
+)
 from tripwatt.service.live import LiveCars
-from tripwatt.service.openapi import BYTES, JSON
+from tripwatt.service.openapi import BINARY, BYTES, JSON, operation
 from tripwatt.service.pool import JobResult, WorkerLost, WorkerPool
-from tripwatt.service.problems import Problem, invalid_input, refusal
-from tripwatt.service.receiving import request_id, require_accepts
+from tripwatt.service.problems import Problem, invalid_input
+from tripwatt.service.receiving import require_accepts
 from tripwatt.service.road_trips import RoadTrips
-from tripwatt.service.settings import Settings
 from tripwatt.sources.archives import unpack
 
 ReadBody = Callable[..., Awaitable[bytes]]
@@ -62,51 +72,39 @@ class Learning:
         None while it runs.
     """
 
-    upload: str
+    upload: str = ""
     task: asyncio.Task[None] | None = None
     result: JobResult | None = None
 
 
-@dataclass(eq=False)
 class CarOperations:
     """The endpoints of cars; each is the problem `no-live` where the service has no folder of cars.
 
-    Attributes
+    Parameters
     ----------
-    settings : Settings
-    pool : WorkerPool
-        Shows cars and reads logs.
-    learners : WorkerPool
-        One worker, started with the first upload that is learned; its jobs may take minutes.
+    answering : Answering
+        Its pool shows cars and reads logs.
     live : callable
         Returns the cars on the road; what it raises is passed on.
-    read_body : callable
-        Reads the body of a request: `(request, media_types, most_bytes, limit)`.
+    log_event : callable
+        As of `WorkerPool`.
+
+    Attributes
+    ----------
+    learners : WorkerPool
+        One worker, started with the first upload that is learned; its jobs may take minutes.
     learning : dict
         By name of the car.
     """
 
-    settings: Settings
-    pool: WorkerPool
-    learners: WorkerPool
-    live: Callable[[], LiveCars]
-    read_body: ReadBody
-    learning: dict[str, Learning] = field(default_factory=dict)
-    _started: bool = False
-
-    @classmethod
-    def from_settings(
-        cls,
-        settings: Settings,
-        pool: WorkerPool,
-        live: Callable[[], LiveCars],
-        read_body: ReadBody,
-        log: Callable[..., None],
-    ) -> CarOperations:
-        """The endpoints of a service."""
-        limits = replace(settings.limits, timeout_s=settings.limits.learn_s)
-        learners = WorkerPool(replace(settings, workers=1, limits=limits), log)
-        return cls(settings, pool, learners, live, read_body)
+    def __init__(
+        self, answering: Answering, live: Callable[[], LiveCars], log_event: Callable[..., None]
+    ) -> None:
+        self.answering, self.live, self.settings = answering, live, answering.settings
+        limits = replace(self.settings.limits, timeout_s=self.settings.limits.learn_s)
+        self.learners = WorkerPool(replace(self.settings, workers=1, limits=limits), log_event)
+        self.learning: dict[str, Learning] = {}
+        self._started = False
 
     @asynccontextmanager
     async def running(self) -> AsyncIterator[None]:
@@ -121,77 +119,78 @@ class CarOperations:
             if watch is not None:
                 watch.cancel()
                 await asyncio.gather(watch, return_exceptions=True)
-            tasks = [found.task for found in self.learning.values() if found.task is not None]
+            tasks = [learning.task for learning in self.learning.values() if learning.task is not None]
             for task in tasks:
                 task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
             if self._started:
                 await self.learners.stop()
 
+    @operation("GET /v1/cars", "cars", CarsResponse)
     async def list_cars(self, request: Request) -> Response:
         """List the cars."""
-        require_accepts(request, JSON)
-        return await self._job(request, {"kind": "cars"})
+        return await self.answering.job(request, "cars")
 
+    @operation("POST /v1/cars", "cars", CarResponse, NewCarRequest)
     async def new_car(self, request: Request) -> Response:
-        """Make a car that learns from its trips."""
-        self._folder()
-        return await self._job(
-            request, {"kind": "new car"}, await self.read_body(request, (JSON,)), shows=True
-        )
+        """Make a car."""
+        require_folder(self.settings.cars)
+        return _shown(await self.answering.body_job(request, "new car"), None)
 
+    @operation("GET /v1/cars/{car}", "cars", CarResponse)
     async def get_car(self, request: Request, car: CarName) -> Response:
         """Return a car, what it learned, and its diary."""
-        require_accepts(request, JSON)
-        return await self._job(request, {"kind": "car", "car": car}, shows=True)
+        learning = self._learning(car)  # before: what is done by then is shown
+        return _shown(await self.answering.job(request, "car", car=car), learning)
 
+    @operation("DELETE /v1/cars/{car}", "cars", Forgotten)
     async def forget_car(self, request: Request, car: CarName) -> Response:
         """Erase a car: its trips, its model, its diary, and what it sent."""
         require_accepts(request, JSON)
         self._require_idle(car)
         with contextlib.suppress(Problem):
-            self.live().drop(car)
-        response = await self._job(request, {"kind": "forget car", "car": car})
+            await self.live().drop(car)
+        response = await self.answering.job(request, "forget car", car=car)
         self.learning.pop(car, None)
         return response
 
+    @operation("POST /v1/cars/{car}/token", "cars", TokenResponse)
     async def new_token(self, request: Request, car: CarName) -> Response:
         """Make a token with which a car sends its messages; an earlier one is no longer accepted."""
-        require_accepts(request, JSON)
-        response = await self._job(request, {"kind": "car token", "car": car})
+        response = await self.answering.job(request, "car token", car=car)
         if response.status_code == 200:
-            self.live().open(self._folder() / car)
+            await self.live().follow(car_folder(self.settings.cars, car))
         return response
 
+    @operation("PUT /v1/cars/{car}/uploads/{upload}/{file}", "cars", UploadResponse, {BYTES: BINARY})
     async def put_file(self, request: Request, car: CarName, upload: UploadName, file: FileName) -> Response:
         """Add a file of logs to an upload: a table, a workbook, or an archive of them."""
-        place = self._car(car) / UPLOADS / upload
-        content = await self.read_body(request, (BYTES,), self.settings.limits.upload_bytes, large=True)
-        found = await asyncio.to_thread(self._store, place, file, content)
-        return Response(orjson.dumps(found), media_type=JSON)
+        place = car_folder(self.settings.cars, car) / UPLOADS / upload
+        content = await self.answering.read(request, (BYTES,), self.settings.limits.upload_bytes, large=True)
+        return json_response(await asyncio.to_thread(self._store, place, file, content))
 
+    @operation("POST /v1/cars/{car}/uploads/{upload}", "cars", LogsResponse, LogsRequest, also=("not-found",))
     async def read_logs(self, request: Request, car: CarName, upload: UploadName) -> Response:
         """Return how the tables of an upload are read, and what the audit says of them; nothing is learned."""
-        body = await self.read_body(request, (JSON,))
-        return await self._job(request, {"kind": "logs", "car": car, "upload": upload}, body)
+        return await self.answering.body_job(request, "logs", car=car, upload=upload)
 
+    @operation(
+        "POST /v1/cars/{car}/uploads/{upload}/learn", "cars", CarResponse, LogsRequest, also=("not-found",)
+    )
     async def learn(self, request: Request, car: CarName, upload: UploadName) -> Response:
         """Learn the trips of an upload: the response comes at once, and the car shows the progress."""
-        body = await self.read_body(request, (JSON,))
-        checked = await self.pool.run({"kind": "logs", "car": car, "upload": upload}, body)
-        if checked.status != 200:
-            return refusal(checked.status, checked.content, request_id(request))
-        faults = orjson.loads(checked.content)["faults"]
+        body = await self.answering.read(request)
+        checked = await self.answering.job(request, "logs", body, car=car, upload=upload)
+        if checked.status_code != 200:
+            return checked
+        faults = orjson.loads(checked.body)["faults"]
         if faults:
             raise invalid_input(
                 [Fault(**{"where": "logs", **{k: v for k, v in fault.items() if v}}) for fault in faults]
             )
         self._require_idle(car)
-        found = Learning(upload)
-        self.learning[car] = found
-        job = {"kind": "learn", "car": car, "upload": upload}
-        found.task = asyncio.ensure_future(self._learn(found, job, body))
-        return await self._job(request, {"kind": "car", "car": car}, shows=True)
+        self._start(Learning(upload), {"kind": "learn", "car": car, "upload": upload}, body)
+        return await self.get_car(request, car)
 
     async def learn_finished(self, car: str) -> bool:
         """Let a car learn the trips that it finished on the road, unless it learns already.
@@ -201,15 +200,20 @@ class CarOperations:
         bool
             Whether it did.
         """
-        before = self.learning.get(car)
-        if before is not None and before.result is None:
+        if self._is_learning(car):
             return False
-        found = self.learning[car] = Learning("")
-        found.task = asyncio.ensure_future(self._learn(found, {"kind": "learn finished", "car": car}, b""))
-        await asyncio.gather(found.task, return_exceptions=True)
-        return found.result is not None and found.result.status == 200
+        learning = Learning()
+        await asyncio.gather(
+            self._start(learning, {"kind": "learn finished", "car": car}), return_exceptions=True
+        )
+        return learning.result is not None and learning.result.status == 200
 
-    async def _learn(self, found: Learning, job: Mapping[str, Any], body: bytes) -> None:
+    def _start(self, learning: Learning, job: dict[str, Any], body: bytes = b"") -> asyncio.Task[None]:
+        self.learning[job["car"]] = learning
+        learning.task = asyncio.ensure_future(self._learn(learning, job, body))
+        return learning.task
+
+    async def _learn(self, learning: Learning, job: dict[str, Any], body: bytes) -> None:
         try:
             if not self._started:
                 self._started = True
@@ -218,25 +222,16 @@ class CarOperations:
                 except (OSError, TimeoutError, WorkerLost) as error:
                     self._started = False
                     raise Problem("busy", "no worker started", headers={"Retry-After": "30"}) from error
-            found.result = await self.learners.run(dict(job), body, may_queue=True)
+            learning.result = await self.learners.run(job, body, may_queue=True)
         except Problem as problem:
-            found.result = JobResult(problem.status, orjson.dumps(problem.document()), 0.0)
+            learning.result = JobResult(problem.status, orjson.dumps(problem.document()), 0.0)
+
+    def _is_learning(self, car: str) -> bool:
+        return car in self.learning and self.learning[car].result is None
 
     def _require_idle(self, car: str) -> None:
-        found = self.learning.get(car)
-        if found is not None and found.result is None:
+        if self._is_learning(car):
             raise Problem("busy", "the car is learning", headers={"Retry-After": "5"})
-
-    def _folder(self) -> Path:
-        if self.settings.cars is None:
-            raise Problem("no-live", "start the service with --cars")
-        return self.settings.cars
-
-    def _car(self, name: str) -> Path:
-        place = self._folder() / name
-        if not (place / "car.json").is_file():
-            raise Problem("not-found", "no such car")
-        return place
 
     def _store(self, place: Path, name: str, content: bytes) -> dict[str, int]:
         """Unpack a file into the tables of an upload; uploads that were left are erased."""
@@ -253,47 +248,32 @@ class CarOperations:
         used = sum(file.stat().st_size for file in place.parent.rglob("*") if file.is_file())
         if len(sizes) > MOST_FILES or used > self.settings.limits.car_bytes:
             shutil.rmtree(place, ignore_errors=True)
-            limit = self.settings.limits.car_bytes
-            raise Problem(
-                "too-large", f"at most {MOST_FILES} tables and {limit} bytes that are not learned yet"
-            )
+            most = f"{MOST_FILES} tables and {self.settings.limits.car_bytes} bytes"
+            raise Problem("too-large", f"at most {most} that are not learned yet")
         return {"files": len(sizes), "bytes": sum(sizes)}
-
-    async def _job(
-        self, request: Request, job: dict[str, Any], body: bytes = b"", *, shows: bool = False
-    ) -> Response:
-        learning = (
-            self._learning(job["car"]) if "car" in job else None
-        )  # before: what is done by then is shown
-        result = await self.pool.run(job, body)
-        if result.status != 200:
-            return refusal(result.status, result.content, request_id(request))
-        if not shows:
-            return Response(result.content, media_type=JSON)
-        shown = {**orjson.loads(result.content), "learning": learning}
-        return Response(orjson.dumps(shown), media_type=JSON)
 
     def _learning(self, car: str) -> dict[str, Any] | None:
         """What a car learns, as `LearningDocument`."""
-        found = self.learning.get(car)
-        if found is None:
+        learning = self.learning.get(car)
+        if learning is None:
             return None
-        nothing: dict[str, Any] = {
-            "added": None,
-            "known": None,
-            "entries": None,
-            "left_out": [],
-            "faults": [],
-        }
-        if found.result is None:
-            done, total = read_progress(self._folder() / car, found.upload)
+        nothing = dict.fromkeys(("added", "known", "entries")) | {"left_out": [], "faults": []}
+        if learning.result is None:
+            done, total = read_progress(require_folder(self.settings.cars) / car, learning.upload)
             return {"state": "running", "done": done, "total": total, **nothing}
-        document: Mapping[str, Any] = orjson.loads(found.result.content)
-        if found.result.status != 200:
+        document: Mapping[str, Any] = orjson.loads(learning.result.content)
+        if learning.result.status != 200:
             faults = document.get("faults") or [{"what": document["title"], "where": "logs"}]
             return {"state": "failed", "done": 0, "total": None, **nothing, "faults": faults}
         entries = document["entries"]
         return {"state": "done", "done": entries, "total": entries, **document, "faults": []}
+
+
+def _shown(response: Response, learning: Mapping[str, Any] | None) -> Response:
+    """The document of a car with what it learns."""
+    if response.status_code != 200:
+        return response
+    return json_response({**orjson.loads(response.body), "learning": learning})
 
 
 def _expire(uploads: Path, before_s: float) -> None:

@@ -1,58 +1,50 @@
-"""Schemas of the requests and responses of cars that learn from their trips."""
+"""Schemas of the requests and responses of users' cars."""
 
 from __future__ import annotations
 
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
-from tripwatt.live.live_car import VALID_NAME
-from tripwatt.service.schemas import ProblemFault, ResponseModel, VehicleFigures
+from tripwatt.live.folder import VALID_NAME
+from tripwatt.service.schemas import ProblemFault, ResponseModel, StrictModel, VehicleFigures
 from tripwatt.sources.mapping import UNITS
 
 NAME_PATTERN = f"^{VALID_NAME.pattern}$"
 
 
-class CarRequestModel(BaseModel):
-    """Base of requests."""
-
-    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
-
-
-class NewCarRequest(CarRequestModel):
+class NewCarRequest(StrictModel):
     """A car to keep: a name, and either a car of the library or a few figures."""
 
-    name: str = Field(
-        pattern=NAME_PATTERN, description="name of the car; it is the name of its folder and of its model"
-    )
-    vehicle: str | None = Field(None, max_length=200, description="name of a car of the library")
+    name: str = Field(pattern=NAME_PATTERN)
+    """name of the car; it is the name of its folder and of its model"""
+    vehicle: str | None = Field(None, max_length=200)
+    """name of a car of the library"""
     vehicle_figures: VehicleFigures | None = None
 
 
-class ColumnChoice(CarRequestModel):
+class ColumnChoice(StrictModel):
     """The column of a table that is one of ours."""
 
     column: str = Field(max_length=500)
-    unit: str | None = Field(None, max_length=20, description="null for the unit that was proposed, or ours")
+    unit: str | None = Field(None, max_length=20)
+    """null for the unit that was proposed, or ours"""
 
 
-class LogsRequest(CarRequestModel):
+class LogsRequest(StrictModel):
     """How uploaded tables are to be read."""
 
-    changes: dict[str, ColumnChoice | None] = Field(
-        default_factory=dict,
-        max_length=len(UNITS),
-        description="our column -> column of the table in place of the proposed one; null to leave it out",
-    )
-    current_positive: Literal["discharge", "charge"] | None = Field(
-        None, description="null for the sign that was proposed"
-    )
+    changes: dict[str, ColumnChoice | None] = Field(default_factory=dict, max_length=len(UNITS))
+    """our column -> column of the table in place of the proposed one; null to leave it out"""
+    current_positive: Literal["discharge", "charge"] | None = None
+    """null for the sign that was proposed"""
 
 
 class UploadResponse(ResponseModel):
     """An upload so far."""
 
-    files: int = Field(description="tables")
+    files: int
+    """tables"""
     bytes: int
 
 
@@ -62,7 +54,8 @@ class MappedColumnDocument(ResponseModel):
     ours: str
     column: str
     unit: str
-    why: str = Field(description="empty where the request chose it")
+    why: str
+    """empty where the request chose it"""
 
 
 class FieldDocument(ResponseModel):
@@ -83,30 +76,39 @@ class FindingDocument(ResponseModel):
 
 
 class LogsPreview(ResponseModel):
-    """What the audit says of the tables as they are mapped."""
+    """The audit of the tables as they are mapped."""
 
     logs: int
-    drives: int = Field(description="sound drives with measured energy")
-    distance_m: float = Field(description="of the sound drives")
-    energy_wh: float = Field(description="of the sound drives")
-    findings: list[FindingDocument] = Field(description="the first ones")
+    drives: int
+    """sound drives with measured energy"""
+    distance_m: float
+    """of the sound drives"""
+    energy_wh: float
+    """of the sound drives"""
+    findings: list[FindingDocument]
+    """the first ones"""
     n_findings: int
 
 
 class LogsResponse(ResponseModel):
     """The proposed or chosen mapping of uploaded tables, with what they hold when they are read by it."""
 
-    columns: list[str] = Field(description="columns of the largest table")
-    fields: list[FieldDocument] = Field(description="our columns and their units")
+    columns: list[str]
+    """columns of the largest table"""
+    fields: list[FieldDocument]
+    """our columns and their units"""
     mapping: list[MappedColumnDocument]
-    shipped: str | None = Field(description="the bundled mapping whose columns the table has")
-    unused: list[str] = Field(description="columns that are ignored")
+    shipped: str | None
+    """the bundled mapping whose columns the table has"""
+    unused: list[str]
+    """columns that are ignored"""
     current_positive: Literal["discharge", "charge"]
-    assumed: dict[str, float] = Field(
-        description="values of the battery that the car's published values fill in"
-    )
-    preview: LogsPreview | None = Field(description="null where the tables cannot be read so")
-    faults: list[ProblemFault] = Field(description="why not")
+    assumed: dict[str, float]
+    """values of the battery that the car's published values fill in"""
+    preview: LogsPreview | None
+    """null where the tables cannot be read so"""
+    faults: list[ProblemFault]
+    """why not"""
 
 
 class ScoreDocument(ResponseModel):
@@ -117,11 +119,12 @@ class ScoreDocument(ResponseModel):
     weighted_error: float | None
     bias: float | None
     coverage: float | None
-    width: float | None = Field(description="of the 90 % intervals, over the energy")
-    inside: int = Field(description="trips within their 90 % interval")
-    needed_width: float | None = Field(
-        description="width with which the intervals would have held exactly 90 % of these trips"
-    )
+    width: float | None
+    """of the 90 % intervals, over the energy"""
+    inside: int
+    """trips within their 90 % interval"""
+    needed_width: float | None
+    """width with which the intervals would have held exactly 90 % of these trips"""
 
 
 class SeasonDocument(ResponseModel):
@@ -129,34 +132,42 @@ class SeasonDocument(ResponseModel):
 
     trips: int
     distance_m: float
-    energy_wh: float = Field(description="as measured")
-    error: float | None = Field(description="sum of the errors of the forecasts over the energy")
+    energy_wh: float
+    """as measured"""
+    error: float | None
+    """sum of the errors of the forecasts over the energy"""
     coverage: float | None
 
 
 class LearnedParameter(ResponseModel):
     """What the trips say of a physical parameter."""
 
-    change: float = Field(description="relative to the published value")
+    change: float
+    """relative to the published value"""
     sd: float
 
 
 class ForecastOnTheWay(ResponseModel):
     """A forecast of the whole trip that was made while it was driven."""
 
-    at_s: float = Field(description="since the start of the trip; 0 at departure")
-    distance_m: float = Field(description="driven by then")
+    at_s: float
+    """since the start of the trip; 0 at departure"""
+    distance_m: float
+    """driven by then"""
     energy_wh: float
-    low_wh: float = Field(description="lower end of the 90 % interval")
+    low_wh: float
+    """lower end of the 90 % interval"""
     high_wh: float
 
 
 class DiaryEntry(ResponseModel):
-    """A trip as it was forecast before the car had learned it, and what it took."""
+    """A trip as it was forecast before the model was adapted to it, and what it took."""
 
     trip_id: str
-    started_at: str = Field(description="ISO 8601; empty where unknown")
-    trips_learned: int = Field(description="trips that the car had learned before")
+    started_at: str
+    """ISO 8601; empty where unknown"""
+    trips_learned: int
+    """trips that the car had learned before"""
     distance_m: float
     duration_s: float
     ambient_temperature_degc: float | None
@@ -164,25 +175,31 @@ class DiaryEntry(ResponseModel):
     forecast_wh: float
     low_wh: float
     high_wh: float
-    book_forecast_wh: float = Field(description="by the published values of the car")
+    book_forecast_wh: float
+    """by the published values of the car"""
     book_low_wh: float
     book_high_wh: float
-    by_cause_wh: dict[str, float] = Field(description="the forecast by cause")
-    on_the_way: list[ForecastOnTheWay] = Field(
-        description="of a trip that the service followed with a plan; the first one is that of the departure"
-    )
+    by_cause_wh: dict[str, float]
+    """the forecast by cause"""
+    on_the_way: list[ForecastOnTheWay]
+    """of a trip that the service followed with a plan; the first one is that of the departure"""
 
 
 class LearningDocument(ResponseModel):
     """Trips that a car learns, or has learned last."""
 
     state: Literal["running", "done", "failed"]
-    done: int = Field(description="trips that were forecast")
-    total: int | None = Field(description="null before they are counted")
-    added: int | None = Field(description="logs that are new; null while it runs")
+    done: int
+    """trips that were forecast"""
+    total: int | None
+    """null before they are counted"""
+    added: int | None
+    """logs that are new; null while it runs"""
     known: int | None
-    entries: int | None = Field(description="new trips of the diary")
-    left_out: list[str] = Field(description="drives that are not learned, with the reason; the first ones")
+    entries: int | None
+    """new trips of the diary"""
+    left_out: list[str]
+    """drives that are not learned, with the reason; the first ones"""
     faults: list[ProblemFault]
 
 
@@ -192,9 +209,11 @@ class CarSummary(ResponseModel):
     name: str
     vehicle: str
     title: str
-    trips: int = Field(description="logs in its store")
+    trips: int
+    """logs in its store"""
     in_diary: int
-    has_token: bool = Field(description="whether it can send messages")
+    has_token: bool
+    """whether it can send messages"""
 
 
 class CarResponse(CarSummary):
@@ -202,24 +221,29 @@ class CarResponse(CarSummary):
 
     learned: dict[str, LearnedParameter]
     score: ScoreDocument
-    latest: ScoreDocument = Field(description="of the last trips")
-    latest_by_book: ScoreDocument = Field(description="the same by the published values of the car")
+    latest: ScoreDocument
+    """of the last trips"""
+    latest_by_book: ScoreDocument
+    """the same by the published values of the car"""
     by_temperature: dict[str, ScoreDocument]
     by_season: dict[str, SeasonDocument]
     by_cause_wh: dict[str, float]
-    diary: list[DiaryEntry] = Field(description="the last trips, newest first")
-    base_load_w: float = Field(description="published value [W]")
+    diary: list[DiaryEntry]
+    """the last trips, newest first"""
+    base_load_w: float
+    """published value [W]"""
     learning: LearningDocument | None
 
 
 class CarsResponse(ResponseModel):
     """The cars of the service."""
 
-    cars: list[CarSummary] | None = Field(description="null where the service keeps no cars")
+    cars: list[CarSummary] | None
+    """null where the service keeps no cars"""
 
 
 class TokenResponse(ResponseModel):
-    """A token with which a car sends its messages."""
+    """A token with which a car sends its messages; it cannot be shown again."""
 
     token: str
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Final
+from collections.abc import Mapping
+from typing import Any, Final
 
 SAMPLES: Final = {
     "time_s": [0.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0],
@@ -19,47 +20,55 @@ PLANNED_REQUEST: Final = {
     "cabin_setpoint_degc": 21.0,
     "reserve": 0.15,
 }
-SAMPLES_REQUEST: Final = {"samples": SAMPLES, "displayed_soc": 0.8, "ambient_temperature_degc": 12.0}
-UPDATE_REQUEST: Final = {
-    **SAMPLES_REQUEST,
-    "observed": {
-        "time_s": [0.0, 10.0, 20.0],
-        "voltage_v": [370.0, 362.0, 366.0],
-        "current_a": [2.0, 40.0, 12.0],
-    },
+DRIVEN_REQUEST: Final = {"samples": SAMPLES, "displayed_soc": 0.8, "ambient_temperature_degc": 12.0}
+OBSERVED: Final = {
+    "time_s": [0.0, 10.0, 20.0],
+    "voltage_v": [370.0, 362.0, 366.0],
+    "current_a": [2.0, 40.0, 12.0],
 }
-NEW_CAR_REQUEST: Final = {"name": "my-leaf", "vehicle": "nissan_leaf_24"}
+MESSAGE: Final = {
+    "utc": 1_700_000_000,
+    "speed": 72.0,
+    "power": 11.1,
+    "soc": 65.0,
+    "ext_temp": 4.5,
+    "is_charging": 0,
+}
 
-TELEMETRY_REQUEST: Final = {
-    "token": "the-token-of-the-car",
-    "tlm": {
-        "utc": 1_700_000_000,
-        "speed": 72.0,
-        "power": 11.1,
-        "soc": 65.0,
-        "ext_temp": 4.5,
-        "is_charging": 0,
+EXAMPLES: Final[Mapping[str, Mapping[str, Any]]] = {
+    "ForecastRequest": {"planned road": PLANNED_REQUEST, "speed trace": DRIVEN_REQUEST},
+    "UpdateRequest": {"after 20 s": {**DRIVEN_REQUEST, "observed": OBSERVED}},
+    "LivePlanRequest": {"planned road": PLANNED_REQUEST},
+    "TelemetryRequest": {"a message": {"token": "the-token-of-the-car", "tlm": MESSAGE}},
+    "NewCarRequest": {"a car": {"name": "my-leaf", "vehicle": "nissan_leaf_24"}},
+    "LogsRequest": {"as proposed": {}},
+    "PlanRequest": {
+        "a journey": {
+            "stops": [
+                {"latitude_deg": 47.141, "longitude_deg": 9.5209},
+                {"latitude_deg": 47.241, "longitude_deg": 9.5285},
+            ],
+            "soc": 0.8,
+            "ambient_temperature_degc": -5.0,
+            "departure_utc": "2026-02-01T07:30:00+01:00",
+            "wind_speed_m_s": 6.0,
+            "wind_from_deg": 350.0,
+        }
+    },
+    "ReachRequest": {"a start": {"start": {"latitude_deg": 47.141, "longitude_deg": 9.5209}, "soc": 0.2}},
+    "VehicleFigures": {
+        "compact car": {
+            "mass_kg": 1830.0,
+            "usable_battery_kwh": 58.0,
+            "consumption_kwh_per_100km": 15.5,
+            "motor_power_kw": 150.0,
+            "body": "hatchback",
+            "heat_pump": True,
+        }
     },
 }
-PLAN_REQUEST: Final = {
-    "stops": [
-        {"latitude_deg": 47.141, "longitude_deg": 9.5209},
-        {"latitude_deg": 47.241, "longitude_deg": 9.5285},
-    ],
-    "soc": 0.8,
-    "ambient_temperature_degc": -5.0,
-    "depart": "2026-02-01T07:30:00+01:00",
-    "weather": {"wind_speed_m_s": 6.0, "wind_from_deg": 350.0},
-}
-REACH_REQUEST: Final = {"start": {"latitude_deg": 47.141, "longitude_deg": 9.5209}, "soc": 0.2}
-FIGURES_REQUEST: Final = {
-    "mass_kg": 1830.0,
-    "usable_battery_kwh": 58.0,
-    "consumption_kwh_per_100km": 15.5,
-    "motor_power_kw": 150.0,
-    "body": "hatchback",
-    "heat_pump": True,
-}
+"""Examples by schema and name."""
+
 GPX: Final = (
     '<gpx><trk><trkseg><trkpt lat="48.10" lon="11.5"><time>2026-05-01T08:00:00Z</time></trkpt>'
     '<trkpt lat="48.11" lon="11.5"><time>2026-05-01T08:01:30Z</time></trkpt></trkseg></trk></gpx>'
@@ -71,3 +80,14 @@ GEOJSON: Final = {
     "geometry": {"type": "LineString", "coordinates": [[11.5, 48.1], [11.52, 48.1]]},
     "properties": {"speed_m_s": 14.0},
 }
+UPLOADS: Final[dict[str, dict[str, Any]]] = {
+    "application/gpx+xml": {"schema": {"type": "string"}, "example": GPX},
+    "application/xml": {"schema": {"type": "string"}, "example": GPX},
+    "text/xml": {"schema": {"type": "string"}, "example": GPX},
+    "application/vnd.google-earth.kml+xml": {"schema": {"type": "string"}, "example": KML},
+    "text/csv": {"schema": {"type": "string"}, "example": CSV},
+    "application/octet-stream": {"schema": {"type": "string", "format": "binary"}},
+    "application/geo+json": {"schema": {"type": "object"}, "example": GEOJSON},
+    "application/json": {"schema": {"type": ["object", "array"]}, "example": PLANNED_REQUEST["links"]},
+}
+"""Media type of the upload of a route -> its media type object."""

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -13,6 +12,7 @@ from typing import Any, Final, TypeVar, cast
 
 import numpy as np
 import pandas as pd
+from cachetools import LRUCache
 from pydantic import ValidationError
 
 from tripwatt.certification import describe_car
@@ -26,6 +26,7 @@ from tripwatt.forecasting.storage import DEFAULT_MODEL
 from tripwatt.population.cars import for_car
 from tripwatt.routes import (
     Track,
+    fields_of_route,
     is_links_table,
     parse_route,
     plan_from_route,
@@ -35,7 +36,7 @@ from tripwatt.service.car_jobs import CarJobs
 from tripwatt.service.car_schemas import LogsRequest, NewCarRequest
 from tripwatt.service.journey_schemas import PlanRequest, ReachRequest
 from tripwatt.service.journeys import JourneyJobs
-from tripwatt.service.library import columns_of, described, examples, fields_of, vehicles
+from tripwatt.service.library import described, example, example_summaries, vehicles
 from tripwatt.service.schemas import (
     Elevation,
     ForecastRequest,
@@ -43,6 +44,7 @@ from tripwatt.service.schemas import (
     UpdateRequest,
     VehicleFigures,
     check_request,
+    departure_of,
     parse_json,
     parse_links,
     parse_observed,
@@ -53,8 +55,6 @@ from tripwatt.service.settings import Limits
 from tripwatt.sources.canonical import canonical_of_text
 from tripwatt.synthetic import example_trip
 from tripwatt.trips import (
-    ASKED,
-    Departure,
     Flag,
     Plan,
     gap_flags,
@@ -63,10 +63,13 @@ from tripwatt.trips import (
     time_faults,
 )
 from tripwatt.trips.messages import flag_to_dict, leave_in_words
+from tripwatt.trips.samples import columns_of
 from tripwatt.vehicles import Vehicle, find_vehicles, require_vehicle, vehicle_names
 
+Forecasting = TypeVar("Forecasting", bound=ForecastRequest)
+
 MOST_TRANSFERRED: Final = 64
-"""Models on other cars that a worker keeps; the oldest goes first."""
+"""Models on other cars that a worker keeps; the one that was used least recently goes first."""
 
 ROUTE_FIRST_BYTES: Final = (b"<", b"{", b"[", b"\xff", b"\xfe")
 """First bytes of XML, JSON and UTF-16."""
@@ -83,7 +86,7 @@ class Jobs:
     limits : Limits
     journeys : JourneyJobs
         The atlas of the service.
-    transferred : dict
+    transferred : LRUCache
         Models transferred to other cars, made when first used, by model and car.
     cars : CarJobs
         Cars whose models requests may name as well.
@@ -92,7 +95,9 @@ class Jobs:
     models: Mapping[str, ForecastModel]
     limits: Limits
     journeys: JourneyJobs = field(default_factory=JourneyJobs)
-    transferred: dict[tuple[str, str], ForecastModel] = field(default_factory=dict)
+    transferred: LRUCache[tuple[str, str | None], ForecastModel] = field(
+        default_factory=lambda: LRUCache(MOST_TRANSFERRED)
+    )
     cars: CarJobs = field(default_factory=CarJobs)
 
     @classmethod
@@ -139,42 +144,29 @@ class Jobs:
 
         Raises
         ------
-        NotJson, InvalidInput
+        InvalidInput, Problem
             When the body is wrong.
         """
         return JOB_KINDS[job["kind"]](self, job, body)
 
     def forecast(self, body: bytes) -> dict[str, Any]:
         """Return the response to a `ForecastRequest`."""
-        document = parse_json(body)
-        with collected_faults() as check:
-            request = check(lambda: check_request(document, ForecastRequest))
-            forecast = self._checked(document, check)
-        return require_finite(forecast(request).to_dict(request.reserve, request.probability))
+        request, forecast = self._forecast(body, ForecastRequest)
+        return require_finite(forecast.to_dict(request.reserve, request.probability))
 
     def update(self, body: bytes) -> dict[str, Any]:
         """Return the response to an `UpdateRequest`."""
-        document = parse_json(body)
-        with collected_faults() as check:
-            request = check(lambda: check_request(document, UpdateRequest))
-            forecast = self._checked(document, check)
-            if isinstance(document, dict) and "observed" in document:
-                observed = check(lambda: parse_observed(document["observed"], self.limits))
-        found = forecast(request).update(observed)
-        return require_finite(found.to_dict(request.reserve, request.probability))
+        request, forecast = self._forecast(body, UpdateRequest)
+        return require_finite(forecast.to_dict(request.reserve, request.probability))
 
     def need(self, body: bytes, probability: float) -> dict[str, Any]:
         """Return what a `ForecastRequest` needs with a probability: energy, and displayed charge to leave with."""
-        document = parse_json(body)
-        with collected_faults() as check:
-            request = check(lambda: check_request(document, ForecastRequest))
-            forecast = self._checked(document, check)
-        found = forecast(request)
+        request, forecast = self._forecast(body, ForecastRequest)
         needed = {
-            "expected_wh": found.energy_wh,
-            "energy_wh": found.quantile(probability),
-            "soc_needed": found.soc_needed(request.reserve, probability),
-            "wh_per_display": found.charge.wh_per_display,
+            "expected_wh": forecast.energy_wh,
+            "energy_wh": forecast.quantile(probability),
+            "soc_needed": forecast.soc_needed(request.reserve, probability),
+            "wh_per_display": forecast.charge.wh_per_display,
         }
         if not all(map(math.isfinite, needed.values())):
             raise _no_forecast()
@@ -183,10 +175,10 @@ class Jobs:
 
     def plan(self, body: bytes) -> dict[str, Any]:
         """Return the response to a `PlanRequest`."""
-        found = self.journeys.plan(*self._journey(body, PlanRequest))
-        for road in found["roads"]:
+        journey = self.journeys.plan(*self._journey(body, PlanRequest))
+        for road in journey["roads"]:
             require_finite(road["forecast"])
-        return found
+        return journey
 
     def reach(self, body: bytes) -> dict[str, Any]:
         """Return the response to a `ReachRequest`."""
@@ -195,79 +187,78 @@ class Jobs:
     def _journey(self, body: bytes, kind: type[RequestModel]) -> tuple[RequestModel, ForecastModel]:
         """The request of a body, and the model for its car."""
         document = parse_json(body)
-        with collected_faults() as check:
+        with Check() as check:
             request = check(lambda: check_request(document, kind))
             model = check(lambda: self._model(document if isinstance(document, dict) else {}))
         return request, model()
 
-    def _checked(self, document: Any, check: Check) -> Callable[[ForecastRequest], Forecast]:
-        """Check the trip, the model and the car of a request, whatever else is wrong with it.
+    def _forecast(self, body: bytes, kind: type[Forecasting]) -> tuple[Forecasting, Forecast]:
+        """The request of a body and its forecast, updated with the samples that the request observed.
 
-        Returns
-        -------
-        callable
-            Makes the forecast of the request.
+        Trip, model and car are checked whatever else is wrong with the request.
         """
-        plan = model = None
-        if isinstance(document, dict):
-            plan = check(lambda: self._plan(document))
-            model = check(lambda: self._model(document))
+        document = parse_json(body)
+        plan = model = observed = None
+        with Check() as check:
+            request = check(lambda: check_request(document, kind))
+            if isinstance(document, dict):
+                plan = check(lambda: self._plan(document))
+                model = check(lambda: self._model(document))
+                if "observed" in kind.model_fields and "observed" in document:
+                    observed = check(lambda: parse_observed(document["observed"], self.limits))
+        assert plan is not None
+        assert model is not None
+        forecast = model().forecast(replace(plan, trip_id=request.trip), departure_of(request))
+        return request, forecast if observed is None else forecast.update(observed)
 
-        def forecast(request: ForecastRequest) -> Forecast:
-            assert plan is not None
-            assert model is not None
-            departure = Departure(**{name: getattr(request, name) for name in ASKED})
-            return model().forecast(replace(plan, trip_id=request.trip), departure)
+    def model_of(self, document: Mapping[str, Any]) -> ForecastModel:
+        """The model of a request for its car.
 
-        return forecast
+        Raises
+        ------
+        InvalidInput
+            When there is no such model or car.
+        """
+        return self._model(document)()
 
     def _model(self, document: Mapping[str, Any]) -> Callable[[], ForecastModel]:
         """What gives the model of a request for its car; model and car are checked here, and transferred there."""
         name, vehicle = document.get("model"), document.get("vehicle")
         name = next(iter(self.models)) if name is None else name
-        faults = []
         label, fitted = name, self.models.get(name) if isinstance(name, str) else None
+        faults: list[Fault] = []
         if isinstance(name, str) and fitted is None:
             label, fitted = self.cars.model(name) or (name, None)
             if fitted is None:
                 faults.append(_unknown("model", name, [*self.models, *self.cars.names()]))
         # only names of the library, never a path of a file
-        if isinstance(vehicle, str) and vehicle not in (
-            *vehicle_names(),
-            *(m.vehicle.name for m in (*self.models.values(), fitted) if m is not None),
-        ):
+        measured = (model.vehicle.name for model in (*self.models.values(), fitted) if model is not None)
+        if isinstance(vehicle, str) and vehicle not in (*vehicle_names(), *measured):
             try:
                 require_vehicle(vehicle)
             except InvalidInput as error:
                 faults += error.faults
-        if faults or not isinstance(name, str) or not isinstance(vehicle, str | None):
+        if faults or fitted is None or not isinstance(vehicle, str | None):
             raise InvalidInput(faults)  # another type is a fault of its field
-        assert fitted is not None
-        model = fitted
         figures = document.get("vehicle_figures")
         if vehicle is not None and figures is not None:
-            got = "both"
-            raise InvalidInput(Fault("no single car", "vehicle, vehicle_figures", got, "one of the two"))
-        known = None if figures is None else _figures(figures)
-        if vehicle is None and known is None:
-            return lambda: model
-        key = (f"{label}", vehicle or "" if known is None else known.model_dump_json())
+            raise _no_single_car("both")
+        if vehicle is None and figures is None:
+            return lambda: fitted
+        described = None if figures is None else _figures(figures)
+        key = label, vehicle if described is None else described.model_dump_json()
         kept = self.transferred.get(key)
         if kept is not None:
             return lambda: kept
-        car = vehicle if known is None else describe(known)
-        return lambda: self._transfer(key, model, car)
+        car = vehicle if described is None else describe(described)
 
-    def _transfer(
-        self, key: tuple[str, str], model: ForecastModel, car: Vehicle | str | None
-    ) -> ForecastModel:
-        """The model transferred to another car, which is kept for the next request."""
-        while len(self.transferred) >= MOST_TRANSFERRED:
-            del self.transferred[next(iter(self.transferred))]
-        own = for_car(model, car)
-        if own is not model:
-            self.transferred[key] = own
-        return own
+        def transferred() -> ForecastModel:
+            own = for_car(fitted, car)
+            if own is not fitted:
+                self.transferred[key] = own
+            return own
+
+        return transferred
 
     def describe(self, body: bytes) -> dict[str, Any]:
         """Return the response to `VehicleFigures`."""
@@ -278,12 +269,9 @@ class Jobs:
         request = check_request(parse_json(body), NewCarRequest)
         if request.name in self.models:
             got = f"{request.name}"
-            raise InvalidInput(
-                Fault("name is taken", "name", got, "another name: a model of the service has it")
-            )
+            raise InvalidInput.of("name is taken", "name", got, "another name: a model of the service has it")
         if (request.vehicle is None) == (request.vehicle_figures is None):
-            got = "neither" if request.vehicle is None else "both"
-            raise InvalidInput(Fault("no single car", "vehicle, vehicle_figures", got, "one of the two"))
+            raise _no_single_car("neither" if request.vehicle is None else "both")
         if request.vehicle_figures is not None:
             return self.cars.create(request.name, describe(request.vehicle_figures))
         require_vehicle(request.vehicle or "")
@@ -293,7 +281,7 @@ class Jobs:
         samples, links = document.get("samples"), document.get("links")
         if (samples is None) == (links is None):
             got = "neither" if samples is None else "both"
-            raise InvalidInput(Fault("no single trip", "samples, links", got, "either samples or links"))
+            raise InvalidInput.of("no single trip", "samples, links", got, "either samples or links")
         if samples is not None:
             return plan_from_samples(parse_samples(samples, self.limits), "samples")
         return plan_from_route(parse_links(links, _elevation(document.get("elevation")), self.limits))
@@ -319,19 +307,17 @@ class Jobs:
                 return self._route_response(plan.samples, plan.flags)
             route = route_from_track(route, speed_m_s)
         if len(route) > self.limits.links:
-            raise InvalidInput(
-                Fault("too many links", "upload", f"{len(route)}", f"at most {self.limits.links}")
-            )
+            raise InvalidInput.of("too many links", "upload", f"{len(route)}", f"at most {self.limits.links}")
         require_duration(route.duration_s, "upload", self.limits)
         plan = plan_from_route(route)
-        return self._route_response(plan.samples, plan.flags) | fields_of(route)
+        return self._route_response(plan.samples, plan.flags) | fields_of_route(route)
 
     def _route_response(self, samples: pd.DataFrame, flags: tuple[Flag, ...] = ()) -> dict[str, Any]:
         """The response to an upload, without links."""
         time, speed = samples["time_s"].to_numpy(), samples["speed_m_s"].to_numpy()
         if len(samples) > self.limits.samples:
             allowed = f"at most {self.limits.samples}"
-            raise InvalidInput(Fault("too many samples", "upload", f"{len(samples)}", allowed))
+            raise InvalidInput.of("too many samples", "upload", f"{len(samples)}", allowed)
         require_duration(float(time[-1] - time[0]), "upload", self.limits)
         raise_faults(time_faults(time, "upload"))
         flags = flags or gap_flags(time)
@@ -348,11 +334,11 @@ class Jobs:
         """Return the cars of the library, or those that words find, each with the models fitted on its trips."""
         cars = {name: model.vehicle.name for name, model in self.models.items()}
         by_name = {row["name"]: row for row in vehicles()}
-        found = tuple(by_name) if search is None else find_vehicles(search)
+        names = tuple(by_name) if search is None else find_vehicles(search)
         return {
             "vehicles": [
                 {**by_name[name], "models": [model for model, car in cars.items() if car == name]}
-                for name in found
+                for name in names
             ]
         }
 
@@ -361,34 +347,11 @@ Checked = TypeVar("Checked")
 
 
 class Check:
-    """Run checks of one input, and collect the faults of all."""
-
-    def __init__(self) -> None:
-        self.faults: list[Fault] = []
-        self.failed = False
-
-    def __call__(self, check: Callable[[], Checked]) -> Checked:
-        """Return the result of a check; where it fails, nothing that `collected_faults` lets through."""
-        try:
-            return check()
-        except InvalidInput as error:
-            self.failed = True
-            self.faults.extend(error.faults)
-            return cast(Checked, None)
-
-
-@contextmanager
-def collected_faults() -> Iterator[Check]:
-    """Collect the faults of several checks.
-
-    Raises
-    ------
-    InvalidInput
-        At the end of the block, with the faults of all checks.
+    """Run checks of one input, and raise the faults of all at the end of a `with` block.
 
     Examples
     --------
-    >>> with collected_faults() as check:
+    >>> with Check() as check:
     ...     check(lambda: parse_links(1, None, Limits()))
     ...     check(lambda: parse_links(2, None, Limits()))
     Traceback (most recent call last):
@@ -396,10 +359,29 @@ def collected_faults() -> Iterator[Check]:
     tripwatt.errors.InvalidInput: not a list: links: got 1; allowed: a list of objects
     not a list: links: got 2; allowed: a list of objects
     """
-    check = Check()
-    yield check
-    if check.failed:
-        raise InvalidInput(dict.fromkeys(check.faults))
+
+    def __init__(self) -> None:
+        self.errors: list[InvalidInput] = []
+
+    def __enter__(self) -> Check:
+        return self
+
+    def __call__(self, check: Callable[[], Checked]) -> Checked:
+        """Return the result of a check; where it fails, nothing that the end of the block lets through."""
+        try:
+            return check()
+        except InvalidInput as error:
+            self.errors.append(error)
+            return cast(Checked, None)
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        """Raise `InvalidInput` with the faults of all checks, each once."""
+        if self.errors and kind is None:
+            raise InvalidInput(dict.fromkeys(fault for error in self.errors for fault in error.faults))
+
+
+def _no_single_car(got: str) -> InvalidInput:
+    return InvalidInput.of("no single car", "vehicle, vehicle_figures", got, "one of the two")
 
 
 def _unknown(what: str, name: str, known: Sequence[str]) -> Fault:
@@ -439,7 +421,8 @@ JOB_KINDS: Final[Mapping[str, Callable[[Jobs, Mapping[str, Any], bytes], dict[st
             "view": lambda jobs, job, body: jobs.journeys.view(job["bounds_deg"], job["limit"]),
             "vehicles": lambda jobs, job, body: jobs.vehicles(job.get("search")),
             "describe": lambda jobs, job, body: jobs.describe(body),
-            "examples": lambda jobs, job, body: examples(),
+            "examples": lambda jobs, job, body: example_summaries(),
+            "example": lambda jobs, job, body: example(job["trip"]),
             "cars": lambda jobs, job, body: jobs.cars.list(),
             "car": lambda jobs, job, body: jobs.cars.show(job["car"]),
             "new car": lambda jobs, job, body: jobs.new_car(body),
@@ -464,18 +447,18 @@ def describe(figures: VehicleFigures) -> Vehicle:
     return describe_car(**figures.model_dump())
 
 
-def require_finite(forecast: dict[str, Any]) -> dict[str, Any]:
+def require_finite(forecast: Mapping[str, Any]) -> dict[str, Any]:
     """Check that all values of a forecast are finite, because JSON has no other numbers.
 
     Parameters
     ----------
-    forecast : dict
+    forecast : mapping
         A forecast as `Forecast.to_dict` returns it.
 
     Returns
     -------
     dict
-        The same object.
+        The same values.
 
     Raises
     ------
@@ -493,8 +476,8 @@ def require_finite(forecast: dict[str, Any]) -> dict[str, Any]:
         math.isfinite(sum(values)) for values in lists
     ):  # one value that is not finite makes the sum so
         raise _no_forecast()
-    return forecast
+    return dict(forecast)
 
 
 def _no_forecast() -> InvalidInput:
-    return InvalidInput(Fault("no forecast", "trip", "implausible results", "a trip that a car can drive"))
+    return InvalidInput.of("no forecast", "trip", "implausible results", "a trip that a car can drive")

@@ -1,26 +1,26 @@
-"""Schemas of journeys: requests and responses of `/v1/plan`, `/v1/reachable`, `/v1/places` and below `/v1/map`."""
+"""Schemas of journeys: requests and responses of `/v1/journeys`, `/v1/reachable`, `/v1/places` and below `/v1/map`."""
 
 from __future__ import annotations
 
-import datetime as dt
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import AwareDatetime, BaseModel, ConfigDict, Field
+from pydantic import AwareDatetime, Field
 
-from tripwatt.service.schemas import FlagDocument, ForecastResponse, ResponseModel, VehicleFigures
-from tripwatt.trips import COLUMNS, QUANTITIES, Column
+from tripwatt.forecasting.document import FlagDocument, ForecastResponse
+from tripwatt.service.schemas import (
+    CarRequest,
+    DepartureRequest,
+    ResponseModel,
+    StrictModel,
+    asked,
+    bounded,
+    reserved,
+)
+from tripwatt.trips import ASKED, COLUMNS, QUANTITIES
 
 
-def _bounded(column: Column, default: Any = None) -> Any:
-    return Field(
-        default, ge=column.minimum, le=column.maximum, description=f"{column.meaning} [{column.unit}]"
-    )
-
-
-class PlaceRequest(BaseModel):
+class PlaceRequest(StrictModel):
     """A place by its coordinates."""
-
-    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
 
     latitude_deg: float = Field(ge=-90.0, le=90.0)
     longitude_deg: float = Field(ge=-180.0, le=180.0)
@@ -31,78 +31,50 @@ Stop = Annotated[str, Field(min_length=1, max_length=200)] | PlaceRequest
 """A place: its name, latitude and longitude as text, or an object."""
 
 
-class WeatherRequest(BaseModel):
-    """Weather by hand, for the whole journey."""
+class WeatherRequest(StrictModel):
+    """Weather by hand, for the whole journey: the fields of the departure under their old names."""
 
-    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
-
-    temperature_degc: float | None = _bounded(COLUMNS["ambient_temperature_degc"])
-    wind_speed_m_s: float = _bounded(QUANTITIES["wind_speed_m_s"], 0.0)
-    wind_from_deg: float = _bounded(QUANTITIES["wind_from_deg"], 0.0)
-    rain_mm_h: float = _bounded(QUANTITIES["rain_mm_h"], 0.0)
-    pressure_pa: float | None = _bounded(QUANTITIES["pressure_pa"])
+    temperature_degc: float | None = bounded(COLUMNS, "ambient_temperature_degc")
+    wind_speed_m_s: float = bounded(QUANTITIES, "wind_speed_m_s", 0.0)
+    wind_from_deg: float = bounded(QUANTITIES, "wind_from_deg", 0.0)
+    rain_mm_h: float = bounded(QUANTITIES, "rain_mm_h", 0.0)
+    pressure_pa: float | None = bounded(QUANTITIES, "pressure_pa")
 
 
-class _Departs(BaseModel):
-    """The car and its state at departure."""
+class _Departs(DepartureRequest, CarRequest):
+    """The car, and what is known at departure."""
 
-    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
-
-    model: str | None = Field(None, max_length=100, description="one of /v1/models; default: the first one")
-    vehicle: str | None = Field(
-        None, max_length=100, description="one of /v1/vehicles; default: the car of the model"
-    )
-    vehicle_figures: VehicleFigures | None = Field(
-        None, description="a car of your own in place of `vehicle`"
-    )
-    soc: float | None = _bounded(COLUMNS["displayed_soc"])
-    ambient_temperature_degc: float | None = _bounded(COLUMNS["ambient_temperature_degc"])
-    cabin_setpoint_degc: float | None = _bounded(COLUMNS["cabin_setpoint_degc"])
-    cabin_temperature_degc: float | None = _bounded(COLUMNS["cabin_temperature_degc"])
-    battery_temperature_degc: float | None = _bounded(COLUMNS["battery_temperature_degc"])
-    payload_mass_kg: float | None = _bounded(QUANTITIES["payload_mass_kg"])
-    climate: Literal["auto", "off", "heat", "cool"] | None = Field(
-        None, description="what climate control may do; heat: no cooling, cool: no heating"
-    )
-    extras: list[Literal["winter_tyres", "roof_box", "trailer", "headlights"]] | None = Field(
-        None, max_length=4, description="what is fitted to the car or switched on"
-    )
-    terrain: Literal["unknown", "flat", "hilly", "mountains"] | None = Field(
-        None, description="country of a road whose heights are unknown: how far it may climb"
-    )
-    depart: Annotated[AwareDatetime | None, Field(strict=False)] = Field(
-        None, description="departure, with its time zone; default: now. It counts for the weather."
-    )
-    weather: WeatherRequest | None = None
-
-    @property
-    def started_at(self) -> dt.datetime | None:
-        """Departure."""
-        return self.depart
+    departs_at: AwareDatetime | None = asked("departs_at", ASKED["departs_at"])[1]
+    weather: WeatherRequest | None = Field(None, json_schema_extra={"deprecated": True})
+    """old form of wind_speed_m_s, wind_from_deg, rain_mm_h and pressure_pa"""
 
 
 class PlanRequest(_Departs):
-    """A journey: places in their order, the car, and its state at departure."""
+    """A journey: places in their order, the car, and what is known at departure."""
 
     stops: list[Stop] = Field(min_length=2, max_length=20)
-    reserve: float = _bounded(QUANTITIES["reserve"], 0.1)
-    alternatives: int = Field(0, ge=0, le=3, description="other roads beside the fastest")
-    round_trip: bool = Field(False, description="back to the start")
-    answers: bool = Field(True, description="whether costs, speed and charging are worked out")
+    reserve: float = reserved(0.1)
+    alternatives: int = Field(0, ge=0, le=3)
+    """other roads beside the fastest"""
+    round_trip: bool = False
+    """back to the start"""
+    answers: bool = True
+    """whether costs, speed and charging are worked out"""
 
 
 class ReachRequest(_Departs):
-    """A start, the car, and its state at departure."""
+    """A start, the car, and what is known at departure."""
 
     start: Stop
-    reserve: float = _bounded(QUANTITIES["reserve"], 0.0)
+    reserve: float = reserved(0.0)
 
 
 class PlaceDocument(ResponseModel):
     """A place."""
 
     name: str
-    kind: str = Field(description="what it is on the map; empty when unknown")
+    kind: str
+    """what it is on the map; empty when unknown"""
     latitude_deg: float
     longitude_deg: float
 
@@ -119,7 +91,8 @@ class LineDocument(ResponseModel):
 
     latitude_deg: list[float]
     longitude_deg: list[float]
-    position_m: list[float] = Field(description="distance of each point from the start [m]")
+    position_m: list[float]
+    """distance of each point from the start [m]"""
 
 
 class RoadLinks(ResponseModel):
@@ -134,7 +107,8 @@ class StopDocument(ResponseModel):
     """An intermediate stop."""
 
     position_m: float
-    displayed_soc: float = Field(description="expected displayed state of charge there")
+    displayed_soc: float
+    """expected displayed state of charge there"""
 
 
 class RoadDocument(ResponseModel):
@@ -146,9 +120,8 @@ class RoadDocument(ResponseModel):
     line: LineDocument
     links: RoadLinks
     stops: list[StopDocument]
-    samples: dict[str, list[float | None]] = Field(
-        description="speed and elevation that the driver model gives"
-    )
+    samples: dict[str, list[float | None]]
+    """speed and elevation that the driver model gives"""
     forecast: ForecastResponse
 
 
@@ -160,50 +133,63 @@ class StationDocument(ResponseModel):
     name: str
     power_w: float
     direct_current: bool
-    power_known: bool = Field(description="whether the map gives the power; else it is assumed")
+    power_known: bool
+    """whether the map gives the power; else it is assumed"""
 
 
 class ChargingDocument(ResponseModel):
     """A journey with one stop to charge."""
 
     station: StationDocument
-    soc_arrival: float = Field(description="expected displayed state of charge at the station")
-    soc_leave: float = Field(description="displayed state of charge to leave the station with")
-    charging_s: float = Field(description="time at the station [s]")
-    duration_s: float = Field(description="of the whole journey with the stop [s]")
-    p_station: float = Field(description="probability to reach the station")
-    p_arrive: float = Field(description="probability to reach the destination with the reserve after it")
+    soc_arrival: float
+    """expected displayed state of charge at the station"""
+    soc_leave: float
+    """displayed state of charge to leave the station with"""
+    charging_s: float
+    """time at the station [s]"""
+    duration_s: float
+    """of the whole journey with the stop [s]"""
+    p_station: float
+    """probability to reach the station"""
+    p_arrive: float
+    """probability to reach the destination with the reserve after it"""
 
 
 class PlanResponse(ResponseModel):
     """A journey, as `tripwatt plan --json` prints it."""
 
-    stops: list[PlaceDocument] = Field(description="the places as they were understood")
+    stops: list[PlaceDocument]
+    """the places as they were understood"""
     reserve: float
-    arrives: bool = Field(description="whether at least 19 of 20 trips arrive with the reserve")
-    p_arrive: float = Field(description="probability to arrive with the reserve")
-    soc_needed: float = Field(
-        description="displayed state of charge to leave with, to arrive with the reserve in 19 of 20 trips; above 1: a full "
-        "battery does not suffice; 0: any charge does"
-    )
-    leave: str = Field(description="`soc_needed` as an English sentence")
-    costs_wh: dict[str, float] = Field(description="energy that the journey takes less without each [Wh]")
-    needs_motorway_speed: bool = Field(description="whether a lower speed on motorways was looked for")
-    motorway_speed_m_s: float | None = Field(
-        description="speed on motorways with which it arrives; null: none does"
-    )
+    arrives: bool
+    """whether at least 19 of 20 trips arrive with the reserve"""
+    p_arrive: float
+    """probability to arrive with the reserve"""
+    soc_needed: float
+    """displayed state of charge to leave with, to arrive with the reserve in 19 of 20 trips; above 1: a full battery does not suffice; 0: any charge does"""
+    leave: str
+    """`soc_needed` as an English sentence"""
+    costs_wh: dict[str, float]
+    """energy that the journey takes less without each [Wh]"""
+    needs_motorway_speed: bool
+    """whether a lower speed on motorways was looked for"""
+    motorway_speed_m_s: float | None
+    """speed on motorways with which it arrives; null: none does"""
     motorway_duration_s: float | None
     charging: ChargingDocument | None
-    roads: list[RoadDocument] = Field(description="the fastest first")
+    roads: list[RoadDocument]
+    """the fastest first"""
     flags: list[FlagDocument]
-    attribution: str = Field(description="to be shown beside roads and places")
+    attribution: str
+    """to be shown beside roads and places"""
 
 
 class PolygonDocument(ResponseModel):
     """A polygon of GeoJSON."""
 
     type: Literal["Polygon"]
-    coordinates: list[list[tuple[float, float]]] = Field(description="longitude and latitude [°]")
+    coordinates: list[list[list[float]]]
+    """longitude and latitude [°]"""
 
 
 class AreaDocument(ResponseModel):
@@ -218,7 +204,8 @@ class ReachResponse(ResponseModel):
 
     start: PlaceDocument
     areas: list[AreaDocument]
-    map_ends: bool = Field(description="whether the map ends before the charge in at least one direction")
+    map_ends: bool
+    """whether the map ends before the charge in at least one direction"""
     flags: list[FlagDocument]
     attribution: str
 
@@ -226,20 +213,26 @@ class ReachResponse(ResponseModel):
 class ViewResponse(ResponseModel):
     """What is named in a part of the map."""
 
-    settlements: list[PlaceDocument] = Field(description="the most important first")
-    stations: list[StationDocument] = Field(description="charging stations, those with the most power first")
+    settlements: list[PlaceDocument]
+    """the most important first"""
+    stations: list[StationDocument]
+    """charging stations, those with the most power first"""
     attribution: str
 
 
 class MapResponse(ResponseModel):
-    """What this service knows of the world."""
+    """Roads, places and weather of this service."""
 
-    roads: bool = Field(description="whether /v1/plan and /v1/reachable are served")
-    places: bool = Field(description="whether places are found by name")
-    weather: bool = Field(description="whether a weather server is asked")
-    tiles: bool = Field(description="whether /v1/tiles has the roads as vector tiles")
-    stations: int = Field(description="number of charging stations")
-    bounds_deg: tuple[float, float, float, float] | None = Field(
-        description="south, west, north and east of the map"
-    )
+    roads: bool
+    """whether /v1/journeys and /v1/reachable are served"""
+    places: bool
+    """whether places are found by name"""
+    weather: bool
+    """whether a weather server is asked"""
+    tiles: bool
+    """whether /v1/tiles has the roads as vector tiles"""
+    stations: int
+    """number of charging stations"""
+    bounds_deg: list[float] | None
+    """south, west, north and east of the map"""
     attribution: str

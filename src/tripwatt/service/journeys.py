@@ -11,17 +11,17 @@ from tripwatt.forecasting import ForecastModel
 from tripwatt.journey import (
     Atlas,
     AtlasSettings,
-    Drive,
     JourneyOptions,
     Place,
+    RoadForecaster,
     find_reach,
     find_stops,
     journey_with,
     open_atlas,
 )
-from tripwatt.routes.weather import Weather
 from tripwatt.service.journey_schemas import PlaceRequest, PlanRequest, ReachRequest
-from tripwatt.trips import ASKED, Departure
+from tripwatt.service.schemas import departure_of
+from tripwatt.trips import Departure
 
 
 @dataclass(frozen=True)
@@ -49,19 +49,18 @@ class JourneyJobs:
             request.reserve,
             request.alternatives,
             request.round_trip,
-            weather_of(request),
             request.answers,
         )
         stops = find_stops([place_of(stop) for stop in request.stops], atlas, round_trip=request.round_trip)
-        drive = Drive(model, departure_of(request), options.weather or atlas.weather)
-        return journey_with(drive, stops, atlas, options).to_dict()
+        forecaster = RoadForecaster(model, departure_of_journey(request), atlas.weather)
+        return journey_with(forecaster, stops, atlas, options).to_dict()
 
     def reach(self, request: ReachRequest, model: ForecastModel) -> dict[str, Any]:
         """Return the response to a `ReachRequest`."""
         atlas = self._atlas()
         start = atlas.find(place_of(request.start), "start")
-        drive = Drive(model, departure_of(request), weather_of(request) or atlas.weather)
-        return find_reach(drive, start, atlas, reserve=request.reserve).to_dict()
+        forecaster = RoadForecaster(model, departure_of_journey(request), atlas.weather)
+        return find_reach(forecaster, start, atlas, reserve=request.reserve).to_dict()
 
     def places(self, text: str, limit: int) -> dict[str, Any]:
         """Return places by name."""
@@ -103,7 +102,7 @@ class JourneyJobs:
         }
 
     def describe(self) -> dict[str, Any]:
-        """Return what the service knows of the world."""
+        """Return the roads, places and weather of the service."""
         atlas = self.atlas
         return {
             "roads": atlas is not None,
@@ -128,12 +127,10 @@ def place_of(stop: str | PlaceRequest) -> str | Place:
     return Place(stop.latitude_deg, stop.longitude_deg, stop.name)
 
 
-def weather_of(request: PlanRequest | ReachRequest) -> Weather | None:
-    """The weather by hand of a request."""
-    return None if request.weather is None else Weather(**request.weather.model_dump())
-
-
-def departure_of(request: PlanRequest | ReachRequest) -> Departure:
-    """The departure of a request."""
-    known = {name: getattr(request, name) for name in ASKED}
-    return Departure(**known, started_at=request.started_at)
+def departure_of_journey(request: PlanRequest | ReachRequest) -> Departure:
+    """The departure of a request, with the weather in its old form where the request has it."""
+    known = departure_of(request)
+    if request.weather is None:
+        return known
+    old = request.weather.model_dump()
+    return Departure(ambient_temperature_degc=old.pop("temperature_degc"), **old).merge(known)

@@ -6,71 +6,45 @@ from functools import cache
 from typing import Any, Final
 
 import numpy as np
-import pandas as pd
 
 from tripwatt.certification import certified_interval
 from tripwatt.forecasting import load_model
 from tripwatt.physics.battery import open_circuit_voltage
-from tripwatt.routes import LinkRoute
+from tripwatt.service.problems import Problem
+from tripwatt.service.schemas import ExampleSummary, ForecastRequest
 from tripwatt.synthetic import synthetic_fleet
-from tripwatt.trips import ASKED
+from tripwatt.trips.samples import columns_of
 from tripwatt.vehicles import Vehicle, load_vehicle, vehicle_names
 
 EXAMPLE_COUNT: Final = 6
 EXAMPLE_CAR: Final = "bmw_i3_60ah"
 
 
-def links_of(route: LinkRoute) -> list[dict[str, float]]:
-    """Return a route as the `links` of a request, without its elevation."""
-    columns = {
-        "length_m": route.length_m,
-        "travel_time_s": route.travel_time_s,
-        "stop_s": route.stop_s,
-        "moving_speed_m_s": route.moving_speed_m_s,
-    }
-    if route.speed_limit_m_s is not None:
-        columns["speed_limit_m_s"] = route.speed_limit_m_s
-    names = list(columns)
-    rows = zip(*(columns[name].tolist() for name in names), strict=True)
-    return [{n: v for n, v in zip(names, row, strict=True) if v == v} for row in rows]
-
-
-def fields_of(route: LinkRoute) -> dict[str, Any]:
-    """Return a route as the fields `links` and `elevation` of a request."""
-    if route.elevation_m is None or route.elevation_position_m is None:
-        return {"links": links_of(route), "elevation": None}
-    elevation = {
-        "position_m": route.elevation_position_m.tolist(),
-        "elevation_m": route.elevation_m.tolist(),
-    }
-    return {"links": links_of(route), "elevation": elevation}
-
-
-def columns_of(samples: pd.DataFrame) -> dict[str, list[float | None]]:
-    """Return a table as the `samples` of a request; a missing value is None."""
-    return {
-        name: [None if v != v else v for v in np.asarray(samples[name], dtype=np.float64).tolist()]
-        for name in samples.columns
-    }
-
-
 @cache
 def vehicles() -> tuple[dict[str, Any], ...]:
     """Return the cars of the library, without the models of the service."""
-    rows = []
-    for name in vehicle_names():
-        car = load_vehicle(name)
-        rows.append(
-            {
-                "name": name,
-                "title": car.title,
-                "test_mass_kg": car.body.test_mass_kg,
-                "usable_energy_wh": usable_energy_wh(car),
-                "has_climate": car.climate is not None,
-                "anchor": car.anchor,
-            }
-        )
-    return tuple(rows)
+    cars = map(load_vehicle, vehicle_names())
+    return tuple({"name": car.name, "has_climate": car.climate is not None, **_values(car)} for car in cars)
+
+
+def described(car: Vehicle) -> dict[str, Any]:
+    """Return a car from a few figures with what it would be certified with."""
+    certified = certified_interval(car)
+    return {
+        **_values(car),
+        "wltp_kwh_per_100km": certified.middle,
+        "wltp_low_kwh_per_100km": certified.low,
+        "wltp_high_kwh_per_100km": certified.high,
+    }
+
+
+def _values(car: Vehicle) -> dict[str, Any]:
+    return {
+        "title": car.title,
+        "test_mass_kg": car.body.test_mass_kg,
+        "usable_energy_wh": usable_energy_wh(car),
+        "anchor": car.anchor,
+    }
 
 
 def usable_energy_wh(car: Vehicle) -> float:
@@ -80,36 +54,24 @@ def usable_energy_wh(car: Vehicle) -> float:
     return car.battery.capacity_ah * mean_v * float(window[-1] - window[0])
 
 
-def described(car: Vehicle) -> dict[str, Any]:
-    """Return a car from a few figures with what it would be certified with."""
-    found = certified_interval(car)
-    return {
-        "title": car.title,
-        "test_mass_kg": car.body.test_mass_kg,
-        "usable_energy_wh": usable_energy_wh(car),
-        "anchor": car.anchor,
-        "wltp_kwh_per_100km": found.middle,
-        "wltp_low_kwh_per_100km": found.low,
-        "wltp_high_kwh_per_100km": found.high,
-    }
-
-
 @cache
 def examples() -> dict[str, dict[str, Any]]:
     """Return synthetic trips as examples, by name."""
     charge = load_model().fitted_parts("examples")[1].charge
     battery = load_vehicle(EXAMPLE_CAR).battery
-    found = {}
+    by_trip = {}
     for trip in synthetic_fleet(EXAMPLE_COUNT).trips:
         known = trip.departure.to_dict()
-        at_departure: dict[str, Any] = {name: known[name] for name in ASKED if name in known}
+        at_departure: dict[str, Any] = {
+            name: known[name] for name in ForecastRequest.model_fields if name in known
+        }
         managed = float(trip.array("soc")[0])
         # as the bundled model reads the samples on the way, so that the curve starts where the departure does
         shown = battery.displayed_from_soc(managed) if charge is None else charge.displayed(managed)
         at_departure["soc"] = float(np.clip(shown, 0.0, 1.0))
         route = [c for c in ("time_s", "speed_m_s", "elevation_m") if c in trip]
         measured = [c for c in ("time_s", "voltage_v", "current_a", "soc") if c in trip]
-        found[trip.trip_id] = {
+        by_trip[trip.trip_id] = {
             "trip": trip.trip_id,
             "title": trip.context.route or trip.trip_id,
             "vehicle": EXAMPLE_CAR,
@@ -125,4 +87,23 @@ def examples() -> dict[str, dict[str, Any]]:
             },
             "observed": columns_of(trip.samples[measured]),
         }
-    return found
+    return by_trip
+
+
+def example_summaries() -> dict[str, Any]:
+    """Return the examples without their samples."""
+    fields = ExampleSummary.model_fields
+    return {"examples": [{name: example[name] for name in fields} for example in examples().values()]}
+
+
+def example(trip: str) -> dict[str, Any]:
+    """Return an example by its name.
+
+    Raises
+    ------
+    Problem
+        `not-found`.
+    """
+    if trip not in examples():
+        raise Problem("not-found", "unknown example")
+    return examples()[trip]

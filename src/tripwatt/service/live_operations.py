@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import asyncio
 import contextlib
 import time
-from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
-from contextlib import asynccontextmanager
+from collections.abc import Awaitable, Callable, Mapping
+from contextlib import AbstractAsyncContextManager
 from typing import Annotated, Any, Final
 from urllib.parse import parse_qsl
 
-import orjson
 from fastapi import Path as PathValue
 from fastapi import Query
 from starlette.requests import Request
@@ -18,19 +16,41 @@ from starlette.responses import Response
 
 from tripwatt.errors import Fault, InvalidInput, excerpt
 from tripwatt.live import sample_from_abrp
-from tripwatt.live.live_car import VALID_NAME
+from tripwatt.live.folder import VALID_NAME
 from tripwatt.live.telemetry import FIRST_TIME_S, LAST_TIME_S
-from tripwatt.service.live import EventResponse, LiveCars
-from tripwatt.service.openapi import EVENTS, FORM, JSON
+from tripwatt.service.answering import json_response
+from tripwatt.service.live import LiveCars
+from tripwatt.service.live_schemas import (
+    LiveCarsResponse,
+    LiveDeparture,
+    LivePlanRequest,
+    LiveResponse,
+    NeedResponse,
+    TelemetryRequest,
+    TelemetryResponse,
+)
+from tripwatt.service.openapi import (
+    BODY_PROBLEMS,
+    COMMON_PROBLEMS,
+    EVENTS,
+    FORM,
+    JSON,
+    operation,
+)
 from tripwatt.service.pool import WorkerPool
 from tripwatt.service.problems import Problem, invalid_input, refusal
 from tripwatt.service.receiving import media_type, request_id, require_accepts
+from tripwatt.service.schemas import check_request, parse_json
 from tripwatt.service.settings import Settings
 
 MOST_MESSAGE_BYTES: Final = 65_536
 """Largest message of a car; those of senders have less than 2 kB."""
 
 MOST_FORM_FIELDS: Final = 20
+
+LIVE_EVENTS: Final = {
+    "schema": {"type": "string", "description": "events `live`; the data of each is a LiveResponse"}
+}
 
 ReadBody = Callable[..., Awaitable[bytes]]
 NAME: Final = {"pattern": f"^{VALID_NAME.pattern}$", "description": "name of the car's folder"}
@@ -59,31 +79,11 @@ class LiveOperations:
         self, settings: Settings, pool: WorkerPool, read_body: ReadBody, log: Callable[..., None]
     ) -> None:
         self.read_body = read_body
-        self._cars = (
-            None
-            if settings.cars is None
-            else LiveCars(settings.cars, pool, settings.limits, log, settings.keep_days)
-        )
+        self._cars = None if settings.cars is None else LiveCars(settings, pool, log)
 
-    @asynccontextmanager
-    async def running(self) -> AsyncIterator[None]:
+    def running(self) -> AbstractAsyncContextManager[None]:
         """Watch the cars while the service runs."""
-        if self._cars is None:
-            yield
-            return
-        watch = asyncio.ensure_future(self._cars.watch())
-        try:
-            yield
-        finally:
-            watch.cancel()
-            with contextlib.suppress(asyncio.CancelledError):
-                await watch
-            self._cars.close()
-
-    def end_streams(self) -> None:
-        """End all streams of events."""
-        if self._cars is not None:
-            self._cars.end_streams()
+        return contextlib.nullcontext() if self._cars is None else self._cars.running()
 
     @property
     def cars(self) -> LiveCars:
@@ -98,38 +98,53 @@ class LiveOperations:
             raise Problem("no-live", "start the service with --cars")
         return self._cars
 
+    @operation(
+        "POST /v1/telemetry",
+        "live",
+        TelemetryResponse,
+        {JSON: TelemetryRequest, FORM: TelemetryRequest},
+        only=(*COMMON_PROBLEMS, *BODY_PROBLEMS, "busy", "no-live"),
+        more={"security": [{"car": []}, {}]},  # or the token is part of the message
+    )
     async def telemetry(self, request: Request) -> Response:
         """Take a message of a car in the format of A Better Routeplanner's live data."""
         cars = self.cars
         body = await self.read_body(request, (JSON, FORM), MOST_MESSAGE_BYTES)
         message = message_of(body, media_type(request))
-        vehicle = cars.by_token(given_token(message, request))
+        car = cars.by_token(given_token(message, request))
         try:
             sample = sample_from_abrp(telemetry_of(message))
         except InvalidInput as error:
             raise invalid_input(error.faults) from error
-        return _json(cars.take(vehicle, sample))
+        return json_response(await cars.take(car, sample))
 
+    @operation("GET /v1/live", "live", LiveCarsResponse, only=(*COMMON_PROBLEMS, "not-acceptable", "no-live"))
     async def list_live(self, request: Request) -> Response:
         """List the cars on the road: those with a token."""
         require_accepts(request, JSON)
-        return _json(self.cars.list())
+        return json_response(self.cars.summary())
 
+    @operation("GET /v1/live/{vehicle}", "live", LiveResponse)
     async def get_live(self, request: Request, vehicle: Name) -> Response:
         """Return the state of a car on the road and the latest forecast of its trip."""
         require_accepts(request, JSON)
-        return _json(await self.cars.document(self.cars.by_name(vehicle)))
+        return json_response(await self.cars.document(self.cars.by_name(vehicle)))
 
+    @operation("PUT /v1/live/{vehicle}/plan", "live", LiveResponse, LivePlanRequest)
     async def put_plan(self, request: Request, vehicle: Name) -> Response:
         """Give the plan of the trip that a car is on, or of its next one; it is kept until that trip has ended."""
-        found = self.cars.by_name(vehicle)
+        car = self.cars.by_name(vehicle)
         plan = _parsed(await self.read_body(request, (JSON,)))
-        _require_departure(plan)
-        result = await self.cars.set_plan(found, plan)
+        try:
+            check_request({"departure_utc": plan.get("departure_utc")}, LiveDeparture)
+        except InvalidInput as error:
+            raise invalid_input(error.faults) from error
+        result = await self.cars.set_plan(car, plan)
         if result.status == 200:
-            return _json(await self.cars.document(found))
+            return json_response(await self.cars.document(car))
         return refusal(result.status, result.content, request_id(request))
 
+    @operation("GET /v1/need", "live", NeedResponse, also=("no-plan",))
     async def get_need(
         self,
         request: Request,
@@ -149,26 +164,29 @@ class LiveOperations:
         """Return what the next trip of a car needs: energy at a quantile, charge to leave with, energy to charge."""
         require_accepts(request, JSON)
         given = {"reserve": reserve, "ambient_temperature_degc": ambient_temperature_degc}
-        found = await self.cars.need(
+        needed = await self.cars.need(
             self.cars.by_name(vehicle),
             probability,
             time.time() if departure_utc is None else departure_utc,
             {name: value for name, value in given.items() if value is not None},
         )
-        return (
-            _json(found)
-            if isinstance(found, dict)
-            else refusal(found.status, found.content, request_id(request))
-        )
+        if isinstance(needed, dict):
+            return json_response(needed)
+        return refusal(needed.status, needed.content, request_id(request))
 
+    @operation(
+        "GET /v1/live/{vehicle}/events",
+        "live",
+        {EVENTS: LIVE_EVENTS},
+        description="A stream of server-sent events",
+    )
     async def get_events(self, request: Request, vehicle: Name) -> Response:
         """Stream the state of a car on the road and the forecasts of its trip as server-sent events."""
         require_accepts(request, EVENTS)
-        found = self.cars.by_name(vehicle)
+        car = self.cars.by_name(vehicle)
         if request.scope.get("was_head"):
             return Response(media_type=EVENTS)  # a stream without a body would never end
-        self.cars.listen()
-        return EventResponse(self.cars.events(found), self.cars.leave)
+        return self.cars.stream(car)
 
 
 def message_of(body: bytes, kind: str) -> dict[str, Any]:
@@ -212,34 +230,12 @@ def telemetry_of(message: Mapping[str, Any]) -> Any:
     Problem
         `not-json` for a text that is none.
     """
-    found = message.get("tlm", message if "utc" in message else None)
-    if not isinstance(found, str):
-        return found
-    try:
-        return orjson.loads(found)
-    except orjson.JSONDecodeError as error:
-        raise Problem("not-json", f"tlm: {error}") from error
+    given = message.get("tlm", message if "utc" in message else None)
+    return parse_json(given.encode(), "tlm: ") if isinstance(given, str) else given
 
 
 def _parsed(body: bytes) -> dict[str, Any]:
-    try:
-        found = orjson.loads(body)
-    except orjson.JSONDecodeError as error:
-        raise Problem("not-json", str(error)) from error
-    if not isinstance(found, dict):
-        raise invalid_input([Fault("not an object", "body", excerpt(found), "an object")])
-    return found
-
-
-def _require_departure(plan: Mapping[str, Any]) -> None:
-    given = plan.get("departure_utc")
-    if given is None:
-        return
-    is_number = isinstance(given, int | float) and not isinstance(given, bool)
-    if not (is_number and FIRST_TIME_S <= given <= LAST_TIME_S):
-        allowed = f"{FIRST_TIME_S:g} to {LAST_TIME_S:g} s since 1970"
-        raise invalid_input([Fault("value out of range", "departure_utc", excerpt(given), allowed)])
-
-
-def _json(document: Mapping[str, Any]) -> Response:
-    return Response(orjson.dumps(document), media_type=JSON)
+    document = parse_json(body)
+    if not isinstance(document, dict):
+        raise invalid_input([Fault("not an object", "body", excerpt(document), "an object")])
+    return document

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Final
 
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, generate_latest
@@ -47,20 +46,6 @@ class Metrics:
         self.lost = Gauge("tripwatt_workers_lost", "Workers lost since the start.", registry=registry)
         about = Gauge("tripwatt_info", "The running version.", ("version",), registry=registry)
         about.labels(tripwatt.__version__).set(1)
-
-    def set_pool_gauges(
-        self, waiting: Callable[[], int], workers: Callable[[], int], lost: Callable[[], int]
-    ) -> None:
-        """Set the functions that return the values of the gauges of the worker pool.
-
-        Parameters
-        ----------
-        waiting, workers, lost : callable
-            Jobs that wait, workers that are ready, workers lost since the start.
-        """
-        self.waiting.set_function(waiting)
-        self.workers.set_function(workers)
-        self.lost.set_function(lost)
 
     def render(self) -> bytes:
         """Return all metrics in the text format of Prometheus."""

@@ -102,12 +102,12 @@ def rate_limit_key(address: str) -> str | None:
     (None, '203.0.113.9', '2001:db8::/64')
     """
     try:
-        found = ipaddress.ip_address(address)
+        ip = ipaddress.ip_address(address)
     except ValueError:
         return address
-    if found.is_loopback:
+    if ip.is_loopback:
         return None
-    return str(found) if found.version == 4 else str(ipaddress.ip_network((int(found), 64), strict=False))
+    return str(ip) if ip.version == 4 else str(ipaddress.ip_network((int(ip), 64), strict=False))
 
 
 class ServiceMiddleware:
@@ -120,8 +120,6 @@ class ServiceMiddleware:
     metrics : Metrics
     log : callable
         Called with one record of the access log as keywords.
-    end_streams : callable
-        Ends responses that would never end by themselves; the server calls it at its shutdown.
     """
 
     def __init__(
@@ -130,10 +128,8 @@ class ServiceMiddleware:
         settings: Settings,
         metrics: Metrics,
         log: Callable[..., None],
-        end_streams: Callable[[], None] = lambda: None,
     ) -> None:
         self.app, self.settings, self.metrics, self.log = app, settings, metrics, log
-        self.end_streams = end_streams
         self.token = settings.token.encode()
         limits = settings.limits
         self.buckets = TokenBuckets(limits.rate_per_s, limits.burst) if limits.rate_per_s > 0 else None

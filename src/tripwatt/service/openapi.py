@@ -1,30 +1,19 @@
-"""Parts of the OpenAPI document that FastAPI cannot derive: request bodies, responses, problems, examples."""
+"""The OpenAPI document: what FastAPI cannot derive of an operation stands at its handler, in `operation`."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from typing import Any, Final
+import inspect
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final, TypeVar
 
 from fastapi import FastAPI
-from pydantic import BaseModel
-from pydantic.json_schema import models_json_schema
+from pydantic import TypeAdapter
+from starlette.responses import Response
 
-from tripwatt.service import car_schemas, journey_schemas, live_schemas, schemas
-from tripwatt.service.example_requests import (
-    CSV,
-    FIGURES_REQUEST,
-    GEOJSON,
-    GPX,
-    KML,
-    NEW_CAR_REQUEST,
-    PLAN_REQUEST,
-    PLANNED_REQUEST,
-    REACH_REQUEST,
-    SAMPLES_REQUEST,
-    TELEMETRY_REQUEST,
-    UPDATE_REQUEST,
-)
+from tripwatt.service.example_requests import EXAMPLES
 from tripwatt.service.problems import MEDIA_TYPE, TITLES
+from tripwatt.service.schemas import ProblemDocument
 
 DESCRIPTION: Final = """The service returns the same forecast as `tripwatt forecast --json`, with the same field names. The
 suffix of a name is its unit; numbers without a suffix are fractions. State of charge is the displayed one. Fields that a
@@ -38,421 +27,194 @@ BYTES: Final = "application/octet-stream"
 TILE: Final = "application/vnd.mapbox-vector-tile"
 
 REFERENCE: Final = "#/components/schemas/"
+BINARY: Final = {"schema": {"type": "string", "format": "binary"}}
+TEXT: Final = {"schema": {"type": "string"}}
 
-DOCUMENTED: Final[tuple[type[BaseModel], ...]] = (
-    schemas.Link,
-    schemas.ForecastRequest,
-    journey_schemas.PlanRequest,
-    journey_schemas.ReachRequest,
-    journey_schemas.PlanResponse,
-    journey_schemas.ReachResponse,
-    journey_schemas.PlacesResponse,
-    journey_schemas.MapResponse,
-    journey_schemas.ViewResponse,
-    live_schemas.TelemetryRequest,
-    live_schemas.TelemetryResponse,
-    live_schemas.LivePlanRequest,
-    live_schemas.LiveResponse,
-    live_schemas.LiveCarsResponse,
-    live_schemas.NeedResponse,
-    car_schemas.NewCarRequest,
-    car_schemas.LogsRequest,
-    car_schemas.CarsResponse,
-    car_schemas.CarResponse,
-    car_schemas.UploadResponse,
-    car_schemas.LogsResponse,
-    car_schemas.TokenResponse,
-    car_schemas.Forgotten,
-    schemas.UpdateRequest,
-    schemas.ForecastResponse,
-    schemas.RouteResponse,
-    schemas.ModelsResponse,
-    schemas.VehiclesResponse,
-    schemas.VehicleFigures,
-    schemas.DescribedVehicle,
-    schemas.ExamplesResponse,
-    schemas.ExampleResponse,
-    schemas.HealthResponse,
-    schemas.ProblemDocument,
-)
-"""Schemas that the document contains, with those that they refer to."""
-
-UPLOADS: Final[Mapping[str, dict[str, Any]]] = {
-    "application/gpx+xml": {"schema": {"type": "string"}, "example": GPX},
-    "application/vnd.google-earth.kml+xml": {"schema": {"type": "string"}, "example": KML},
-    "application/xml": {"schema": {"type": "string"}, "example": GPX},
-    "text/xml": {"schema": {"type": "string"}, "example": GPX},
-    "text/csv": {"schema": {"type": "string"}, "example": CSV},
-    "application/octet-stream": {"schema": {"type": "string", "format": "binary"}},
-    "application/geo+json": {"schema": {"type": "object"}, "example": GEOJSON},
-    JSON: {"schema": {"type": ["object", "array"]}, "example": PLANNED_REQUEST["links"]},
-}
-"""Media type of an upload -> its media type object."""
-
-BODY_PROBLEMS: Final = (
-    "bad-request",
-    "not-acceptable",
-    "body-late",
-    "too-large",
-    "media-type",
-    "invalid-input",
-)
-POOL_PROBLEMS: Final = ("busy", "timeout")
 COMMON_PROBLEMS: Final = ("bad-request", "token-needed", "too-many-requests", "internal")
-_MAP_PROBLEMS: Final = (
-    *COMMON_PROBLEMS,
-    "not-acceptable",
-    "invalid-input",
-    *POOL_PROBLEMS,
-    "no-map",
-    "remote",
-)
+BODY_PROBLEMS: Final = ("not-acceptable", "body-late", "too-large", "media-type", "invalid-input")
+POOL_PROBLEMS: Final = ("busy", "timeout")
+TAG_PROBLEMS: Final[Mapping[str, tuple[str, ...]]] = {
+    "journeys": ("no-map", "remote"),
+    "live": ("no-such-car", "no-live"),
+    "cars": ("no-such-car", "no-live"),
+}
+"""Problems of all operations of a tag."""
 
-_LIVE_PROBLEMS: Final = (
-    *COMMON_PROBLEMS,
-    "not-found",
-    "not-acceptable",
-    "invalid-input",
-    *POOL_PROBLEMS,
-    "no-live",
-)
+Content = type | dict[str, Any]
+"""A document of JSON by its schema, or an object of OpenAPI for a media type."""
+
+Handler = TypeVar("Handler", bound=Callable[..., Any])
 
 
-def _problems(*kinds: str) -> dict[int | str, dict[str, Any]]:
-    """Responses with problem documents, by status; kinds of one status share a response."""
-    by_status: dict[int, list[str]] = {}
-    for kind in kinds:
-        status, title = TITLES[kind]
-        titles = by_status.setdefault(status, [])
-        if title not in titles:
-            titles.append(title)
-    content = {MEDIA_TYPE: {"schema": {"$ref": REFERENCE + "ProblemDocument"}}}
-    return {
-        status: {"description": "; ".join(titles), "content": content}
-        for status, titles in sorted(by_status.items())
-    }
+@dataclass(frozen=True, slots=True)
+class Operation:
+    """What the document has of an operation beside the signature and the docstring of its handler.
 
-
-def _content(media_type: str, schema: dict[str, Any], **more: Any) -> dict[str, Any]:
-    return {media_type: {"schema": schema, **more}}
-
-
-def _reference(model: type[BaseModel]) -> dict[str, Any]:
-    return {"$ref": REFERENCE + model.__name__}
-
-
-def _operation(
-    tag: str,
-    description: str,
-    content: dict[str, Any],
-    problems: Iterable[str],
-    request_content: dict[str, Any] | None = None,
-) -> dict[str, Any]:
-    """Arguments of `FastAPI.add_api_route` for one operation.
-
-    Parameters
+    Attributes
     ----------
+    method, path : str
     tag : str
+    answer : mapping of str to Content
+        Content of that response by media type.
+    takes : mapping of str to Content
+        Content of the request by media type; empty for a request without a body.
+    also : tuple of str
+        Kinds of problems beside those that follow from body, parameters and tag.
+    only : tuple of str or None
+        All kinds of problems, where they do not follow.
+    alias : str
+        An earlier path; empty for none.
     description : str
-        Description of the response with status 200.
-    content : dict
-        Its media types.
-    problems : iterable of str
-        Kinds of problems.
-    request_content : dict, optional
-        Media types of the request body.
+        Description of the response with status 200; that of its schema by default.
+    more : mapping
+        Further fields of the operation.
     """
-    responses = {200: {"description": description, "content": content}, **_problems(*problems)}
-    if request_content is None:
-        return {"tags": [tag], "responses": responses}
-    body = {"requestBody": {"required": True, "content": request_content}}
-    return {"tags": [tag], "responses": responses, "openapi_extra": body}
+
+    method: str
+    path: str
+    tag: str
+    answer: Mapping[str, Content]
+    takes: Mapping[str, Content]
+    also: tuple[str, ...] = ()
+    only: tuple[str, ...] | None = None
+    alias: str = ""
+    description: str = ""
+    more: Mapping[str, Any] = field(default_factory=dict)
+
+    def add_to(self, app: FastAPI, handler: Callable[..., Any]) -> None:
+        """Add the operation and its alias to an application."""
+        extra = dict(self.more)
+        if self.takes:
+            extra["requestBody"] = {"required": True, "content": _contents(self.takes)}
+        kinds = self._kinds(handler) if self.only is None else self.only
+        answer = {"description": self._description(), "content": _contents(self.answer)}
+        for path in (self.path, self.alias):
+            if path:
+                app.add_api_route(
+                    path,
+                    handler,
+                    methods=[self.method],
+                    tags=[self.tag],
+                    response_class=Response,
+                    response_model=None,
+                    responses={200: answer, **_problems(kinds)},
+                    openapi_extra=extra,
+                    deprecated=True if path == self.alias else None,
+                )
+
+    def models(self) -> set[type]:
+        """Return the schemas of request and response."""
+        contents = (*self.answer.values(), *self.takes.values())
+        return {content for content in contents if isinstance(content, type)}
+
+    def _description(self) -> str:
+        (content,) = self.answer.values()
+        summary = inspect.getdoc(content) if isinstance(content, type) else ""
+        return self.description or (summary or "").partition("\n")[0]
+
+    def _kinds(self, handler: Callable[..., Any]) -> tuple[str, ...]:
+        has_parameters = len(inspect.signature(handler).parameters) > 1
+        of_query = ("not-acceptable", *(("invalid-input",) if has_parameters else ()))
+        of_input = BODY_PROBLEMS if self.takes else of_query
+        return (*COMMON_PROBLEMS, *of_input, *POOL_PROBLEMS, *TAG_PROBLEMS.get(self.tag, ()), *self.also)
 
 
-def _forecast_operation(
-    request: type[BaseModel], description: str, examples: Mapping[str, Any]
-) -> dict[str, Any]:
-    shown = {name: {"value": value} for name, value in examples.items()}
-    return _operation(
-        "forecast",
-        description,
-        _content(JSON, _reference(schemas.ForecastResponse)),
-        (*COMMON_PROBLEMS, *BODY_PROBLEMS, *POOL_PROBLEMS),
-        _content(JSON, _reference(request), examples=shown),
-    )
-
-
-def forecast() -> dict[str, Any]:
-    """Return the description of `POST /v1/forecast`."""
-    examples = {"planned road": PLANNED_REQUEST, "speed trace": SAMPLES_REQUEST}
-    return _forecast_operation(schemas.ForecastRequest, "The forecast", examples)
-
-
-def update() -> dict[str, Any]:
-    """Return the description of `POST /v1/forecast/update`."""
-    return _forecast_operation(schemas.UpdateRequest, "The updated forecast", {"after 20 s": UPDATE_REQUEST})
-
-
-def batch() -> dict[str, Any]:
-    """Return the description of `POST /v1/forecast/batch`."""
-    return _operation(
-        "forecast",
-        "One ForecastResponse or ProblemDocument per line, in the order of the requests",
-        _content(NDJSON, {"type": "string"}),
-        (*COMMON_PROBLEMS, *BODY_PROBLEMS, "busy"),
-        _content(NDJSON, {"description": "one ForecastRequest per line"}),
-    )
-
-
-def route() -> dict[str, Any]:
-    """Return the description of `POST /v1/routes`."""
-    return _operation(
-        "routes",
-        "The route or trip",
-        _content(JSON, _reference(schemas.RouteResponse)),
-        (*COMMON_PROBLEMS, *BODY_PROBLEMS, *POOL_PROBLEMS),
-        dict(UPLOADS),
-    )
-
-
-def plan() -> dict[str, Any]:
-    """Return the description of `POST /v1/plan`."""
-    return _journey(journey_schemas.PlanRequest, journey_schemas.PlanResponse, "The journey", PLAN_REQUEST)
-
-
-def reach() -> dict[str, Any]:
-    """Return the description of `POST /v1/reachable`."""
-    return _journey(journey_schemas.ReachRequest, journey_schemas.ReachResponse, "The area", REACH_REQUEST)
-
-
-def _journey(
-    request: type[BaseModel], response: type[BaseModel], description: str, example: Mapping[str, Any]
-) -> dict[str, Any]:
-    return _operation(
-        "journeys",
-        description,
-        _content(JSON, _reference(response)),
-        (*COMMON_PROBLEMS, *BODY_PROBLEMS, *POOL_PROBLEMS, "no-map", "remote"),
-        _content(JSON, _reference(request), examples={"a journey": {"value": example}}),
-    )
-
-
-def places() -> dict[str, Any]:
-    """Return the description of `GET /v1/places`."""
-    content = _content(JSON, _reference(journey_schemas.PlacesResponse))
-    return _operation("journeys", "The places", content, _MAP_PROBLEMS)
-
-
-def tile() -> dict[str, Any]:
-    """Return the description of `GET /v1/tiles/{zoom}/{column}/{row}`."""
-    schema = {"type": "string", "format": "binary"}
-    return _operation("journeys", "The tile; empty without roads", _content(TILE, schema), _MAP_PROBLEMS)
-
-
-def view() -> dict[str, Any]:
-    """Return the description of `GET /v1/map/view`."""
-    content = _content(JSON, _reference(journey_schemas.ViewResponse))
-    return _operation("journeys", "What is named there", content, _MAP_PROBLEMS)
-
-
-def telemetry() -> dict[str, Any]:
-    """Return the description of `POST /v1/telemetry`."""
-    schema = _reference(live_schemas.TelemetryRequest)
-    examples = {"a message": {"value": TELEMETRY_REQUEST}}
-    found = _operation(
-        "live",
-        "What became of the message",
-        _content(JSON, _reference(live_schemas.TelemetryResponse)),
-        (*COMMON_PROBLEMS, *BODY_PROBLEMS, "busy", "no-live"),
-        {**_content(JSON, schema, examples=examples), **_content(FORM, schema, examples=examples)},
-    )
-    found["openapi_extra"]["security"] = [{"car": []}, {}]  # or the token is part of the message
-    return found
-
-
-def live() -> dict[str, Any]:
-    """Return the description of `GET /v1/live/{vehicle}`."""
-    return _operation(
-        "live", "The car", _content(JSON, _reference(live_schemas.LiveResponse)), _LIVE_PROBLEMS
-    )
-
-
-def live_cars() -> dict[str, Any]:
-    """Return the description of `GET /v1/live`."""
-    problems = (*COMMON_PROBLEMS, "not-acceptable", "no-live")
-    return _operation("live", "The cars", _content(JSON, _reference(live_schemas.LiveCarsResponse)), problems)
-
-
-def need() -> dict[str, Any]:
-    """Return the description of `GET /v1/need`."""
-    return _operation(
-        "live",
-        "What the next trip needs",
-        _content(JSON, _reference(live_schemas.NeedResponse)),
-        _LIVE_PROBLEMS,
-    )
-
-
-def live_plan() -> dict[str, Any]:
-    """Return the description of `PUT /v1/live/{vehicle}/plan`."""
-    return _operation(
-        "live",
-        "The car with its plan",
-        _content(JSON, _reference(live_schemas.LiveResponse)),
-        (*_LIVE_PROBLEMS, *BODY_PROBLEMS),
-        _content(
-            JSON,
-            _reference(live_schemas.LivePlanRequest),
-            examples={"planned road": {"value": PLANNED_REQUEST}},
-        ),
-    )
-
-
-def live_events() -> dict[str, Any]:
-    """Return the description of `GET /v1/live/{vehicle}/events`."""
-    schema = {"type": "string", "description": "events `live`; the data of each is a LiveResponse"}
-    return _operation("live", "A stream of server-sent events", _content(EVENTS, schema), _LIVE_PROBLEMS)
-
-
-def cars() -> dict[str, Any]:
-    """Return the description of `GET /v1/cars`."""
-    return _operation(
-        "cars", "The cars", _content(JSON, _reference(car_schemas.CarsResponse)), _LIVE_PROBLEMS
-    )
-
-
-def new_car() -> dict[str, Any]:
-    """Return the description of `POST /v1/cars`."""
-    return _car_operation("The car", car_schemas.NewCarRequest, NEW_CAR_REQUEST)
-
-
-def car() -> dict[str, Any]:
-    """Return the description of `GET /v1/cars/{car}`."""
-    return _operation("cars", "The car", _content(JSON, _reference(car_schemas.CarResponse)), _LIVE_PROBLEMS)
-
-
-def forget_car() -> dict[str, Any]:
-    """Return the description of `DELETE /v1/cars/{car}`."""
-    return _operation("cars", "Its name", _content(JSON, _reference(car_schemas.Forgotten)), _LIVE_PROBLEMS)
-
-
-def car_token() -> dict[str, Any]:
-    """Return the description of `POST /v1/cars/{car}/token`."""
-    content = _content(JSON, _reference(car_schemas.TokenResponse))
-    return _operation("cars", "The token; it cannot be shown again", content, _LIVE_PROBLEMS)
-
-
-def put_logs() -> dict[str, Any]:
-    """Return the description of `PUT /v1/cars/{car}/uploads/{upload}/{file}`."""
-    return _operation(
-        "cars",
-        "The upload so far",
-        _content(JSON, _reference(car_schemas.UploadResponse)),
-        (*_LIVE_PROBLEMS, *BODY_PROBLEMS),
-        {BYTES: {"schema": {"type": "string", "format": "binary"}}},
-    )
-
-
-def read_logs() -> dict[str, Any]:
-    """Return the description of `POST /v1/cars/{car}/uploads/{upload}`."""
-    return _car_operation(
-        "The mapping, and what the tables hold", car_schemas.LogsRequest, {}, car_schemas.LogsResponse
-    )
-
-
-def learn() -> dict[str, Any]:
-    """Return the description of `POST /v1/cars/{car}/uploads/{upload}/learn`."""
-    return _car_operation("The car; its field `learning` shows the progress", car_schemas.LogsRequest, {})
-
-
-def _car_operation(
-    description: str,
-    request: type[BaseModel],
-    example: Mapping[str, Any],
-    response: type[BaseModel] = car_schemas.CarResponse,
-) -> dict[str, Any]:
-    return _operation(
-        "cars",
-        description,
-        _content(JSON, _reference(response)),
-        (*_LIVE_PROBLEMS, *BODY_PROBLEMS),
-        _content(JSON, _reference(request), examples={"example": {"value": dict(example)}}),
-    )
-
-
-def describe() -> dict[str, Any]:
-    """Return the description of `POST /v1/vehicles`."""
-    return _operation(
-        "library",
-        "The car",
-        _content(JSON, _reference(schemas.DescribedVehicle)),
-        (*COMMON_PROBLEMS, *BODY_PROBLEMS, *POOL_PROBLEMS),
-        _content(
-            JSON, _reference(schemas.VehicleFigures), examples={"compact car": {"value": FIGURES_REQUEST}}
-        ),
-    )
-
-
-def library(model: type[BaseModel], description: str, *problems: str) -> dict[str, Any]:
-    """Return the description of a GET request for cars, models or examples.
+def operation(
+    route: str,
+    tag: str,
+    answer: Content | Mapping[str, Content],
+    takes: Content | Mapping[str, Content] | None = None,
+    **more: Any,
+) -> Callable[[Handler], Handler]:
+    """Describe the operation of a handler.
 
     Parameters
     ----------
-    model : type
-        Schema of the response.
-    description : str
-    *problems : str
-        Kinds of problems beside the common ones.
+    route : str
+        Method and path.
+    tag : str
+    answer, takes : type, or mapping of str to Content
+        A schema of JSON, or content by media type.
+    **more : object
+        Further attributes of `Operation`.
     """
-    kinds = (*COMMON_PROBLEMS, "not-acceptable", *POOL_PROBLEMS, *problems)
-    return _operation("library", description, _content(JSON, _reference(model)), kinds)
+    method, path = route.split()
+
+    def mark(handler: Handler) -> Handler:
+        made = Operation(method, path, tag, _by_type(answer), _by_type(takes), **more)
+        handler.operation = made  # type: ignore[attr-defined]
+        return handler
+
+    return mark
 
 
-def health(*, ready: bool) -> dict[str, Any]:
-    """Return the description of `GET /readyz` (`ready`) or `GET /healthz`."""
-    return _operation(
-        "operation",
-        "The service is ready" if ready else "The service is alive",
-        _content(JSON, _reference(schemas.HealthResponse)),
-        ("bad-request", "internal", *(("busy",) if ready else ())),
-    )
-
-
-def metrics() -> dict[str, Any]:
-    """Return the description of `GET /metrics`."""
-    return _operation(
-        "operation",
-        "Metrics in the text format of Prometheus",
-        _content("text/plain", {"type": "string"}),
-        COMMON_PROBLEMS,
-    )
-
-
-def add_schemas(app: FastAPI, with_token: bool) -> None:
-    """Add the schemas of requests and responses to the OpenAPI document of an application.
+def add_operations(app: FastAPI, owners: Iterable[object], *, with_token: bool) -> None:
+    """Add the operations of objects to an application, and their schemas to its document.
 
     Parameters
     ----------
     app : FastAPI
         Its method `openapi` is replaced.
+    owners : iterable of object
+        Objects with methods that `operation` describes.
     with_token : bool
         Whether the document requires a bearer token.
     """
+    models: set[type] = {ProblemDocument}
+    for owner in owners:
+        for name, handler in vars(type(owner)).items():
+            described = getattr(handler, "operation", None)
+            if described is not None:
+                described.add_to(app, getattr(owner, name))
+                models |= described.models()
     derive = app.openapi
 
     def document() -> dict[str, Any]:
         if app.openapi_schema is None:
-            found = derive()
-            _, models = models_json_schema(
-                [(model, "validation") for model in DOCUMENTED], ref_template=REFERENCE + "{model}"
+            derived = derive()
+            ordered = sorted(models, key=lambda model: model.__name__)
+            _, schemas = TypeAdapter.json_schemas(
+                [(model, "validation", TypeAdapter(model)) for model in ordered],
+                ref_template=REFERENCE + "{model}",
             )
-            components = found.setdefault("components", {})
-            components["schemas"] = models["$defs"]
-            components["securitySchemes"] = {"car": {"type": "http", "scheme": "bearer"}}
+            security = {"car": {"type": "http", "scheme": "bearer"}}
             if with_token:
-                components["securitySchemes"]["token"] = {"type": "http", "scheme": "bearer"}
-                found["security"] = [{"token": []}]
-            app.openapi_schema = found
+                security["token"] = {"type": "http", "scheme": "bearer"}
+                derived["security"] = [{"token": []}]
+            derived["components"] = {"schemas": schemas["$defs"], "securitySchemes": security}
+            app.openapi_schema = derived
         return app.openapi_schema
 
     app.openapi = document  # type: ignore[method-assign] # the way that FastAPI documents
+
+
+def _by_type(content: Content | Mapping[str, Content] | None) -> Mapping[str, Content]:
+    if content is None:
+        return {}
+    return {JSON: content} if isinstance(content, type) else content
+
+
+def _contents(contents: Mapping[str, Content]) -> dict[str, Any]:
+    """Media type objects; a schema comes with its examples."""
+    described = {}
+    for media_type, content in contents.items():
+        if isinstance(content, type):
+            examples = EXAMPLES.get(content.__name__, {})
+            shown = {name: {"value": value} for name, value in examples.items()}
+            reference = {"schema": {"$ref": REFERENCE + content.__name__}}
+            content = {**reference, **({"examples": shown} if shown else {})}
+        described[media_type] = content
+    return described
+
+
+def _problems(kinds: Iterable[str]) -> dict[int | str, dict[str, Any]]:
+    """Responses with problem documents, by status; kinds of one status share a response."""
+    by_status: dict[int, dict[str, None]] = {}
+    for kind in kinds:
+        status, title = TITLES[kind]
+        by_status.setdefault(status, {})[title] = None
+    content = _contents({MEDIA_TYPE: ProblemDocument})
+    return {
+        status: {"description": "; ".join(titles), "content": content}
+        for status, titles in sorted(by_status.items())
+    }

@@ -24,6 +24,8 @@ TITLES: Final[Mapping[str, tuple[int, str]]] = {
     "host-not-served": (400, "The host is not served"),
     "token-needed": (401, "A token is required"),
     "not-found": (404, "The resource does not exist"),
+    "no-such-car": (404, "The car does not exist"),
+    "no-plan": (404, "The car has no plan"),
     "method-not-allowed": (405, "The method is not allowed"),
     "not-acceptable": (406, "The accepted formats are not available"),
     "body-late": (408, "The body did not arrive in time"),
@@ -81,18 +83,18 @@ class Problem(Exception):
         '/problems/busy'
         """
         status, title = TITLES[self.kind]
-        found: dict[str, Any] = {"type": f"/problems/{self.kind}", "title": title, "status": status}
+        document: dict[str, Any] = {"type": f"/problems/{self.kind}", "title": title, "status": status}
         if self.detail:
-            found["detail"] = self.detail
+            document["detail"] = self.detail
         if instance:
-            found["instance"] = instance
+            document["instance"] = instance
         if self.faults:
-            found["faults"] = [fault_document(fault) for fault in self.faults[:MAX_FAULTS]]
+            document["faults"] = [fault_document(fault) for fault in self.faults[:MAX_FAULTS]]
             unlisted = len(self.faults) - MAX_FAULTS
-            found["detail"] = "; ".join(f"{f['where']}: {f['what']}" for f in found["faults"][:3])
+            document["detail"] = "; ".join(f"{f['where']}: {f['what']}" for f in document["faults"][:3])
             if unlisted > 0:
-                found["more_faults"] = unlisted
-        return found
+                document["more_faults"] = unlisted
+        return document
 
     def response(self, instance: str = "") -> Response:
         """Return the problem as an HTTP response; `instance` is the id of the request."""

@@ -1,4 +1,4 @@
-"""The HTTP protocol of the server with bounds that hold before the application sees a request.
+"""The HTTP protocol of the server with bounds that hold before the application gets a request.
 
 Uvicorn bounds neither the head of a request nor the time until it is complete, and waits for a client that does not read its
 response. A connection that exceeds a bound gets a problem document or is closed; the application and other connections do

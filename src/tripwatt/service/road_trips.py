@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from tripwatt.live import has_news, is_car
-from tripwatt.live.live_car import TRIPS
+from tripwatt.live.folder import TRIPS
 from tripwatt.live.own_car import LIVE
 
 CHECK_S: Final = 5.0
@@ -61,12 +61,12 @@ class RoadTrips:
 
     def _changed(self) -> dict[str, int]:
         """Cars whose trips changed since they were learned, and when. O(cars)."""
-        found = {}
+        changed = {}
         for place in sorted(self.folder.iterdir()) if self.folder.is_dir() else []:
             try:
                 stamp = (place / LIVE / TRIPS).stat().st_mtime_ns
             except OSError:
                 continue
             if self.seen.get(place.name) != stamp and is_car(place):
-                found[place.name] = stamp
-        return found
+                changed[place.name] = stamp
+        return changed

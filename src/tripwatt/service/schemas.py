@@ -4,22 +4,34 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Mapping
-from dataclasses import replace
 from types import NoneType
-from typing import Annotated, Any, Final, Literal, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, TypeVar
 
 import numpy as np
 import orjson
 import pandas as pd
-from pydantic import AliasChoices, BaseModel, ConfigDict, Field, ValidationError, WithJsonSchema
+from pydantic import (
+    AliasChoices,
+    AwareDatetime,
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationError,
+    ValidationInfo,
+    WithJsonSchema,
+    create_model,
+    field_validator,
+)
 
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import MOST_HINTS, Fault, InvalidInput, excerpt
-from tripwatt.routes import LinkRoute, route_from_links
-from tripwatt.routes.links import FLAT_ROAD
+from tripwatt.forecasting.document import FlagDocument
+from tripwatt.routes import LinkRoute, route_from_links, route_with_elevation
+from tripwatt.service.problems import Problem
 from tripwatt.service.settings import Limits
 from tripwatt.sources.canonical import LEAST_SAMPLES, canonical_samples
-from tripwatt.trips import COLUMNS, DEPARTURE_BOUNDS, LINK_COLUMNS, QUANTITIES, Column
+from tripwatt.trips import ASKED, COLUMNS, LINK_COLUMNS, QUANTITIES, Column, Departure
+from tripwatt.trips import Field as DepartureField
 
 MIN_OBSERVED: Final = 2
 """Fewest measured samples of an update."""
@@ -90,13 +102,8 @@ def _one_of(**fields: str) -> dict[str, Any]:
     }
 
 
-def _field(
-    columns: Mapping[str, Column],
-    name: str,
-    default: Any = None,
-    *,
-    positive: bool = False,
-    alias: AliasChoices | None = None,
+def bounded(
+    columns: Mapping[str, Column], name: str, default: Any = None, *, positive: bool = False, **more: Any
 ) -> Any:
     """A number with the bounds and the description of its column."""
     column = columns[name]
@@ -105,8 +112,8 @@ def _field(
         gt=0.0 if positive else None,
         ge=None if positive else column.minimum,
         le=column.maximum,
-        validation_alias=alias,
         description=f"{column.meaning} [{column.unit}]",
+        **more,
     )
 
 
@@ -117,28 +124,45 @@ class Link(BaseModel):
         extra="forbid", json_schema_extra=_one_of(speed_m_s="number", travel_time_s="number")
     )
 
-    length_m: float = _field(LINK_COLUMNS, "length_m", ..., positive=True)
-    speed_m_s: float | None = _field(LINK_COLUMNS, "speed_m_s", positive=True)
-    travel_time_s: float | None = _field(LINK_COLUMNS, "travel_time_s", positive=True)
-    stop_s: float | None = _field(LINK_COLUMNS, "stop_s")
-    moving_speed_m_s: float | None = _field(LINK_COLUMNS, "moving_speed_m_s", positive=True)
-    speed_limit_m_s: float | None = _field(LINK_COLUMNS, "speed_limit_m_s", positive=True)
-    grade: float | None = _field(LINK_COLUMNS, "grade")
-    start_elevation_m: float | None = _field(LINK_COLUMNS, "start_elevation_m")
-    end_elevation_m: float | None = _field(LINK_COLUMNS, "end_elevation_m")
+    length_m: float = bounded(LINK_COLUMNS, "length_m", ..., positive=True)
+    speed_m_s: float | None = bounded(LINK_COLUMNS, "speed_m_s", positive=True)
+    travel_time_s: float | None = bounded(LINK_COLUMNS, "travel_time_s", positive=True)
+    stop_s: float | None = bounded(LINK_COLUMNS, "stop_s")
+    moving_speed_m_s: float | None = bounded(LINK_COLUMNS, "moving_speed_m_s", positive=True)
+    speed_limit_m_s: float | None = bounded(LINK_COLUMNS, "speed_limit_m_s", positive=True)
+    grade: float | None = bounded(LINK_COLUMNS, "grade")
+    start_elevation_m: float | None = bounded(LINK_COLUMNS, "start_elevation_m")
+    end_elevation_m: float | None = bounded(LINK_COLUMNS, "end_elevation_m")
 
 
-class Elevation(BaseModel):
+def reserved(default: float) -> Any:
+    """The field `reserve`; null is its default."""
+
+    def or_null(schema: dict[str, Any]) -> None:
+        number = {name: schema.pop(name) for name in ("type", "minimum", "maximum")}
+        schema["anyOf"] = [number, {"type": "null"}]
+
+    return bounded(QUANTITIES, "reserve", default, json_schema_extra=or_null)
+
+
+class StrictModel(BaseModel):
+    """Base of documents in requests: no unknown fields, no texts for numbers, no infinities."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, use_attribute_docstrings=True)
+
+    @field_validator("reserve", mode="before", check_fields=False)
+    @classmethod
+    def _null_is_the_default(cls, value: Any, info: ValidationInfo) -> Any:
+        return cls.model_fields[f"{info.field_name}"].default if value is None else value
+
+
+class Elevation(StrictModel):
     """Elevation along a route of links; in a request it replaces grades and elevations of the links."""
 
-    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
-
-    position_m: list[float] = Field(
-        min_length=1, description="distances from the start, never decreasing [m]"
-    )
-    elevation_m: list[float] = Field(
-        min_length=1, description="elevation above sea level at each position [m]"
-    )
+    position_m: list[float] = Field(min_length=1)
+    """distances from the start, never decreasing [m]"""
+    elevation_m: list[float] = Field(min_length=1)
+    """elevation above sea level at each position [m]"""
 
 
 Links = Annotated[
@@ -148,77 +172,89 @@ Links = Annotated[
 """Links of a planned route. `tripwatt.routes.route_from_links` checks them as a table, not one object at a time."""
 
 
-class VehicleFigures(BaseModel):
+class VehicleFigures(StrictModel):
     """A car that the library does not have, by up to six figures; what is missing is that of a usual car of its body."""
 
-    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
-
-    mass_kg: float | None = Field(
-        None, ge=400.0, le=6000.0, description="mass ready to drive, nobody inside [kg]"
-    )
-    usable_battery_kwh: float | None = Field(
-        None, ge=4.0, le=300.0, description="usable energy of the battery [kWh]"
-    )
-    consumption_kwh_per_100km: float | None = Field(
-        None, ge=6.0, le=60.0, description="published consumption at the wall [kWh/100 km]"
-    )
-    motor_power_kw: float | None = Field(
-        None, ge=5.0, le=1500.0, description="largest power of all motors together [kW]"
-    )
-    body: Literal["small", "hatchback", "sedan", "estate", "suv", "van", "pickup"] | None = Field(
-        None, description="kind of body; default: suv"
-    )
-    heat_pump: bool | None = Field(None, description="default: false")
-    procedure: Literal["wltp", "epa"] = Field(
-        "wltp", description="where the consumption comes from; epa is the combined figure of the label"
-    )
-    title: str | None = Field(None, min_length=1, max_length=100, description="name for people")
+    mass_kg: float | None = Field(None, ge=400.0, le=6000.0)
+    """mass ready to drive, nobody inside [kg]"""
+    usable_battery_kwh: float | None = Field(None, ge=4.0, le=300.0)
+    """usable energy of the battery [kWh]"""
+    consumption_kwh_per_100km: float | None = Field(None, ge=6.0, le=60.0)
+    """published consumption at the wall [kWh/100 km]"""
+    motor_power_kw: float | None = Field(None, ge=5.0, le=1500.0)
+    """largest power of all motors together [kW]"""
+    body: Literal["small", "hatchback", "sedan", "estate", "suv", "van", "pickup"] | None = None
+    """kind of body; default: suv"""
+    heat_pump: bool | None = None
+    """default: false"""
+    procedure: Literal["wltp", "epa"] = "wltp"
+    """where the consumption comes from; epa is the combined figure of the label"""
+    title: str | None = Field(None, min_length=1, max_length=100)
+    """name for people"""
 
 
-class ForecastRequest(BaseModel):
-    """A trip to forecast: a speed trace (`samples`) or a planned route (`links`), and the state at departure."""
+class CarRequest(StrictModel):
+    """The car of a request."""
 
-    model_config = ConfigDict(
-        extra="forbid",
-        strict=True,
-        allow_inf_nan=False,
-        json_schema_extra=_one_of(samples="object", links="array"),
+    model: str | None = Field(None, max_length=100)
+    """one of /v1/models; default: the first one"""
+    vehicle: str | None = Field(None, max_length=100)
+    """one of /v1/vehicles; default: the car of the model"""
+    vehicle_figures: VehicleFigures | None = None
+    """a car of your own in place of `vehicle`"""
+
+
+def asked(name: str, field: DepartureField) -> tuple[Any, Any]:
+    """Type and schema of a field of the table in a request; its schema also has what a form needs."""
+    kind: Any = Literal[field.choices] if field.choices else float
+    unit, rules = "", dict[str, Any]()
+    if field.column is not None:
+        unit, rules = f" [{field.column.unit}]", {"ge": field.column.minimum, "le": field.column.maximum}
+    elif field.type == "time":
+        kind, unit, rules = AwareDatetime, "; with its time zone", {"strict": False}
+    elif field.several:
+        kind, rules = list[kind], {"max_length": len(field.choices)}
+    if field.wire:
+        rules["alias"] = field.wire[0]
+        rules["validation_alias"] = AliasChoices(*dict.fromkeys((*field.wire, name)))
+    form: dict[str, Any] = {"x-label": field.label, "x-unit": field.unit, "x-option": field.option}
+    described = field.help.removesuffix(".") + unit
+    return kind | None, Field(None, description=described, json_schema_extra=form, **rules)
+
+
+if TYPE_CHECKING:
+
+    class DepartureRequest(StrictModel):
+        """What is known at departure: the fields of `tripwatt.trips.departure.ASKED`."""
+
+else:
+    DepartureRequest = create_model(
+        "DepartureRequest",
+        __base__=StrictModel,
+        __doc__="What is known at departure.",
+        **{name: asked(name, field) for name, field in ASKED.items() if name != "departs_at"},
     )
 
-    model: str | None = Field(None, max_length=100, description="one of /v1/models; default: the first one")
-    vehicle: str | None = Field(
-        None, max_length=100, description="one of /v1/vehicles; default: the car of the model"
-    )
-    vehicle_figures: VehicleFigures | None = Field(
-        None, description="a car of your own in place of `vehicle`"
-    )
-    trip: str = Field("trip", min_length=1, max_length=100, description="name of the trip in the response")
+
+def departure_of(request: DepartureRequest) -> Departure:
+    """The departure of a request."""
+    known = {name: getattr(request, name) for name in ASKED if name in type(request).model_fields}
+    return Departure(**known)
+
+
+class ForecastRequest(DepartureRequest, CarRequest):
+    """A trip to forecast: a speed trace (`samples`) or a planned route (`links`), and what is known at departure."""
+
+    model_config = ConfigDict(json_schema_extra=_one_of(samples="object", links="array"))
+
+    trip: str = Field("trip", min_length=1, max_length=100)
+    """name of the trip in the response"""
     samples: Samples | None = None
     links: Links | None = None
     elevation: Elevation | None = None
-    soc: float | None = _field(COLUMNS, "displayed_soc", alias=AliasChoices("soc", "displayed_soc"))
-    ambient_temperature_degc: float | None = _field(DEPARTURE_BOUNDS, "ambient_temperature_degc")
-    cabin_setpoint_degc: float | None = _field(COLUMNS, "cabin_setpoint_degc")
-    cabin_temperature_degc: float | None = _field(COLUMNS, "cabin_temperature_degc")
-    battery_temperature_degc: float | None = _field(COLUMNS, "battery_temperature_degc")
-    payload_mass_kg: float | None = _field(QUANTITIES, "payload_mass_kg")
-    climate: Literal["auto", "off", "heat", "cool"] | None = Field(
-        None, description="what climate control may do; heat: no cooling, cool: no heating"
-    )
-    extras: list[Literal["winter_tyres", "roof_box", "trailer", "headlights"]] | None = Field(
-        None, max_length=4, description="what is fitted to the car or switched on"
-    )
-    terrain: Literal["unknown", "flat", "hilly", "mountains"] | None = Field(
-        None, description="country of a road whose heights are unknown: how far it may climb"
-    )
-    reserve: float = _field(QUANTITIES, "reserve", 0.1)
-    probability: float | None = Field(
-        None,
-        ge=0.5,
-        le=0.999,
-        description="with which the trip has to arrive with the reserve: the response has the charge to leave with; default: "
-        "none is worked out",
-    )
+    reserve: float = reserved(0.1)
+    probability: float | None = Field(None, ge=0.5, le=0.999)
+    """with which the trip has to arrive with the reserve: the response has the charge to leave with; default: none is worked out"""
 
 
 class UpdateRequest(ForecastRequest):
@@ -230,108 +266,15 @@ class UpdateRequest(ForecastRequest):
 class ResponseModel(BaseModel):
     """Base of all documents in responses: objects without undocumented fields."""
 
-    model_config = ConfigDict(extra="forbid")
-
-
-class FlagDocument(ResponseModel):
-    """An assumption, or a value outside the range of the training trips."""
-
-    code: str = Field(description="kind of flag")
-    subject: str = Field(description="field or component that the flag concerns")
-    value: float | str | None = Field(description="value found or assumed, in `unit`")
-    unit: str
-    message: str = Field(description="the flag as an English sentence")
-
-
-class Series(ResponseModel):
-    """Values at departure and at the end of every time step; low and high are the central 90 % interval."""
-
-    time_s: list[float] = Field(description="time since departure [s]")
-    distance_m: list[float]
-    energy_wh: list[float] = Field(description="energy since departure [Wh]")
-    energy_low_wh: list[float]
-    energy_high_wh: list[float]
-    displayed_soc: list[float] = Field(description="displayed state of charge; 0 where the battery is empty")
-    displayed_soc_low: list[float]
-    displayed_soc_high: list[float]
-
-
-class EmptyAt(ResponseModel):
-    """Distance at which the display reaches 0 [m], at the ends and the middle of the 90 % band; null: not on this trip."""
-
-    early: float | None
-    expected: float | None
-    late: float | None
-
-
-class UnknownClimbDocument(ResponseModel):
-    """What the climb of a road of unknown heights changes."""
-
-    terrain: str = Field(description="country that the interval allows for")
-    soc_per_m: float = Field(description="displayed state of charge that each metre of climb takes [1/m]")
-    changes_at_m: dict[str, float | None] = Field(
-        description="by displayed state of charge: net climb with which the expected arrival falls to it [m]; null where no road of "
-        "this length and country climbs so far"
-    )
-
-
-class Missing(ResponseModel):
-    """Energy that the trip takes beyond what the battery holds [Wh], at the ends and the middle of the 90 % band."""
-
-    least: float
-    expected: float
-    most: float
-
-
-class LeaveWith(ResponseModel):
-    """The charge to leave with; on the way, the charge to go on with from the last reading."""
-
-    soc_needed: float = Field(
-        description="displayed state of charge with which the trip arrives with the reserve with the probability; above 1: a "
-        "full battery does not suffice; 0: any charge does"
-    )
-    reserve: float
-    probability: float
-    message: str = Field(description="the same as an English sentence")
-
-
-class ForecastResponse(ResponseModel):
-    """The forecast of a trip, as `tripwatt forecast --json` prints it."""
-
-    trip: str
-    given: str = Field(description="what the forecast is conditional on")
-    energy_wh: float = Field(description="energy at the battery terminals over the whole trip [Wh]")
-    quantiles_wh: dict[str, float] = Field(description="quantiles of the energy [Wh] by probability")
-    soc_arrival: float = Field(
-        description="displayed state of charge at arrival; 0 where the battery is empty before arrival"
-    )
-    soc_quantiles: dict[str, float] = Field(
-        description="quantiles of the displayed state of charge at arrival by probability"
-    )
-    empty_at_m: EmptyAt
-    missing_wh: Missing
-    wh_per_display: float = Field(description="energy of a whole display [Wh]")
-    p_arrive: dict[str, float] = Field(
-        description="probability to arrive with at least this displayed state of charge; 0: at all"
-    )
-    climb: UnknownClimbDocument | None = Field(description="null where the heights of the road are known")
-    leave_with: LeaveWith | None = Field(description="null where the request has no probability")
-    series: Series
-    by_cause_wh: dict[str, float] = Field(description="energy by cause [Wh]; the sum is energy_wh")
-    battery_loss_wh: float = Field(description="heat loss inside the battery, not part of energy_wh [Wh]")
-    measured_until_s: float = Field(
-        description="time up to which measurements are used [s]; 0 before departure"
-    )
-    flags: list[FlagDocument] = Field(
-        description="assumptions, and values outside the range of the training trips"
-    )
+    model_config = ConfigDict(extra="forbid", use_attribute_docstrings=True)
 
 
 class ProblemFault(ResponseModel):
     """One thing that is wrong with an input."""
 
     what: str
-    where: str = Field(description="field, or position in an upload")
+    where: str
+    """field, or position in an upload"""
     got: str | None = None
     allowed: str | None = None
     fix: str | None = None
@@ -340,13 +283,17 @@ class ProblemFault(ResponseModel):
 class ProblemDocument(ResponseModel):
     """Problem document of RFC 9457."""
 
-    type: str = Field(description="kind of problem, as a path")
+    type: str
+    """kind of problem, as a path"""
     title: str
     status: int
     detail: str | None = None
-    instance: str | None = Field(None, description="X-Request-ID of the request")
-    faults: list[ProblemFault] | None = Field(None, description="all faults of the input")
-    more_faults: int | None = Field(None, description="number of faults that are not listed")
+    instance: str | None = None
+    """X-Request-ID of the request"""
+    faults: list[ProblemFault] | None = None
+    """all faults of the input"""
+    more_faults: int | None = None
+    """number of faults that are not listed"""
 
 
 class VehicleSummary(ResponseModel):
@@ -355,29 +302,31 @@ class VehicleSummary(ResponseModel):
     name: str
     title: str
     test_mass_kg: float
-    usable_energy_wh: float = Field(
-        description="energy between 0 and 1 of the displayed state of charge [Wh]"
-    )
-    has_climate: bool = Field(description="whether heating and cooling are simulated")
-    anchor: str = Field(
-        description="what the values were held against: road_load (measured coast-down and certified consumption), "
-        "certification, class, or book (published values alone)"
-    )
-    models: list[str] = Field(
-        description="models fitted on this car; other models forecast it with much wider intervals"
-    )
+    usable_energy_wh: float
+    """energy between 0 and 1 of the displayed state of charge [Wh]"""
+    has_climate: bool
+    """whether heating and cooling are simulated"""
+    anchor: str
+    """what the values were held against: road_load (measured coast-down and certified consumption), certification, class, or published (published values alone)"""
+    models: list[str]
+    """models fitted on this car; other models forecast it with much wider intervals"""
 
 
 class DescribedVehicle(ResponseModel):
     """A car from a few figures."""
 
     title: str
-    test_mass_kg: float = Field(description="mass with a driver [kg]")
+    test_mass_kg: float
+    """mass with a driver [kg]"""
     usable_energy_wh: float
-    anchor: str = Field(description="certification where a consumption was given, else class")
-    wltp_kwh_per_100km: float = Field(description="consumption on the WLTP at the wall [kWh/100 km]")
-    wltp_low_kwh_per_100km: float = Field(description="lower end of the 90 % interval")
-    wltp_high_kwh_per_100km: float = Field(description="upper end of the 90 % interval")
+    anchor: str
+    """certification where a consumption was given, else class"""
+    wltp_kwh_per_100km: float
+    """consumption on the WLTP at the wall [kWh/100 km]"""
+    wltp_low_kwh_per_100km: float
+    """lower end of the 90 % interval"""
+    wltp_high_kwh_per_100km: float
+    """upper end of the 90 % interval"""
 
 
 class VehiclesResponse(ResponseModel):
@@ -389,7 +338,7 @@ class VehiclesResponse(ResponseModel):
 class FittedModel(BaseModel):
     """What a model was fitted on; other fields describe the model itself."""
 
-    model_config = ConfigDict(extra="allow")
+    model_config = ConfigDict(extra="allow", use_attribute_docstrings=True)
 
     vehicle: str
     vehicle_title: str
@@ -429,7 +378,8 @@ class ExampleResponse(ExampleSummary):
     """A synthetic trip with its samples."""
 
     request: ForecastRequest
-    observed: dict[str, list[float | None]] = Field(description="simulated measurements of the whole trip")
+    observed: dict[str, list[float | None]]
+    """simulated measurements of the whole trip"""
 
 
 class ExamplesResponse(ResponseModel):
@@ -441,42 +391,40 @@ class ExamplesResponse(ResponseModel):
 class RouteResponse(ResponseModel):
     """An uploaded route or trip. Send `links` with `elevation`, or `samples`, in a ForecastRequest."""
 
-    samples: dict[str, list[float | None]] = Field(
-        description="speed trace; for a planned route, that of the driver model"
-    )
-    links: list[Link] | None = Field(description="links of the planned route; null for a logged trip")
+    samples: dict[str, list[float | None]]
+    """speed trace; for a planned route, that of the driver model"""
+    links: list[Link] | None
+    """links of the planned route; null for a logged trip"""
     elevation: Elevation | None
     duration_s: float
     distance_m: float
-    notes: list[FlagDocument] = Field(description="assumptions")
+    notes: list[FlagDocument]
+    """assumptions"""
 
 
 class HealthResponse(ResponseModel):
     """State of the service."""
 
     status: str
-    workers: int = Field(description="number of worker processes that are ready")
+    workers: int
+    """number of worker processes that are ready"""
 
 
 RequestModel = TypeVar("RequestModel", bound=BaseModel)
 
 
-class NotJson(Exception):
-    """The body of a request is not a JSON document."""
-
-
-def parse_json(body: bytes) -> Any:
-    """Parse the body of a request.
+def parse_json(body: bytes, where: str = "") -> Any:
+    """Parse the body of a request, or a part of it with the prefix `where` of what is wrong.
 
     Raises
     ------
-    NotJson
-        When the body is not JSON. NaN, infinities and numbers beyond the range of a float are not JSON.
+    Problem
+        `not-json`. NaN, infinities and numbers beyond the range of a float are not JSON.
     """
     try:
         return orjson.loads(body)
     except orjson.JSONDecodeError as error:
-        raise NotJson(str(error)) from error
+        raise Problem("not-json", f"{where}{error}") from error
 
 
 def check_request(document: Any, model: type[RequestModel]) -> RequestModel:
@@ -589,8 +537,7 @@ def parse_links(links: Any, elevation: Elevation | None, limits: Limits) -> Link
         )
     if faults:
         raise InvalidInput(faults)
-    flags = tuple(flag for flag in route.flags if flag != FLAT_ROAD)
-    return replace(route, elevation_position_m=position_m, elevation_m=elevation_m, flags=flags)
+    return route_with_elevation(route, position_m, elevation_m)
 
 
 def require_duration(duration_s: float, where: str, limits: Limits) -> None:

@@ -73,10 +73,10 @@ def open_socket(settings: Settings) -> socket.socket:
         When the address is not one of this machine or the port is in use.
     """
     try:
-        found = socket.getaddrinfo(
+        addresses = socket.getaddrinfo(
             settings.host, settings.port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
         )
-        family, kind, protocol, _, address = found[0]
+        family, kind, protocol, _, address = addresses[0]
         listener = socket.socket(family, kind, protocol)
         try:
             listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -87,8 +87,8 @@ def open_socket(settings: Settings) -> socket.socket:
             raise
     except OSError as error:
         got = f"{settings.host} port {settings.port}: {error.strerror or error}"
-        raise InvalidInput(
-            Fault("cannot listen", "--host, --port", got, "an address of this machine and a free port")
+        raise InvalidInput.of(
+            "cannot listen", "--host, --port", got, "an address of this machine and a free port"
         ) from error
     return listener
 
@@ -124,10 +124,6 @@ def serve(settings: Settings, on_start: Callable[[str], None] = lambda url: None
             if self.started:
                 on_start(url_of(listener))
 
-        async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-            app.end_streams()
-            await super().shutdown(sockets)
-
     require_safe(settings)
     app = create_app(settings, log_json)
     with open_socket(settings) as listener:
@@ -150,7 +146,7 @@ def serve(settings: Settings, on_start: Callable[[str], None] = lambda url: None
         server = Server(config)
         server.run(sockets=[listener])
     if not server.started:
-        raise InvalidInput(Fault("service did not start", "workers", fix="see the log"))
+        raise InvalidInput.of("service did not start", "workers", fix="see the log")
 
 
 def log_json(**record: Any) -> None:

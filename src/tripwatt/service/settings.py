@@ -104,7 +104,7 @@ class Settings:
     atlas : AtlasSettings
         Roads, places, weather and charging stations; without a map there are no journeys.
     cars : Path or None
-        Folder of cars: their trips, the models that they teach, and what they send on the road; None for none.
+        Folder of cars: their trips, the models adapted to them, and what they send on the road; None for none.
     keep_days : float
         Days that finished trips of cars on the road stay on disk; without a limit they stay until the car is forgotten.
     """

@@ -8,7 +8,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final, cast
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 from tripwatt.trips import Fleet
 
 if TYPE_CHECKING:
@@ -54,14 +54,14 @@ def read_logs(path: Path | str, dataset: str = "tum", mapping: Path | str | None
     tripwatt.errors.InvalidInput: unknown data set: dataset: got 'tmu'; allowed: tum...
     """
     if dataset not in DATASETS:
-        raise InvalidInput(Fault("unknown data set", "dataset", repr(dataset), ", ".join(DATASETS)))
+        raise InvalidInput.of("unknown data set", "dataset", repr(dataset), ", ".join(DATASETS))
     if dataset == "table":
         from tripwatt.sources.table import read_table
 
         return read_table(path, mapping)
     if mapping is not None:
-        raise InvalidInput(
-            Fault("mapping has no effect", "mapping", f"{mapping}", "only with the data set 'table'")
+        raise InvalidInput.of(
+            "mapping has no effect", "mapping", f"{mapping}", "only with the data set 'table'"
         )
     module, _, name = DATASETS[dataset].partition(":")
     reader = cast(Callable[[Path], Fleet], getattr(import_module(module), name))
@@ -98,4 +98,4 @@ def check_folder(path: Path | str, dataset: str = "tum") -> FolderReport:
 
 def _require_fetchable(dataset: str) -> None:
     if dataset != "tum":
-        raise InvalidInput(Fault("unknown data set", "dataset", repr(dataset), "tum"))
+        raise InvalidInput.of("unknown data set", "dataset", repr(dataset), "tum")

@@ -12,15 +12,17 @@ import tempfile
 import warnings
 import zipfile
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
-from tripwatt.errors import Fault, InvalidInput
-from tripwatt.files import read_file, require_small_content
+from tripwatt.errors import InvalidInput
+from tripwatt.files import MOST_CONTENT_BYTES, read_file, require_small_content
 from tripwatt.sources.columnar import MOST_ROWS, SUFFIXES
 from tripwatt.sources.delimited import MOST_COLUMNS
+
+T = TypeVar("T")
 
 ARCHIVE: Final = ".zip"
 WORKBOOK: Final = ".xlsx"
@@ -59,7 +61,7 @@ def unpack(path: Path | str, folder: Path, *, content: bytes | None = None) -> l
     Parameters
     ----------
     path : path
-        Its suffix tells what it is.
+        Its suffix is its format.
     folder : Path
         An existing folder. Names that are taken get a number.
     content : bytes, optional
@@ -85,18 +87,18 @@ def unpack(path: Path | str, folder: Path, *, content: bytes | None = None) -> l
     place = Path(path)
     data = read_file(place) if content is None else content
     kind = place.suffix.lower()
-    found: list[Path] = []
+    tables: list[Path] = []
     try:
         for made in _tables(kind, place, data, folder):
-            found.append(made)  # noqa: PERF402 - one by one: those before an error are known
+            tables.append(made)  # noqa: PERF402 - one by one: those before an error are known
     except BaseException:  # a damaged archive leaves nothing
-        for made in found:
+        for made in tables:
             made.unlink(missing_ok=True)
         raise
-    if not found:
+    if not tables:
         allowed = f"a file {', '.join((*SUFFIXES, WORKBOOK))}, or an archive {ARCHIVE} of them"
-        raise InvalidInput(Fault("no trips", f"{place}", f"no table in {place.name}", allowed))
-    return found
+        raise InvalidInput.of("no trips", f"{place}", f"no table in {place.name}", allowed)
+    return tables
 
 
 @contextmanager
@@ -180,7 +182,7 @@ def _from_archive(place: Path, data: bytes, folder: Path) -> Iterator[Path]:
         ]
         if len(tables) > MOST_FILES:
             got = f"{len(tables)} tables"
-            raise InvalidInput(Fault("too many files", f"{place}", got, f"at most {MOST_FILES}"))
+            raise InvalidInput.of("too many files", f"{place}", got, f"at most {MOST_FILES}")
         for entry in tables:
             member = archive.read(entry)
             if entry.filename.lower().endswith(WORKBOOK):
@@ -188,29 +190,38 @@ def _from_archive(place: Path, data: bytes, folder: Path) -> Iterator[Path]:
             else:
                 yield _written(folder, entry.filename, member)
     except (*DAMAGED, NotImplementedError, RuntimeError, EOFError, OSError, ValueError) as error:
-        if isinstance(error, InvalidInput):
-            raise
-        got = f"{error}"[:160]
-        raise InvalidInput(
-            Fault("unreadable archive", f"{place}", got, "a ZIP archive without a password")
-        ) from error
+        allowed = "a ZIP archive without a password"
+        raise InvalidInput.of("unreadable archive", f"{place}", f"{error}"[:160], allowed) from error
 
 
-def _from_workbook(place: Path, data: bytes, folder: Path) -> Iterator[Path]:
+def read_workbook(
+    data: bytes, where: str, read: Callable[[Any], T], *, most_bytes: int = MOST_CONTENT_BYTES, fix: str = ""
+) -> list[tuple[str, T]]:
+    """Title of each of the first sheets of a workbook, and what a function reads of the sheet.
+
+    Raises
+    ------
+    InvalidInput
+        When it is no workbook, or holds more than so many bytes when it is inflated.
+    """
     import openpyxl
 
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # about styles and extensions, which are not read
             stream = io.BytesIO(data)
-            require_small_content(stream, f"{place}")
+            require_small_content(stream, where, most_bytes)
             book = openpyxl.load_workbook(stream, data_only=True, read_only=True)
-            sheets = [(sheet.title, _table_of(sheet)) for sheet in book.worksheets[:MOST_SHEETS]]
+            return [(sheet.title, read(sheet)) for sheet in book.worksheets[:MOST_SHEETS]]
     except InvalidInput:
         raise
     except Exception as error:  # openpyxl documents no error types: a damaged archive raises a dozen kinds
         got = f"{type(error).__name__}: {error}"[:160]
-        raise InvalidInput(Fault("unreadable sheet", f"{place}", got, "an .xlsx workbook")) from error
+        raise InvalidInput.of("unreadable sheet", where, got, "an .xlsx workbook", fix) from error
+
+
+def _from_workbook(place: Path, data: bytes, folder: Path) -> Iterator[Path]:
+    sheets = read_workbook(data, f"{place}", _table_of)
     tables = [(title, table) for title, table in sheets if len(table) > 1]
     for title, table in tables:
         text = io.StringIO()
@@ -228,15 +239,9 @@ def _table_of(sheet: Any) -> list[list[str]]:
             return []
         if sum(isinstance(cell, str) and bool(cell.strip()) for cell in header) >= LEAST_NAMES:
             width = max(i + 1 for i, cell in enumerate(header) if cell is not None)
-            return [
-                _texts(header[:width]),
-                *(_texts(row[:width]) for row in rows if any(cell is not None for cell in row)),
-            ]
+            filled = (row for row in rows if any(cell is not None for cell in row))
+            return [[_text(cell) for cell in row[:width]] for row in itertools.chain([header], filled)]
     return []
-
-
-def _texts(cells: Sequence[Any]) -> list[str]:
-    return [_text(cell) for cell in cells]
 
 
 def _text(cell: Any) -> str:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
-from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Final
@@ -12,18 +10,18 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import FloatArray
-from tripwatt.errors import MOST_FAULTS, MOST_HINTS, Fault, InvalidInput, first_faults
+from tripwatt.errors import Fault, InvalidInput, and_more, raise_faults
 from tripwatt.sources.columnar import CsvTable, TableFile, open_table
 from tripwatt.sources.delimited import open_delimited
 from tripwatt.trips import (
     COLUMNS,
     REQUIRED_COLUMNS,
     is_sound,
-    raise_faults,
     structure_faults,
     table_of,
     value_faults,
 )
+from tripwatt.trips.headers import header_faults, same_quantity
 
 LEAST_SAMPLES: Final = 3
 """Two samples are no drive."""
@@ -66,7 +64,7 @@ def read_canonical(
     path = Path(path)
     if not path.is_file():
         got = "a folder" if path.is_dir() else "no such file"
-        raise InvalidInput(Fault("cannot read the file", f"{path}", got, "a CSV or Parquet file of samples"))
+        raise InvalidInput.of("cannot read the file", f"{path}", got, "a CSV or Parquet file of samples")
     return _samples_of(open_table(path), f"{path}", required, least)
 
 
@@ -141,58 +139,22 @@ def _samples_of(table: TableFile, where: str, required: Sequence[str], least: in
 
 
 def _missing(names: Sequence[str], required: Sequence[str], where: str) -> list[Fault]:
-    return [
-        Fault(
-            "missing column",
-            where,
-            f"columns {', '.join(name[:40] for name in names[:12])}",
-            f"a column {name!r}",
-            "convert the log with `tripwatt mapping apply`",
-        )
-        for name in required
-        if name not in names
-    ]
+    got, fix = (
+        f"columns {', '.join(name[:40] for name in names[:12])}",
+        "convert the log with `tripwatt mapping apply`",
+    )
+    absent = [name for name in required if name not in names]
+    return [Fault("missing column", where, got, f"a column {name!r}", fix) for name in absent]
 
 
 def _name_faults(names: Sequence[str], where: str) -> Iterator[Fault]:
-    """Unknown and duplicate names. O(names): suggestions for the first few alone."""
-    unknown = [name for name in names if name not in COLUMNS and name not in ALSO_KNOWN]
-    faults = []
-    for k, name in enumerate(unknown[:MOST_FAULTS]):
-        near = _nearest(name[:60]) if k < MOST_HINTS else None
-        fix = f"did you mean {near} in {COLUMNS[near].unit}?" if near else "rename the column or leave it out"
-        place = f"{where}, column {name[:60]!r}"
-        faults.append(Fault("unknown column or unit", place, name[:60], _allowed(), fix))
-    yield from faults[:MOST_FAULTS]
-    if len(unknown) > MOST_FAULTS:
-        yield Fault("unknown column or unit", where, f"{len(unknown) - MOST_FAULTS} more", _allowed())
-    twice = [(name, count) for name, count in Counter(names).items() if count > 1]
-    yield from first_faults(
-        [
-            Fault("duplicate column", f"{where}, column {name[:60]!r}", f"{count} times", "once")
-            for name, count in twice
-        ],
-        where,
-    )
+    ours = [name for name in names if name not in ALSO_KNOWN]
+    return header_faults(ours, COLUMNS, where, "unknown column or unit", _hint)
 
 
-def _nearest(name: str) -> str | None:
-    """Our column of the same quantity, whatever the unit; else the most similar name."""
-    stems = {column: _stem(column) for column in COLUMNS}
-    same = [column for column, stem in stems.items() if stem == _stem(name.lower())]
-    return same[0] if same else next(iter(difflib.get_close_matches(name.lower(), COLUMNS, n=1)), None)
-
-
-def _stem(name: str) -> str:
-    """A name without its unit: speed of speed_m_s, speed_km_h and speed_mph."""
-    for ending in ("_m_s", "_km_h"):
-        name = name.removesuffix(ending)
-    words = name.split("_")
-    return "_".join(words[:-1]) if len(words) > 1 else name
-
-
-def _allowed() -> str:
-    return ", ".join(COLUMNS)
+def _hint(name: str) -> str:
+    near = same_quantity(name, COLUMNS)
+    return f"did you mean {near} in {COLUMNS[near].unit}?" if near else "rename the column or leave it out"
 
 
 def _sample_faults(samples: pd.DataFrame, where: str, least: int) -> Iterator[Fault]:
@@ -212,5 +174,4 @@ def _sample_faults(samples: pd.DataFrame, where: str, least: int) -> Iterator[Fa
     if len(negative):
         row = int(negative[0])
         place = f"{where}, column 'time_s', row {row + 1}"
-        more = f" (and {len(negative) - 1} more rows)" if len(negative) > 1 else ""
-        yield Fault("negative time", place, f"{time[row]:g} s{more}", "0 s or more")
+        yield Fault("negative time", place, f"{time[row]:g} s{and_more(negative)}", "0 s or more")

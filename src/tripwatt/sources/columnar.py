@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import io
+import os
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, Protocol
+from typing import TYPE_CHECKING, Final, Protocol, TypeVar
 
 import numpy as np
 import pandas as pd
@@ -20,6 +22,9 @@ from tripwatt.trips import raise_faults
 
 if TYPE_CHECKING:
     import pyarrow.parquet as pq
+
+Item = TypeVar("Item")
+Read = TypeVar("Read")
 
 SUFFIXES: Final = (".csv", ".tsv", ".txt", ".parquet")
 MOST_ROWS: Final = 500_000
@@ -107,7 +112,7 @@ class ParquetTable:
         )
         if size > MOST_CONTENT_BYTES:
             where, got = f"{self.path} column {name!r}", f"{size} bytes when inflated"
-            raise InvalidInput(Fault("column too large", where, got, f"at most {MOST_CONTENT_BYTES} bytes"))
+            raise InvalidInput.of("column too large", where, got, f"at most {MOST_CONTENT_BYTES} bytes")
         try:
             # text stays a dictionary, so that a long text in every row is held once
             table = self.file.read(columns=[name], use_threads=False)
@@ -176,7 +181,7 @@ def _open_parquet(path: Path) -> ParquetTable:
     if rows > most_rows or columns > MOST_COLUMNS:
         got = f"{rows} rows of {columns} columns in {len(content)} bytes"
         allowed = f"at most {most_rows} rows of {MOST_COLUMNS} columns"
-        raise InvalidInput(Fault("Parquet file too large", f"{path}", got, allowed))
+        raise InvalidInput.of("Parquet file too large", f"{path}", got, allowed)
     return ParquetTable(path, file)
 
 
@@ -195,12 +200,35 @@ def table_files(path: Path) -> list[Path]:
     """
     allowed = f"a file or a folder of files {', '.join(SUFFIXES)}"
     if not path.exists():
-        raise InvalidInput(Fault("no such file or folder", f"{path}", "", allowed))
+        raise InvalidInput.of("no such file or folder", f"{path}", "", allowed)
     if path.is_file():
         return [path]
     visible = (p for p in path.iterdir() if p.is_file() and not p.name.startswith("."))
     files = sorted(p for p in visible if p.suffix.lower() in SUFFIXES)
     files = [p for p in files if p.suffix.lower() != PROSE] or files
     if not files:
-        raise InvalidInput(Fault("no trips", f"{path}", "no table", allowed))
+        raise InvalidInput.of("no trips", f"{path}", "no table", allowed)
     return files
+
+
+def read_all(read: Callable[[Item], Read], items: Iterable[Item]) -> tuple[list[Read], list[InvalidInput]]:
+    """Results of reading items side by side, and the errors of those that cannot be read, each in their order."""
+
+    def one(item: Item) -> Read | InvalidInput:
+        try:
+            return read(item)
+        except InvalidInput as error:
+            return error
+
+    with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+        results = list(pool.map(one, items))
+    errors = [result for result in results if isinstance(result, InvalidInput)]
+    return [result for result in results if not isinstance(result, InvalidInput)], errors
+
+
+def require_folder(folder: Path, allowed: str, fix: str) -> None:
+    """Raise `InvalidInput` for a path that is no folder; `fix` names the source of its files."""
+    if not folder.exists():
+        raise InvalidInput.of("no such folder", f"{folder}", "", allowed, fix)
+    if not folder.is_dir():
+        raise InvalidInput.of("not a folder", f"{folder}", "a file", allowed, f"give {folder.parent}")

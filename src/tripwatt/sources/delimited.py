@@ -7,22 +7,21 @@ time, line by line, to find every fault that a user has to mend.
 from __future__ import annotations
 
 import csv
-import math
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.csv as pa_csv
 
 from tripwatt.arrays import FloatArray
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, InvalidInput, and_more
 from tripwatt.files import read_file
+from tripwatt.trips.headers import DELIMITERS
 
-DELIMITERS: Final = ";,\t|"
 LARGEST_NUMBER: Final = 1e15
 """No measurement in any unit is larger; time stamps in milliseconds since 1970 are about 2e12."""
 MOST_HEADER_BYTES: Final = 1_000_000
@@ -114,16 +113,16 @@ def open_delimited(path: Path, content: bytes | None = None) -> Delimited:
     header = data[offset : end if end >= 0 else len(data)]
     if len(header) > MOST_HEADER_BYTES:
         got = f"a first line of {len(header)} bytes"
-        raise InvalidInput(Fault("header too long", f"{path}", got, f"at most {MOST_HEADER_BYTES} bytes"))
+        raise InvalidInput.of("header too long", f"{path}", got, f"at most {MOST_HEADER_BYTES} bytes")
     text = _decode(header).strip("\r\n")
     delimiter = max(DELIMITERS, key=text.count)
     if text.count(delimiter) >= MOST_COLUMNS:
         got = f"{text.count(delimiter) + 1} columns"
-        raise InvalidInput(Fault("too many columns", f"{path}", got, f"at most {MOST_COLUMNS}"))
+        raise InvalidInput.of("too many columns", f"{path}", got, f"at most {MOST_COLUMNS}")
     cells = tuple(cell.strip() for cell in _fields(text, delimiter))
     if end < 0 or not data[end:].strip():
-        raise InvalidInput(
-            Fault("no samples", f"{path}", f"a header of {len(cells)} columns without rows below", "rows")
+        raise InvalidInput.of(
+            "no samples", f"{path}", f"a header of {len(cells)} columns without rows below", "rows"
         )
     data = data[: end + 1] + _without_headers(data[end + 1 :], header.strip(b"\r"), delimiter)
     return Delimited(path, cells, delimiter, data, end + 1, line)
@@ -145,8 +144,8 @@ def _text_bytes(path: Path, data: bytes) -> bytes:
             raise InvalidInput(_not_text(path, "damaged UTF-16")) from error
     data = data.removeprefix(b"\xef\xbb\xbf")
     if not data.strip():
-        raise InvalidInput(
-            Fault("empty file", f"{path}", f"{len(data)} bytes", "a header and rows", "fetch the file again")
+        raise InvalidInput.of(
+            "empty file", f"{path}", f"{len(data)} bytes", "a header and rows", "fetch the file again"
         )
     if b"\0" in data[:65536]:
         raise InvalidInput(_not_text(path, "zero bytes"))
@@ -179,24 +178,11 @@ def read_texts(source: Delimited, wanted: Sequence[int]) -> list[list[str]]:
     InvalidInput
         With every row of the wrong length.
     """
-    names = [f"c{i}" for i in range(_body_width(source))]
-    wanted_names = [f"c{i}" for i in wanted]
     try:
-        table = pa_csv.read_csv(
-            pa.BufferReader(memoryview(source.data)[source.body_offset :]),
-            read_options=pa_csv.ReadOptions(column_names=names, use_threads=False, block_size=8 << 20),
-            parse_options=pa_csv.ParseOptions(delimiter=source.delimiter),
-            convert_options=pa_csv.ConvertOptions(
-                include_columns=wanted_names,
-                column_types={name: pa.binary() for name in wanted_names},
-                strings_can_be_null=False,
-                check_utf8=False,
-            ),
-        )
-    except (pa.ArrowInvalid, pa.ArrowKeyError, UnicodeDecodeError) as error:
-        reason = str(error).splitlines()[0][:200]
-        raise InvalidInput(_body_faults(source, (), len(names), reason)) from error
-    return [[_decode(cell).strip() for cell in table[name].to_pylist()] for name in wanted_names]
+        table = _parsed(source, wanted, pa.binary(), strings_can_be_null=False)
+    except _UNREADABLE as error:
+        raise InvalidInput(_body_faults(source, (), _reason(error))) from error
+    return [[_decode(cell).strip() for cell in column.to_pylist()] for column in table]
 
 
 def read_numbers(source: Delimited, wanted: Sequence[int], decimal: str = ".") -> list[FloatArray]:
@@ -207,39 +193,40 @@ def read_numbers(source: Delimited, wanted: Sequence[int], decimal: str = ".") -
     InvalidInput
         With every row of the wrong length and every cell that is not a number.
     """
-    names = [f"c{i}" for i in range(_body_width(source))]
-    wanted_names = [f"c{i}" for i in wanted]
+    reason = ""
+    nulls = {"null_values": list(NULL_TEXTS), "quoted_strings_can_be_null": True}
     try:
-        table = pa_csv.read_csv(
-            pa.BufferReader(memoryview(source.data)[source.body_offset :]),
-            read_options=pa_csv.ReadOptions(column_names=names, use_threads=False, block_size=8 << 20),
-            parse_options=pa_csv.ParseOptions(delimiter=source.delimiter),
-            convert_options=pa_csv.ConvertOptions(
-                include_columns=wanted_names,
-                column_types={name: pa.float64() for name in wanted_names},
-                null_values=list(NULL_TEXTS),
-                quoted_strings_can_be_null=True,
-                decimal_point=decimal,
-                check_utf8=False,
-            ),
-        )
-        columns = [np.asarray(table[name].to_numpy(), dtype=np.float64) for name in wanted_names]
-        sound = all(_largest(values) <= LARGEST_NUMBER for values in columns)
-        reason = ""
-    except (
-        pa.ArrowInvalid,
-        pa.ArrowKeyError,
-        UnicodeDecodeError,
-    ) as error:  # the last: its message quotes the row
-        columns, sound, reason = [], False, str(error).splitlines()[0][:200]
+        table = _parsed(source, wanted, pa.float64(), **nulls, decimal_point=decimal)
+        columns = [np.asarray(column.to_numpy(), dtype=np.float64) for column in table]
+        sound = all(np.nanmax(np.abs(values), initial=0.0) <= LARGEST_NUMBER for values in columns)
+    except _UNREADABLE as error:
+        sound, reason = False, _reason(error)
     if not sound:
-        raise InvalidInput(_body_faults(source, wanted, len(names), reason, decimal))
+        raise InvalidInput(_body_faults(source, wanted, reason, decimal))
     return columns
 
 
-def _largest(values: FloatArray) -> float:
-    finite = values[~np.isnan(values)]
-    return float(np.max(np.abs(finite))) if len(finite) else 0.0
+_UNREADABLE: Final = (pa.ArrowInvalid, pa.ArrowKeyError, UnicodeDecodeError)
+"""What Arrow raises for a damaged row; the last where its message quotes the row."""
+
+
+def _reason(error: Exception) -> str:
+    return str(error).splitlines()[0][:200]
+
+
+def _parsed(source: Delimited, wanted: Sequence[int], kind: Any, **options: Any) -> list[Any]:
+    """The columns at the given positions as Arrow's arrays, all of one type."""
+    names = [f"c{i}" for i in range(_body_width(source))]
+    chosen = [f"c{i}" for i in wanted]
+    table = pa_csv.read_csv(
+        pa.BufferReader(memoryview(source.data)[source.body_offset :]),
+        read_options=pa_csv.ReadOptions(column_names=names, use_threads=False, block_size=8 << 20),
+        parse_options=pa_csv.ParseOptions(delimiter=source.delimiter),
+        convert_options=pa_csv.ConvertOptions(
+            include_columns=chosen, column_types=dict.fromkeys(chosen, kind), check_utf8=False, **options
+        ),
+    )
+    return [table[name] for name in chosen]
 
 
 def _body_width(source: Delimited) -> int:
@@ -256,9 +243,10 @@ def _body_width(source: Delimited) -> int:
 
 
 def _body_faults(
-    source: Delimited, wanted: Sequence[int], width: int, reason: str, decimal: str = "."
+    source: Delimited, wanted: Sequence[int], reason: str, decimal: str = "."
 ) -> tuple[Fault, ...]:
-    """Every fault below the header, found line by line. O(bytes), only after the fast reader failed."""
+    """Every fault below the header, line by line. O(bytes), only after the fast reader failed."""
+    width = _body_width(source)
     lines = source.data[source.body_offset :].split(b"\n")
     first_line = source.header_line + 1
     bad_cells: dict[int, list[tuple[int, str]]] = {}
@@ -279,7 +267,8 @@ def _body_faults(
             continue
         for position in wanted:
             cell = cells[position].strip().strip('"').strip()
-            if cell not in NULL_TEXTS and not _is_number(cell.replace(decimal, ".")):
+            value = _value(cell.replace(decimal, "."))
+            if cell not in NULL_TEXTS and (value is None or not abs(value) <= LARGEST_NUMBER):
                 bad_cells.setdefault(position, []).append((number, cell))
     faults = [*_row_faults(source, bad_rows, width), *_cell_faults(source, bad_cells)]
     if cut_fault:
@@ -287,12 +276,11 @@ def _body_faults(
     return tuple(faults) or (Fault("not a readable CSV file", f"{source.path}", reason, "rows of numbers"),)
 
 
-def _is_number(cell: str) -> bool:
+def _value(cell: str) -> float | None:
     try:
-        value = float(cell)
+        return float(cell)
     except ValueError:
-        return False
-    return math.isfinite(value) and abs(value) <= LARGEST_NUMBER
+        return None
 
 
 def _cut_off_fault(source: Delimited, line: int, got: int, width: int, cells: Sequence[str]) -> Fault:
@@ -307,38 +295,29 @@ def _cut_off_fault(source: Delimited, line: int, got: int, width: int, cells: Se
 
 
 def _row_faults(source: Delimited, rows: Sequence[tuple[int, int]], width: int) -> Iterator[Fault]:
+    what = "wrong number of columns"
     for line, fields in rows[:SHOWN_ROWS]:
         comma = source.delimiter == "," and fields > width
         fix = (
             "export with a decimal point, or with ';' between columns" if comma else "mend or delete the row"
         )
-        yield Fault("wrong number of columns", f"{source.path} row {line}", f"{fields}", f"{width}", fix)
+        yield Fault(what, f"{source.path} row {line}", f"{fields}", f"{width}", fix)
     if len(rows) > SHOWN_ROWS:
-        yield Fault(
-            "wrong number of columns", f"{source.path}", f"{len(rows) - SHOWN_ROWS} more rows", f"{width}"
-        )
+        yield Fault(what, f"{source.path}", f"{len(rows) - SHOWN_ROWS} more rows", f"{width}")
 
 
 def _cell_faults(source: Delimited, cells: dict[int, list[tuple[int, str]]]) -> Iterator[Fault]:
     """A fault for each cell while they are few, else the first of the column and how many more there are."""
-    for position, found in sorted(cells.items()):
-        more = len(found) - 1 if len(found) > SHOWN_ROWS else 0
-        for line, text in found[:1] if more else found:
+    for position, bad in sorted(cells.items()):
+        counted = len(bad) > SHOWN_ROWS
+        for line, text in bad[:1] if counted else bad:
             what, allowed, fix = "not a number", "a number with a decimal point, or an empty cell", ""
             if _DECIMAL_COMMA.fullmatch(text):
                 what, fix = "decimal comma", "export the file with a decimal point"
-            elif _is_huge(text):
+            elif _value(text) is not None:
                 what, allowed = "number out of range", f"a finite number of at most {LARGEST_NUMBER:g}"
-            got = _excerpt(text) + (f" (and {more} more rows)" if more else "")
+            got = _excerpt(text) + (and_more(bad) if counted else "")
             yield Fault(what, source.where(line, source.names[position]), got, allowed, fix)
-
-
-def _is_huge(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 def _excerpt(text: str) -> str:

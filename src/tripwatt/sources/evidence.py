@@ -64,12 +64,12 @@ STAMP_FORMATS: Final = (
 
 @dataclass(frozen=True, slots=True)
 class Flow:
-    """Findings from the flow of power: columns found by it, direction of the current, mass in the assumed unit of speed.
+    """Findings from the flow of power: columns recognised by it, direction of the current, mass in the assumed unit of speed.
 
-    `found` holds (our name, column, unit, why).
+    `columns` holds (our name, column, unit, why).
     """
 
-    found: tuple[tuple[str, str, str, str], ...] = ()
+    columns: tuple[tuple[str, str, str, str], ...] = ()
     sign: str = ""
     why_sign: str = ""
     mass_kg: float | None = None
@@ -89,13 +89,13 @@ def stamp_format(texts: Sequence[str]) -> tuple[str, str] | None:
     probe = pd.Series(some[:200] + some[-50:], dtype=object)
     if not len(probe):
         return None
-    if pd.to_datetime(probe, format="ISO8601", utc=True, errors="coerce").notna().all():
+
+    def fits(form: str) -> bool:
+        return bool(pd.to_datetime(probe, format=form, utc=True, errors="coerce").notna().all())
+
+    if fits("ISO8601"):
         return "", "time stamps, ISO 8601"
-    fitting = [
-        form
-        for form in STAMP_FORMATS
-        if pd.to_datetime(probe, format=form, utc=True, errors="coerce").notna().all()
-    ]
+    fitting = [form for form in STAMP_FORMATS if fits(form)]
     if not fitting:
         return None
     unclear = "" if len(fitting) == 1 else f"; CHECK: may be {' or '.join(fitting[1:3])}"
@@ -109,11 +109,8 @@ def unit_of_values(ours: str, known: FloatArray) -> tuple[str, str]:
     if ours == "time_s":
         return _unit_of_time(known, low, seen)
     if ours == "speed_m_s":
-        return (
-            ("km/h", f"{seen} are km/h rather than m/s")
-            if high > 60.0
-            else ("m/s", f"{seen}: CHECK: m/s or km/h")
-        )
+        fast = "km/h", f"{seen} are km/h rather than m/s"
+        return fast if high > 60.0 else ("m/s", f"{seen}: CHECK: m/s or km/h")
     if ours in ("soc", "displayed_soc") and high > PPM_FROM:
         return "ppm", f"{seen} are percent times 10,000"
     if ours in ("soc", "displayed_soc", "grade"):
@@ -158,21 +155,15 @@ def speed_unit(assumed: str, mass_kg: float) -> tuple[str, str]:
     >>> speed_unit("m/s", 125.0)[0], speed_unit("m/s", 1650.0)[0]
     ('km/h', 'm/s')
     """
-    masses = {
-        unit: mass_kg * (SPEED_UNITS[assumed] / factor) ** 2
-        for unit, factor in SPEED_UNITS.items()
-        if assumed in SPEED_UNITS
-    }
+    now = SPEED_UNITS.get(assumed)
+    masses = {unit: mass_kg * (now / factor) ** 2 for unit, factor in SPEED_UNITS.items() if now}
     fitting = {u: m for u, m in masses.items() if LIGHTEST_KG <= m <= HEAVIEST_KG}
     if not fitting:
         return assumed, f"CHECK: in {assumed} the mass of the car is {mass_kg:.0f} kg"
     unit = min(fitting, key=lambda u: abs(np.log(fitting[u] / USUAL_KG)))
     others = ", ".join(f"{m:.0f} in {u}" for u, m in masses.items() if u != unit)
     check = "; CHECK: the masses are close" if len(fitting) > 1 else ""
-    return (
-        unit,
-        f"in {unit} the apparent mass of the car is {fitting[unit]:.0f} kg ({others}){check}",
-    )
+    return unit, f"in {unit} the apparent mass of the car is {fitting[unit]:.0f} kg ({others}){check}"
 
 
 def best_flow(
@@ -193,7 +184,7 @@ def best_flow(
     if len(clock) != len(rows) or not rows.any():
         return Flow()
     time = clock[rows]
-    found: list[tuple[str, str, str, str]] = []
+    columns: list[tuple[str, str, str, str]] = []
     spare = {n: v[rows] for n, v in others.items()}
     voltage = known["voltage_v"][1][rows] if "voltage_v" in known else None
     if voltage is None:
@@ -201,27 +192,25 @@ def best_flow(
         if name is not None:
             voltage = spare.pop(name)
             text = f"no name matches; values of {np.nanmin(voltage):g} to {np.nanmax(voltage):g} are those of a traction battery"
-            found.append(("voltage_v", name, "v", text))
+            columns.append(("voltage_v", name, "v", text))
     volts = np.full(len(time), STAND_IN_V) if voltage is None else voltage
-    speeds = (
-        {"": known["speed_m_s"][1][rows]}
-        if "speed_m_s" in known
-        else {n: v for n, v in spare.items() if _may_be_speed(v)}
-    )
+    speeds = {n: v for n, v in spare.items() if _may_be_speed(v)}
+    if "speed_m_s" in known:
+        speeds = {"": known["speed_m_s"][1][rows]}
     if POWER in known and "current_a" not in known:
         flows = {"": known[POWER][1][rows]}
     elif "current_a" in known:
         flows = {"": known["current_a"][1][rows] * volts}
     else:
         flows = {n: v * volts for n, v in spare.items() if np.nanmin(v, initial=0.0) < 0.0}
-    return _match(time, speeds, flows, found, measured=POWER in known or "current_a" in known)
+    return _match(time, speeds, flows, columns, measured=POWER in known or "current_a" in known)
 
 
 def _match(
     time: FloatArray,
     speeds: Mapping[str, FloatArray],
     flows: Mapping[str, FloatArray],
-    found: list[tuple[str, str, str, str]],
+    columns: list[tuple[str, str, str, str]],
     *,
     measured: bool,
 ) -> Flow:
@@ -234,23 +223,18 @@ def _match(
             answer = apparent_mass(time, speed, flow)
             if answer is not None and (best is None or abs(answer[1]) > abs(best[1])):
                 best = (answer[0], answer[1], speed_name, flow_name)
-    if best is None or abs(best[1]) < CLEAR:
-        return Flow(tuple(found), "discharge" if measured else "", "CHECK: too little driving to decide")
-    mass, correlation, speed_name, flow_name = best
-    if (speed_name or flow_name) and abs(correlation) < CURRENT_CORRELATION:
-        return Flow(tuple(found), "discharge" if measured else "", "CHECK: too little driving to decide")
-    if flow_name:
-        text = (
-            f"no name matches; correlated with speed times acceleration (correlation {abs(correlation):.2f})"
-        )
-        found.append(("current_a", flow_name, "a", text))
-    if speed_name:
-        text = (
-            f"no name matches; its change is correlated with the power (correlation {abs(correlation):.2f})"
-        )
-        found.append(("speed_m_s", speed_name, "m/s", text))
+    mass, correlation, speed_name, flow_name = best or (0.0, 0.0, "", "")
+    if abs(correlation) < (CURRENT_CORRELATION if speed_name or flow_name else CLEAR):
+        return Flow(tuple(columns), "discharge" if measured else "", "CHECK: too little driving to decide")
+    for ours, name, unit, why in (
+        ("current_a", flow_name, "a", "correlated with speed times acceleration"),
+        ("speed_m_s", speed_name, "m/s", "its change is correlated with the power"),
+    ):
+        if name:
+            text = f"no name matches; {why} (correlation {abs(correlation):.2f})"
+            columns.append((ours, name, unit, text))
     sign = "discharge" if correlation > 0 else "charge"
-    return Flow(tuple(found), sign, f"correlation of power with acceleration {correlation:.2f}", abs(mass))
+    return Flow(tuple(columns), sign, f"correlation of power with acceleration {correlation:.2f}", abs(mass))
 
 
 def _is_pack_voltage(values: FloatArray) -> bool:

@@ -1,4 +1,4 @@
-"""How the columns of somebody's table become ours: a small TOML, read whole or refused with every fault.
+"""Mappings from the columns of a table to ours: a small TOML, read whole or refused with every fault.
 
     [columns]
     time_s = { column = "Timestamp", unit = "timestamp" }
@@ -13,7 +13,7 @@
     column = "drive_id"
     vehicle = "vin"
 
-All tables but `[columns]` are optional; see `docs/data.md`.
+All tables but `[columns]` are optional; see `docs/reference/data.md`.
 """
 
 from __future__ import annotations
@@ -31,39 +31,28 @@ from typing import Any, Final
 from tripwatt.errors import Fault, InvalidInput, excerpt
 from tripwatt.files import MOST_TEXT_BYTES, read_text_file
 from tripwatt.trips import COLUMNS, raise_faults
-from tripwatt.units import M_S_PER_KM_H, SECONDS_PER_HOUR, ZERO_CELSIUS_K
+from tripwatt.trips.columns import is_number
+from tripwatt.units import M_PER_FOOT, M_S_PER_KM_H, SECONDS_PER_HOUR, ZERO_CELSIUS_K
 from tripwatt.vehicles import vehicle_names
 
 POWER: Final = "battery_power_w"
 """Power at the battery's terminals [W], for loggers that give it in place of voltage and current."""
 
-M_PER_FOOT: Final = 0.3048
 M_S_PER_MPH: Final = 0.44704
 
-_SPEED: Final = {
-    "m/s": (1.0, 0.0),
-    "km/h": (M_S_PER_KM_H, 0.0),
-    "kmh": (M_S_PER_KM_H, 0.0),
-    "kph": (M_S_PER_KM_H, 0.0),
-    "mph": (M_S_PER_MPH, 0.0),
-}
-_LENGTH: Final = {"m": (1.0, 0.0), "km": (1000.0, 0.0), "ft": (M_PER_FOOT, 0.0)}
-_TEMPERATURE: Final = {
-    "degc": (1.0, 0.0),
-    "°c": (1.0, 0.0),
-    "c": (1.0, 0.0),
-    "k": (1.0, -ZERO_CELSIUS_K),
-    "degf": (5.0 / 9.0, -160.0 / 9.0),
-    "°f": (5.0 / 9.0, -160.0 / 9.0),
-    "f": (5.0 / 9.0, -160.0 / 9.0),
-}
-_FRACTION: Final = {
-    "1": (1.0, 0.0),
-    "fraction": (1.0, 0.0),
-    "%": (0.01, 0.0),
-    "percent": (0.01, 0.0),
-    "ppm": (1e-6, 0.0),
-}
+
+def _units(spellings: str, factor: float, offset: float = 0.0) -> dict[str, tuple[float, float]]:
+    return dict.fromkeys(spellings.split(), (factor, offset))
+
+
+_SPEED: Final = _units("m/s", 1.0) | _units("km/h kmh kph", M_S_PER_KM_H) | _units("mph", M_S_PER_MPH)
+_LENGTH: Final = _units("m", 1.0) | _units("km", 1000.0) | _units("ft", M_PER_FOOT)
+_TEMPERATURE: Final = (
+    _units("degc °c c", 1.0)
+    | _units("k", 1.0, -ZERO_CELSIUS_K)
+    | _units("degf °f f", 5.0 / 9.0, -160.0 / 9.0)
+)
+_FRACTION: Final = _units("1 fraction", 1.0) | _units("% percent", 0.01) | _units("ppm", 1e-6)
 _WATT: Final = {"w": (1.0, 0.0), "kw": (1000.0, 0.0), "hp": (745.699872, 0.0), "ps": (735.49875, 0.0)} | {
     f"{step}w": (float(step), 0.0)
     for step in (50, 100, 250)  # loggers that count steps of so many watts
@@ -153,7 +142,7 @@ class ColumnMapping:
         Column of the vehicle that drove. Trips of different vehicles may then have the same id.
     nominal_voltage_v, usable_capacity_kwh, usable_capacity_uncertainty : float or None
     battery_vehicle : str or None
-        Car of the library whose open-circuit voltage tells what energy a part of the charge holds.
+        Car of the library; its open-circuit voltage gives the energy of each part of the charge.
     decimal : str
         Decimal separator of text files.
     hold_s : float
@@ -243,7 +232,7 @@ def parse_tables(text: str, source: str) -> dict[str, Any]:
     try:
         return tomllib.loads(text)
     except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise InvalidInput(Fault("not a TOML file", source, str(error)[:200], "TOML 1.0")) from error
+        raise InvalidInput.of("not a TOML file", source, str(error)[:200], "TOML 1.0") from error
 
 
 def mapping_from_tables(tables: Mapping[str, Any], source: str) -> ColumnMapping:
@@ -302,17 +291,15 @@ def _own_unit(ours: str) -> str:
 def _structure_faults(tables: Mapping[str, Any], source: str) -> Iterator[Fault]:
     for name, table in tables.items():
         if name not in _TABLES:
-            yield Fault(
-                "unknown table", f"{source} [{name}]", "", f"[{'], ['.join(_TABLES)}]", _near(name, _TABLES)
-            )
+            allowed = f"[{'], ['.join(_TABLES)}]"
+            yield Fault("unknown table", f"{source} [{name}]", "", allowed, _near(name, _TABLES))
         elif not isinstance(table, dict):
             yield Fault("not a table", f"{source} [{name}]", excerpt(table), f"[{name}]")
         else:
-            for key in table:
-                allowed = _TABLES[name] or tuple(UNITS)
-                if key not in allowed:
-                    where = f"{source} [{name}] {key}"
-                    yield Fault("unknown key", where, "", ", ".join(allowed), _near(key, allowed))
+            keys = _TABLES[name] or tuple(UNITS)
+            for key in (key for key in table if key not in keys):
+                where = f"{source} [{name}] {key}"
+                yield Fault("unknown key", where, "", ", ".join(keys), _near(key, keys))
     columns = tables.get("columns", {})
     if not isinstance(columns, dict):
         return
@@ -344,39 +331,31 @@ def _entry_faults(ours: str, entry: object, where: str) -> Iterator[Fault]:
 
 
 def _value_faults(tables: Mapping[str, Any], source: str) -> Iterator[Fault]:
-    ranges = {
-        ("battery", "nominal_voltage_v"): (30.0, 1200.0),
-        ("battery", "usable_capacity_kwh"): (1.0, 1500.0),
-        ("battery", "usable_capacity_uncertainty"): (0.0, 0.5),
-        ("file", "hold_s"): (0.0, 600.0),
-    }
-    for (table, key), (low, high) in ranges.items():
+    def fault(what: str, table: str, key: str, allowed: str) -> Fault:
+        return Fault(what, f"{source} [{table}] {key}", excerpt(_get(tables, table, key)), allowed)
+
+    for table, key, low, high in (
+        ("battery", "nominal_voltage_v", 30.0, 1200.0),
+        ("battery", "usable_capacity_kwh", 1.0, 1500.0),
+        ("battery", "usable_capacity_uncertainty", 0.0, 0.5),
+        ("file", "hold_s", 0.0, 600.0),
+    ):
         value = _get(tables, table, key)
-        if value is not None and not (
-            isinstance(value, int | float) and not isinstance(value, bool) and low <= value <= high
-        ):
-            yield Fault(
-                "value out of range", f"{source} [{table}] {key}", excerpt(value), f"{low:g} to {high:g}"
-            )
+        if value is not None and not (is_number(value) and low <= value <= high):
+            yield fault("value out of range", table, key, f"{low:g} to {high:g}")
     for table, key, allowed in (
         ("current", "positive", ("discharge", "charge")),
         ("file", "decimal", (".", ",")),
     ):
-        value = _get(tables, table, key)
-        if value is not None and value not in allowed:
-            yield Fault(
-                "unknown value", f"{source} [{table}] {key}", excerpt(value), " or ".join(map(repr, allowed))
-            )
-    car = _get(tables, "battery", "vehicle")
-    if car is not None and car not in vehicle_names():
-        yield Fault(
-            "unknown vehicle", f"{source} [battery] vehicle", excerpt(car), "a car of `tripwatt vehicles`"
-        )
+        if _get(tables, table, key) not in (None, *allowed):
+            yield fault("unknown value", table, key, " or ".join(map(repr, allowed)))
+    if _get(tables, "battery", "vehicle") not in (None, *vehicle_names()):
+        yield fault("unknown vehicle", "battery", "vehicle", "a car of `tripwatt vehicles`")
     for table, key in (("trip", "column"), ("trip", "vehicle"), ("long", "name"), ("long", "value")):
-        value = _get(tables, table, key)
-        optional = table == "trip" and value is None and isinstance(tables.get(table), dict) and tables[table]
-        if isinstance(tables.get(table), dict) and not isinstance(value, str) and not optional:
-            yield Fault("missing key", f"{source} [{table}] {key}", excerpt(value), "the name of a column")
+        section, value = tables.get(table), _get(tables, table, key)
+        optional = table == "trip" and value is None and section
+        if isinstance(section, dict) and not isinstance(value, str) and not optional:
+            yield fault("missing key", table, key, "the name of a column")
 
 
 def _energy_faults(tables: Mapping[str, Any], source: str) -> Iterator[Fault]:

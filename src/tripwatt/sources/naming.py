@@ -117,51 +117,24 @@ _NOT: Final[Mapping[str, str]] = MappingProxyType(
 
 _SHOWN: Final = re.compile(r"[(\[]\s*display(ed)?\s*[)\]]", re.IGNORECASE)
 
-_UNIT_WORDS: Final = MappingProxyType(
-    {
-        "kmh": "km/h",
-        "kph": "km/h",
-        "kmph": "km/h",
-        "kmhr": "km/h",
-        "km h": "km/h",
-        "km/hr": "km/h",
-        "mps": "m/s",
-        "m s": "m/s",
-        "meters/second": "m/s",
-        "mi/h": "mph",
-        "miles/h": "mph",
-        "volt": "v",
-        "volts": "v",
-        "amp": "a",
-        "amps": "a",
-        "ampere": "a",
-        "amperes": "a",
-        "celsius": "degc",
-        "deg c": "degc",
-        "grad c": "degc",
-        "°c": "degc",
-        "fahrenheit": "degf",
-        "deg f": "degf",
-        "°f": "degf",
-        "kelvin": "k",
-        "pct": "%",
-        "percent": "%",
-        "prozent": "%",
-        "meter": "m",
-        "meters": "m",
-        "metres": "m",
-        "feet": "ft",
-        "foot": "ft",
-        "watt": "w",
-        "watts": "w",
-        "sec": "s",
-        "secs": "s",
-        "seconds": "s",
-        "msec": "ms",
-        "millis": "ms",
-        "minutes": "min",
-    }
-)
+_SPELLINGS: Final = {
+    "km/h": ("kmh", "kph", "kmph", "kmhr", "km h", "km/hr"),
+    "m/s": ("mps", "m s", "meters/second"),
+    "mph": ("mi/h", "miles/h"),
+    "v": ("volt", "volts"),
+    "a": ("amp", "amps", "ampere", "amperes"),
+    "degc": ("celsius", "deg c", "grad c", "°c", "\ufffdc", "?c"),
+    "degf": ("fahrenheit", "deg f", "°f"),
+    "k": ("kelvin",),
+    "%": ("pct", "percent", "prozent"),
+    "m": ("meter", "meters", "metres"),
+    "ft": ("feet", "foot"),
+    "w": ("watt", "watts"),
+    "s": ("sec", "secs", "seconds"),
+    "ms": ("msec", "millis"),
+    "min": ("minutes",),
+}
+_UNIT_WORDS: Final = {spelling: unit for unit, spellings in _SPELLINGS.items() for spelling in spellings}
 
 
 def words(name: str) -> str:
@@ -175,13 +148,9 @@ def words(name: str) -> str:
     bare = re.sub(r"[\[({][^\])}]*[\])}]*", " ", name) or name
     if not bare.strip():
         bare = name
-    split = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", " ", re.sub(r"\bSoC\b", "SOC", _ascii(bare)))
+    folded = unicodedata.normalize("NFKD", bare.replace("ß", "ss")).encode("ascii", "ignore").decode()
+    split = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", " ", re.sub(r"\bSoC\b", "SOC", folded))
     return " ".join(re.sub(r"[^a-z0-9]+", " ", split.casefold()).split())
-
-
-def _ascii(text: str) -> str:
-    folded = unicodedata.normalize("NFKD", text.replace("ß", "ss"))
-    return folded.encode("ascii", "ignore").decode()
 
 
 def units_in(name: str) -> tuple[str, ...]:
@@ -202,7 +171,7 @@ def units_in(name: str) -> tuple[str, ...]:
 
 def _unit(text: str) -> str:
     unit = " ".join(text.casefold().replace("º", "°").split())
-    return "degc" if unit in ("\ufffdc", "?c") else _UNIT_WORDS.get(unit, unit)
+    return _UNIT_WORDS.get(unit, unit)
 
 
 def unit_in(ours: str, name: str) -> str | None:
@@ -213,14 +182,14 @@ def unit_in(ours: str, name: str) -> str | None:
     >>> unit_in("speed_m_s", "Spd (mph)"), unit_in("voltage_v", "HV Volts"), unit_in("speed_m_s", "speed")
     ('mph', 'v', None)
     """
-    found = units_in(name)
+    units = units_in(name)
     if ours == "speed_m_s":
-        found = tuple("m/s" if unit == "ms" else unit for unit in found)
-    return next((unit for unit in found if unit in UNITS[ours]), None)
+        units = tuple("m/s" if unit == "ms" else unit for unit in units)
+    return next((unit for unit in units if unit in UNITS[ours]), None)
 
 
 def is_something_else(name: str) -> bool:
-    """Whether a name says that a column is none of ours: its values need not be looked at.
+    """Whether a column is none of ours by its name alone, so that its values need not be checked.
 
     Examples
     --------
@@ -241,17 +210,15 @@ def candidates(ours: str, names: Sequence[str]) -> list[str]:
     if ours in names:
         return [ours]
     forbidden = re.compile(f"{_NEVER}|{_NOT[ours]}" if ours in _NOT else _NEVER)
-    found: dict[str, None] = {}
+    likely: dict[str, None] = {}
     for pattern in NAMES[ours]:
         for name in names:
             shown = _SHOWN.search(name) is not None  # "State of charge (display)": brackets are no unit here
             if ours == "soc" and shown:
                 continue
             text = f"{words(name)} display" if ours == "displayed_soc" and shown else words(name)
-            if re.search(pattern, text) and not forbidden.search(text):
-                found.setdefault(name)
-                continue
             without_unit = " ".join(text.split()[:-1])  # "u v", "i a", "z m": a letter and its unit
-            if without_unit and re.search(pattern, without_unit) and not forbidden.search(text):
-                found.setdefault(name)
-    return list(found)
+            matches = re.search(pattern, text) or (without_unit and re.search(pattern, without_unit))
+            if matches and not forbidden.search(text):
+                likely.setdefault(name)
+    return list(likely)

@@ -64,18 +64,12 @@ _TRIP_NAME: Final = re.compile(
 )
 SPELLED: Final[Mapping[str, str]] = MappingProxyType(
     {
-        "v": "V",
-        "a": "A",
-        "w": "W",
-        "kw": "kW",
-        "degc": "degC",
-        "c": "degC",
-        "degf": "degF",
-        "f": "degF",
-        "k": "K",
+        unit.lower(): unit
+        for unit in ("V", "mV", "kV", "A", "mA", "dA", "W", "kW", "PS", "degC", "degF", "K", "Nm")
     }
-    | {"nm": "Nm", "mv": "mV", "kv": "kV", "ma": "mA", "da": "dA", "kmh": "km/h", "kph": "km/h", "ps": "PS"}
+    | {"c": "degC", "f": "degF", "kmh": "km/h", "kph": "km/h"}
 )
+"""Units of a mapping as people write them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,7 +133,7 @@ def suggest_mapping(path: Path | str) -> Suggestion:
         _drive_by_drive(guesses, columns, groups),
         {n: v for n, v in columns.items() if n not in taken and not is_something_else(n)},
     )
-    guesses |= {g[0]: Guess(*g) for g in flow.found}
+    guesses |= {g[0]: Guess(*g) for g in flow.columns}
     if {"voltage_v", "current_a"} <= guesses.keys():
         guesses.pop(POWER, None)
     guesses = {ours: guesses[ours] for ours in NAMES if ours in guesses}
@@ -229,13 +223,17 @@ def _by_name(table: TableFile, columns: Mapping[str, FloatArray], trip: str | No
     return guesses
 
 
+def _stamped(table: TableFile, name: str) -> Guess | None:
+    form = stamp_format(table.texts(name))
+    return None if form is None else Guess("time_s", name, "timestamp", form[1], form[0])
+
+
 def _with_unit(ours: str, name: str, table: TableFile, values: FloatArray | None) -> Guess | None:
     """The guess with its unit, from the name if it has one, else from the values; None where they cannot be it."""
     if values is None:
         if ours != "time_s":
             return None
-        found = stamp_format(table.texts(name))
-        return None if found is None else Guess(ours, name, "timestamp", found[1], found[0])
+        return _stamped(table, name)
     known = values[np.isfinite(values)]
     if not len(known):
         return None
@@ -263,7 +261,7 @@ def _as_shipped(
     optional = [e.column for e in mapping.columns.values() if e.optional]
     if sum(column_key(c) in there for c in optional) < LEAST_OPTIONAL * len(optional):
         return guesses
-    found: dict[str, Guess] = {}
+    own: dict[str, Guess] = {}
     for ours, entry in mapping.columns.items():
         name = there.get(column_key(entry.column))
         if name is None:
@@ -275,27 +273,24 @@ def _as_shipped(
                 return guesses
         elif ours in guesses and guesses[ours].column == name:
             entry = replace(entry, unit=guesses[ours].unit, format=guesses[ours].format)
-        found[ours] = Guess(ours, name, entry.unit, f"{AS_SHIPPED} {mapping.source!r}", entry.format)
-    taken = {g.column for g in found.values()}
-    return {ours: g for ours, g in guesses.items() if g.column not in taken} | found
+        own[ours] = Guess(ours, name, entry.unit, f"{AS_SHIPPED} {mapping.source!r}", entry.format)
+    taken = {g.column for g in own.values()}
+    return {ours: g for ours, g in guesses.items() if g.column not in taken} | own
 
 
 def _rising(table: TableFile, columns: Mapping[str, FloatArray], taken: set[str]) -> dict[str, Guess]:
     """The first column that holds time stamps or rises in even steps: time, whatever its name."""
     for name in (n for n in dict.fromkeys(table.names) if n and n not in taken):
         if name not in columns:
-            found = stamp_format(table.texts(name))
-            if found is not None:
-                return {"time_s": Guess("time_s", name, "timestamp", found[1], found[0])}
+            guess = _stamped(table, name)
+            if guess is not None:
+                return {"time_s": guess}
             continue
         steps = np.diff(columns[name])
         if len(steps) > 9 and (steps > 0).all() and np.quantile(steps, 0.9) <= 2.0 * np.median(steps):
             unit, why = unit_of_values("time_s", columns[name])
-            return {
-                "time_s": Guess(
-                    "time_s", name, unit, f"no name matches; the values increase in even steps; {why}"
-                )
-            }
+            why = f"no name matches; the values increase in even steps; {why}"
+            return {"time_s": Guess("time_s", name, unit, why)}
     return {}
 
 
@@ -368,15 +363,12 @@ def _with_american_check(guesses: dict[str, Guess]) -> dict[str, Guess]:
 
 def _missing(guesses: Mapping[str, Guess]) -> list[str]:
     missing = [ours for ours in ("time_s", "speed_m_s") if ours not in guesses]
-    if {"voltage_v", "current_a"} <= guesses.keys():
+    if "current_a" in guesses and "voltage_v" not in guesses and POWER not in guesses:
+        return [*missing, "[battery] nominal_voltage_v"]
+    if "current_a" in guesses or POWER in guesses:
         return missing
-    if POWER in guesses:
-        return missing
-    if "current_a" in guesses:
-        return missing if "voltage_v" in guesses else [*missing, "[battery] nominal_voltage_v"]
-    if "soc" in guesses or "displayed_soc" in guesses:
-        return [*missing, "[battery] usable_capacity_kwh"]
-    return [*missing, "voltage_v and current_a"]
+    by_charge = "soc" in guesses or "displayed_soc" in guesses
+    return [*missing, "[battery] usable_capacity_kwh" if by_charge else "voltage_v and current_a"]
 
 
 def _has_all(table: TableFile, shipped: str) -> bool:

@@ -5,11 +5,10 @@ from __future__ import annotations
 import datetime as dt
 import difflib
 import math
-import os
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -17,8 +16,8 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import FloatArray, IntArray
-from tripwatt.errors import Fault, InvalidInput
-from tripwatt.sources.columnar import TableFile, open_table, table_files
+from tripwatt.errors import Fault, InvalidInput, and_more
+from tripwatt.sources.columnar import TableFile, open_table, read_all, table_files
 from tripwatt.sources.delimited import column_key
 from tripwatt.sources.mapping import (
     POWER,
@@ -53,9 +52,7 @@ WHOLE_PERCENT: Final = 0.01
 SECONDS_PER_DAY: Final = 86_400.0
 
 
-def read_table(
-    path: Path | str, mapping: Path | str | ColumnMapping | None = None, *, n_jobs: int | None = None
-) -> Fleet:
+def read_table(path: Path | str, mapping: Path | str | ColumnMapping | None = None) -> Fleet:
     """Read trips from a CSV or Parquet file, or a folder of them.
 
     Parameters
@@ -63,8 +60,6 @@ def read_table(
     path : path
     mapping : path, str or ColumnMapping, optional
         A TOML file, the name of a shipped mapping, or a mapping; without one the columns must have our names.
-    n_jobs : int, optional
-        Threads; as many as there are processors by default.
 
     Returns
     -------
@@ -81,22 +76,21 @@ def read_table(
     files = table_files(path)
     checked = _mapping_for(mapping, files[0])
 
-    def read_one(file: Path) -> tuple[list[Log], list[Flag]] | InvalidInput:
+    def read_one(file: Path) -> tuple[list[Log], list[Flag]]:
         try:
             return _read_file(file, checked)
         except InvalidInput as error:
-            return InvalidInput([_with_decimal_hint(fault, checked) for fault in error.faults])
+            fix = f'add [file] decimal = "," to {checked.source}'
+            commas = (replace(f, fix=fix) if f.what == "decimal comma" else f for f in error.faults)
+            raise InvalidInput(commas) from error
 
-    with ThreadPoolExecutor(n_jobs or os.cpu_count() or 1) as pool:
-        results = list(pool.map(read_one, files))
-    raise_faults(_merge_alike(path, [r.faults for r in results if isinstance(r, InvalidInput)]))
-    read = [r for r in results if not isinstance(r, InvalidInput)]
+    read, errors = read_all(read_one, files)
+    raise_faults(_merge_alike(path, [error.faults for error in errors]))
     trips = [trip for its_trips, _ in read for trip in its_trips]
     raise_faults([*_twice(path, files, [its for its, _ in read]), *_wrong_sign(trips, checked)])
     if not trips:
-        raise InvalidInput(
-            Fault("no trips", f"{path}", f"{len(files)} files without a trip", "at least one trip")
-        )
+        got = f"{len(files)} files without a trip"
+        raise InvalidInput.of("no trips", f"{path}", got, "at least one trip")
     notes = [note for _, its_notes in read for note in its_notes]
     return Fleet("table", tuple(trips), (*_fleet_notes(trips, checked), *notes))
 
@@ -117,12 +111,6 @@ def _merge_alike(path: Path, faults: Sequence[Sequence[Fault]]) -> Iterator[Faul
         yield replace(alike[0], where=place, got=f"{len(alike) - SHOWN_ALIKE} more of this kind")
 
 
-def _with_decimal_hint(fault: Fault, mapping: ColumnMapping) -> Fault:
-    if fault.what != "decimal comma":
-        return fault
-    return replace(fault, fix=f'add [file] decimal = "," to {mapping.source}')
-
-
 def _mapping_for(mapping: Path | str | ColumnMapping | None, first: Path) -> ColumnMapping:
     if isinstance(mapping, ColumnMapping):
         return mapping
@@ -130,15 +118,10 @@ def _mapping_for(mapping: Path | str | ColumnMapping | None, first: Path) -> Col
         return load_mapping(mapping)
     names = [n for n in open_table(first).names if n in COLUMNS]
     if not {"time_s", "speed_m_s"} <= set(names):
-        raise InvalidInput(
-            Fault(
-                "no mapping",
-                "--mapping",
-                f"columns {', '.join(map(repr, open_table(first).names[:8]))}",
-                "a mapping, or columns with canonical names such as time_s, speed_m_s, voltage_v, current_a",
-                f"run `tripwatt mapping suggest {first}` to get a proposal",
-            )
-        )
+        got = f"columns {', '.join(map(repr, open_table(first).names[:8]))}"
+        allowed = "a mapping, or columns with canonical names such as time_s, speed_m_s, voltage_v, current_a"
+        fix = f"run `tripwatt mapping suggest {first}` to get a proposal"
+        raise InvalidInput.of("no mapping", "--mapping", got, allowed, fix)
     return parse_mapping("[columns]\n" + "\n".join(f'{n} = {{ column = "{n}" }}' for n in names), f"{first}")
 
 
@@ -148,15 +131,14 @@ def _read_file(path: Path, mapping: ColumnMapping) -> tuple[list[Log], list[Flag
     if mapping.long_name is not None:
         return _read_long(table, entries, mapping)
     texts = _trip_names(table, mapping)
-    by_number = {ours: e for ours, e in entries.items() if ours != "time_s" or _numeric_time(e)}
+    by_number = {ours: e for ours, e in entries.items() if ours != "time_s" or e.unit != "timestamp"}
     values = dict(zip(by_number, table.numbers([e.column for e in by_number.values()]), strict=True))
-    started: list[dt.datetime | None] | None = None
+    stamped = entries["time_s"].unit in TIME_STAMPS
     if "time_s" not in values:
-        values["time_s"], started = _stamps(table, entries["time_s"])
-    elif entries["time_s"].unit in TIME_STAMPS:
+        values["time_s"], stamped = _stamps(table, entries["time_s"])
+    elif stamped:
         values["time_s"] = values["time_s"] * TIME_STAMPS[entries["time_s"].unit]
-        started = [_from_epoch(t) for t in values["time_s"][:1]]
-    return _trips_of(table, entries, mapping, values, texts, stamped=started is not None)
+    return _trips_of(table, entries, mapping, values, texts, stamped=stamped)
 
 
 def _trip_names(table: TableFile, mapping: ColumnMapping) -> list[str] | None:
@@ -168,10 +150,6 @@ def _trip_names(table: TableFile, mapping: ColumnMapping) -> list[str] | None:
     return [f"{car}-{trip}" if trip else "" for car, trip in zip(vehicles, trips, strict=True)]
 
 
-def _numeric_time(entry: MappedColumn) -> bool:
-    return entry.unit != "timestamp"
-
-
 def _entries(table: TableFile, mapping: ColumnMapping) -> dict[str, MappedColumn]:
     """Entries with the file's own spelling of their columns. A name is matched exactly, else by `column_key`."""
     own = (mapping.trip_column, mapping.vehicle_column, mapping.long_name, mapping.long_value)
@@ -180,20 +158,18 @@ def _entries(table: TableFile, mapping: ColumnMapping) -> dict[str, MappedColumn
     keys: dict[str, list[str]] = {}
     for name in table.names:
         keys.setdefault(column_key(name), []).append(name)
-    found: dict[str, MappedColumn] = {}
+    entries: dict[str, MappedColumn] = {}
     for ours, entry in mapping.columns.items():
-        if mapping.long_name is not None and ours != "time_s":
-            found[ours] = entry
-            continue
+        is_signal = mapping.long_name is not None and ours != "time_s"
         alike = keys.get(column_key(entry.column), [])
-        if entry.column in table.names:
-            found[ours] = entry
+        if is_signal or entry.column in table.names:
+            entries[ours] = entry
         elif len(alike) == 1:
-            found[ours] = replace(entry, column=alike[0])
+            entries[ours] = replace(entry, column=alike[0])
         elif not entry.optional:
             faults.append(_missing(table, entry.column, mapping))
     raise_faults(faults)
-    return found
+    return entries
 
 
 def _missing(table: TableFile, name: str, mapping: ColumnMapping) -> Fault:
@@ -203,8 +179,8 @@ def _missing(table: TableFile, name: str, mapping: ColumnMapping) -> Fault:
     return Fault("missing column", f"{table.path}", got, f"a column {name!r}", f"{fix}see {mapping.source}")
 
 
-def _stamps(table: TableFile, entry: MappedColumn) -> tuple[FloatArray, list[dt.datetime | None] | None]:
-    """Seconds since 1970 of a column of time stamps; since the first sample, and no start, where they have no day."""
+def _stamps(table: TableFile, entry: MappedColumn) -> tuple[FloatArray, bool]:
+    """Seconds since 1970 of a column of time stamps; since the first sample, and False, where they have no day."""
     texts = pd.Series(table.texts(entry.column), dtype=object)
     stamps = pd.to_datetime(texts, format=entry.format or "ISO8601", utc=True, errors="coerce")
     clock_only = bool(entry.format) and not re.search("%[djUVxcs]", entry.format)
@@ -216,15 +192,15 @@ def _stamps(table: TableFile, entry: MappedColumn) -> tuple[FloatArray, list[dt.
         allowed = f"a time like {entry.format}" if entry.format else "a time such as 2024-05-31T08:15:00"
         allowed += "" if clock_only else f", from {EARLIEST_YEAR} to {LATEST_YEAR}"
         place = f"{table.path} row {table.row(int(bad[0]))} column {entry.column!r}"
-        got = repr(texts[int(bad[0])][:40]) + (f" (and {len(bad) - 1} more rows)" if len(bad) > 1 else "")
+        got = repr(texts[int(bad[0])][:40]) + and_more(bad)
         fix = "" if entry.format else 'give the format in the mapping: format = "%d.%m.%Y %H:%M:%S"'
-        raise InvalidInput(Fault("invalid time", place, got, allowed, fix))
+        raise InvalidInput.of("invalid time", place, got, allowed, fix)
     seconds = (stamps - pd.Timestamp(0, tz="UTC")).dt.total_seconds()
     values = np.asarray(seconds, dtype=np.float64)
     if clock_only:
         midnight = np.concatenate(([0.0], np.cumsum(np.diff(values) < -0.5 * SECONDS_PER_DAY)))
-        return values - values[0] + SECONDS_PER_DAY * midnight, None
-    return values, [_from_epoch(values[0])]
+        return values - values[0] + SECONDS_PER_DAY * midnight, False
+    return values, True
 
 
 def _require_one_kind_of_zone(table: TableFile, entry: MappedColumn, texts: pd.Series) -> None:
@@ -236,7 +212,7 @@ def _require_one_kind_of_zone(table: TableFile, entry: MappedColumn, texts: pd.S
         place = f"{table.path} row {table.row(first)} column {entry.column!r}"
         allowed = "the same in every row"
         got = f"{texts[first][:40]!r}, {'with' if zoned[first] else 'without'} a time zone unlike the rows before"
-        raise InvalidInput(Fault("times with and without time zone", place, got, allowed))
+        raise InvalidInput.of("times with and without time zone", place, got, allowed)
 
 
 def _from_epoch(seconds: float) -> dt.datetime | None:
@@ -251,7 +227,7 @@ def _read_long(
 ) -> tuple[list[Log], list[Flag]]:
     """A file with a row for each value: the signals side by side on the union of their times."""
     if mapping.long_name is None or mapping.long_value is None:  # the mapping's check saw to it
-        raise InvalidInput(Fault("missing key", f"{mapping.source} [long]", "", "name and value"))
+        raise InvalidInput.of("missing key", f"{mapping.source} [long]", "", "name and value")
     signals = np.array(table.texts(mapping.long_name), dtype=object)
     (raw_time,) = table.numbers([entries["time_s"].column])
     texts = table.texts(mapping.long_value)
@@ -268,14 +244,10 @@ def _read_long(
             fix = f"did you mean {near[0]!r}?" if near else ""
             got = ", ".join(map(repr, seen[:8]))
             faults.append(Fault("missing signal", f"{table.path}", got, f"a signal {entry.column!r}", fix))
-        numbers = pd.to_numeric(
-            pd.Series([texts[i].replace(mapping.decimal, ".") or "nan" for i in rows], dtype=object),
-            errors="coerce",
-        ).to_numpy(dtype=np.float64)
-        column = np.full(len(times), np.nan)
-        column[index[rows]] = numbers
         if len(rows):
-            values[ours] = column
+            cells = pd.Series([texts[i].replace(mapping.decimal, ".") or "nan" for i in rows], dtype=object)
+            values[ours] = np.full(len(times), np.nan)
+            values[ours][index[rows]] = pd.to_numeric(cells, errors="coerce").to_numpy(dtype=np.float64)
     raise_faults(faults)
     return _trips_of(table, entries, mapping, values, None, stamped=False)
 
@@ -312,24 +284,25 @@ def _trips_of(
     for name, rows in groups:
         car = None
         if vehicles is not None:
-            found = sorted({vehicles[int(i)] for i in rows})
-            if found == [""] or len(found) != 1:
+            cars = sorted({vehicles[int(i)] for i in rows})
+            if cars == [""] or len(cars) != 1:
                 where = f"{table.path} column {mapping.vehicle_column!r}, trip {name}"
-                got = ", ".join(map(repr, found[:4]))
+                got = ", ".join(map(repr, cars[:4]))
                 faults.append(Fault("no single vehicle", where, got, "one vehicle for each trip"))
                 continue
-            car = found[0]
+            car = cars[0]
         samples = frame.iloc[rows].reset_index(drop=True)
         if stamped and bool((np.diff(samples["time_s"]) < 0).any()):
             samples = samples.sort_values("time_s", kind="stable", ignore_index=True)
             notes.append(Flag("rows_sorted", f"{table.path.name}, trip {name}"))
-        notes += _gap_notes(table, name, samples, rows)
+        time = np.asarray(samples["time_s"])
+        place = partial(_place, table, name, rows)
+        notes += _gap_notes(partial(place, table.path.name), time)
         if texts is not None:
-            faults += _reused_id(table, name, samples, rows)
+            faults += _reused_id(partial(place, f"{table.path}"), time)
         if len(samples) < 2:
-            faults.append(
-                Fault("too few samples", f"{table.path}, trip {name}", f"{len(samples)}", "at least 2")
-            )
+            where = f"{table.path}, trip {name}"
+            faults.append(Fault("too few samples", where, f"{len(samples)}", "at least 2"))
             continue
         trips.append(_trip(name, samples, mapping, stamped=stamped, car=car))
     raise_faults(faults)
@@ -370,59 +343,42 @@ def _range_faults(
             low, high = sorted(((lowest - offset) / factor, (column.maximum - offset) / factor))
             worst = int(bad[np.argmax(np.abs(values[bad]))])
             row = f" row {table.row(worst)}" if by_row else ""
+            where = f"{table.path}{row} column {entry.column!r}"
             got = f"{raw[name][worst]:g} {entry.unit} (and {len(bad) - 1} more rows)"
-            yield Fault(
-                "value out of range",
-                f"{table.path}{row} column {entry.column!r}",
-                got,
-                f"{low:g} to {high:g} {entry.unit}",
-                _unit_hint(name, float(np.nanmedian(values))),
-            )
+            is_12_v = name == "voltage_v" and 9.0 <= float(np.nanmedian(values)) <= 16.0
+            traction = "map the voltage of the traction battery, not of the 12 V on-board system"
+            fix = traction if is_12_v else "check the unit in the mapping"
+            yield Fault("value out of range", where, got, f"{low:g} to {high:g} {entry.unit}", fix)
 
 
-def _unit_hint(name: str, middle: float) -> str:
-    if name == "voltage_v" and 9.0 <= middle <= 16.0:
-        return "map the voltage of the traction battery, not of the 12 V on-board system"
-    return "check the unit in the mapping"
+def _place(table: TableFile, trip: str, rows: IntArray, file: str, sample: int) -> str:
+    return f"{file} row {table.row(int(rows[sample]))}, trip {trip}"
 
 
-def _gap_notes(table: TableFile, name: str, samples: pd.DataFrame, rows: IntArray) -> Iterator[Flag]:
-    step = np.diff(np.asarray(samples["time_s"]))
-    for i in np.flatnonzero(step > GAP_S)[:3]:
-        where = f"{table.path.name} row {table.row(int(rows[i + 1]))}, trip {name}"
-        yield Flag("samples_missing", where, float(step[i]), "s")
-    back = np.flatnonzero(step < -GAP_S)
-    if len(back):
-        i = int(back[0])
-        where = f"{table.path.name} row {table.row(int(rows[i + 1]))}, trip {name}"
-        yield Flag("time_goes_back", where, float(-step[i]), "s")
+def _gap_notes(where: Callable[[int], str], time: FloatArray) -> Iterator[Flag]:
+    step = np.diff(time)
+    for i in np.flatnonzero(step > GAP_S)[:3].tolist():
+        yield Flag("samples_missing", where(i + 1), float(step[i]), "s")
+    for i in np.flatnonzero(step < -GAP_S)[:1].tolist():
+        yield Flag("time_goes_back", where(i + 1), float(-step[i]), "s")
 
 
-def _reused_id(table: TableFile, name: str, samples: pd.DataFrame, rows: IntArray) -> Iterator[Fault]:
+def _reused_id(where: Callable[[int], str], time: FloatArray) -> Iterator[Fault]:
     """An id under which the time starts again."""
-    time = np.asarray(samples["time_s"])
-    back = np.flatnonzero(np.diff(time) < -GAP_S)
-    if len(back):
-        i = int(back[0])
-        where = f"{table.path} row {table.row(int(rows[i + 1]))}, trip {name}"
+    for i in np.flatnonzero(np.diff(time) < -GAP_S)[:1].tolist():
         got = f"the time starts again, {time[i + 1]:g} s after {time[i]:g} s"
-        yield Fault("duplicate trip id", where, got, "one id per trip", "give each trip its own id")
+        yield Fault("duplicate trip id", where(i + 1), got, "one id per trip", "give each trip its own id")
 
 
 def _trip(
     name: str, samples: pd.DataFrame, mapping: ColumnMapping, *, stamped: bool, car: str | None = None
 ) -> Log:
     time = np.asarray(samples["time_s"], dtype=np.float64)
-    context = Context(car=car)
+    context = Context(car=car, started_at=_from_epoch(float(time[0])) if stamped else None)
     if stamped:
-        context = Context(car=car, started_at=_from_epoch(float(time[0])))
         time = time - time[0]
-    held = {
-        c: _held(time, np.asarray(samples[c], dtype=np.float64), mapping.hold_s)
-        for c in samples.columns
-        if c != "time_s"
-    }
-    columns = {"time_s": time, **held}
+    signals = {c: np.asarray(samples[c], dtype=np.float64) for c in samples.columns if c != "time_s"}
+    columns = {"time_s": time, **{c: _held(time, x, mapping.hold_s) for c, x in signals.items()}}
     energy_std: float | None = None
     common_std = 0.0
     nominal = mapping.nominal_voltage_v
@@ -507,19 +463,15 @@ def _wrong_sign(trips: Sequence[Log], mapping: ColumnMapping) -> Iterator[Fault]
     for trip in trips:
         if trip.has("speed_m_s", "voltage_v", "current_a"):
             power = trip.array("voltage_v") * trip.array("current_a")
-            found = apparent_mass(trip.array("time_s"), trip.array("speed_m_s"), power)
-            if found is not None:
-                correlations.append(found[1])
+            mass = apparent_mass(trip.array("time_s"), trip.array("speed_m_s"), power)
+            if mass is not None:
+                correlations.append(mass[1])
     if correlations and float(np.median(correlations)) < WRONG_SIGN:
         name = (mapping.columns.get("current_a") or mapping.columns[POWER]).column
         now, right = ("discharge", "charge") if mapping.discharge_sign > 0 else ("charge", "discharge")
-        yield Fault(
-            "current has the wrong sign",
-            f"column {name!r}",
-            f"the car would charge while it accelerates in most of {len(correlations)} trips",
-            f'[current] positive = "{right}" in place of "{now}"',
-            f"change it in {mapping.source}",
-        )
+        got = f"the car would charge while it accelerates in most of {len(correlations)} trips"
+        allowed, fix = f'[current] positive = "{right}" in place of "{now}"', f"change it in {mapping.source}"
+        yield Fault("current has the wrong sign", f"column {name!r}", got, allowed, fix)
 
 
 def _fleet_notes(trips: Sequence[Log], mapping: ColumnMapping) -> Iterator[Flag]:
@@ -531,10 +483,11 @@ def _fleet_notes(trips: Sequence[Log], mapping: ColumnMapping) -> Iterator[Flag]
     if {POWER, "current_a"} & columns and mapping.nominal_voltage_v is not None:
         yield Flag("nominal_voltage", "table", mapping.nominal_voltage_v, "V")
     by_charge = [t for t in trips if not t.has("voltage_v", "current_a")]
-    errors = [t.observed_energy_std_wh for t in by_charge if t.observed_energy_std_wh is not None]
-    if errors:
-        energies = [
-            abs(t.observed_energy_wh or 0.0) for t in by_charge if t.observed_energy_std_wh is not None
-        ]
-        share = float(np.median(np.array(errors) / np.maximum(energies, 1e-9)))
+    shares = [
+        t.observed_energy_std_wh / max(abs(t.observed_energy_wh or 0.0), 1e-9)
+        for t in by_charge
+        if t.observed_energy_std_wh is not None
+    ]
+    if shares:
+        share = float(np.median(shares))
         yield Flag("energy_from_soc", f"{mapping.usable_capacity_kwh:g} kWh", share, "1")

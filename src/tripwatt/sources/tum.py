@@ -7,10 +7,8 @@ UTF-8, 1 s) are read alike. The logs win over the sheet: state of charge, distan
 
 from __future__ import annotations
 
-import os
 import re
-from collections.abc import Iterable, Mapping
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
 from typing import Final
@@ -19,6 +17,7 @@ import pandas as pd
 
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.files import file_head
+from tripwatt.sources.columnar import read_all, require_folder
 from tripwatt.sources.delimited import Delimited, RawColumn, column_key, open_delimited, read_numbers
 from tripwatt.sources.tum_overview import read_overview
 from tripwatt.trips import (
@@ -63,49 +62,32 @@ RAW_COLUMNS: Final = (
 """The whole reader's knowledge of columns. Of two sources for one column the first that a file has is read."""
 
 NEEDED_COLUMNS: Final = (*REQUIRED_COLUMNS, "voltage_v", "current_a")
-"""Without these a file gives no observed energy and is refused when no columns are asked for by name."""
+"""Without these a file gives no observed energy and is refused."""
 
 _TRIP_FILE: Final = re.compile(r"trip([ab]\d{2,3})(?!\d).*\.csv", re.IGNORECASE)
-_ABSENT_FROM_REFERENCE: Final = (
-    "B01",
-    "B02",
-    "B04",
-    "B07",
-    "B08",
-    "B09",
-    "B10",
-    "B12",
-    "B14",
-    "B15",
-    "B34",
-    "B36",
-)
+_PUBLISHED: Final = (*(f"A{i:02d}" for i in range(1, 33)), *(f"B{i:02d}" for i in range(1, 39)))
+_ABSENT_FROM_REFERENCE: Final = tuple(f"B{i:02d}" for i in (1, 2, 4, 7, 8, 9, 10, 12, 14, 15, 34, 36))
 
 REFERENCE_TRIPS: Final[Mapping[str, float | None]] = MappingProxyType(
     {
         f"Trip{short}": 1203.9 if short == "B28" else None
-        for short in [*(f"A{i:02d}" for i in range(1, 33)), *(f"B{i:02d}" for i in range(1, 39))]
+        for short in _PUBLISHED
         if short not in _ABSENT_FROM_REFERENCE
     }
 )
 """The 58 trips on which tripwatt is compared with other systems: id -> time [s] at which the trip ends, None for its own
 end. arXiv:2405.10984 scores 72 trips of the set, which it does not name."""
 
-ALL_TRIP_IDS: Final = (*(f"TripA{i:02d}" for i in range(1, 33)), *(f"TripB{i:02d}" for i in range(1, 39)))
+ALL_TRIP_IDS: Final = tuple(f"Trip{short}" for short in _PUBLISHED)
 """The 70 trips that were published."""
 
 
-def read_tum(folder: Path | str, *, columns: Iterable[str] | None = None, n_jobs: int | None = None) -> Fleet:
+def read_tum(folder: Path | str) -> Fleet:
     """Read a folder of `TripA*.csv` and `TripB*.csv`, with `Overview.xlsx` for their context.
 
     Parameters
     ----------
     folder : path
-    columns : iterable of str, optional
-        Our columns to read (see `tripwatt.trips.COLUMNS`); time and speed always come along. All that the files
-        hold by default.
-    n_jobs : int, optional
-        Threads; as many as there are processors by default.
 
     Returns
     -------
@@ -125,7 +107,6 @@ def read_tum(folder: Path | str, *, columns: Iterable[str] | None = None, n_jobs
     tripwatt.errors.InvalidInput: no such folder: no/such/folder: allowed: a folder with TripA*.csv and TripB*.csv; ...
     """
     folder = Path(folder)
-    wanted = _checked_columns(columns)
     files, notes = trip_files(folder)
     faults: list[Fault] = []
     contexts: Mapping[str, Context] = {}
@@ -135,33 +116,11 @@ def read_tum(folder: Path | str, *, columns: Iterable[str] | None = None, n_jobs
     except InvalidInput as error:
         faults += error.faults
 
-    def read_one(item: tuple[str, Path]) -> Log | InvalidInput:
-        try:
-            return read_tum_file(item[1], item[0], contexts.get(item[0]), wanted)
-        except InvalidInput as error:
-            return error
-
-    with ThreadPoolExecutor(n_jobs or os.cpu_count() or 1) as pool:
-        results = list(pool.map(read_one, files.items()))
-    for result in results:
-        if isinstance(result, InvalidInput):
-            faults += result.faults
-    raise_faults(faults)
-    trips = tuple(r for r in results if isinstance(r, Log))
-    return Fleet("tum", trips, tuple(notes), REFERENCE_TRIPS, CITATION)
-
-
-def _checked_columns(columns: Iterable[str] | None) -> frozenset[str] | None:
-    if columns is None:
-        return None
-    asked = [columns] if isinstance(columns, str) else list(columns)
-    known = {raw.ours for raw in RAW_COLUMNS}
-    raise_faults(
-        Fault("unknown column", "columns", repr(name), f"any of {', '.join(sorted(known))}")
-        for name in asked
-        if name not in known
+    logs, errors = read_all(
+        lambda item: read_tum_file(item[1], item[0], contexts.get(item[0])), files.items()
     )
-    return frozenset(asked) | set(REQUIRED_COLUMNS)
+    raise_faults([*faults, *(fault for error in errors for fault in error.faults)])
+    return Fleet("tum", tuple(logs), tuple(notes), REFERENCE_TRIPS, CITATION)
 
 
 def trip_files(folder: Path) -> tuple[dict[str, Path], list[Flag]]:
@@ -174,18 +133,12 @@ def trip_files(folder: Path) -> tuple[dict[str, Path], list[Flag]]:
     """
     allowed = "a folder with TripA*.csv and TripB*.csv"
     get_it = "run `tripwatt fetch tum` for the source of the data"
-    if not folder.exists():
-        raise InvalidInput(Fault("no such folder", f"{folder}", "", allowed, get_it))
-    if not folder.is_dir():
-        raise InvalidInput(
-            Fault("not a folder", f"{folder}", "a file", allowed, f"give the folder: {folder.parent}")
-        )
+    require_folder(folder, allowed, get_it)
     try:
         csv_files = sorted(p for p in folder.iterdir() if p.suffix.lower() == ".csv" and p.is_file())
     except OSError as error:
-        raise InvalidInput(
-            Fault("cannot read the folder", f"{folder}", error.strerror or str(error), allowed)
-        ) from error
+        got = error.strerror or str(error)
+        raise InvalidInput.of("cannot read the folder", f"{folder}", got, allowed) from error
     files: dict[str, Path] = {}
     faults: list[Fault] = []
     for path in csv_files:
@@ -194,11 +147,8 @@ def trip_files(folder: Path) -> tuple[dict[str, Path], list[Flag]]:
             continue
         trip_id = f"Trip{match[1].upper()}"
         if trip_id in files:
-            faults.append(
-                Fault(
-                    "two files of one trip", f"{folder}", f"{files[trip_id].name} and {path.name}", "one file"
-                )
-            )
+            got = f"{files[trip_id].name} and {path.name}"
+            faults.append(Fault("two files of one trip", f"{folder}", got, "one file"))
         files.setdefault(trip_id, path)
     if not files:
         below = sorted({p.parent for p in folder.glob("*/[Tt]rip[ABab]*.csv")})
@@ -224,9 +174,7 @@ def is_tum_log(path: Path) -> bool:
     return {column_key("Time [s]"), column_key("Velocity [km/h]")} <= names
 
 
-def read_tum_file(
-    path: Path, trip_id: str, context: Context | None = None, columns: frozenset[str] | None = None
-) -> Log:
+def read_tum_file(path: Path, trip_id: str, context: Context | None = None) -> Log:
     """One trip file as a log, its elevation interpolated over distance. See `read_tum`.
 
     Raises
@@ -235,7 +183,7 @@ def read_tum_file(
         With every fault of the file.
     """
     source = open_delimited(path)
-    chosen = _choose(source, columns)
+    chosen = _choose(source)
     values = read_numbers(source, list(chosen))
     samples = pd.DataFrame(
         {
@@ -251,7 +199,7 @@ def read_tum_file(
     return Log.from_samples(trip_id, samples, context)
 
 
-def _choose(source: Delimited, columns: frozenset[str] | None) -> dict[int, RawColumn]:
+def _choose(source: Delimited) -> dict[int, RawColumn]:
     """Which positions of the header to read, in the order of `COLUMNS`."""
     positions: dict[str, list[int]] = {}
     for position, name in enumerate(source.names):
@@ -259,21 +207,14 @@ def _choose(source: Delimited, columns: frozenset[str] | None) -> dict[int, RawC
     chosen: dict[str, tuple[int, RawColumn]] = {}
     faults: list[Fault] = []
     for raw in RAW_COLUMNS:
-        found = positions.get(column_key(raw.name), [])
-        if not found or raw.ours in chosen or (columns is not None and raw.ours not in columns):
+        places = positions.get(column_key(raw.name), [])
+        if not places or raw.ours in chosen:
             continue
-        chosen[raw.ours] = (found[0], raw)
-        if len(found) > 1:
-            faults.append(
-                Fault(
-                    "duplicate column",
-                    f"{source.path} row {source.header_line} column {raw.name!r}",
-                    f"columns {', '.join(str(p + 1) for p in found)}",
-                    "one column of that name",
-                )
-            )
-    needed = NEEDED_COLUMNS if columns is None else [c for c in COLUMNS if c in columns]
-    faults.extend(_missing_column(source, ours) for ours in needed if ours not in chosen)
+        chosen[raw.ours] = (places[0], raw)
+        if len(places) > 1:
+            where, got = source.where(source.header_line, raw.name), ", ".join(str(p + 1) for p in places)
+            faults.append(Fault("duplicate column", where, f"columns {got}", "one column of that name"))
+    faults += [_missing_column(source, ours) for ours in NEEDED_COLUMNS if ours not in chosen]
     raise_faults(faults)
     return {chosen[c][0]: chosen[c][1] for c in COLUMNS if c in chosen}
 
@@ -282,10 +223,6 @@ def _missing_column(source: Delimited, ours: str) -> Fault:
     names = " or ".join(repr(raw.name) for raw in RAW_COLUMNS if raw.ours == ours)
     shown = ", ".join(repr(name[:40]) for name in source.names[:6])
     more = f" and {len(source.names) - 6} more" if len(source.names) > 6 else ""
-    return Fault(
-        "missing column",
-        f"{source.path} row {source.header_line}",
-        f"{len(source.names)} columns: {shown}{more}",
-        f"a column {names}",
-        "give a file of the TUM set with ';' or ',' between columns" if len(source.names) < 4 else "",
-    )
+    got, where = f"{len(source.names)} columns: {shown}{more}", f"{source.path} row {source.header_line}"
+    fix = "give a file of the TUM set with ';' or ',' between columns" if len(source.names) < 4 else ""
+    return Fault("missing column", where, got, f"a column {names}", fix)

@@ -74,13 +74,12 @@ class FolderReport:
 
     def as_dict(self) -> dict[str, object]:
         """The report as plain types, for JSON."""
+        spans = self.shortened.items()
         return {
             "present": list(self.present),
             "missing": list(self.missing),
             "unreadable": {trip: [str(f) for f in faults] for trip, faults in self.unreadable.items()},
-            "shortened": {
-                trip: {"log_s": got, "sheet_s": said} for trip, (got, said) in self.shortened.items()
-            },
+            "shortened": {trip: {"log_s": log_s, "sheet_s": sheet_s} for trip, (log_s, sheet_s) in spans},
             "overview": self.overview,
             "notes": list(self.notes),
             "reference_missing": list(self.reference_missing),
@@ -88,18 +87,12 @@ class FolderReport:
         }
 
     def __str__(self) -> str:
-        return self.text()
-
-    def text(self) -> str:
-        """The report as lines for a person."""
         lines = [f"{len(self.present)} of {len(ALL_TRIP_IDS)} trips can be read"]
         if self.missing:
             lines.append(f"missing: {', '.join(self.missing)}")
         lines += [str(fault) for faults in self.unreadable.values() for fault in faults]
-        lines += [
-            f"shortened: {trip} has {got:.1f} s, the sheet gives {said:.1f} s"
-            for trip, (got, said) in self.shortened.items()
-        ]
+        for trip, (log_s, sheet_s) in self.shortened.items():
+            lines.append(f"shortened: {trip} has {log_s:.1f} s, the sheet gives {sheet_s:.1f} s")
         if not self.overview:
             lines.append(f"{OVERVIEW_NAME} is missing or unreadable: season and weather are unknown")
         lines += self.notes
@@ -128,8 +121,8 @@ def check_tum_folder(folder: Path | str) -> FolderReport:
         When there is no such folder, or it holds no trip at all.
     """
     folder = Path(folder)
-    files, found = trip_files(folder)
-    notes = list(map(message, found))
+    files, flags = trip_files(folder)
+    notes = list(map(message, flags))
     overview = True
     durations: dict[str, float] = {}
     try:

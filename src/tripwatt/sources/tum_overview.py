@@ -7,16 +7,15 @@ wrong and are never read.
 from __future__ import annotations
 
 import datetime as dt
-import io
 import itertools
 import re
-import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
-from tripwatt.errors import Fault, InvalidInput
-from tripwatt.files import read_file, require_small_content
+from tripwatt.errors import InvalidInput
+from tripwatt.files import read_file
+from tripwatt.sources.archives import read_workbook
 from tripwatt.sources.delimited import column_key
 from tripwatt.trips import Context, Flag
 
@@ -32,7 +31,7 @@ _LARGEST_PAYLOAD_KG: Final = 1000.0
 
 _MOST_SHEET_BYTES: Final = 1 << 26
 """Largest workbook, also when inflated; that of the set has 25 kB."""
-_MOST_SHEETS, _MOST_ROWS, _MOST_COLUMNS = 20, 10_000, 200
+_MOST_ROWS, _MOST_COLUMNS = 10_000, 200
 
 
 def read_overview(path: Path, trip_ids: Sequence[str]) -> tuple[dict[str, Context], list[Flag]]:
@@ -89,25 +88,14 @@ def read_durations(path: Path) -> dict[str, float]:
 
 def _sheet_rows(path: Path) -> list[Mapping[str, object]]:
     """Rows of the first sheet that has a column `Trip`, keyed by `column_key` of the header without its unit."""
-    import openpyxl
-
     fix = "fetch it again, or remove it to read the trips without season and weather"
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # about styles and extensions, which are not read
-            stream = io.BytesIO(read_file(path, _MOST_SHEET_BYTES))
-            require_small_content(stream, f"{path}", _MOST_SHEET_BYTES)
-            book = openpyxl.load_workbook(stream, data_only=True, read_only=True)
-            tables = [
-                list(itertools.islice(sheet.iter_rows(values_only=True, max_col=_MOST_COLUMNS), _MOST_ROWS))
-                for sheet in book.worksheets[:_MOST_SHEETS]
-            ]
-    except InvalidInput:
-        raise
-    except Exception as error:  # openpyxl documents no error types: a damaged archive raises a dozen kinds
-        got = f"{type(error).__name__}: {error}"[:160]
-        raise InvalidInput(Fault("unreadable sheet", f"{path}", got, "an .xlsx workbook", fix)) from error
-    for table in tables:
+
+    def rows_of(sheet: Any) -> list[tuple[object, ...]]:
+        return list(itertools.islice(sheet.iter_rows(values_only=True, max_col=_MOST_COLUMNS), _MOST_ROWS))
+
+    data = read_file(path, _MOST_SHEET_BYTES)
+    tables = read_workbook(data, f"{path}", rows_of, most_bytes=_MOST_SHEET_BYTES, fix=fix)
+    for _, table in tables:
         for number, cells in enumerate(table[:10]):
             names = [re.sub(r"\s*\[.*", "", column_key(_text(cell))) for cell in cells]
             if "trip" in names:
@@ -115,15 +103,8 @@ def _sheet_rows(path: Path) -> list[Mapping[str, object]]:
                     {name: cell for name, cell in zip(names, row, strict=False) if name}
                     for row in table[number + 1 :]
                 ]
-    raise InvalidInput(
-        Fault(
-            "missing column",
-            f"{path}",
-            "no header with a column 'Trip'",
-            "one row per trip under the heading 'Trip'",
-            fix,
-        )
-    )
+    got, allowed = "no header with a column 'Trip'", "one row per trip under the heading 'Trip'"
+    raise InvalidInput.of("missing column", f"{path}", got, allowed, fix)
 
 
 def _context(trip_id: str, row: Mapping[str, object], sheet: str, notes: list[Flag]) -> Context:

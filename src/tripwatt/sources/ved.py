@@ -9,10 +9,8 @@ so that steps are irregular and every other signal keeps its last value.
 from __future__ import annotations
 
 import datetime as dt
-import os
 import re
 from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -21,7 +19,8 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import FloatArray, IntArray
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, InvalidInput, and_more
+from tripwatt.sources.columnar import read_all, require_folder
 from tripwatt.sources.delimited import Delimited, RawColumn, column_key, open_delimited, read_numbers
 from tripwatt.trips import COLUMNS, Context, Flag, Fleet, Log, raise_faults
 from tripwatt.units import M_S_PER_KM_H
@@ -66,14 +65,12 @@ class _Week:
     file: str
 
 
-def read_ved(folder: Path | str, *, n_jobs: int | None = None) -> Fleet:
+def read_ved(folder: Path | str) -> Fleet:
     """Read the electric cars of a folder of weekly files `VED_*_week.csv`.
 
     Parameters
     ----------
     folder : path
-    n_jobs : int, optional
-        Threads; as many as there are processors by default.
 
     Returns
     -------
@@ -96,21 +93,13 @@ def read_ved(folder: Path | str, *, n_jobs: int | None = None) -> Fleet:
     folder = Path(folder)
     files = _week_files(folder)
 
-    def read_one(path: Path) -> _Week | InvalidInput:
-        try:
-            return _read_week(path)
-        except InvalidInput as error:
-            return error
-
-    with ThreadPoolExecutor(n_jobs or os.cpu_count() or 1) as pool:
-        results = list(pool.map(read_one, files))
-    raise_faults(fault for r in results if isinstance(r, InvalidInput) for fault in r.faults)
-    weeks = [r for r in results if isinstance(r, _Week)]
+    weeks, errors = read_all(_read_week, files)
+    raise_faults(fault for error in errors for fault in error.faults)
     with_engine = frozenset().union(*(w.with_engine for w in weeks))
     trips, notes = _trips(weeks, with_engine)
     if not trips:
         got = f"{len(files)} weekly files, no trip of an electric car"
-        raise InvalidInput(Fault("no trips", f"{folder}", got, "trips with a traction battery and no engine"))
+        raise InvalidInput.of("no trips", f"{folder}", got, "trips with a traction battery and no engine")
     notes.append(Flag("no_elevation", "VED"))
     return Fleet("ved", tuple(trips), tuple(notes), None, CITATION)
 
@@ -118,13 +107,10 @@ def read_ved(folder: Path | str, *, n_jobs: int | None = None) -> Fleet:
 def _week_files(folder: Path) -> list[Path]:
     allowed = "a folder with VED_*_week.csv"
     fix = "download the data from https://github.com/gsoh/VED and unpack them"
-    if not folder.exists():
-        raise InvalidInput(Fault("no such folder", f"{folder}", "", allowed, fix))
-    if not folder.is_dir():
-        raise InvalidInput(Fault("not a folder", f"{folder}", "a file", allowed, f"give {folder.parent}"))
+    require_folder(folder, allowed, fix)
     files = sorted(p for p in folder.iterdir() if _WEEK_FILE.fullmatch(p.name))
     if not files:
-        raise InvalidInput(Fault("no trips", f"{folder}", "no weekly file", allowed, fix))
+        raise InvalidInput.of("no trips", f"{folder}", "no weekly file", allowed, fix)
     return files
 
 
@@ -148,16 +134,16 @@ def _read_week(path: Path) -> _Week:
 
 
 def _positions(source: Delimited) -> Mapping[str, int]:
-    found = {column_key(name): i for i, name in reversed(list(enumerate(source.names)))}
+    there = {column_key(name): i for i, name in reversed(list(enumerate(source.names)))}
     needed = (*_KEYS, *(raw.name for raw in RAW_COLUMNS))
     where = f"{source.path} row {source.header_line}"
     got = f"{len(source.names)} columns: {', '.join(repr(n[:40]) for n in source.names[:6])} ..."
     raise_faults(
         Fault("missing column", where, got, f"a column {name!r}")
         for name in needed
-        if column_key(name) not in found
+        if column_key(name) not in there
     )
-    return {name: found[column_key(name)] for name in (*needed, *_ENGINE) if column_key(name) in found}
+    return {name: there[column_key(name)] for name in (*needed, *_ENGINE) if column_key(name) in there}
 
 
 def _integer_keys(source: Delimited, values: Mapping[str, FloatArray]) -> tuple[IntArray, ...]:
@@ -169,11 +155,7 @@ def _integer_keys(source: Delimited, values: Mapping[str, FloatArray]) -> tuple[
         bad = ~(np.isfinite(column) & whole & (column >= 0.0) & (column <= LARGEST_KEY))
         if bad.any():
             row = int(np.flatnonzero(bad)[0])
-            got = (
-                f"{column[row]:g} (and {int(bad.sum()) - 1} more rows)"
-                if bad.sum() > 1
-                else f"{column[row]:g}"
-            )
+            got = f"{column[row]:g}{and_more(np.flatnonzero(bad))}"
             where = source.where(source.header_line + 1 + row, name)
             faults.append(Fault("not a whole number", where, got, "a whole number"))
     raise_faults(faults)

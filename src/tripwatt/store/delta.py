@@ -39,8 +39,8 @@ def require_deltalake() -> Any:
     try:
         import deltalake
     except ImportError as error:
-        raise InvalidInput(
-            Fault("package is missing", "deltalake", "", "for trip stores", install("fleet"))
+        raise InvalidInput.of(
+            "package is missing", "deltalake", "", "for trip stores", install("fleet")
         ) from error
     return deltalake
 
@@ -139,20 +139,20 @@ class DeltaFolder:
             return deltalake.DeltaTable(self.place, storage_options=dict(self.options))
         except deltalake.exceptions.TableNotFoundError as error:
             fix = "make one with `tripwatt store create`"
-            raise InvalidInput(Fault("no trip store", self.place, "", "two Delta tables", fix)) from error
+            raise InvalidInput.of("no trip store", self.place, "", "two Delta tables", fix) from error
         except (deltalake.exceptions.DeltaError, OSError) as error:
             raise InvalidInput(_unusable(self.place, error)) from error
 
     def about(self) -> dict[str, Any]:
         """What was written at its creation."""
-        found = self.open().metadata().description
+        description = self.open().metadata().description
         try:
-            about = json.loads(found or "")
+            about = json.loads(description or "")
         except json.JSONDecodeError:
             about = None
         if not isinstance(about, dict) or "tripwatt_store" not in about:
             got = "a Delta table of another kind"
-            raise InvalidInput(Fault("no trip store", self.place, got, "a table that tripwatt made"))
+            raise InvalidInput.of("no trip store", self.place, got, "a table that tripwatt made")
         return about
 
     def append(self, rows: pa.Table) -> None:
@@ -214,10 +214,10 @@ class DeltaFolder:
 
     def compact(self, target_size: int) -> dict[str, Any]:
         """Merge small data files of each partition up to a size [bytes]."""
-        found = self._repeated(
+        metrics = self._repeated(
             lambda table: table.optimize.compact(target_size=target_size, writer_properties=_writing())
         )
-        return {name: found[name] for name in ("numFilesAdded", "numFilesRemoved")}
+        return {name: metrics[name] for name in ("numFilesAdded", "numFilesRemoved")}
 
     def try_to_compact(self, target_size: int) -> bool:
         """Merge small data files as `compact` does, unless another writer changes them meanwhile.

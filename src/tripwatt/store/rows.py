@@ -154,10 +154,10 @@ def stored_log(log: Recorded, vehicle_id: str, car_model: str, buckets: int) -> 
         Name of a car of the library.
     buckets : int
     """
-    found = audit([log])
+    judged = audit([log])
     started = log.context.started_at
-    drives = found.trips or (log,)
-    energy, std, source = _energy(found.trips)
+    drives = judged.trips or (log,)
+    energy, std, source = _energy(judged.trips)
     row = {
         "bucket": bucket_of(vehicle_id, buckets),
         "month": month_of(started),
@@ -172,10 +172,10 @@ def stored_log(log: Recorded, vehicle_id: str, car_model: str, buckets: int) -> 
         "energy_wh": energy,
         "energy_std_wh": std,
         "energy_from": source,
-        "drives": len(found.trips),
-        "as_logged": _unchanged(log, found.trips),
+        "drives": len(judged.trips),
+        "as_logged": _unchanged(log, judged.trips),
         "ambient_temperature_degc": _ambient(drives[0]),
-        "findings": findings_text(found.findings),
+        "findings": findings_text(judged.findings),
         "context": json.dumps(_context_values(log), ensure_ascii=False),
         "columns": json.dumps(kept_columns(log)),
         "samples": len(log),

@@ -1,7 +1,7 @@
 """A trip store: logs of many vehicles in two Delta tables, added by many writers at once.
 
 `samples` holds what was logged, `trips` one row for each log with its audit. A log is in the store from the commit of its
-row of `trips` on: its samples are written before, and samples without such a row belong to nobody.
+row of `trips` on: its samples are written before, and samples without such a row are left over from a writer that was killed.
 """
 
 from __future__ import annotations
@@ -222,7 +222,7 @@ class TripStore:
         """
         raise_faults([*_name_faults("car model", car_model), *_name_faults("vehicle", vehicle_id)])
         if batch < 1:
-            raise InvalidInput(Fault("value out of range", "batch", f"{batch}", "at least 1"))
+            raise InvalidInput.of("value out of range", "batch", f"{batch}", "at least 1")
         total = Added()
         waiting = iter(logs.logs if isinstance(logs, Fleet) else logs)
         while chunk := list(islice(waiting, batch)):
@@ -275,8 +275,8 @@ class TripStore:
         buckets = sorted({s.row["bucket"] for s in stored})
         where = ds.field("bucket").isin(buckets) & ds.field("vehicle_id").isin(vehicles)
         columns = ["digest", "vehicle_id", "trip_id"]
-        found = table.to_pyarrow_dataset().to_table(columns=columns, filter=where)
-        known, *names = (found[name].to_pylist() for name in columns)
+        rows = table.to_pyarrow_dataset().to_table(columns=columns, filter=where)
+        known, *names = (rows[name].to_pylist() for name in columns)
         known = set(known)
         taken = set(zip(*names, strict=True))
         unknown = [s for s in stored if s.row["digest"] not in known]
@@ -332,14 +332,14 @@ class TripStore:
         raise_faults(Fault("unknown column", "columns", c, ", ".join(TRIPS.names)) for c in unknown)
         order = [c for c in ("vehicle_id", "started_at", "trip_id") if c not in columns]
         where = _where(self.buckets, vehicle_id, car_model, since, until)
-        found = self.rows.read([*columns, *order], where)
+        table = self.rows.read([*columns, *order], where)
         by = [("vehicle_id", "ascending"), ("started_at", "ascending"), ("trip_id", "ascending")]
-        if found.num_rows > 1:
+        if table.num_rows > 1:
             import pyarrow.compute as pc
 
-            index = pc.sort_indices(found, sort_keys=by)
-            found = found.take(index if limit is None else index[:limit])
-        listed: pd.DataFrame = found.select(list(columns)).slice(0, limit).to_pandas()
+            index = pc.sort_indices(table, sort_keys=by)
+            table = table.take(index if limit is None else index[:limit])
+        listed: pd.DataFrame = table.select(list(columns)).slice(0, limit).to_pandas()
         return listed
 
     def logs(self, rows: Sequence[Mapping[str, Any]] | None = None, **which: Any) -> Iterator[Log]:
@@ -377,9 +377,9 @@ class TripStore:
             One for each log, None where a value is unknown.
         """
         frame = self.trips(columns=TRIPS.names, **which)
-        found = frame.astype(object).where(frame.notna(), None)
-        names = [str(name) for name in found.columns]
-        return [dict(zip(names, row, strict=True)) for row in found.to_numpy().tolist()]
+        values = frame.astype(object).where(frame.notna(), None)
+        names = [str(name) for name in values.columns]
+        return [dict(zip(names, row, strict=True)) for row in values.to_numpy().tolist()]
 
     def file_trips(self, rows: Iterable[Mapping[str, Any]]) -> list[FileTrips]:
         """Find the data files of some logs, each with the logs that may be in it. O(files + logs).
@@ -397,7 +397,7 @@ class TripStore:
         by_place: dict[tuple[int, str], list[Mapping[str, Any]]] = {}
         for row in rows:
             by_place.setdefault((row["bucket"], row["month"]), []).append(row)
-        found = []
+        files = []
         for file in self.samples.data_files():
             wanted = tuple(
                 row
@@ -405,8 +405,8 @@ class TripStore:
                 if file.first_batch <= row["batch"] <= file.last_batch
             )
             if wanted:
-                found.append(FileTrips(file, wanted))
-        return found
+                files.append(FileTrips(file, wanted))
+        return files
 
     def audit(self, **which: Any) -> tuple[Finding, ...]:
         """Judge stored logs anew with the logs of their vehicle beside them.
@@ -424,15 +424,15 @@ class TripStore:
         tuple of Finding
             Vehicle by vehicle.
         """
-        found: list[Finding] = []
+        findings: list[Finding] = []
         rows = self.trip_rows(**which)
         by_vehicle: dict[str, list[dict[str, Any]]] = {}
         for row in rows:
             by_vehicle.setdefault(row["vehicle_id"], []).append(row)
         for its_rows in by_vehicle.values():
             logs = sorted(self.logs(its_rows), key=lambda log: (str(log.context.started_at), log.trip_id))
-            found += audit(logs).findings
-        return tuple(found)
+            findings += audit(logs).findings
+        return tuple(findings)
 
     def compact(self, *, file_bytes: int = FILE_BYTES, keep_hours: int = KEPT_HOURS) -> dict[str, int]:
         """Merge small data files, and drop what no reader needs.
@@ -450,11 +450,11 @@ class TripStore:
             `merged` and `made` files, samples without a trip that were dropped (`orphans`), `removed` files.
         """
         orphans = self._drop_orphans()
-        found = [folder.compact(file_bytes) for folder in (self.samples, self.rows)]
+        metrics = [folder.compact(file_bytes) for folder in (self.samples, self.rows)]
         removed = sum(folder.drop_old_files(keep_hours) for folder in (self.samples, self.rows))
         return {
-            "merged": sum(f["numFilesRemoved"] for f in found),
-            "made": sum(f["numFilesAdded"] for f in found),
+            "merged": sum(f["numFilesRemoved"] for f in metrics),
+            "made": sum(f["numFilesAdded"] for f in metrics),
             "orphans": orphans,
             "removed": removed,
         }
@@ -501,9 +501,7 @@ class TripStore:
             where = f"bucket = {bucket} AND digest IN ({_sql_texts(digests)})"
             erased.append(folder.delete(where) if digests else 0)
         if not any(erased):
-            raise InvalidInput(
-                Fault("unknown vehicle", "vehicle_id", repr(vehicle_id), "a vehicle of the store")
-            )
+            raise InvalidInput.of("unknown vehicle", "vehicle_id", repr(vehicle_id), "a vehicle of the store")
         for folder in (self.rows, self.samples):
             folder.drop_old_files(0)
         return erased[0]
@@ -570,10 +568,10 @@ def create_store(
     >>> store = tw.create_store("trips")  # doctest: +SKIP
     """
     if not 1 <= buckets <= MOST_BUCKETS:
-        raise InvalidInput(Fault("value out of range", "buckets", f"{buckets}", f"1 to {MOST_BUCKETS}"))
+        raise InvalidInput.of("value out of range", "buckets", f"{buckets}", f"1 to {MOST_BUCKETS}")
     store = TripStore(f"{place}", dict(options or {}), buckets)
     if store.rows.exists():
-        raise InvalidInput(Fault("trip store exists", store.place, "", "a new or empty folder"))
+        raise InvalidInput.of("trip store exists", store.place, "", "a new or empty folder")
     about = {"tripwatt_store": FORMAT, "buckets": buckets}
     store.samples.create(SAMPLES, ["bucket", "month"], "tripwatt samples", about)
     store.rows.create(TRIPS, ["bucket"], "tripwatt trips", about)
@@ -611,7 +609,7 @@ def open_store(place: Path | str, *, options: Mapping[str, str] | None = None) -
     about = store.rows.about()
     if about["tripwatt_store"] > FORMAT:
         got, fix = f"format {about['tripwatt_store']}", "install a newer tripwatt"
-        raise InvalidInput(Fault("trip store of a newer format", store.place, got, f"format {FORMAT}", fix))
+        raise InvalidInput.of("trip store of a newer format", store.place, got, f"format {FORMAT}", fix)
     return TripStore(store.place, store.options, int(about["buckets"]))
 
 
@@ -671,7 +669,7 @@ def read_file(
         row = wanted[texts[0][first], texts[1][first]]
         if last - first != row["samples"]:
             where, got = f"{path}, trip {row['trip_id']}", f"{last - first} samples"
-            raise InvalidInput(Fault("samples are missing", where, got, f"{row['samples']} samples"))
+            raise InvalidInput.of("samples are missing", where, got, f"{row['samples']} samples")
         yield row, log_from_rows(row, {name: values[first:last] for name, values in columns.items()})
 
 
@@ -684,12 +682,12 @@ def _chosen_rows(keys: pa.Table, wanted: Iterable[tuple[str, str]]) -> IntArray:
     batches = sorted({batch for batch, _ in wanted})
     by_digest = pc.index_in(keys["digest"].cast(pa.string()), pa.array(digests, pa.string()))
     by_batch = pc.index_in(keys["batch"].cast(pa.string()), pa.array(batches, pa.string()))
-    found = pc.and_(pc.is_valid(by_digest), pc.is_valid(by_batch)).to_numpy()
+    wanted_rows = pc.and_(pc.is_valid(by_digest), pc.is_valid(by_batch)).to_numpy()
     code = pc.fill_null(by_digest, 0).to_numpy().astype(np.int64) * len(batches)
     code += pc.fill_null(by_batch, 0).to_numpy()
     place = {digest: i for i, digest in enumerate(digests)}, {batch: i for i, batch in enumerate(batches)}
     codes = np.array([place[0][digest] * len(batches) + place[1][batch] for batch, digest in wanted])
-    rows = np.flatnonzero(found & np.isin(code, codes))
+    rows = np.flatnonzero(wanted_rows & np.isin(code, codes))
     order = np.lexsort((keys["sample"].to_numpy()[rows], code[rows]))
     return np.asarray(rows[order], dtype=np.int64)
 
@@ -725,7 +723,7 @@ def _iso(time: dt.date | str, where: str) -> str:
     try:
         return dt.datetime.fromisoformat(time).isoformat()
     except ValueError as error:
-        raise InvalidInput(Fault("invalid time", where, repr(time), "a date such as 2024-05-31")) from error
+        raise InvalidInput.of("invalid time", where, repr(time), "a date such as 2024-05-31") from error
 
 
 def _name_faults(what: str, name: str | None) -> list[Fault]:

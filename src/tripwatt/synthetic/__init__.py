@@ -24,7 +24,7 @@ from tripwatt.synthetic.scenario import Scenario, draw_scenarios, long_drive
 from tripwatt.synthetic.sensors import log_samples
 from tripwatt.synthetic.world import simulate_truth
 from tripwatt.trips import Context, Flag, Fleet, Trip, raise_faults
-from tripwatt.trips.schema import Column, is_number, number_faults
+from tripwatt.trips.columns import Column, is_number, number_faults
 from tripwatt.vehicles import Vehicle, load_vehicle
 
 __all__ = [
@@ -136,9 +136,8 @@ def faulty_fleet(
     """
     raise_faults(number_faults("n_trips", n_trips, Column("", 0, MOST_TRIPS, ""), whole=True))
     if n_trips < FEWEST_TRIPS:
-        raise InvalidInput(
-            Fault("too few trips for the faults", "n_trips", f"{n_trips}", f"{FEWEST_TRIPS} or more")
-        )
+        allowed = f"{FEWEST_TRIPS} or more"
+        raise InvalidInput.of("too few trips for the faults", "n_trips", f"{n_trips}", allowed)
     sound = synthetic_world(n_trips, seed, step_s=step_s)[0]
     trips, faults = plant_faults(sound.trips, seed)
     return replace(sound, logs=trips, notes=(*sound.notes, FAULTY_NOTE)), faults
@@ -258,13 +257,11 @@ def example_trip(seed: int = 0) -> pd.DataFrame:
 
 def _require_plain(vehicle: Vehicle | None, hours: tuple[float, float] | None) -> None:
     given = {"vehicle": vehicle, "hours": hours}
-    faults = [
+    raise_faults(
         Fault("argument has no effect", name, str(value)[:40], "only without faults")
         for name, value in given.items()
         if value is not None
-    ]
-    if faults:
-        raise InvalidInput(faults)
+    )
 
 
 def _require_sound(n_trips: int, seed: int, step_s: float, hours: tuple[float, float] | None) -> None:
@@ -275,11 +272,9 @@ def _require_sound(n_trips: int, seed: int, step_s: float, hours: tuple[float, f
     ]
     pair = isinstance(hours, tuple | list) and len(hours) == 2 and all(map(is_number, hours))
     if hours is not None and not (pair and 0.1 <= hours[0] <= hours[1] <= 12.0):
-        faults.append(
-            Fault("duration out of range", "hours", excerpt(hours), "0.1 to 12 h, the shorter first")
-        )
-    if faults:
-        raise InvalidInput(faults)
+        allowed = "0.1 to 12 h, the shorter first"
+        faults.append(Fault("duration out of range", "hours", excerpt(hours), allowed))
+    raise_faults(faults)
 
 
 def _trip(scenario: Scenario, vehicle: Vehicle, seed: int, step_s: float) -> tuple[Trip, dict[str, object]]:

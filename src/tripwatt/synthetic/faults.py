@@ -24,10 +24,10 @@ FROZEN_S: Final = 150.0
 """The last part [s] of the log in which every signal keeps the value that it had."""
 
 FILLED_S: Final = 45.0
-"""Length [s] of the gap that somebody has filled with straight lines."""
+"""Length [s] of the gap that is filled with straight lines."""
 
 DRIVING_M_S: Final = 8.0
-"""Faults are planted where the car drives: nobody can see a freeze or a straight line of a standing car."""
+"""Faults are planted where the car drives: a freeze or a straight line of a standing car is no different from sound data."""
 
 SHORT_STANDSTILL_S: Final = 50.0
 """The trip of the wrong sign never stands longer [s]: the load of a car that stands for a minute would, with the wrong
@@ -89,9 +89,9 @@ def plant_faults(trips: Sequence[Trip], seed: int) -> tuple[tuple[Recorded, ...]
         "wrong sign": reversed_trip,
         "filled gap": others[1],
     }
-    found = {number: _plant(trips[number], kind, rng) for kind, number in places.items()}
-    planted = tuple(found[i][0] if i in found else trip for i, trip in enumerate(trips))
-    return planted, tuple(found[number][1] for number in sorted(found))
+    faulty = {number: _plant(trips[number], kind, rng) for kind, number in places.items()}
+    planted = tuple(faulty[i][0] if i in faulty else trip for i, trip in enumerate(trips))
+    return planted, tuple(faulty[number][1] for number in sorted(faulty))
 
 
 def _plant(trip: Trip, kind: FaultKind, rng: np.random.Generator) -> tuple[Log, PlantedFault]:

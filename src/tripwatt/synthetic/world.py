@@ -122,10 +122,12 @@ def simulate_truth(scenario: Scenario, drive: RoadDrive, vehicle: Vehicle, seed:
     climate = replace(climate, aircon_power_w=climate.aircon_power_w * compressor_hunting(time, air))
     wind_n, headwind, rolling_n, rolling_share = hidden_forces(scenario, drive, ambient, vehicle, rng)
     weight_n = (vehicle.body.test_mass_kg + scenario.payload_mass_kg) * GRAVITY_M_S2
+    rested_degc = 0.5 * (float(ambient[0]) + scenario.day.mean_temperature_degc) + rng.uniform(0.0, 3.0)
     conditions = DriveConditions(
         ambient_temperature_degc=float(ambient.mean()),
         initial_soc=scenario.soc,
-        initial_battery_temperature_degc=_battery_temperature(scenario, float(ambient[0]), rng),
+        # a pack of its mass follows the weather of days, and each trip of the day has warmed it
+        initial_battery_temperature_degc=float(rested_degc + 2.0 * scenario.trips_before),
         payload_mass_kg=scenario.payload_mass_kg,
     )
     driven = simulate(
@@ -227,12 +229,6 @@ def compressor_hunting(time_s: FloatArray, rng: np.random.Generator) -> FloatArr
     return np.maximum(1.0 + HUNTING_SHARE * wave, 0.5)
 
 
-def _battery_temperature(scenario: Scenario, ambient_degc: float, rng: np.random.Generator) -> float:
-    """At departure [°C]: a pack of its mass follows the weather of days, and each trip of the day has warmed it."""
-    rested = 0.5 * (ambient_degc + scenario.day.mean_temperature_degc) + rng.uniform(0.0, 3.0)
-    return float(rested + 2.0 * scenario.trips_before)
-
-
 def heat_balance(
     scenario: Scenario,
     time_s: FloatArray,
@@ -298,7 +294,7 @@ def hidden_forces(
 def heavy_tailed_noise(
     time_s: FloatArray, speed_m_s: FloatArray, power_w: FloatArray, rng: np.random.Generator
 ) -> FloatArray:
-    """Power [W] that nobody can explain: Student's t shocks, half of their variance remembered, larger while moving."""
+    """Unexplained power [W]: Student's t shocks, half of their variance remembered, larger while moving."""
     memory = math.exp(-float(time_s[1] - time_s[0]) / NOISE_TIME_S)
     shocks = rng.standard_t(NOISE_DF, (2, len(time_s))) * math.sqrt((NOISE_DF - 2.0) / NOISE_DF)
     remembered = math.sqrt(1.0 - memory**2) * autoregression(shocks[0], memory)

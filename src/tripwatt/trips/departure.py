@@ -1,24 +1,24 @@
-"""What is known when the car leaves: one class for options of a command, a log's first sample and a request's fields."""
+"""What is known when the car leaves: one table of fields for the command line, the service, the page and the docs."""
 
 from __future__ import annotations
 
 import datetime as dt
-import difflib
-from collections.abc import Mapping
+import math
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, fields, replace
+from functools import wraps
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
-import numpy as np
-import pandas as pd
-
-from tripwatt.errors import Fault, excerpt
+from tripwatt.trips.columns import COLUMNS, DEPARTURE_BOUNDS, QUANTITIES, raise_faults
 from tripwatt.trips.context import Context
-from tripwatt.trips.drive import Drive
-from tripwatt.trips.schema import COLUMNS, DEPARTURE_BOUNDS, raise_faults, scalar_faults
-from tripwatt.trips.showing import html_table
+from tripwatt.trips.fields import Field, entry
 
 if TYPE_CHECKING:
+    import pandas as pd
     from matplotlib.figure import Figure
+
+    from tripwatt.trips.samples import Sampled
 
 
 SIGNALS: Final[Mapping[str, str]] = {
@@ -37,97 +37,26 @@ TEMPERATURES: Final = (
     "cabin_setpoint_degc",
     "battery_temperature_degc",
 )
-"""Fields that the correctors learn from, and that a forecast compares with its training."""
+"""Fields among the features of the correctors, which a forecast compares with its training."""
 
 FIRST_S: Final = 60.0
 """A signal that is logged within this time counts as that of the departure: loggers start one after the other."""
 
-CLIMATE_MODES: Final = ("auto", "off", "heat", "cool")
-"""What the driver allows climate control: all, nothing, no compressor for cooling, or no heater."""
-
-SEASONS: Final = ("summer", "winter")
-"""Seasons of a drive."""
-
-EXTRAS: Final = ("winter_tyres", "roof_box", "trailer", "headlights")
-"""What can be fitted to the car or switched on for a trip."""
-
-TERRAINS: Final = ("unknown", "flat", "hilly", "mountains")
-"""What is known of the country where the heights of a road are unknown."""
-
-ASKED: Final = ("soc", *TEMPERATURES, "payload_mass_kg", "climate", "extras", "terrain")
-"""Fields that a person gives: options of the command line, fields of a request."""
-
-
-def climate_faults(mode: object) -> list[Fault]:
-    """The fault of a climate mode that is none of `CLIMATE_MODES`; None is unknown and no fault."""
-    return choice_faults("climate", mode, CLIMATE_MODES, "unknown mode")
-
-
-def choice_faults(
-    name: str, value: object, choices: tuple[str, ...], what: str = "unknown choice"
-) -> list[Fault]:
-    """The fault of a value that is none of some words; None is unknown and no fault."""
-    if value is None or (isinstance(value, str) and value in choices):
-        return []
-    near = difflib.get_close_matches(value[:40], choices, n=1) if isinstance(value, str) else []
-    fix = f"did you mean {near[0]!r}?" if near else ""
-    return [Fault(what, name, excerpt(value, 42), f"one of {', '.join(choices)}", fix)]
-
-
-def type_faults(departure: Departure) -> list[Fault]:
-    """The faults of the fields of a departure that are neither numbers nor words of a list."""
-    kinds: dict[str, tuple[tuple[type, ...], str]] = {
-        "weather": ((str,), "a text"),
-        "follows_trip": ((bool, np.bool_), "True or False"),
-        "cabin_logged": ((bool, np.bool_), "True or False"),
-        "started_at": ((dt.datetime,), "a datetime, for example datetime.datetime(2024, 1, 5, 8, 30)"),
-    }
-    given = {name: getattr(departure, name) for name in kinds}
-    return [
-        Fault("wrong type", name, excerpt(value), kinds[name][1])
-        for name, value in given.items()
-        if value is not None and (not isinstance(value, kinds[name][0]) or value is pd.NaT)
-    ]
-
-
-def extras_faults(extras: object) -> list[Fault]:
-    """The fault of extras that are none of `EXTRAS`; None is nothing fitted and no fault."""
-    if extras is None:
-        return []
-    known = isinstance(extras, tuple | list) and all(isinstance(e, str) and e in EXTRAS for e in extras)
-    return [] if known else [Fault("unknown extra", "extras", repr(extras)[:60], ", ".join(EXTRAS))]
+WEATHER: Final = ("wind_speed_m_s", "wind_from_deg", "rain_mm_h", "pressure_pa")
+"""Fields that take the place of the weather of a server."""
 
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Departure:
     """What is known when the car leaves. None means unknown; the models then take their defaults.
 
+    Each field is one entry of a table, from which come its checks, the options of the command line, the fields of requests, their
+    schema and the table of the docs. State of charge and temperatures of cabin and battery are those of the start, the others
+    hold for the whole trip.
+
     Attributes
     ----------
-    soc : float or None
-        State of charge as the driver sees it, 0 to 1.
-    ambient_temperature_degc, cabin_setpoint_degc, cabin_temperature_degc, battery_temperature_degc : float or None
-        Temperatures [°C]; outside air and set-point hold for the whole trip, the others for its start.
-    payload_mass_kg : float or None
-        Load besides the driver [kg].
-    bms_soc : float or None
-        State of charge of the battery management, 0 to 1; it counts before `soc` where a log has both.
-    season : {"summer", "winter"} or None
-        Season of the drive.
-    weather : str or None
-        Words of the data set for it, in lower case.
-    follows_trip : bool or None
-        Whether the car comes directly from another trip: tyres and driveline are warm.
-    started_at : datetime or None
-        Local time of departure.
-    climate : {"auto", "off", "heat", "cool"} or None
-        What the driver allows climate control: "heat" never cools with the compressor, "cool" never heats. None is "auto".
-    extras : tuple of str or None
-        What is fitted to the car, of `EXTRAS`.
-    terrain : {"unknown", "flat", "hilly", "mountains"} or None
-        Country of a road whose heights are unknown: how far it may climb. None is "unknown"; without effect where heights are known.
-    cabin_logged : bool or None
-        Whether the cabin's temperature is a reading of the car's sensor, which shows nothing below the lower end of its range.
+    {fields}
 
     Raises
     ------
@@ -140,44 +69,164 @@ class Departure:
     Departure(soc=0.8, ambient_temperature_degc=-5)
     """
 
-    soc: float | None = None
-    ambient_temperature_degc: float | None = None
-    cabin_setpoint_degc: float | None = None
-    cabin_temperature_degc: float | None = None
-    battery_temperature_degc: float | None = None
-    payload_mass_kg: float | None = None
-    bms_soc: float | None = None
-    season: str | None = None
-    weather: str | None = None
-    follows_trip: bool | None = None
-    started_at: dt.datetime | None = None
-    climate: str | None = None
-    extras: tuple[str, ...] | None = None
-    terrain: str | None = None
-    cabin_logged: bool | None = None
+    soc: float | None = entry(
+        "Displayed state of charge at departure.",
+        label="state of charge at departure",
+        column=COLUMNS["displayed_soc"],
+        option="--soc",
+        metavar="0..1",
+        wire=("soc", "displayed_soc"),
+    )
+    ambient_temperature_degc: float | None = entry(
+        "Outside temperature.",
+        label="outside temperature",
+        column=DEPARTURE_BOUNDS["ambient_temperature_degc"],
+        option="--ambient",
+        metavar="°C",
+    )
+    cabin_setpoint_degc: float | None = entry(
+        "Set-point of the cabin temperature.",
+        label="cabin set-point",
+        column=COLUMNS["cabin_setpoint_degc"],
+        option="--setpoint",
+        metavar="°C",
+    )
+    cabin_temperature_degc: float | None = entry(
+        "Cabin temperature at departure.",
+        label="cabin temperature at departure",
+        column=COLUMNS["cabin_temperature_degc"],
+        option="--cabin-temperature",
+        metavar="°C",
+    )
+    battery_temperature_degc: float | None = entry(
+        "Battery temperature at departure.",
+        label="battery temperature at departure",
+        column=COLUMNS["battery_temperature_degc"],
+        option="--battery-temperature",
+        metavar="°C",
+    )
+    payload_mass_kg: float | None = entry(
+        "Mass of passengers and luggage, without the driver.",
+        label="payload",
+        column=QUANTITIES["payload_mass_kg"],
+        option="--payload",
+        metavar="KG",
+    )
+    bms_soc: float | None = entry(
+        "State of charge of the battery management; it counts before `soc` where a log has both.",
+        column=COLUMNS["soc"],
+    )
+    season: str | None = entry("Season of the drive.", choices=("summer", "winter"))
+    weather: str | None = entry("Words of the data set for the weather, in lower case.", type="text")
+    follows_trip: bool | None = entry(
+        "Whether the car comes directly from another trip: tyres and driveline are warm.", type="truth"
+    )
+    departs_at: dt.datetime | None = entry(  # noqa: RUF009, `entry` makes a field
+        "Time of departure; it counts for the weather of a server. Default: now.",
+        label="departure",
+        type="time",
+        option="--depart",
+        metavar="[DATE ]HH:MM",
+        wire=("departure_utc", "depart"),
+    )
+    climate: str | None = entry(
+        "What climate control may do: auto, off, heat (no cooling) or cool (no heating).",
+        label="climate control",
+        choices=("auto", "off", "heat", "cool"),
+        option="--climate",
+        metavar="MODE",
+    )
+    extras: tuple[str, ...] | None = entry(
+        "What is fitted to the car or switched on: winter_tyres, roof_box, trailer or headlights.",
+        label="extras",
+        choices=("winter_tyres", "roof_box", "trailer", "headlights"),
+        several=True,
+        option="--extra",
+        metavar="NAME",
+    )
+    terrain: str | None = entry(
+        "Country of a road whose heights are unknown: flat, hilly, mountains or unknown. It bounds the climb that the interval "
+        "allows for.",
+        label="country",
+        choices=("unknown", "flat", "hilly", "mountains"),
+        option="--terrain",
+        metavar="COUNTRY",
+    )
+    cabin_logged: bool | None = entry(
+        "Whether the cabin's temperature is a reading of the car's sensor, which shows nothing below the lower end of its range.",
+        type="truth",
+    )
+    wind_speed_m_s: float | None = entry(
+        "Wind 10 m above the ground.",
+        label="wind",
+        column=QUANTITIES["wind_speed_m_s"],
+        option="--wind",
+        metavar="M/S",
+    )
+    wind_from_deg: float | None = entry(
+        "Direction from which the wind blows, clockwise from north: 270 is the west. Where it is unknown, the interval has a head wind "
+        "and a tail wind.",
+        label="wind from",
+        column=QUANTITIES["wind_from_deg"],
+        option="--wind",
+        metavar="DEGREES",
+    )
+    rain_mm_h: float | None = entry(
+        "Rain.", label="rain", column=QUANTITIES["rain_mm_h"], option="--rain", metavar="MM/H"
+    )
+    pressure_pa: float | None = entry(
+        "Air pressure at the ground.",
+        label="air pressure",
+        column=QUANTITIES["pressure_pa"],
+        option="--pressure",
+        metavar="PA",
+    )
 
     def __post_init__(self) -> None:
-        numbers = {name: getattr(self, name) for name in ("soc", *TEMPERATURES, "payload_mass_kg")}
-        faults = [*scalar_faults(numbers), *climate_faults(self.climate)]
-        faults += [*scalar_faults({"soc": self.bms_soc}), *choice_faults("season", self.season, SEASONS)]
-        faults += choice_faults("terrain", self.terrain, TERRAINS)
-        raise_faults([*faults, *type_faults(self), *extras_faults(self.extras)])
+        raise_faults(
+            fault for name, field in FIELDS.items() for fault in field.faults(name, getattr(self, name))
+        )
         if self.extras is not None:
             object.__setattr__(self, "extras", tuple(self.extras))
 
+    @property
+    def started_at(self) -> dt.datetime | None:
+        """Old name of `departs_at`."""
+        return self.departs_at
+
+    @property
+    def has_weather(self) -> bool:
+        """Whether wind, rain or air pressure is known: the weather of a server then does not count."""
+        return any(getattr(self, name) is not None for name in WEATHER)
+
+    def without_weather(self) -> Departure:
+        """The departure without wind, rain and air pressure.
+
+        Returns
+        -------
+        Departure
+            With the outside temperature.
+
+        Examples
+        --------
+        >>> Departure(soc=0.8, wind_speed_m_s=8.0).without_weather()
+        Departure(soc=0.8)
+        """
+        return replace(self, **dict.fromkeys(WEATHER))
+
     @classmethod
-    def from_drive(cls, drive: Drive, context: Context) -> Departure:
-        """The departure of a drive, from its first sample and its context.
+    def from_first_sample(cls, samples: Sampled, context: Context) -> Departure:
+        """The departure of a drive that was recorded, from its first sample and its context.
 
         A signal that the first sample lacks is that of the next one within `FIRST_S`, else it is unknown. An outside
         temperature that only a sensor in the sun can show is unknown.
 
         Parameters
         ----------
-        drive : Drive
+        samples : Sampled
             Its first sample counts.
         context : Context
-            What the log says beside its samples: season, weather, payload, the trip before.
+            What the log has beside its samples: season, weather, payload, the trip before.
 
         Returns
         -------
@@ -195,20 +244,17 @@ class Departure:
         >>> from tripwatt import Departure, Trip
         >>> from tripwatt.trips import Context
         >>> log = pd.DataFrame({"time_s": [0.0, 1.0], "speed_m_s": [0.0, 1.0], "ambient_temperature_degc": [7.0, 7.5]})
-        >>> Departure.from_drive(Trip.from_samples("t", log), Context(payload_mass_kg=80.0))
+        >>> Departure.from_first_sample(Trip.from_samples("t", log), Context(payload_mass_kg=80.0))
         Departure(ambient_temperature_degc=7.0, payload_mass_kg=80.0, follows_trip=False)
         """
         first: dict[str, Any] = {}
-        times = drive.array("time_s")
         for name, column in SIGNALS.items():
-            if column in drive:
-                values = drive.array(column)
-                known = np.flatnonzero(np.isfinite(values))
-                if len(known) and times[known[0]] - times[0] <= FIRST_S:
-                    value = float(values[known[0]])
-                    bounds = DEPARTURE_BOUNDS.get(name)
-                    if bounds is None or not bounds.maximum < value <= COLUMNS[column].maximum:
-                        first[name] = value
+            value = _first_value(samples, column)
+            bounds = DEPARTURE_BOUNDS.get(name)
+            if value is not None and (
+                bounds is None or not bounds.maximum < value <= COLUMNS[column].maximum
+            ):
+                first[name] = value
         if "cabin_setpoint_degc" not in first and context.cabin_setpoint_degc is not None:
             first["cabin_setpoint_degc"] = context.cabin_setpoint_degc
         return cls(
@@ -217,7 +263,7 @@ class Departure:
             season=context.season,
             weather=context.weather,
             follows_trip=context.follows_trip,
-            started_at=context.started_at,
+            departs_at=context.started_at,
             cabin_logged=True if "cabin_temperature_degc" in first else None,
         )
 
@@ -244,9 +290,7 @@ class Departure:
         """
         if other is None:
             return self
-        known: dict[str, Any] = other.to_dict()
-        if "started_at" in known:
-            known["started_at"] = other.started_at
+        known = dict(other._known())
         if other.soc is not None and other.bms_soc is None:
             known["bms_soc"] = None
         if other.cabin_temperature_degc is not None:
@@ -267,12 +311,14 @@ class Departure:
         >>> Departure(soc=0.8, payload_mass_kg=80.0).to_dict()
         {'soc': 0.8, 'payload_mass_kg': 80.0}
         """
-        known = {
-            field.name: value for field in fields(self) if (value := getattr(self, field.name)) is not None
-        }
-        if self.started_at is not None:
-            known["started_at"] = self.started_at.isoformat()
+        known = dict(self._known())
+        if self.departs_at is not None:
+            known["departs_at"] = self.departs_at.isoformat()
         return known
+
+    def _known(self) -> Iterator[tuple[str, Any]]:
+        """Name and value of every field that is known."""
+        return ((name, value) for name in FIELDS if (value := getattr(self, name)) is not None)
 
     def to_frame(self) -> pd.DataFrame:
         """One row; a column for each field, missing where unknown.
@@ -288,7 +334,9 @@ class Departure:
         >>> Departure(soc=0.8).to_frame()["soc"].tolist()
         [0.8]
         """
-        return pd.DataFrame([asdict(self)], columns=[field.name for field in fields(self)])
+        import pandas as pd  # slow to import, and the help of the command line needs this module
+
+        return pd.DataFrame([asdict(self)], columns=list(FIELDS))
 
     def plot(self) -> Figure:
         """The fields that are known, as a table.
@@ -308,8 +356,70 @@ class Departure:
         return plot_table("Departure", [(name, str(value)) for name, value in self.to_dict().items()])
 
     def __repr__(self) -> str:
-        known = ((field.name, getattr(self, field.name)) for field in fields(self))
-        return f"Departure({', '.join(f'{name}={value!r}' for name, value in known if value is not None)})"
+        return f"Departure({', '.join(f'{name}={value!r}' for name, value in self._known())})"
 
     def _repr_html_(self) -> str:
+        from tripwatt.trips.showing import html_table
+
         return html_table("Departure", [(name, str(value)) for name, value in self.to_dict().items()])
+
+
+def _first_value(samples: Sampled, column: str) -> float | None:
+    """The first value of a column that is known, within `FIRST_S`; None without one."""
+    if column not in samples:
+        return None
+    times = samples.array("time_s")
+    for time, value in zip(times, samples.array(column), strict=True):
+        if time - times[0] > FIRST_S:
+            return None
+        if math.isfinite(value):
+            return float(value)
+    return None
+
+
+FIELDS: Final[Mapping[str, Field]] = MappingProxyType(
+    {field.name: field.metadata["field"] for field in fields(Departure)}
+)
+"""The table: name of a field of a departure -> what it holds and how it is given."""
+
+ASKED: Final[Mapping[str, Field]] = MappingProxyType(
+    {name: field for name, field in FIELDS.items() if field.option}
+)
+"""Fields that a person gives: options of the command line, fields of a request and of the page."""
+
+CLIMATE_MODES: Final = FIELDS["climate"].choices
+"""What the driver allows climate control: all, nothing, no compressor for cooling, or no heater."""
+
+EXTRAS: Final = FIELDS["extras"].choices
+"""What can be fitted to the car or switched on for a trip."""
+
+TERRAINS: Final = FIELDS["terrain"].choices
+"""What is known of the country where the heights of a road are unknown."""
+
+
+def _described(name: str, field: Field) -> str:
+    kind = {"text": "str", "truth": "bool", "time": "datetime"}.get(field.type, "float")
+    if field.choices:
+        kind = "tuple of str" if field.several else f"{{{', '.join(repr(c) for c in field.choices)}}}"
+    allowed = f" {field.allowed}." if field.column is not None else ""
+    return f"{name} : {kind} or None\n        {field.help}{allowed}"
+
+
+_init = Departure.__init__
+
+
+@wraps(_init)
+def _init_with_old_name(
+    self: Departure, *values: Any, started_at: dt.datetime | None = None, **known: Any
+) -> None:
+    if started_at is not None:
+        known.setdefault("departs_at", started_at)
+    _init(self, *values, **known)
+
+
+Departure.__init__ = _init_with_old_name  # type: ignore[method-assign]
+
+if Departure.__doc__:  # absent under -OO
+    Departure.__doc__ = Departure.__doc__.replace(
+        "{fields}", "\n    ".join(_described(name, field) for name, field in FIELDS.items())
+    )

@@ -16,6 +16,7 @@ correlation. `POWER_TIME_S` is ``t``; ``s^2`` is the variance of the logged powe
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Final
 
 import numpy as np
@@ -33,7 +34,7 @@ NEGLIGIBLE_SHARE: Final = 0.02
 _LATTICE_TOLERANCE: Final = 1e-7
 
 
-def observed_cumulative_energy(samples: pd.DataFrame) -> FloatArray | None:
+def observed_cumulative_energy(samples: pd.DataFrame | Mapping[str, FloatArray]) -> FloatArray | None:
     """Cumulative energy at the battery terminals [Wh], trapezoid of voltage times current.
 
     Samples in which voltage or current is missing are bridged by the trapezoid between their neighbours. A log that
@@ -41,7 +42,7 @@ def observed_cumulative_energy(samples: pd.DataFrame) -> FloatArray | None:
 
     Parameters
     ----------
-    samples : DataFrame
+    samples : DataFrame or mapping of str to ndarray
         One row per sample: `time_s` [s], and `voltage_v` [V] and `current_a` [A, positive for discharge], or
         `observed_energy_wh` [Wh].
 
@@ -56,8 +57,8 @@ def observed_cumulative_energy(samples: pd.DataFrame) -> FloatArray | None:
     >>> observed_cumulative_energy(drive)
     array([  0.,  40., 100.])
     """
-    if not {"voltage_v", "current_a"} <= set(samples.columns):
-        if "observed_energy_wh" not in samples.columns or not len(samples):
+    if "voltage_v" not in samples or "current_a" not in samples:
+        if "observed_energy_wh" not in samples or not len(samples["observed_energy_wh"]):
             return None
         counted = np.asarray(samples["observed_energy_wh"], dtype=np.float64)
         return np.asarray(counted - counted[np.argmax(np.isfinite(counted))], dtype=np.float64)

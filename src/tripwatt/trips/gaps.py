@@ -9,8 +9,8 @@ import numpy as np
 
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import Fault
+from tripwatt.trips.columns import LINK_COLUMNS
 from tripwatt.trips.flags import Flag
-from tripwatt.trips.schema import LINK_COLUMNS
 
 MOST_DURATION_S: Final = LINK_COLUMNS["travel_time_s"].maximum
 """Longest trip [s]; time and memory of a forecast grow with the square of the duration."""

@@ -8,20 +8,14 @@ from fractions import Fraction
 from types import MappingProxyType
 from typing import Any, Final
 
+from tripwatt.trips.departure import ASKED
 from tripwatt.trips.flags import Flag
-from tripwatt.units import M_S_PER_KM_H, SECONDS_PER_MINUTE
+from tripwatt.trips.showing import period
+from tripwatt.units import M_S_PER_KM_H
 
 NAMES: Final[Mapping[str, str]] = MappingProxyType(
-    {
-        "soc": "state of charge at departure",
-        "ambient_temperature_degc": "outside temperature",
-        "cabin_temperature_degc": "cabin temperature at departure",
-        "cabin_setpoint_degc": "cabin set-point",
-        "battery_temperature_degc": "battery temperature at departure",
-        "payload_mass_kg": "payload",
-        "trip_speed_m_s": "mean speed",
-        "duration_s": "duration",
-    }
+    {name: field.label for name, field in ASKED.items()}
+    | {"trip_speed_m_s": "mean speed", "duration_s": "duration"}
 )
 """Names for people of the fields that flags are about."""
 
@@ -68,20 +62,6 @@ def signal_name(column: str) -> str:
     ('battery current', 'grade')
     """
     return SIGNALS.get(column, column.replace("_", " "))
-
-
-def period(seconds: float) -> str:
-    """A length of time in words.
-
-    Examples
-    --------
-    >>> period(1.0), period(40.0), period(600.0), period(7500.0)
-    ('1 s', '40 s', '10 min', '2 h 05 min')
-    """
-    if seconds < 2 * SECONDS_PER_MINUTE:
-        return f"{seconds:.0f} s"
-    minutes = round(seconds / SECONDS_PER_MINUTE)
-    return f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60:02d} min"
 
 
 def _number(flag: Flag) -> float:
@@ -158,6 +138,10 @@ MESSAGES: Final[Mapping[str, Callable[[Flag], str]]] = MappingProxyType(
         "no_stop_found": lambda f: "no single charging stop makes the journey arrive with 95 %",
         "class_charging_curve": lambda f: (
             "the charging curve of the car is unknown: that of a middle-class car is assumed"
+        ),
+        "wind_direction_unknown": lambda f: (
+            f"the direction of the wind of {_number(f):.0f} m/s to the road is unknown: it counts as from any side and the interval has a "
+            "head wind and a tail wind"
         ),
         "map_ends": lambda f: "the map ends before the charge: the area of reach is larger than shown",
         "file_value_kept": lambda f: (

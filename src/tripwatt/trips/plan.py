@@ -8,14 +8,15 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import pandas as pd
 
+from tripwatt.arrays import FloatArray
 from tripwatt.errors import Fault, InvalidInput
+from tripwatt.trips.columns import raise_faults
 from tripwatt.trips.departure import Departure
-from tripwatt.trips.drive import Drive
 from tripwatt.trips.flags import Flag
 from tripwatt.trips.gaps import MOST_DURATION_S, gap_flags, time_faults
 from tripwatt.trips.messages import flag_to_dict, message
-from tripwatt.trips.samples import bin_means, table_of
-from tripwatt.trips.schema import raise_faults, validate_samples
+from tripwatt.trips.samples import Sampled, bin_means, table_of
+from tripwatt.trips.schema import validate_samples
 from tripwatt.trips.showing import html_table, journey
 from tripwatt.trips.trip import Recorded
 from tripwatt.trips.weather import PlanWeather
@@ -28,7 +29,7 @@ ROUTE_COLUMNS: Final = ("time_s", "speed_m_s", "elevation_m", "grade")
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
-class Plan(Drive):
+class Plan(Sampled):
     """A drive to come: speed and road along its time, no measurements.
 
     Attributes
@@ -47,9 +48,11 @@ class Plan(Drive):
     end_s : float or None
         Time of the arrival on that clock [s]; None when only the plan has it.
     weather : PlanWeather or None
-        Wind, density of the air and rain along the plan; None = calm, dry, standard atmosphere.
+        Wind, density of the air and rain along the plan, from a source of weather; None = calm, dry, standard atmosphere.
     free_flow : bool
         Whether the travel times are those of an empty road, as a router without traffic gives them.
+    heading_deg : ndarray, shape (samples,), or None
+        Direction of travel, clockwise from north; None where it is unknown.
 
     Examples
     --------
@@ -69,6 +72,7 @@ class Plan(Drive):
     end_s: float | None = None
     weather: PlanWeather | None = None
     free_flow: bool = False
+    heading_deg: FloatArray | None = None
 
     def __post_init__(self) -> None:
         _require_duration(self.duration_s, self.trip_id)
@@ -141,6 +145,35 @@ class Plan(Drive):
         0.8
         """
         return self if departure is None else replace(self, departure=self.departure.merge(departure))
+
+    @property
+    def air(self) -> PlanWeather | None:
+        """Wind, density of the air and rain: those of the departure where it names any, else `weather`."""
+        if not self.departure.has_weather:
+            return self.weather
+        return PlanWeather.from_departure(self.departure, self.array("speed_m_s"), self.heading_deg)
+
+    def with_weather(self, weather: PlanWeather | None) -> Plan:
+        """The plan in other weather, also in place of that of its departure.
+
+        Parameters
+        ----------
+        weather : PlanWeather or None
+            None = calm, dry, standard atmosphere.
+
+        Returns
+        -------
+        Plan
+            A new one.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> plan = tw.read_route([{"length_m": 5000.0, "speed_m_s": 20.0}]).with_departure(tw.Departure(wind_speed_m_s=8.0))
+        >>> plan.air.any_side_m_s > 0.0, plan.with_weather(plan.air.calm()).air.any_side_m_s
+        (True, 0.0)
+        """
+        return replace(self, weather=weather, departure=self.departure.without_weather())
 
     @property
     def has_road(self) -> bool:
@@ -287,7 +320,7 @@ def plan_from_samples(
     return replace(_plan(log, own.merge(departure), step_s), flags=gap_flags(time))
 
 
-def _plan(drive: Drive, departure: Departure, step_s: float) -> Plan:
+def _plan(drive: Sampled, departure: Departure, step_s: float) -> Plan:
     route = {c: drive.array(c) for c in ROUTE_COLUMNS if c in drive}
     time = route["time_s"]
     _require_duration(float(time[-1] - time[0]), drive.trip_id)

@@ -8,14 +8,14 @@ from typing import Final
 import numpy as np
 from matplotlib.figure import Figure
 
-from tripwatt.trips.drive import Drive
+from tripwatt.trips.samples import Sampled
 from tripwatt.units import M_S_PER_KM_H
 
 LINE: Final = "#0b5c8a"
 
 
 def plot_drive(
-    drive: Drive, title: str, energy_wh: np.ndarray[tuple[int], np.dtype[np.float64]] | None
+    drive: Sampled, title: str, energy_wh: np.ndarray[tuple[int], np.dtype[np.float64]] | None
 ) -> Figure:
     """Speed along a drive, with elevation and measured energy where they are known."""
     minutes = (drive.array("time_s") - drive.array("time_s")[0]) / 60.0

@@ -1,249 +1,20 @@
-"""The columns of a log, what is known at departure, and the links of a road: their units and the only bounds of their values.
+"""Checks of a table of samples: its columns, and the bounds of their values.
 
-Everything that reads a log ends in these names and everything that models a trip starts from them; `sources` does all
+Everything that reads a log ends in the names of `COLUMNS` and everything that models a trip starts from them; `sources` does all
 renaming and unit conversion.
 """
 
 from __future__ import annotations
 
-import math
-import numbers
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
-from types import MappingProxyType
-from typing import Any, Final
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from tripwatt.arrays import IntArray
-from tripwatt.errors import Fault, InvalidInput, excerpt
-
-
-@dataclass(frozen=True, slots=True)
-class Column:
-    """A canonical sample column: what it means and the range outside which a value cannot be one.
-
-    Attributes
-    ----------
-    unit : str
-        SI unit of the values, "1" for a number without a unit, "degC" for temperatures.
-    minimum : float
-        Smallest possible value, in that unit.
-    maximum : float
-        Largest possible value, in that unit.
-    meaning : str
-        What the column holds, in a few words.
-
-    Examples
-    --------
-    >>> COLUMNS["speed_m_s"].unit, COLUMNS["speed_m_s"].allowed
-    ('m/s', '0 to 90 m/s')
-    """
-
-    unit: str
-    minimum: float
-    maximum: float
-    meaning: str
-
-    @property
-    def bounds(self) -> tuple[float, float]:
-        """Smallest and largest value."""
-        return self.minimum, self.maximum
-
-    @property
-    def allowed(self) -> str:
-        """The range and its unit, as messages give it."""
-        unit = "" if self.unit == "1" else f" {self.unit}"
-        return f"{self.minimum:g} to {self.maximum:g}{unit}"
-
-
-COLUMNS: Final[Mapping[str, Column]] = MappingProxyType(
-    {
-        "time_s": Column("s", -math.inf, math.inf, "time of the sample, increasing"),
-        "speed_m_s": Column("m/s", 0.0, 90.0, "vehicle speed"),
-        "elevation_m": Column("m", -500.0, 9000.0, "height above sea level, as logged"),
-        "grade": Column("1", -0.6, 0.6, "road inclination, rise over horizontal distance"),
-        "ambient_temperature_degc": Column("°C", -60.0, 70.0, "outside air temperature"),
-        "cabin_temperature_degc": Column("°C", -60.0, 100.0, "cabin air temperature"),
-        "cabin_setpoint_degc": Column("°C", 0.0, 50.0, "cabin temperature that the driver asked for"),
-        "battery_temperature_degc": Column("°C", -60.0, 100.0, "battery temperature"),
-        "voltage_v": Column("V", 30.0, 1200.0, "battery terminal voltage"),
-        "current_a": Column("A", -3000.0, 3000.0, "battery current, + discharges"),
-        "soc": Column("1", 0.0, 1.0, "state of charge, the battery management's value"),
-        "displayed_soc": Column("1", 0.0, 1.0, "state of charge that the driver sees"),
-        "motor_torque_nm": Column("Nm", -2000.0, 2000.0, "motor torque, + propels"),
-        "heating_power_w": Column("W", -500.0, 60_000.0, "electric power of the cabin heater"),
-        "requested_heating_power_w": Column(
-            "W", -500.0, 60_000.0, "heating power that the driver's setting requests"
-        ),
-        "aircon_power_w": Column("W", -500.0, 30_000.0, "electric power of the air conditioner"),
-        "climate_power_w": Column(
-            "W", -500.0, 60_000.0, "electric power of heater and air conditioner together"
-        ),
-    }
-)
-"""Canonical sample columns in SI units; temperatures in °C, `soc` as a fraction."""
-
-REQUIRED_COLUMNS: Final = ("time_s", "speed_m_s")
-
-QUANTITIES: Final[Mapping[str, Column]] = MappingProxyType(
-    {
-        "payload_mass_kg": Column("kg", 0.0, 60_000.0, "load besides the driver"),
-        "solar_irradiance_w_m2": Column("W/m²", 0.0, 1500.0, "sunshine on a horizontal surface"),
-        "wind_speed_m_s": Column("m/s", 0.0, 60.0, "wind 10 m above the ground"),
-        "wind_from_deg": Column("°", 0.0, 360.0, "direction from which the wind blows, clockwise from north"),
-        "rain_mm_h": Column("mm/h", 0.0, 200.0, "rain"),
-        "pressure_pa": Column("Pa", 30_000.0, 110_000.0, "air pressure at the ground"),
-        "reserve": Column("1", 0.0, 1.0, "state of charge to arrive with, as the driver sees it"),
-    }
-)
-"""Single numbers that belong to a whole trip."""
-
-DEPARTURE_BOUNDS: Final[Mapping[str, Column]] = MappingProxyType(
-    {"ambient_temperature_degc": Column("°C", -60.0, 57.0, "outside air temperature")}
-)
-"""Narrower bounds of what a person gives for a departure: the highest air temperature on record is 56.7 °C (WMO, Furnace
-Creek 1913), while the sensor of a parked car may show more."""
-
-STEEPEST_GRADE: Final = 0.4
-"""Rise over length that no street exceeds: Baldwin Street in Dunedin, the steepest of Guinness World Records, has 0.35 over
-10 m, Canton Avenue in Pittsburgh 0.37 by its sign."""
-
-LINK_COLUMNS: Final[Mapping[str, Column]] = MappingProxyType(
-    {
-        "length_m": Column("m", 0.01, 1e7, "length; shorter pieces are rounding"),
-        "travel_time_s": Column("s", 0.0, 48 * 3600.0, "time on the link, standstill included"),
-        "speed_m_s": Column(
-            "m/s", 0.0, 70.0, "mean speed, standstill included; 252 km/h leaves room for the peaks"
-        ),
-        "stop_s": Column("s", 0.0, 48 * 3600.0, "standstill at the end of the link, part of its travel time"),
-        "moving_speed_m_s": Column("m/s", 0.0, 70.0, "speed while the car moves freely"),
-        "speed_limit_m_s": Column("m/s", 0.0, 70.0, "highest speed that is allowed"),
-        "grade": Column("1", -STEEPEST_GRADE, STEEPEST_GRADE, "rise over length"),
-        "start_elevation_m": Column("m", -500.0, 9000.0, "height above sea level at the start"),
-        "end_elevation_m": Column("m", -500.0, 9000.0, "height above sea level at the end"),
-    }
-)
-"""Fields of a link of a planned road."""
-
-
-A_FRACTION: Final = "give a fraction, 0.9 for 90 %"
-
-
-def is_number(value: Any) -> bool:
-    """Whether a value is a single real number; a truth value is none.
-
-    Examples
-    --------
-    >>> is_number(1), is_number(np.float64(0.5)), is_number(True), is_number("1"), is_number([1.0])
-    (True, True, False, False, False)
-    """
-    return isinstance(value, numbers.Real) and not isinstance(value, bool)
-
-
-def number_faults(name: str, value: Any, allowed: Column, *, whole: bool = False) -> Iterator[Fault]:
-    """The fault of a value that is no finite number within bounds, whatever its type.
-
-    Parameters
-    ----------
-    name : str
-        Of the argument, in the message.
-    value : object
-        What was given.
-    allowed : Column
-        Unit and bounds. Of a fraction the message has a hint.
-    whole : bool
-        Whether only whole numbers are allowed.
-
-    Yields
-    ------
-    Fault
-        At most one.
-
-    Examples
-    --------
-    >>> print(*number_faults("level", 90, Column("1", 0.0, 1.0, "")))
-    value out of range: level: got 90; allowed: 0 to 1; give a fraction, 0.9 for 90 %
-    """
-    is_share = allowed.unit == "1" and allowed.maximum == 1.0
-    fix = A_FRACTION if is_share else ""
-    if not is_number(value) or (whole and not isinstance(value, numbers.Integral)):
-        what = "not a whole number" if whole else "not a number"
-        yield Fault(what, name, excerpt(value), allowed.allowed, fix)
-        return
-    try:
-        number = float(value)
-    except OverflowError:
-        number = math.inf
-    if not (math.isfinite(number) and allowed.minimum <= number <= allowed.maximum):
-        got = f"{number:g}" if number != math.inf else excerpt(value)
-        yield Fault("value out of range", name, got, allowed.allowed, fix)
-
-
-def require_number(name: str, value: Any, minimum: float = -math.inf, maximum: float = math.inf) -> float:
-    """A finite number of an argument, within bounds.
-
-    Raises
-    ------
-    InvalidInput
-        For another type, no finite number, or one out of its bounds.
-
-    Examples
-    --------
-    >>> require_number("energy_wh", float("nan"))
-    Traceback (most recent call last):
-        ...
-    tripwatt.errors.InvalidInput: value out of range: energy_wh: got nan; allowed: -inf to inf
-    """
-    raise_faults(number_faults(name, value, Column("", minimum, maximum, "")))
-    return float(value)
-
-
-def require_fraction(name: str, value: Any, minimum: float = 0.0) -> float:
-    """A probability or a state of charge of an argument: `minimum` to 1.
-
-    Raises
-    ------
-    InvalidInput
-        For anything else, with the hint that 0.9 stands for 90 %.
-
-    Examples
-    --------
-    >>> require_fraction("level", 0.9)
-    0.9
-    >>> require_fraction("probability", 95)
-    Traceback (most recent call last):
-        ...
-    tripwatt.errors.InvalidInput: value out of range: probability: got 95; allowed: 0 to 1; give a fraction, 0.9 for 90 %
-    """
-    raise_faults(number_faults(name, value, Column("1", minimum, 1.0, "")))
-    return float(value)
-
-
-def scalar_faults(values: Mapping[str, Any]) -> Iterator[Fault]:
-    """Every single number outside the bounds of its name, a key of `COLUMNS` or `QUANTITIES`; None is unknown.
-
-    Parameters
-    ----------
-    values : mapping of str to (float or None)
-        Name of a quantity to its value in the unit of the name.
-
-    Yields
-    ------
-    Fault
-        One for each value that is no number, out of its bounds or not finite.
-
-    Examples
-    --------
-    >>> print(*scalar_faults({"ambient_temperature_degc": 99.0, "payload_mass_kg": None}))
-    value out of range: ambient_temperature_degc: got 99; allowed: -60 to 57 °C
-    """
-    for name, value in values.items():
-        if value is None:
-            continue
-        column = DEPARTURE_BOUNDS.get(name) or (COLUMNS[name] if name in COLUMNS else QUANTITIES[name])
-        yield from number_faults(name, value, column)
+from tripwatt.arrays import FloatArray
+from tripwatt.errors import Fault, and_more, excerpt
+from tripwatt.trips.columns import COLUMNS, REQUIRED_COLUMNS, raise_faults
 
 
 def is_sound(samples: pd.DataFrame) -> bool:
@@ -282,7 +53,9 @@ def is_sound(samples: pd.DataFrame) -> bool:
     return bool(not outside.any() and np.isfinite(required).all() and (np.diff(time) > 0).all())
 
 
-def structure_faults(samples: pd.DataFrame, where: str) -> Iterator[Fault]:
+def structure_faults(
+    samples: pd.DataFrame, where: str, *, required: Sequence[str] = REQUIRED_COLUMNS
+) -> Iterator[Fault]:
     """Every reason why a table cannot be a trip at all. O(columns).
 
     Parameters
@@ -291,6 +64,8 @@ def structure_faults(samples: pd.DataFrame, where: str) -> Iterator[Fault]:
         One row per sample.
     where : str
         Name of the table in messages.
+    required : sequence of str
+        Columns that have to be there.
 
     Yields
     ------
@@ -302,7 +77,7 @@ def structure_faults(samples: pd.DataFrame, where: str) -> Iterator[Fault]:
     >>> [fault.what for fault in structure_faults(pd.DataFrame({"time_s": [0.0]}), "drive.csv")]
     ['missing column', 'too few samples']
     """
-    for name in REQUIRED_COLUMNS:
+    for name in required:
         if name not in samples.columns:
             yield Fault(
                 "missing column",
@@ -322,18 +97,20 @@ def structure_faults(samples: pd.DataFrame, where: str) -> Iterator[Fault]:
 
 def _is_numeric(values: pd.Series[Any]) -> bool:
     """Whether NumPy takes the values as real numbers: neither truth values nor complex ones, and missing ones as NaN."""
+    if isinstance(values.dtype, np.dtype):
+        return values.dtype.kind in "iuf"
     types = pd.api.types
     if not types.is_numeric_dtype(values) or types.is_bool_dtype(values) or types.is_complex_dtype(values):
         return False
-    return isinstance(values.dtype, np.dtype) or not bool(values.isna().any())
+    return not bool(values.isna().any())
 
 
-def value_faults(samples: pd.DataFrame, where: str) -> Iterator[Fault]:
+def value_faults(samples: pd.DataFrame | Mapping[str, FloatArray], where: str) -> Iterator[Fault]:
     """Every value that cannot be one, of a table without structure faults. O(samples x columns).
 
     Parameters
     ----------
-    samples : DataFrame
+    samples : DataFrame or mapping of str to ndarray
         One row per sample, for which `structure_faults` finds nothing.
     where : str
         Name of the table in messages.
@@ -348,7 +125,7 @@ def value_faults(samples: pd.DataFrame, where: str) -> Iterator[Fault]:
     >>> [fault.what for fault in value_faults(pd.DataFrame({"time_s": [1.0, 0.0], "speed_m_s": [0.0, np.nan]}), "drive.csv")]
     ['missing value', 'time does not increase']
     """
-    for name in samples.columns:
+    for name in map(str, samples):
         if name not in COLUMNS:
             continue
         column = COLUMNS[name]
@@ -356,51 +133,21 @@ def value_faults(samples: pd.DataFrame, where: str) -> Iterator[Fault]:
         place = f"{where}, column {name!r}, row "
         missing = np.flatnonzero(~np.isfinite(values)) if name in REQUIRED_COLUMNS else np.empty(0, np.int64)
         if len(missing):
-            got = f"{values[missing[0]]}{_and_more(missing)}"
+            got = f"{values[missing[0]]}{and_more(missing)}"
             yield Fault("missing value", f"{place}{missing[0] + 1}", got, "a finite number")
         outside = np.flatnonzero((values < column.minimum) | (values > column.maximum))
         if len(outside):
             unit = "" if column.unit == "1" else f" {column.unit}"
-            got = f"{values[outside[0]]:g}{unit}{_and_more(outside)}"
+            got = f"{values[outside[0]]:g}{unit}{and_more(outside)}"
             yield Fault("value out of range", f"{place}{outside[0] + 1}", got, column.allowed)
     time = np.asarray(samples["time_s"], dtype=np.float64)
     back = np.flatnonzero(np.diff(time) <= 0)
     if len(back):
         row = int(back[0]) + 1
-        got = f"{time[row]:g} s after {time[row - 1]:g} s{_and_more(back)}"
+        got = f"{time[row]:g} s after {time[row - 1]:g} s{and_more(back)}"
         yield Fault(
             "time does not increase", f"{where}, column 'time_s', row {row + 1}", got, "increasing times"
         )
-
-
-def _and_more(rows: IntArray) -> str:
-    return f" (and {len(rows) - 1} more rows)" if len(rows) > 1 else ""
-
-
-def raise_faults(faults: Iterable[Fault]) -> None:
-    """Raise `InvalidInput` with all faults when there is one.
-
-    Parameters
-    ----------
-    faults : iterable of Fault
-        What was found; it is exhausted before the error is raised.
-
-    Raises
-    ------
-    InvalidInput
-        With every fault, in their order.
-
-    Examples
-    --------
-    >>> raise_faults([])
-    >>> raise_faults(scalar_faults({"soc": 2.0}))
-    Traceback (most recent call last):
-        ...
-    tripwatt.errors.InvalidInput: value out of range: soc: got 2; allowed: 0 to 1; give a fraction, 0.9 for 90 %
-    """
-    found = tuple(faults)
-    if found:
-        raise InvalidInput(found)
 
 
 def validate_samples(samples: pd.DataFrame, where: str) -> None:

@@ -1,11 +1,11 @@
-"""How objects of the library look in a notebook: small HTML tables, nothing that is executed."""
+"""How objects of the library look: small HTML tables in a notebook, and lengths of time and way in words."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from html import escape
 
-from tripwatt.trips.messages import period
+from tripwatt.units import SECONDS_PER_MINUTE
 
 
 def html_table(title: str, rows: Iterable[tuple[str, str]]) -> str:
@@ -20,6 +20,20 @@ def html_table(title: str, rows: Iterable[tuple[str, str]]) -> str:
         f'<tr><th scope="row">{escape(name)}</th><td>{escape(value)}</td></tr>' for name, value in rows
     )
     return f"<table><caption>{escape(title)}</caption>{body}</table>"
+
+
+def period(seconds: float) -> str:
+    """A length of time in words.
+
+    Examples
+    --------
+    >>> period(1.0), period(40.0), period(600.0), period(7500.0)
+    ('1 s', '40 s', '10 min', '2 h 05 min')
+    """
+    if seconds < 2 * SECONDS_PER_MINUTE:
+        return f"{seconds:.0f} s"
+    minutes = round(seconds / SECONDS_PER_MINUTE)
+    return f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60:02d} min"
 
 
 def journey(distance_m: float, duration_s: float) -> str:

@@ -11,22 +11,20 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.errors import Fault, InvalidInput
+from tripwatt.trips.columns import raise_faults
+from tripwatt.trips.context import Context
 from tripwatt.trips.departure import Departure
 from tripwatt.trips.energy import observed_cumulative_energy, observed_energy, observed_energy_std
-from tripwatt.trips.samples import bin_means
-from tripwatt.trips.schema import raise_faults, structure_faults, validate_samples
+from tripwatt.trips.samples import Sampled, bin_means
+from tripwatt.trips.schema import structure_faults, validate_samples
 from tripwatt.trips.showing import html_table, journey
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-from tripwatt.trips.context import Context
-from tripwatt.trips.drive import Drive
-
-
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
-class Recorded(Drive):
+class Recorded(Sampled):
     """A drive that took place: its context and what was measured of its energy.
 
     Attributes
@@ -80,7 +78,7 @@ class Recorded(Drive):
         InvalidInput
             When a value of the first sample is out of its bounds.
         """
-        return Departure.from_drive(self, self.context)
+        return Departure.from_first_sample(self, self.context)
 
     def between(self, from_s: float, to_s: float, *, trip_id: str | None = None) -> Self:
         """The part of a raw drive with `from_s <= time_s <= to_s`, its energy measured anew.
@@ -248,7 +246,7 @@ class Trip(Recorded):
     samples : DataFrame
         One row per sample, canonical columns, float64.
     context : Context
-        What the log says beside its samples.
+        What the log has beside its samples.
     observed_energy_wh : float or None
         Measured energy of the whole drive [Wh]; None without voltage and current.
     step_s : float or None
@@ -278,7 +276,7 @@ class Trip(Recorded):
         samples : DataFrame
             Canonical columns, one row a sample.
         context : Context, optional
-            What the log says beside its samples.
+            What the log has beside its samples.
 
         Returns
         -------
@@ -378,12 +376,12 @@ def resample(trip: Trip, step_s: float = 1.0) -> Trip:
     return replace(trip, samples=samples, step_s=step_s)
 
 
-def require_unique_ids(drives: Iterable[Drive]) -> None:
+def require_unique_ids(drives: Iterable[Sampled]) -> None:
     """Raise `InvalidInput` when two drives share an id.
 
     Parameters
     ----------
-    drives : iterable of Drive
+    drives : iterable of Sampled
         Logs, trips or plans.
 
     Raises
@@ -393,7 +391,7 @@ def require_unique_ids(drives: Iterable[Drive]) -> None:
 
     Examples
     --------
-    >>> require_unique_ids([Drive("A", None), Drive("A", None)])
+    >>> require_unique_ids([Sampled("A", None), Sampled("A", None)])
     Traceback (most recent call last):
         ...
     tripwatt.errors.InvalidInput: duplicate trip id: trips: got A; allowed: one id per trip

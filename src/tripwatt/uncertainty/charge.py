@@ -1,7 +1,7 @@
 """The displayed state of charge at arrival: what energy a part of it holds, and how well that is known.
 
-A driver sees a state of charge that the car computes from the battery management's: a window of it, rounded and
-smoothed. Where logs have the readings, the window and the energy of a whole display are learned from them, with what
+The display shows a state of charge that the car computes from the battery management's: a window of it, rounded and
+smoothed. Where logs have the readings, the window and the energy of a whole display are fitted to them, with what
 they leave open; else they are those of the car's published values, with usual errors.
 """
 
@@ -18,7 +18,7 @@ from tripwatt.vehicles.parts import Battery
 CAPACITY_SD: Final = 0.03
 """Relative standard deviation of the energy of a unit of state of charge: ageing and temperature."""
 BOOK_DISPLAY_SD: Final = 0.01
-"""Scale of the error of a displayed charge where no log tells: displays step by 0.5 to 1 %, and lag behind."""
+"""Scale of the error of a displayed charge without logs of it: displays step by 0.5 to 1 %, and lag behind."""
 BOOK_MANAGED_SD: Final = 0.02
 """The same for a display computed from the battery management's charge by published reserves, which makers change."""
 RESOLUTION: Final = 0.005
@@ -27,13 +27,13 @@ NORMAL_SCALE: Final = 0.7716
 """Scale of the t distribution with 4 degrees of freedom, which all errors are taken to have, over the standard deviation
 of a normal one with the same central 90 %: 1.6449 / 2.1318."""
 LEAST_TRIPS: Final = 8
-"""Fewest trips with readings that the display is learned from."""
+"""Fewest trips with readings that the display is fitted to."""
 FULL: Final = 0.995
 """A display of this or more is full: what is above it does not show."""
 NEARLY_FULL: Final = 0.985
 """Between this display and `FULL` the hidden charge rises in a straight line: no step of the charge to leave with."""
 LEAST_FULL: Final = 5
-"""Fewest trips from a full display, and fewest others, that what a full display hides is learned from."""
+"""Fewest trips from a full display, and fewest others, that what a full display hides is fitted to."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +51,7 @@ class ChargeScale:
     managed_sd : float
         The same where the battery management's charge was known at departure.
     trips : int
-        Trips that they were learned from; 0 for published values.
+        Trips that they were fitted to; 0 for published values.
     hidden : float
         Displayed charge that a battery with a full display gives before the display falls [1].
 

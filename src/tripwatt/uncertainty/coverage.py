@@ -1,6 +1,6 @@
 """Coverage of intervals together with the width that was needed.
 
-An interval that holds every trip may be right or far too wide; its coverage alone does not tell. What tells is the factor by which
+An interval that holds every trip may be right or far too wide; its coverage alone does not show which. The factor shows it by which
 all intervals of a set of trips could have been scaled about their centres to hold exactly their share of these trips. It is known in
 hindsight alone.
 """

@@ -78,7 +78,7 @@ class FreeFlowUncertainty:
 
 @dataclass(frozen=True, eq=False)
 class FreeFlowTrips:
-    """Training trips as a router without traffic knows them.
+    """Training trips as a router without traffic plans them.
 
     Attributes
     ----------

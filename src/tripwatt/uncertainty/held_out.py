@@ -22,7 +22,7 @@ def process_segments(
     table : SegmentTable
         Of one trip.
     uncertainty_w : ndarray, shape (segments, any)
-        From `PowerCorrector.uncertainty_factor`.
+        From `PowerCorrector.predict_with_uncertainty`.
     outside_w : ndarray, shape (segments, any), optional
         From `PowerCorrector.outside_factor`.
     """

@@ -42,7 +42,7 @@ FLOOR_W: Final = 100.0
 
 @dataclass(frozen=True, eq=False)
 class Segments:
-    """Segments of one trip, as the process sees them.
+    """Segments of one trip, as the process takes them.
 
     Attributes
     ----------
@@ -57,7 +57,7 @@ class Segments:
     corrector_sd_wh : float
         Standard deviation of the corrector's own uncertainty of the trip's energy [Wh].
     outside_sd_wh : float
-        Standard deviation of what the corrector may have missed outside of what it was learned from [Wh].
+        Standard deviation of what the corrector may have missed outside of its training [Wh].
 
     Examples
     --------

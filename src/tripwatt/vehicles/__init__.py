@@ -3,15 +3,11 @@
 from tripwatt.vehicles.comparing import Difference, differences, with_differences
 from tripwatt.vehicles.extras import with_extras
 from tripwatt.vehicles.importing import import_vehicle
-from tripwatt.vehicles.licences import LICENCES, render_licences
+from tripwatt.vehicles.licences import LICENCES
 from tripwatt.vehicles.loading import (
-    ANCHORS,
-    Entry,
-    Vehicle,
     find_vehicles,
     load_vehicle,
     require_vehicle,
-    vehicle_from_document,
     vehicle_names,
     vehicle_titles,
 )
@@ -26,9 +22,10 @@ from tripwatt.vehicles.parts import (
     RoadLoad,
     Tyres,
 )
-from tripwatt.vehicles.table import describe_vehicle, render_parameters
+from tripwatt.vehicles.reading import vehicle_from_document
+from tripwatt.vehicles.vehicle import ANCHORS, Entry, Vehicle
 from tripwatt.vehicles.without import names_data, without_data
-from tripwatt.vehicles.writing import render_vehicle
+from tripwatt.vehicles.writing import describe_vehicle, render_vehicle, vehicle_document
 
 __all__ = [
     "ALIASES",
@@ -52,10 +49,9 @@ __all__ = [
     "load_vehicle",
     "names_data",
     "parse_overrides",
-    "render_licences",
-    "render_parameters",
     "render_vehicle",
     "require_vehicle",
+    "vehicle_document",
     "vehicle_from_document",
     "vehicle_names",
     "vehicle_titles",

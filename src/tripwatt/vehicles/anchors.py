@@ -1,18 +1,18 @@
 """Values that close the gap between a car's simulated and its certified consumption, from `data/table/anchors.csv`.
 
-`python -m benchmarks.anchors --write` computes the file with the physics of the day; `tripwatt.certification` says how. Each row
+`python -m benchmarks.anchors --write` computes the file with the physics of the day by `tripwatt.certification`. Each row
 is an entry of a car: its value, and the mean error of the car before it. The car `*` is what the class has in common.
 """
 
 from __future__ import annotations
 
-import csv
 import types
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
-from importlib import resources
 from typing import Any, Final
+
+from tripwatt.vehicles.catalogue import records
 
 CLASS: Final = "*"
 """Name of the rows that hold for cars without certified figures."""
@@ -25,7 +25,7 @@ class Anchor:
     Attributes
     ----------
     level : str
-        One of `tripwatt.vehicles.loading.ANCHORS`.
+        One of `tripwatt.vehicles.ANCHORS`.
     loss : str
         What was changed: "motor", "iron" or "gear" losses, or the "road load".
     entries : mapping of str to (float, str)
@@ -56,16 +56,15 @@ def anchors() -> Mapping[str, Anchor]:
     >>> anchors()["vw_id4_pro"].level
     'road_load'
     """
-    file = resources.files("tripwatt.vehicles") / "data" / "table" / "anchors.csv"
-    found: dict[str, Anchor] = {}
-    for row in csv.DictReader(file.read_text(encoding="utf-8").splitlines()):
-        old = found.get(row["car"])
+    by_car: dict[str, Anchor] = {}
+    for row in records("anchors.csv"):
+        old = by_car.get(row["car"])
         entries = {} if old is None else dict(old.entries)
         entries[row["entry"]] = (float(row["value"]), row["unit"])
-        found[row["car"]] = Anchor(
+        by_car[row["car"]] = Anchor(
             row["level"], row["loss"], types.MappingProxyType(entries), float(row["before"])
         )
-    return types.MappingProxyType(found)
+    return types.MappingProxyType(by_car)
 
 
 def anchored_document(name: str, document: Mapping[str, Any]) -> dict[str, Any]:

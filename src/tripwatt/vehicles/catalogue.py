@@ -16,10 +16,10 @@ import types
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
-from importlib import resources
 from typing import Final
 
 from tripwatt.units import GRAVITY_M_S2, KG_PER_LB, M_PER_MILE, N_PER_LBF, SECONDS_PER_HOUR
+from tripwatt.vehicles.inheriting import data_folder
 
 BODIES: Final = ("small", "hatchback", "sedan", "suv", "van", "pickup")
 """Kinds of body, by which the drag area of a car without a coast-down is chosen."""
@@ -89,7 +89,7 @@ Row = Mapping[str, tuple[Cell, ...]]
 
 def records(name: str) -> Iterator[dict[str, str]]:
     """Rows of a file of `data/table`."""
-    file = resources.files("tripwatt.vehicles") / "data" / "table" / name
+    file = data_folder() / "table" / name
     yield from csv.DictReader(file.read_text(encoding="utf-8").splitlines())
 
 
@@ -212,7 +212,7 @@ def class_values(without: Collection[str] = ()) -> ClassValues:
     Parameters
     ----------
     without : collection of str
-        Cars that take no part, to check what the class says of them.
+        Cars that take no part, to hold the class values against them.
 
     Notes
     -----
@@ -220,8 +220,8 @@ def class_values(without: Collection[str] = ()) -> ClassValues:
 
     Examples
     --------
-    >>> found = class_values()
-    >>> found.drag_area_m2["sedan"] < found.drag_area_m2["suv"] < found.drag_area_m2["pickup"]
+    >>> values = class_values()
+    >>> values.drag_area_m2["sedan"] < values.drag_area_m2["suv"] < values.drag_area_m2["pickup"]
     True
     """
     return _class_values(frozenset(without))
@@ -238,10 +238,10 @@ def _class_values(without: frozenset[str]) -> ClassValues:
     together = [run.force_n(ROLLING_SPEED_M_S, 0.0) / run.weight_n for _, run in runs]
     rolling = statistics.median(together) - per_speed * ROLLING_SPEED_M_S
     areas = {body: [run.drag_area_m2 for b, run in runs if b == body] for body in BODIES}
-    medians = {body: statistics.median(found) for body, found in areas.items() if len(found) >= LEAST_CARS}
+    medians = {body: statistics.median(own) for body, own in areas.items() if len(own) >= LEAST_CARS}
     medians.setdefault("van", VAN_OVER_SUV * medians["suv"])
     for body in BODIES:
-        medians.setdefault(body, statistics.median([area for found in areas.values() for area in found]))
+        medians.setdefault(body, statistics.median([area for own in areas.values() for area in own]))
     classes = ClassValues(rolling, per_speed, types.MappingProxyType(medians), 0.0, 0.0, len(runs))
     spreads = _spreads(runs, classes)
     return dataclasses.replace(classes, rolling_sd=spreads[0], drag_area_sd=spreads[1])
@@ -250,7 +250,7 @@ def _class_values(without: frozenset[str]) -> ClassValues:
 def _spreads(runs: list[tuple[str, Coastdown]], classes: ClassValues) -> tuple[float, float]:
     """Independent relative deviations of rolling and air drag that give the scatter of the forces at two speeds.
 
-    Parts A, B and C of one coast-down trade against each other, so that the scatter of each alone says too much. The variances
+    Parts A, B and C of one coast-down trade against each other, so that the scatter of each alone is too large. The variances
     of the logarithm of force over that of the class, at `SPREAD_SPEEDS_M_S`, are two equations for the two variances.
     """
     variances, shares = [], []

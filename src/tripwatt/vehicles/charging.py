@@ -46,8 +46,8 @@ def _sections() -> Mapping[str, Mapping[str, Any]]:
     rows: dict[str, list[dict[str, str]]] = {}
     for row in records("charging.csv"):
         rows.setdefault(row["car"], []).append(row)
-    found = {car: _section(points, sources[points[0]["source"]]) for car, points in rows.items()}
-    return types.MappingProxyType(found)
+    sections = {car: _section(points, sources[points[0]["source"]]) for car, points in rows.items()}
+    return types.MappingProxyType(sections)
 
 
 def _section(points: list[dict[str, str]], source: Mapping[str, str]) -> Mapping[str, Any]:

@@ -10,12 +10,19 @@ from types import MappingProxyType
 from typing import Any, Final
 
 from tripwatt.errors import InvalidInput
-from tripwatt.vehicles.loading import SECTIONS, Value, Vehicle, load_vehicle, vehicle_names
+from tripwatt.vehicles.loading import load_vehicle, vehicle_names
+from tripwatt.vehicles.vehicle import SECTIONS, Value, Vehicle
 
 ROUNDING: Final = 1e-9
 """Relative difference of two numbers that are one value, written and read again."""
 
-CHANGED_BY_TRIPS: Final = ("identified on", "calibrated on", "book value times", "from the test to the road")
+CHANGED_BY_TRIPS: Final = (
+    "identified on",
+    "calibrated on",
+    "published value times",
+    "book value times",
+    "from the test to the road",
+)
 """How the source of a value starts that is no longer the published one."""
 
 _OTHER_METHOD: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
@@ -89,31 +96,31 @@ def differences(vehicle: Vehicle, other: Vehicle) -> tuple[Difference, ...]:
     >>> [(d.key, d.change, d.unit) for d in differences(heavy, load_vehicle("bmw_i3_60ah"))]
     [('body.curb_mass_kg', '1281 -> 2500', 'kg')]
     """
-    found = []
+    different = []
     for section, kind in SECTIONS.items():
         one, two = getattr(vehicle, section), getattr(other, section)
         if one is None or two is None:
             if one is not two:
                 shown = ["none" if part is None else "given" for part in (one, two)]
-                found.append(Difference(section, shown[0], shown[1], ""))
+                different.append(Difference(section, shown[0], shown[1], ""))
             continue
         unused = _OTHER_METHOD.get(one.method, ()) if section == "road_load" else ()
         for field in dataclasses.fields(kind):
             key = f"{section}.{field.name}"
             value, known = getattr(one, field.name), getattr(two, field.name)
             if field.name not in unused and not (_same(value, known) or _is_published(value, key, other)):
-                found.append(Difference(key, value, known, field.metadata.get("unit", "1")))
-    return tuple(found)
+                different.append(Difference(key, value, known, field.metadata.get("unit", "1")))
+    return tuple(different)
 
 
-def with_differences(vehicle: Vehicle, found: Iterable[Difference], source: Vehicle) -> Vehicle:
+def with_differences(vehicle: Vehicle, different: Iterable[Difference], source: Vehicle) -> Vehicle:
     """Put the values in which another car differs into a car, with their sources.
 
     Parameters
     ----------
     vehicle : Vehicle
         The car that is changed.
-    found : iterable of Difference
+    different : iterable of Difference
         Of the other car from this one.
     source : Vehicle
         The other car, for parts as a whole and the sources.
@@ -129,21 +136,13 @@ def with_differences(vehicle: Vehicle, found: Iterable[Difference], source: Vehi
     >>> with_differences(car, differences(heavy, car), heavy).body.curb_mass_kg
     2500.0
     """
-    parts: dict[str, Any] = {}
-    entries = dict(vehicle.entries)
-    for difference in found:
-        section, _, name = difference.key.partition(".")
-        if name:
-            part = parts.get(section, getattr(vehicle, section))
-            parts[section] = dataclasses.replace(part, **{name: difference.value})
-        else:
-            parts[section] = getattr(source, section)
-        for key in {*entries, *source.entries}:
-            if key == difference.key or (not name and key.startswith(f"{section}.")):
-                entries.pop(key, None)
-                if key in source.entries:
-                    entries[key] = source.entries[key]
-    return dataclasses.replace(vehicle, entries=MappingProxyType(entries), **parts)
+    values = {d.key: d.value for d in different if "." in d.key}
+    wholes = {d.key for d in different} - values.keys()
+    taken = {k for k in {*vehicle.entries, *source.entries} if k in values or k.partition(".")[0] in wholes}
+    kept = {key: entry for key, entry in vehicle.entries.items() if key not in taken}
+    entries = kept | {key: source.entries[key] for key in source.entries if key in taken}
+    parts: dict[str, Any] = {section: getattr(source, section) for section in wholes}
+    return dataclasses.replace(vehicle.with_values(values), entries=MappingProxyType(entries), **parts)
 
 
 def _is_published(value: Value | None, key: str, other: Vehicle) -> bool:
@@ -157,9 +156,7 @@ def _is_published(value: Value | None, key: str, other: Vehicle) -> bool:
         return False
     # models of older versions do not hold the published value: the library has it, if the car is one of it
     published = _library_car(other.name, other.preset)
-    section, _, name = key.partition(".")
-    part = None if published is None else getattr(published, section)
-    return published is None or (part is not None and _same(value, getattr(part, name)))
+    return published is None or _same(value, published.value(key))
 
 
 def _library_car(name: str, preset: str) -> Vehicle | None:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, Final
+from typing import Final
 
 from tripwatt.trips import EXTRAS
 from tripwatt.vehicles.catalogue import ROAD_LOAD_DENSITY_KG_M3
-from tripwatt.vehicles.loading import Vehicle
+from tripwatt.vehicles.vehicle import Vehicle
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,16 +97,18 @@ def with_extras(vehicle: Vehicle, extras: Iterable[str]) -> Vehicle:
         area += extra.drag_area_m2
         mass += extra.mass_kg
         power += extra.load_w
-    load, changes = vehicle.road_load, dict[str, Any]()
+    load = vehicle.road_load
+    values = {
+        "body.curb_mass_kg": vehicle.body.curb_mass_kg + mass,
+        "auxiliaries.base_load_w": vehicle.auxiliaries.base_load_w + power,
+    }
     for name in ("coastdown_a_n", "coastdown_b_n_s_m", "rolling_resistance_coefficient"):
         value = getattr(load, name)
         if value is not None:
-            changes[name] = value * rolling
+            values[f"road_load.{name}"] = value * rolling
     if load.coastdown_c_n_s2_m2 is not None:
         density = load.coastdown_air_density_kg_m3 or ROAD_LOAD_DENSITY_KG_M3
-        changes["coastdown_c_n_s2_m2"] = load.coastdown_c_n_s2_m2 + 0.5 * density * area
+        values["road_load.coastdown_c_n_s2_m2"] = load.coastdown_c_n_s2_m2 + 0.5 * density * area
     if load.drag_coefficient is not None and load.frontal_area_m2 is not None:
-        changes["drag_coefficient"] = load.drag_coefficient + area / load.frontal_area_m2
-    body = replace(vehicle.body, curb_mass_kg=vehicle.body.curb_mass_kg + mass)
-    loads = replace(vehicle.auxiliaries, base_load_w=vehicle.auxiliaries.base_load_w + power)
-    return replace(vehicle, body=body, auxiliaries=loads, road_load=replace(load, **changes))
+        values["road_load.drag_coefficient"] = load.drag_coefficient + area / load.frontal_area_m2
+    return vehicle.with_values(values)

@@ -28,23 +28,28 @@ SCALINGS: Final = ("motor_losses", "cell_resistance")
 """Keys of the table `[scaled]`."""
 
 
+def data_folder() -> Any:
+    """The folder of the files that come with the package."""
+    return resources.files("tripwatt.vehicles") / "data"
+
+
 @cache
-def _bundled_text(name: str) -> str | None:
+def bundled_text(name: str) -> str | None:
     """Text of a shared file or of a bundled car, None when there is neither."""
-    folder = resources.files("tripwatt.vehicles") / "data"
+    folder = data_folder()
     for place in (folder / "shared", folder):
         file = place / f"{name}.toml"
         if file.is_file():
-            return file.read_text(encoding="utf-8")
+            return str(file.read_text(encoding="utf-8"))
     return None
 
 
 @cache
 def _bundled(name: str, depth: int) -> tuple[dict[str, Any], tuple[Fault, ...]]:
     """A bundled file with what it takes over, and its faults. It is read, never changed."""
-    found: list[Fault] = []
-    document = _inherit(tomllib.loads(_bundled_text(name) or ""), f"{name}.toml", found, depth)
-    return document, tuple(found)
+    faults: list[Fault] = []
+    document = _inherit(tomllib.loads(bundled_text(name) or ""), f"{name}.toml", faults, depth)
+    return document, tuple(faults)
 
 
 def bundled_bases() -> tuple[str, ...]:
@@ -55,8 +60,7 @@ def bundled_bases() -> tuple[str, ...]:
     >>> "passenger_car" in bundled_bases()
     True
     """
-    folder = resources.files("tripwatt.vehicles") / "data"
-    files = [*folder.iterdir(), *(folder / "shared").iterdir()]
+    files = [*data_folder().iterdir(), *(data_folder() / "shared").iterdir()]
     return tuple(sorted(f.name[:-5] for f in files if f.name.endswith(".toml")))
 
 
@@ -102,7 +106,7 @@ def _inherit(document: Mapping[str, Any], where: str, faults: list[Fault], depth
         scale = _scaled_motor if key == "motor_losses" else _scaled_resistance
         values = scale(result, parent, str(reference)) if parent else {}
         section = "drivetrain" if key == "motor_losses" else "battery"
-        # Entries of the car itself win; what cannot be computed shows as a missing entry later.
+        # entries of the car itself win; one that is None lacks an entry which is a fault of its own
         result[section] = {
             **result.get(section, {}),
             **{k: v for k, v in values.items() if k not in own.get(section, {})},
@@ -120,7 +124,7 @@ def _names(raw: object, where: str, faults: list[Fault]) -> Sequence[str]:
 
 
 def _base(name: str, place: str, faults: list[Fault], depth: int) -> dict[str, Any]:
-    text = _bundled_text(name)
+    text = bundled_text(name)
     if text is None:
         near = difflib.get_close_matches(name, bundled_bases(), n=1)
         fix = f"did you mean {near[0]!r}?" if near else ""
@@ -129,8 +133,8 @@ def _base(name: str, place: str, faults: list[Fault], depth: int) -> dict[str, A
     if depth >= DEEPEST_EXTENSION:
         faults.append(Fault("circular extends", place, name, "files that do not extend one another"))
         return {}
-    document, found = _bundled(name, depth + 1)
-    faults += found
+    document, inherited = _bundled(name, depth + 1)
+    faults += inherited
     return document
 
 
@@ -152,16 +156,16 @@ def _numbers(document: Mapping[str, Any], section: str, keys: Sequence[str]) -> 
 
 
 def _scaled_motor(car: Mapping[str, Any], reference: Mapping[str, Any], name: str) -> dict[str, Any]:
-    """Loss parameters of the reference at the same shares of its largest torque and of its largest speed.
+    """Loss parameters of the reference at the same shares of its largest torque and of its largest speed; None for each without these.
 
     At the same voltage the magnet flux falls as speed rises, so phase currents and losses scale with torque times
     speed. The corner of power over torque would be no scale: many cars limit the power far below the motor's.
     """
     rated = ("motor_max_torque_nm", "motor_max_speed_rad_s")
     mine, theirs = _numbers(car, "drivetrain", rated), _numbers(reference, "drivetrain", rated)
-    if mine is None or theirs is None:
+    if theirs is None:
         return {}
-    torque, speed = mine[0] / theirs[0], mine[1] / theirs[1]
+    torque, speed = (own / other for own, other in zip(mine or theirs, theirs, strict=True))
     power = torque * speed
     losses = reference["drivetrain"]
     exponent = float(losses["iron_loss_torque_exponent"]["value"])
@@ -180,15 +184,16 @@ def _scaled_motor(car: Mapping[str, Any], reference: Mapping[str, Any], name: st
     }
     how = f"motor and inverter of {name} at {torque:.3g} times its torque and {speed:.3g} times its speed"
     scaled = {key: _scale_entry(losses[key], factor, how) for key, factor in factors.items() if key in losses}
-    return scaled | ({"machine": losses["machine"]} if "machine" in losses else {})
+    scaled |= {"machine": losses["machine"]} if "machine" in losses else {}
+    return scaled if mine is not None else dict.fromkeys(scaled)
 
 
 def _scaled_resistance(car: Mapping[str, Any], reference: Mapping[str, Any], name: str) -> dict[str, Any]:
-    """Resistance of one cell (or cells in parallel) in inverse proportion to its capacity."""
+    """Resistance of one cell (or cells in parallel) in inverse proportion to its capacity; None without one."""
     mine = _numbers(car, "battery", ("capacity_ah",))
     theirs = _numbers(reference, "battery", ("capacity_ah",))
     if mine is None or theirs is None:
-        return {}
+        return dict.fromkeys(("resistance_ohm", "resistance_soc")) if theirs else {}
     factor = theirs[0] / mine[0]
     how = f"{name}'s cell at {factor:.3g} times its resistance, in inverse proportion to capacity"
     taken = {"resistance_ohm": factor, "resistance_soc": 1.0}

@@ -41,23 +41,6 @@ JOINT: Final = " AND "
 """Between the licences of an entry that cites several works."""
 
 
-def render_licences() -> str:
-    """Markdown table of the licences and what each means.
-
-    Returns
-    -------
-    str
-        One row per licence, ends with a line break.
-
-    Examples
-    --------
-    >>> print(render_licences().splitlines()[0])
-    | licence | meaning |
-    """
-    rows = [f"| `{name}` | {meaning} |" for name, meaning in LICENCES.items()]
-    return "\n".join(["| licence | meaning |", "|---|---|", *rows]) + "\n"
-
-
 def licence_faults(expression: object, place: str) -> Iterator[Fault]:
     """What is wrong with the licence, or the licences joined by " AND ", that a file names.
 
@@ -134,5 +117,5 @@ def _is_text(value: object) -> bool:
 def _licence(source: str, table: Mapping[str, str]) -> str:
     """The licences of the works that a source text cites, empty where its first part is not listed."""
     parts = source.split("; ")
-    found = [next((table[s] for s in table if part.startswith(s)), "") for part in parts]
-    return JOINT.join(dict.fromkeys(name for name in found if name)) if found[0] else ""
+    names = [next((table[s] for s in table if part.startswith(s)), "") for part in parts]
+    return JOINT.join(dict.fromkeys(name for name in names if name)) if names[0] else ""

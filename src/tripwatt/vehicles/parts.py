@@ -1,4 +1,4 @@
-"""The parts of a car as frozen dataclasses. Each field has its unit and its bounds; the TOML has its value."""
+"""The parts of a car as frozen dataclasses. Each field has its unit and its bounds, its meaning is in the docstring; the TOML has its value."""
 
 from __future__ import annotations
 
@@ -11,26 +11,18 @@ from tripwatt.units import GRAVITY_M_S2
 Number = TypeVar("Number", float, FloatArray)
 
 
-def quantity(
-    unit: str, minimum: float, maximum: float, meaning: str, *, scaled: bool = False, **default: Any
-) -> Any:
-    """A dataclass field that holds a quantity: its unit, its bounds, what it means.
+def quantity(unit: str, minimum: float, maximum: float, *, scaled: bool = False, **default: Any) -> Any:
+    """A dataclass field that holds a quantity: its unit and its bounds.
 
     `scaled` marks a quantity that is only clear with its state-of-charge scale, so the TOML must name it.
     """
-    metadata = {
-        "unit": unit,
-        "minimum": minimum,
-        "maximum": maximum,
-        "meaning": meaning,
-        "scaled": scaled,
-    }
+    metadata = {"unit": unit, "minimum": minimum, "maximum": maximum, "scaled": scaled}
     return field(metadata=metadata, **default)
 
 
-def choice(allowed: tuple[str, ...], meaning: str, **default: Any) -> Any:
+def choice(allowed: tuple[str, ...], **default: Any) -> Any:
     """A dataclass field that holds one of a few words."""
-    return field(metadata={"choice": allowed, "unit": "", "meaning": meaning}, **default)
+    return field(metadata={"choice": allowed, "unit": ""}, **default)
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,11 +46,9 @@ class Body:
     True
     """
 
-    curb_mass_kg: float = quantity("kg", 100.0, 60_000.0, "mass of the car ready to drive, nobody inside")
-    driver_mass_kg: float = quantity("kg", 0.0, 500.0, "driver and what is always aboard")
-    rotating_mass_factor: float = quantity(
-        "1", 1.0, 1.5, "inertia with the rotating parts, over inertia without them"
-    )
+    curb_mass_kg: float = quantity("kg", 100.0, 60_000.0)
+    driver_mass_kg: float = quantity("kg", 0.0, 500.0)
+    rotating_mass_factor: float = quantity("1", 1.0, 1.5)
 
     @property
     def test_mass_kg(self) -> float:
@@ -102,21 +92,15 @@ class RoadLoad:
     ('coastdown', 0.4)
     """
 
-    method: str = choice(("coastdown", "coefficients"), "which of the two descriptions is used", default="")
-    coastdown_a_n: float | None = quantity("N", 0.0, 5_000.0, "constant term A", default=None)
-    coastdown_b_n_s_m: float | None = quantity("N s/m", -20.0, 100.0, "linear term B", default=None)
-    coastdown_c_n_s2_m2: float | None = quantity("N s2/m2", 0.0, 20.0, "quadratic term C", default=None)
-    coastdown_mass_kg: float | None = quantity(
-        "kg", 100.0, 60_000.0, "mass during the coast-down", default=None
-    )
-    coastdown_air_density_kg_m3: float | None = quantity(
-        "kg/m3", 0.5, 1.6, "air density of the coast-down", default=None
-    )
-    drag_coefficient: float | None = quantity("1", 0.0, 2.0, "air drag coefficient c_d", default=None)
-    frontal_area_m2: float | None = quantity("m2", 0.1, 20.0, "frontal area", default=None)
-    rolling_resistance_coefficient: float | None = quantity(
-        "1", 0.0, 0.1, "rolling resistance over weight", default=None
-    )
+    method: str = choice(("coastdown", "coefficients"), default="")
+    coastdown_a_n: float | None = quantity("N", 0.0, 5_000.0, default=None)
+    coastdown_b_n_s_m: float | None = quantity("N s/m", -20.0, 100.0, default=None)
+    coastdown_c_n_s2_m2: float | None = quantity("N s2/m2", 0.0, 20.0, default=None)
+    coastdown_mass_kg: float | None = quantity("kg", 100.0, 60_000.0, default=None)
+    coastdown_air_density_kg_m3: float | None = quantity("kg/m3", 0.5, 1.6, default=None)
+    drag_coefficient: float | None = quantity("1", 0.0, 2.0, default=None)
+    frontal_area_m2: float | None = quantity("m2", 0.1, 20.0, default=None)
+    rolling_resistance_coefficient: float | None = quantity("1", 0.0, 0.1, default=None)
 
     @property
     def drag_area_m2(self) -> float:
@@ -174,15 +158,11 @@ class Tyres:
     20.0
     """
 
-    reference_temperature_degc: float = quantity(
-        "degC", -20.0, 60.0, "air temperature to which the road load belongs"
-    )
-    temperature_coefficient_per_k: float = quantity(
-        "1/K", 0.0, 0.05, "relative rise of warm rolling drag for each kelvin of colder air"
-    )
-    cold_excess: float = quantity("1", 0.0, 2.0, "relative rise of rolling drag right after a long stop")
-    warm_up_time_s: float = quantity("s", 1.0, 1e5, "time constant of warming up and cooling down")
-    warm_up_speed_m_s: float = quantity("m/s", 1.0, 60.0, "constant speed at which the car warms up fully")
+    reference_temperature_degc: float = quantity("degC", -20.0, 60.0)
+    temperature_coefficient_per_k: float = quantity("1/K", 0.0, 0.05)
+    cold_excess: float = quantity("1", 0.0, 2.0)
+    warm_up_time_s: float = quantity("s", 1.0, 1e5)
+    warm_up_speed_m_s: float = quantity("m/s", 1.0, 60.0)
 
     @property
     def warm_coefficient_per_k(self) -> float:
@@ -274,38 +254,26 @@ class Drivetrain:
     True
     """
 
-    wheel_radius_m: float = quantity("m", 0.1, 1.0, "effective rolling radius")
-    gear_ratio: float = quantity("1", 0.1, 50.0, "motor speed over wheel speed")
-    gearbox_efficiency: float = quantity("1", 0.5, 1.0, "of gearbox and differential, under load")
-    motor_max_torque_nm: float = quantity("Nm", 1.0, 20_000.0, "peak torque at the motor shaft")
-    motor_max_power_w: float = quantity("W", 1e3, 2e6, "peak power at the motor shaft")
-    motor_max_speed_rad_s: float = quantity("rad/s", 50.0, 4_000.0, "highest motor speed")
-    torque_constant_nm_a: float = quantity(
-        "Nm/A", 1e-3, 100.0, "torque per ampere of phase current amplitude"
-    )
-    phase_resistance_ohm: float = quantity("ohm", 0.0, 1.0, "stator resistance of one phase, warm")
-    field_weakening_speed_rad_s: float = quantity(
-        "rad/s", 1.0, 1e9, "motor speed above which the back-EMF needs field weakening"
-    )
-    characteristic_current_a: float = quantity("A", 0.0, 1e5, "magnet flux over d-axis inductance, amplitude")
-    iron_loss_linear: float = quantity("W s/(rad Nm^x)", -10.0, 10.0, "iron loss, part linear in speed")
-    iron_loss_quadratic: float = quantity("W s2/(rad2 Nm^x)", 0.0, 1.0, "iron loss, part quadratic in speed")
-    iron_loss_torque_exponent: float = quantity("1", 0.0, 3.0, "exponent x of the torque in the iron loss")
-    inverter_fixed_loss_w: float = quantity("W", 0.0, 5_000.0, "inverter loss whenever it switches")
-    inverter_voltage_drop_v: float = quantity(
-        "V", 0.0, 50.0, "inverter loss per ampere of phase current amplitude"
-    )
-    inverter_resistance_ohm: float = quantity("ohm", 0.0, 1.0, "inverter loss per squared phase current")
-    motor_loss_factor: float = quantity(
-        "1", 0.0, 20.0, "loss of motor and inverter over that of the map", default=1.0
-    )
-    flux_loss_w_s2_rad2: float = quantity(
-        "W s2/rad2", 0.0, 1.0, "iron loss under load beyond the map, over the square of speed", default=0.0
-    )
-    machine: str = choice(MACHINES, "type of the machine", default="permanent_magnet")
-    field_loss_w: float = quantity(
-        "W", 0.0, 50_000.0, "loss of the current that makes the full flux", default=0.0
-    )
+    wheel_radius_m: float = quantity("m", 0.1, 1.0)
+    gear_ratio: float = quantity("1", 0.1, 50.0)
+    gearbox_efficiency: float = quantity("1", 0.5, 1.0)
+    motor_max_torque_nm: float = quantity("Nm", 1.0, 20_000.0)
+    motor_max_power_w: float = quantity("W", 1e3, 2e6)
+    motor_max_speed_rad_s: float = quantity("rad/s", 50.0, 4_000.0)
+    torque_constant_nm_a: float = quantity("Nm/A", 1e-3, 100.0)
+    phase_resistance_ohm: float = quantity("ohm", 0.0, 1.0)
+    field_weakening_speed_rad_s: float = quantity("rad/s", 1.0, 1e9)
+    characteristic_current_a: float = quantity("A", 0.0, 1e5)
+    iron_loss_linear: float = quantity("W s/(rad Nm^x)", -10.0, 10.0)
+    iron_loss_quadratic: float = quantity("W s2/(rad2 Nm^x)", 0.0, 1.0)
+    iron_loss_torque_exponent: float = quantity("1", 0.0, 3.0)
+    inverter_fixed_loss_w: float = quantity("W", 0.0, 5_000.0)
+    inverter_voltage_drop_v: float = quantity("V", 0.0, 50.0)
+    inverter_resistance_ohm: float = quantity("ohm", 0.0, 1.0)
+    motor_loss_factor: float = quantity("1", 0.0, 20.0, default=1.0)
+    flux_loss_w_s2_rad2: float = quantity("W s2/rad2", 0.0, 1.0, default=0.0)
+    machine: str = choice(MACHINES, default="permanent_magnet")
+    field_loss_w: float = quantity("W", 0.0, 50_000.0, default=0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -341,15 +309,15 @@ class Regeneration:
     True
     """
 
-    fraction: float = quantity("1", 0.0, 1.0, "share of the braking power at the wheel that the motor takes")
-    max_torque_nm: float = quantity("Nm", 0.0, 20_000.0, "largest braking torque at the motor shaft")
-    max_power_w: float = quantity("W", 0.0, 2e6, "largest braking power at the wheel")
-    zero_speed_m_s: float = quantity("m/s", 0.0, 20.0, "at and below this speed the motor does not brake")
-    full_speed_m_s: float = quantity("m/s", 0.0, 30.0, "from this speed on the motor takes its whole share")
-    full_soc: float = quantity("1", 0.0, 1.0, "battery takes everything up to this state of charge")
-    zero_soc: float = quantity("1", 0.0, 1.0, "battery takes nothing from this state of charge on")
-    zero_temperature_degc: float = quantity("degC", -60.0, 30.0, "battery this cold takes nothing")
-    full_temperature_degc: float = quantity("degC", -60.0, 40.0, "battery this warm takes everything")
+    fraction: float = quantity("1", 0.0, 1.0)
+    max_torque_nm: float = quantity("Nm", 0.0, 20_000.0)
+    max_power_w: float = quantity("W", 0.0, 2e6)
+    zero_speed_m_s: float = quantity("m/s", 0.0, 20.0)
+    full_speed_m_s: float = quantity("m/s", 0.0, 30.0)
+    full_soc: float = quantity("1", 0.0, 1.0)
+    zero_soc: float = quantity("1", 0.0, 1.0)
+    zero_temperature_degc: float = quantity("degC", -60.0, 30.0)
+    full_temperature_degc: float = quantity("degC", -60.0, 40.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -383,9 +351,9 @@ class Battery:
     heat_loss_w_k : float
         From the pack to the outside air [W/K].
     displayed_zero_soc : float
-        State of charge at which the driver sees 0 [1].
+        State of charge at which the display shows 0 [1].
     displayed_full_soc : float
-        State of charge at which the driver sees 1 [1].
+        State of charge at which the display shows 1 [1].
 
     Examples
     --------
@@ -396,29 +364,23 @@ class Battery:
     0.5
     """
 
-    capacity_ah: float = quantity("Ah", 1.0, 2_000.0, "charge between soc 0 and soc 1", scaled=True)
-    cells_in_series: float = quantity("1", 1.0, 1_000.0, "number of cells in series")
-    ocv_soc: tuple[float, ...] = quantity("1", 0.0, 1.0, "state of charge of the open-circuit voltages")
-    ocv_v: tuple[float, ...] = quantity("V", 1.0, 5.0, "open-circuit voltage of one cell over ocv_soc")
-    resistance_soc: tuple[float, ...] = quantity("1", 0.0, 1.0, "state of charge of the resistances")
-    resistance_ohm: tuple[float, ...] = quantity(
-        "ohm", 0.0, 0.5, "resistance of one cell at the reference temperature"
-    )
-    resistance_temperature_degc: float = quantity(
-        "degC", -20.0, 60.0, "reference temperature of resistance_ohm"
-    )
-    resistance_activation_energy_j_mol: float = quantity(
-        "J/mol", 0.0, 100_000.0, "Arrhenius activation energy of the resistance"
-    )
-    min_cell_voltage_v: float = quantity("V", 0.5, 4.0, "terminal voltage of one cell is held above this")
-    max_cell_voltage_v: float = quantity("V", 1.0, 6.0, "terminal voltage of one cell belongs below this")
-    heat_capacity_j_k: float = quantity("J/K", 1e3, 1e8, "of the whole pack")
-    heat_loss_w_k: float = quantity("W/K", 0.0, 1e3, "from the pack to the outside air")
-    displayed_zero_soc: float = quantity("1", 0.0, 0.5, "soc at which the driver sees 0")
-    displayed_full_soc: float = quantity("1", 0.5, 1.0, "soc at which the driver sees 1")
+    capacity_ah: float = quantity("Ah", 1.0, 2_000.0, scaled=True)
+    cells_in_series: float = quantity("1", 1.0, 1_000.0)
+    ocv_soc: tuple[float, ...] = quantity("1", 0.0, 1.0)
+    ocv_v: tuple[float, ...] = quantity("V", 1.0, 5.0)
+    resistance_soc: tuple[float, ...] = quantity("1", 0.0, 1.0)
+    resistance_ohm: tuple[float, ...] = quantity("ohm", 0.0, 0.5)
+    resistance_temperature_degc: float = quantity("degC", -20.0, 60.0)
+    resistance_activation_energy_j_mol: float = quantity("J/mol", 0.0, 100_000.0)
+    min_cell_voltage_v: float = quantity("V", 0.5, 4.0)
+    max_cell_voltage_v: float = quantity("V", 1.0, 6.0)
+    heat_capacity_j_k: float = quantity("J/K", 1e3, 1e8)
+    heat_loss_w_k: float = quantity("W/K", 0.0, 1e3)
+    displayed_zero_soc: float = quantity("1", 0.0, 0.5)
+    displayed_full_soc: float = quantity("1", 0.5, 1.0)
 
     def soc_from_displayed(self, displayed_soc: Number) -> Number:
-        """Convert what the driver sees to the state of charge of the battery management.
+        """Convert the displayed to the battery management's state of charge.
 
         Parameters
         ----------
@@ -433,7 +395,7 @@ class Battery:
         return self.displayed_zero_soc + displayed_soc * (self.displayed_full_soc - self.displayed_zero_soc)
 
     def displayed_from_soc(self, soc: Number) -> Number:
-        """Convert the state of charge of the battery management to what the driver sees.
+        """Convert the battery management's state of charge to the displayed one.
 
         Parameters
         ----------
@@ -465,16 +427,8 @@ class Auxiliaries:
     300.0
     """
 
-    base_load_w: float = quantity(
-        "W", 0.0, 20_000.0, "computers, display, pumps, at standstill and on a dynamometer"
-    )
-    moving_load_w: float = quantity(
-        "W",
-        0.0,
-        20_000.0,
-        "more of it while the car moves on a road: lights, steering, brakes, fans",
-        default=0.0,
-    )
+    base_load_w: float = quantity("W", 0.0, 20_000.0)
+    moving_load_w: float = quantity("W", 0.0, 20_000.0, default=0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -491,11 +445,9 @@ class Charging:
         Largest power of the on-board charger [W].
     """
 
-    displayed_soc: tuple[float, ...] = quantity("1", 0.0, 1.0, "displayed state of charge of the powers")
-    power_w: tuple[float, ...] = quantity(
-        "W", 1.0, 2e6, "largest power with direct current over displayed_soc"
-    )
-    alternating_power_w: float = quantity("W", 500.0, 200_000.0, "largest power of the on-board charger")
+    displayed_soc: tuple[float, ...] = quantity("1", 0.0, 1.0)
+    power_w: tuple[float, ...] = quantity("W", 1.0, 2e6)
+    alternating_power_w: float = quantity("W", 500.0, 200_000.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -564,39 +516,29 @@ class Climate:
     22.0
     """
 
-    air_heat_capacity_j_k: float = quantity("J/K", 500.0, 1e6, "cabin air and what follows it at once")
-    interior_heat_capacity_j_k: float = quantity("J/K", 1e3, 1e7, "seats, trim and glass")
-    interior_exchange_w_k: float = quantity("W/K", 0.0, 2_000.0, "between cabin air and interior")
-    shell_w_k: float = quantity("W/K", 0.0, 1_000.0, "through the shell to the outside air at standstill")
-    shell_per_speed_w_s_k_m: float = quantity("W s/(K m)", 0.0, 20.0, "more of it for each m/s")
-    fresh_air_low_w_k: float = quantity("W/K", 0.0, 1_000.0, "heat flow of the outside air, blower low")
-    fresh_air_high_w_k: float = quantity("W/K", 0.0, 2_000.0, "heat flow of the outside air, blower high")
-    solar_aperture_m2: float = quantity("m2", 0.0, 20.0, "solar heat in the cabin over horizontal irradiance")
-    solar_share_to_air: float = quantity("1", 0.0, 1.0, "part of the solar heat that warms the air at once")
-    occupant_heat_w: float = quantity("W", 0.0, 10_000.0, "heat of the people inside")
-    heater_max_heat_w: float = quantity("W", 100.0, 60_000.0, "largest heat of heater and heat pump together")
-    heater_efficiency: float = quantity(
-        "1", 0.3, 1.0, "heat in the cabin over electric power, resistive heater"
-    )
-    heat_pump_max_heat_w: float = quantity(
-        "W", 0.0, 60_000.0, "largest heat of the heat pump at 7 degC outside, 0 for none"
-    )
-    heat_pump_cop_at_0_degc: float = quantity("1", 1.0, 6.0, "heat over electric power at 0 degC outside")
-    heat_pump_cop_per_k: float = quantity("1/K", 0.0, 0.5, "rise of it for each kelvin of warmer air")
-    cooler_max_heat_w: float = quantity(
-        "W", 100.0, 60_000.0, "largest sensible heat the air conditioner removes"
-    )
-    cooler_cop: float = quantity("1", 0.5, 6.0, "sensible heat removed over electric power")
-    blower_low_power_w: float = quantity(
-        "W", 0.0, 5_000.0, "blower, fans and pumps of the climate control, low"
-    )
-    blower_high_power_w: float = quantity("W", 0.0, 10_000.0, "the same at full demand")
-    control_time_s: float = quantity("s", 1.0, 3_600.0, "time constant of the approach to the set-point")
-    setpoint_degc: float = quantity("degC", 10.0, 32.0, "set-point when the driver's is unknown")
-    defrost_power_w: float = quantity("W", 0.0, 5_000.0, "heated windows and seats after a cold start")
-    defrost_time_s: float = quantity("s", 0.0, 7_200.0, "how long they are on")
-    defrost_below_degc: float = quantity("degC", -40.0, 20.0, "outside air below which they are used")
-    sensor_minimum_degc: float = quantity("degC", -60.0, 30.0, "a cabin sensor shows nothing below this")
-    compressor_idle_w: float = quantity(
-        "W", 0.0, 2_000.0, "least power of the compressor while it cools", default=0.0
-    )
+    air_heat_capacity_j_k: float = quantity("J/K", 500.0, 1e6)
+    interior_heat_capacity_j_k: float = quantity("J/K", 1e3, 1e7)
+    interior_exchange_w_k: float = quantity("W/K", 0.0, 2_000.0)
+    shell_w_k: float = quantity("W/K", 0.0, 1_000.0)
+    shell_per_speed_w_s_k_m: float = quantity("W s/(K m)", 0.0, 20.0)
+    fresh_air_low_w_k: float = quantity("W/K", 0.0, 1_000.0)
+    fresh_air_high_w_k: float = quantity("W/K", 0.0, 2_000.0)
+    solar_aperture_m2: float = quantity("m2", 0.0, 20.0)
+    solar_share_to_air: float = quantity("1", 0.0, 1.0)
+    occupant_heat_w: float = quantity("W", 0.0, 10_000.0)
+    heater_max_heat_w: float = quantity("W", 100.0, 60_000.0)
+    heater_efficiency: float = quantity("1", 0.3, 1.0)
+    heat_pump_max_heat_w: float = quantity("W", 0.0, 60_000.0)
+    heat_pump_cop_at_0_degc: float = quantity("1", 1.0, 6.0)
+    heat_pump_cop_per_k: float = quantity("1/K", 0.0, 0.5)
+    cooler_max_heat_w: float = quantity("W", 100.0, 60_000.0)
+    cooler_cop: float = quantity("1", 0.5, 6.0)
+    blower_low_power_w: float = quantity("W", 0.0, 5_000.0)
+    blower_high_power_w: float = quantity("W", 0.0, 10_000.0)
+    control_time_s: float = quantity("s", 1.0, 3_600.0)
+    setpoint_degc: float = quantity("degC", 10.0, 32.0)
+    defrost_power_w: float = quantity("W", 0.0, 5_000.0)
+    defrost_time_s: float = quantity("s", 0.0, 7_200.0)
+    defrost_below_degc: float = quantity("degC", -40.0, 20.0)
+    sensor_minimum_degc: float = quantity("degC", -60.0, 30.0)
+    compressor_idle_w: float = quantity("W", 0.0, 2_000.0, default=0.0)

@@ -77,7 +77,10 @@ MOST_WH_KM: Final = 3000.0
 def table_faults(parts: Mapping[str, Any], where: str) -> Iterator[Fault]:
     """Every fault of the tables of a car, and of values that are in the wrong order. Arguments as in `relation_faults`."""
     yield from _battery_table_faults(parts["battery"], where)
-    yield from _charging_faults(parts["charging"], where)
+    if parts["charging"] is not None:  # from an empty to a full display
+        yield from _table_faults(
+            parts["charging"], "displayed_soc", "power_w", f"{where}, charging", (0.0, 1.0)
+        )
     yield from _order_faults(parts, where)
 
 
@@ -113,13 +116,7 @@ def _impossible(where: str, fields: tuple[str, ...], got: str, allowed: str) -> 
 
 def _battery_table_faults(battery: Battery, where: str) -> Iterator[Fault]:
     for grid, values in (("ocv_soc", "ocv_v"), ("resistance_soc", "resistance_ohm")):
-        x, y = getattr(battery, grid), getattr(battery, values)
-        place = f"{where}, battery.{grid}"
-        if len(x) != len(y):
-            got = f"{len(x)} and {len(y)} values"
-            yield Fault("tables differ in length", f"{place} and {values}", got, "equal numbers of values")
-        if any(b <= a for a, b in itertools.pairwise(x)):
-            yield Fault("table does not increase", place, str(list(x)), "increasing values")
+        yield from _table_faults(battery, grid, values, f"{where}, battery")
     if any(b < a for a, b in itertools.pairwise(battery.ocv_v)):
         yield Fault("table decreases", f"{where}, battery.ocv_v", "a falling voltage", "rising with soc")
     if battery.min_cell_voltage_v >= battery.ocv_v[0]:
@@ -129,16 +126,19 @@ def _battery_table_faults(battery: Battery, where: str) -> Iterator[Fault]:
         )
 
 
-def _charging_faults(charging: Charging | None, where: str) -> Iterator[Fault]:
-    """Faults of a charging curve: it goes from an empty to a full display."""
-    if charging is None:
-        return
-    soc, place = charging.displayed_soc, f"{where}, charging.displayed_soc"
-    if len(soc) != len(charging.power_w):
-        got = f"{len(soc)} and {len(charging.power_w)} values"
-        yield Fault("tables differ in length", f"{place} and power_w", got, "equal numbers of values")
-    if any(b <= a for a, b in itertools.pairwise(soc)) or (soc[0], soc[-1]) != (0.0, 1.0):
-        yield Fault("table does not increase", place, str(list(soc)), "increasing values from 0 to 1")
+def _table_faults(
+    part: Battery | Charging, grid: str, values: str, where: str, ends: tuple[float, float] | None = None
+) -> Iterator[Fault]:
+    """Faults of values over a grid, which begins and ends with `ends` where these are given."""
+    x, y, place = getattr(part, grid), getattr(part, values), f"{where}.{grid}"
+    if len(x) != len(y):
+        got = f"{len(x)} and {len(y)} values"
+        yield Fault("tables differ in length", f"{place} and {values}", got, "equal numbers of values")
+    if any(b <= a for a, b in itertools.pairwise(x)) or (ends is not None and (x[0], x[-1]) != ends):
+        allowed = (
+            "increasing values" if ends is None else f"increasing values from {ends[0]:g} to {ends[1]:g}"
+        )
+        yield Fault("table does not increase", place, str(list(x)), allowed)
 
 
 def _order_faults(parts: Mapping[str, Any], where: str) -> Iterator[Fault]:
@@ -173,12 +173,7 @@ def _battery_faults(battery: Battery, body: Body, where: str) -> Iterator[Fault]
     resistance = cells * float(np.mean(battery.resistance_ohm))
     # no load takes more from a voltage behind a resistance than U²/(4 R)
     if voltage**2 < 4.0 * resistance * LEAST_POWER_W_KG * body.test_mass_kg:
-        fields = (
-            "battery.cells_in_series",
-            "battery.ocv_v",
-            "battery.resistance_ohm",
-            "body.curb_mass_kg",
-        )
+        fields = ("battery.cells_in_series", "battery.ocv_v", "battery.resistance_ohm", "body.curb_mass_kg")
         got = f"at most {voltage**2 / (4.0 * resistance) / 1000.0:.3g} kW from the battery for {body.test_mass_kg:g} kg"
         yield _impossible(where, fields, got, f"{LEAST_POWER_W_KG:g} kW/t or more")
 
@@ -395,9 +390,9 @@ _LOSSES: Final = MappingProxyType(
 def _loss_fields(shaft_w: float, speed_rad_s: float, drivetrain: Drivetrain) -> tuple[str, ...]:
     """Entries without which the loss would be at least a fifth smaller."""
     whole = _loss(shaft_w, speed_rad_s, drivetrain)
-    found = []
+    fields = []
     for name, value in _LOSSES.items():
         changed: dict[str, Any] = {name: value}
         if _loss(shaft_w, speed_rad_s, replace(drivetrain, **changed)) < 0.8 * whole:
-            found.append(name)
-    return tuple(f"drivetrain.{name}" for name in found) or ("drivetrain.motor_loss_factor",)
+            fields.append(name)
+    return tuple(f"drivetrain.{name}" for name in fields) or ("drivetrain.motor_loss_factor",)

@@ -1,7 +1,7 @@
 """A car of which only a few figures are published, as the document of a car: the rest comes from its class.
 
 Mass, power, usable energy and, where there is one, the coast-down are the car's own. Wheel, gear, motor and cells are those of
-its class, in proportion to the car's own figures; every such entry says so in `estimated`.
+its class, in proportion to the car's own figures; every such entry names that in `estimated`.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ MACHINES: Final = MappingProxyType(
 """Shared file of each type of motor, by its word in the table."""
 
 DISPLAY: Final = (0.03, 0.97)
-"""State of charge at which the driver sees 0 and 1, as cars with 94 to 96 % of the gross energy usable."""
+"""State of charge at which the display shows 0 and 1, as cars with 94 to 96 % of the gross energy usable."""
 
 HEAT_PUMP_W: Final = 2500.0
 """Heat of a heat pump at 7 degC outside, as for the small cars of the library."""
@@ -141,8 +141,8 @@ def figures_of_row(row: Row) -> Figures:
 
 
 def _sourced(value: float, cell: Cell, estimated: str = "") -> dict[str, Any]:
-    found: dict[str, Any] = {"value": value, "source": cell.citation, "licence": cell.licence}
-    return found | ({"estimated": estimated} if estimated else {})
+    entry: dict[str, Any] = {"value": value, "source": cell.citation, "licence": cell.licence}
+    return entry | ({"estimated": estimated} if estimated else {})
 
 
 def similar_document(car: Figures, classes: ClassValues) -> dict[str, Any]:

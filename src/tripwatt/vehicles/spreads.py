@@ -57,7 +57,7 @@ def loss_sd() -> float:
 
 @cache
 def spreads(anchor: str, beyond: float = 0.0) -> Mapping[str, float]:
-    """Relative standard deviation of parameters of a car by what it was held against; empty for "book" and "road".
+    """Relative standard deviation of parameters of a car by what it was held against; empty for "published" and "road".
 
     Parameters
     ----------
@@ -78,12 +78,12 @@ def spreads(anchor: str, beyond: float = 0.0) -> Mapping[str, float]:
     missed = {"road_load": REPEAT_SD, "certification": 0.5 * loss_sd(), "class": loss_sd()}[anchor]
     # the consumption fixes the sum of rolling and air drag of a class, so that half of each variance is left
     unknown = {"road_load": 0.0, "certification": math.sqrt(0.5), "class": 1.0}[anchor]
-    found = {
+    by_part = {
         "rolling": math.hypot(TYRES_SD, ROAD_GAIN_SD, unknown * math.hypot(classes.rolling_sd, beyond)),
         "air": math.hypot(TRIM_SD, ROAD_GAIN_SD, unknown * math.hypot(classes.drag_area_sd, beyond)),
         "drivetrain": math.hypot(REPEAT_SD, missed) / DRIVETRAIN_SHARE,
     }
-    return types.MappingProxyType(found)
+    return types.MappingProxyType(by_part)
 
 
 def road_gain(anchor: str) -> Mapping[str, float]:
@@ -91,4 +91,4 @@ def road_gain(anchor: str) -> Mapping[str, float]:
     return types.MappingProxyType({}) if anchor in _NO_TEST else ROAD_GAIN
 
 
-_NO_TEST: Final = ("book", "road")
+_NO_TEST: Final = ("published", "road")

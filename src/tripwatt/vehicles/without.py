@@ -6,27 +6,25 @@ import dataclasses
 import tomllib
 from collections.abc import Mapping
 from functools import cache
-from importlib import resources
 from types import MappingProxyType
-from typing import Any
 
-from tripwatt.vehicles.loading import SECTIONS, Entry, Vehicle
+from tripwatt.vehicles.inheriting import data_folder
+from tripwatt.vehicles.vehicle import SECTIONS, Entry, Vehicle
 
 
 @cache
 def _known_without() -> Mapping[str, tuple[str, Mapping[str, Entry]]]:
     """Data set -> its name in sources, and the entries that replace its values."""
-    folder = resources.files("tripwatt.vehicles") / "data" / "without"
-    found = {}
-    for file in folder.iterdir():
+    known = {}
+    for file in (data_folder() / "without").iterdir():
         document = tomllib.loads(file.read_text(encoding="utf-8"))
         entries = {
             f"{section}.{key}": Entry(**entry)
             for section in SECTIONS
             for key, entry in document.get(section, {}).items()
         }
-        found[file.name.removesuffix(".toml")] = (str(document["name"]), MappingProxyType(entries))
-    return MappingProxyType(found)
+        known[file.name.removesuffix(".toml")] = (str(document["name"]), MappingProxyType(entries))
+    return MappingProxyType(known)
 
 
 def names_data(entry: Entry, dataset: str) -> bool:
@@ -86,11 +84,5 @@ def without_data(vehicle: Vehicle, dataset: str) -> Vehicle:
     if not named:
         return vehicle
     _, other = _known_without()[dataset]
-    entries = dict(vehicle.entries)
-    parts: dict[str, Any] = {}
-    for key in named:
-        section, _, name = key.partition(".")
-        part = parts.get(section, getattr(vehicle, section))
-        parts[section] = dataclasses.replace(part, **{name: other[key].value})
-        entries[key] = dataclasses.replace(other[key], scale=entries[key].scale)
-    return dataclasses.replace(vehicle, entries=MappingProxyType(entries), **parts)
+    entries = {key: dataclasses.replace(other[key], scale=vehicle.entries[key].scale) for key in named}
+    return vehicle.with_values({key: entry.value for key, entry in entries.items()}, entries)

@@ -1,10 +1,77 @@
-"""The text of a car's TOML with all its values, as it is: nothing is taken over from other files."""
+"""A car with all its values as a document, its text or a table: nothing is taken over from other files."""
 
 from __future__ import annotations
 
+import dataclasses
 import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
 
-from tripwatt.vehicles.loading import SECTIONS, Entry, Vehicle
+from tripwatt.vehicles.loading import load_vehicle
+from tripwatt.vehicles.reading import vehicle_from_document
+from tripwatt.vehicles.vehicle import SECTIONS, Entry, Vehicle
+
+
+def vehicle_document(vehicle: Vehicle) -> dict[str, Any]:
+    """A car as the document from which `vehicle_from_document` makes the same car, with the source of every value.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+        A car with its entries; the source of a value that was replaced after the car was loaded names that.
+
+    Returns
+    -------
+    dict
+        As parsed from TOML: numbers, texts and lists.
+
+    Examples
+    --------
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> car = load_vehicle("vw_id3")
+    >>> vehicle_from_document(vehicle_document(car), "vw_id3", "example") == car
+    True
+    """
+    document = _document(vehicle, vehicle.entries)
+    loaded = vehicle_from_document(document, vehicle.name, "vehicle")
+    if dataclasses.replace(loaded, preset=vehicle.preset) == vehicle:
+        return document
+    return _document(vehicle, {**vehicle.entries, **_replaced(vehicle, loaded)})
+
+
+def _document(vehicle: Vehicle, entries: Mapping[str, Entry]) -> dict[str, Any]:
+    document: dict[str, Any] = {"name": vehicle.title, "anchor": vehicle.anchor}
+    for key, entry in entries.items():
+        section, _, name = key.partition(".")
+        if getattr(vehicle, section) is not None:
+            document.setdefault(section, {})[name] = {
+                key: list(value) if isinstance(value, tuple) else value
+                for key, value in dataclasses.asdict(entry).items()
+                if value not in ("", None) or key == "unit"
+            }
+    return document
+
+
+def _replaced(vehicle: Vehicle, loaded: Vehicle) -> dict[str, Entry]:
+    """Entries of the values that are not those of the car as it was loaded."""
+    entries = {}
+    for section in SECTIONS:
+        part, before = getattr(vehicle, section), getattr(loaded, section)
+        for field in dataclasses.fields(part) if part != before and part is not None else ():
+            key, value = f"{section}.{field.name}", getattr(part, field.name)
+            old = vehicle.entries.get(key)
+            rescaled = old is not None and old.scale == "displayed_soc"  # by the other values of the battery
+            if value is None or (value == getattr(before, field.name, None) and not rescaled):
+                continue
+            entries[key] = Entry(
+                value,
+                field.metadata["unit"],
+                "set after the car was loaded",
+                scale="soc" if field.metadata.get("scaled") else "",
+                licence="user",
+            )
+    return entries
 
 
 def render_vehicle(vehicle: Vehicle) -> str:
@@ -51,3 +118,53 @@ def _line(key: str, entry: Entry) -> str:
 
 def _quoted(text: str) -> str:
     return json.dumps(text, ensure_ascii=False)
+
+
+def describe_vehicle(
+    name_or_path: str | Path, preset: str = "default", overrides: Mapping[str, float | str] | None = None
+) -> tuple[tuple[str, str, str, str, str], ...]:
+    """List all values of a car, in the order of the parts.
+
+    Arguments and errors as in `load_vehicle`.
+
+    Parameters
+    ----------
+    name_or_path : str or Path
+        Name of a bundled car, or the path of a TOML file.
+    preset : str
+        Name of a preset of that file.
+    overrides : mapping of str to (float or str), optional
+        Values that replace those of the car, by key or short name.
+
+    Returns
+    -------
+    tuple of tuple of str
+        Rows (key, value, unit, source, licence).
+
+    Examples
+    --------
+    >>> describe_vehicle("bmw_i3_60ah", overrides={"mass": 1300.0})[0]
+    ('body.curb_mass_kg', '1300', 'kg', 'given by the caller', 'user')
+    """
+    vehicle = load_vehicle(name_or_path, preset, overrides)
+    keys = [f"{section}.{f.name}" for section, part in SECTIONS.items() for f in dataclasses.fields(part)]
+    return tuple(
+        (
+            key,
+            format_value(entry),
+            entry.unit,
+            f"{entry.source} (estimated: {entry.estimated})" if entry.estimated else entry.source,
+            entry.licence,
+        )
+        for key in keys
+        if (entry := vehicle.entries.get(key)) is not None
+    )
+
+
+def format_value(entry: Entry) -> str:
+    """The value of an entry as text."""
+    if isinstance(entry.value, str):
+        return entry.value
+    if isinstance(entry.value, tuple):
+        return ", ".join(f"{v:.7g}" for v in entry.value)
+    return f"{entry.value:.7g}" + (f" (on the {entry.scale} scale)" if entry.scale else "")

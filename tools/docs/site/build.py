@@ -73,6 +73,11 @@ PACKAGES: Final = (
 LONGEST_VALUE: Final = 100
 """Characters of a constant's value that are shown."""
 
+FOLDERS: Final = ("howto", "explanation", "reference")
+"""Folders of pages that were once beside the first page, those with new pages first."""
+RENAMED: Final = {"car": "own-car", "model": "car-model"}
+REDIRECT: Final = '<!doctype html><meta charset="utf-8"><meta http-equiv="refresh" content="0; url={0}"><a href="{0}">{0}</a>\n'
+
 _LINK = re.compile(r"(?<=\]\()([^):#\s]+)(?=[#)])")
 _TARGET = re.compile(r'^<a id="([\w-]+)"></a>$', re.MULTILINE)
 _DIRECTIVE: Final = {"class": "autoclass", "exception": "autoexception", "function": "autofunction"}
@@ -95,9 +100,9 @@ def stage(folder: Path) -> None:
         _write(folder / place, text)
     for name in PACKAGES:
         _write(folder / "api" / f"{name}.md", package_page(importlib.import_module(name)))
-    with (folder / "python.md").open("a", encoding="utf-8") as file:
+    with (folder / "reference" / "python.md").open("a", encoding="utf-8") as file:
         file.write("\n".join(["", "## Every public name", "", "```{toctree}", ":titlesonly:", "", ""]))
-        file.write("\n".join([*(f"api/{name}" for name in PACKAGES), "```", ""]))
+        file.write("\n".join([*(f"../api/{name}" for name in PACKAGES), "```", ""]))
     shutil.copytree(DOCS / "images", folder / "images")
 
 
@@ -112,12 +117,12 @@ def _relinked(page: Path, place: Path) -> str:
     def moved(match: re.Match[str]) -> str:
         target = (page.parent / match[1]).resolve()
         if target.is_relative_to(DOCS):
-            found = target.relative_to(DOCS).as_posix()
+            page_of_site = target.relative_to(DOCS).as_posix()
         else:
-            found = PROJECT.get(target.relative_to(ROOT).as_posix(), "")
-        if not found:
+            page_of_site = PROJECT.get(target.relative_to(ROOT).as_posix(), "")
+        if not page_of_site:
             return match[1]  # Sphinx warns of it
-        return os.path.relpath(found, place.parent).replace(os.sep, "/")
+        return os.path.relpath(page_of_site, place.parent).replace(os.sep, "/")
 
     fences = re.split(r"(^ *```.*?^ *```)", page.read_text("utf-8"), flags=re.MULTILINE | re.DOTALL)
     text = "".join(part if k % 2 else _LINK.sub(moved, part) for k, part in enumerate(fences))
@@ -240,6 +245,14 @@ def _kind(thing: object) -> str:
     return "function" if inspect.isroutine(thing) else "data"
 
 
+def redirect(site: Path) -> None:
+    """Lead from the addresses of the pages before they were in folders to those that they have."""
+    pages = {p.stem: p for folder in FOLDERS for p in sorted((site / folder).glob("*.html"))}
+    for name, page in (pages | {old: pages[new] for old, new in RENAMED.items()}).items():
+        place = page.relative_to(site).as_posix()
+        (site / f"{name}.html").write_text(REDIRECT.format(place), "utf-8")
+
+
 def build(out: Path) -> str:
     """Build the site.
 
@@ -262,11 +275,12 @@ def build(out: Path) -> str:
             warnings.simplefilter("ignore", PendingDeprecationWarning)
             app = Sphinx(pages, HERE, fresh, trees, "html", status=None, warning=said)
             app.build()
-        found = re.sub(r"\x1b\[[0-9;]*m", "", said.getvalue()).replace(f"{pages}/", "")
-        if not found:
+        faults = re.sub(r"\x1b\[[0-9;]*m", "", said.getvalue()).replace(f"{pages}/", "")
+        if not faults:
             shutil.rmtree(out, ignore_errors=True)
+            redirect(fresh)
             shutil.copytree(fresh, out, ignore=shutil.ignore_patterns(".buildinfo", "_sources"))
-    return found
+    return faults
 
 
 if __name__ == "__main__":

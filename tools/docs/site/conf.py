@@ -94,7 +94,7 @@ def contents(index: str) -> str:
 
 
 def _add_contents(app: Any, docname: str, source: list[str]) -> None:
-    if docname == "index":
+    if docname in ("index", "decisions/index"):
         source[0] += contents(source[0])
 
 

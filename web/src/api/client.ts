@@ -176,7 +176,7 @@ export const findPlaces = async (words: string, signal?: AbortSignal) =>
   (await ask("get", "/v1/places", { query: { q: words, limit: 6 }, signal })).places;
 
 export const planJourney = (body: JourneyRequest, signal?: AbortSignal) =>
-  ask("post", "/v1/plan", { body, signal });
+  ask("post", "/v1/journeys", { body, signal });
 
 export const findReach = (body: ReachRequest, signal?: AbortSignal) =>
   ask("post", "/v1/reachable", { body, signal });

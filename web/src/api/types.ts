@@ -1,4 +1,4 @@
-/** Documents of the service, written by `types.mjs` from its OpenAPI document. Do not edit. */
+/** Documents of the service, written by `types.mjs` from the OpenAPI document of the service. Do not edit. */
 
 export interface paths {
     "/v1/forecast": {
@@ -65,6 +65,22 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/v1/journeys": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        post: operations["plan_v1_journeys_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/v1/plan": {
         parameters: {
             query?: never;
@@ -74,6 +90,7 @@ export interface paths {
         };
         get?: never;
         put?: never;
+        /** @deprecated */
         post: operations["plan_v1_plan_post"];
         delete?: never;
         options?: never;
@@ -113,6 +130,22 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/v1/map": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get: operations["get_map_v1_map_get"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/v1/map/view": {
         parameters: {
             query?: never;
@@ -139,214 +172,6 @@ export interface paths {
         get: operations["get_tile_v1_tiles__zoom___column___row__get"];
         put?: never;
         post?: never;
-        delete?: never;
-        options?: never;
-        head?: never;
-        patch?: never;
-        trace?: never;
-    };
-    "/v1/map": {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        get: operations["get_map_v1_map_get"];
-        put?: never;
-        post?: never;
-        delete?: never;
-        options?: never;
-        head?: never;
-        patch?: never;
-        trace?: never;
-    };
-    "/v1/telemetry": {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        get?: never;
-        put?: never;
-        post: operations["telemetry_v1_telemetry_post"];
-        delete?: never;
-        options?: never;
-        head?: never;
-        patch?: never;
-        trace?: never;
-    };
-    "/v1/live": {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        get: operations["list_live_v1_live_get"];
-        put?: never;
-        post?: never;
-        delete?: never;
-        options?: never;
-        head?: never;
-        patch?: never;
-        trace?: never;
-    };
-    "/v1/live/{vehicle}": {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        get: operations["get_live_v1_live__vehicle__get"];
-        put?: never;
-        post?: never;
-        delete?: never;
-        options?: never;
-        head?: never;
-        patch?: never;
-        trace?: never;
-    };
-    "/v1/live/{vehicle}/plan": {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        get?: never;
-        put: operations["put_plan_v1_live__vehicle__plan_put"];
-        post?: never;
-        delete?: never;
-        options?: never;
-        head?: never;
-        patch?: never;
-        trace?: never;
-    };
-    "/v1/live/{vehicle}/events": {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        get: operations["get_events_v1_live__vehicle__events_get"];
-        put?: never;
-        post?: never;
-        delete?: never;
-        options?: never;
-        head?: never;
-        patch?: never;
-        trace?: never;
-    };
-    "/v1/need": {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        get: operations["get_need_v1_need_get"];
-        put?: never;
-        post?: never;
-        delete?: never;
-        options?: never;
-        head?: never;
-        patch?: never;
-        trace?: never;
-    };
-    "/v1/cars": {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        get: operations["list_cars_v1_cars_get"];
-        put?: never;
-        post: operations["new_car_v1_cars_post"];
-        delete?: never;
-        options?: never;
-        head?: never;
-        patch?: never;
-        trace?: never;
-    };
-    "/v1/cars/{car}": {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        get: operations["get_car_v1_cars__car__get"];
-        put?: never;
-        post?: never;
-        delete: operations["forget_car_v1_cars__car__delete"];
-        options?: never;
-        head?: never;
-        patch?: never;
-        trace?: never;
-    };
-    "/v1/cars/{car}/token": {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        get?: never;
-        put?: never;
-        post: operations["new_token_v1_cars__car__token_post"];
-        delete?: never;
-        options?: never;
-        head?: never;
-        patch?: never;
-        trace?: never;
-    };
-    "/v1/cars/{car}/uploads/{upload}/{file}": {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        get?: never;
-        put: operations["put_file_v1_cars__car__uploads__upload___file__put"];
-        post?: never;
-        delete?: never;
-        options?: never;
-        head?: never;
-        patch?: never;
-        trace?: never;
-    };
-    "/v1/cars/{car}/uploads/{upload}": {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        get?: never;
-        put?: never;
-        post: operations["read_logs_v1_cars__car__uploads__upload__post"];
-        delete?: never;
-        options?: never;
-        head?: never;
-        patch?: never;
-        trace?: never;
-    };
-    "/v1/cars/{car}/uploads/{upload}/learn": {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        get?: never;
-        put?: never;
-        post: operations["learn_v1_cars__car__uploads__upload__learn_post"];
         delete?: never;
         options?: never;
         head?: never;
@@ -459,6 +284,198 @@ export interface paths {
         get: operations["get_metrics_metrics_get"];
         put?: never;
         post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/telemetry": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        post: operations["telemetry_v1_telemetry_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/live": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get: operations["list_live_v1_live_get"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/live/{vehicle}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get: operations["get_live_v1_live__vehicle__get"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/live/{vehicle}/plan": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put: operations["put_plan_v1_live__vehicle__plan_put"];
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/need": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get: operations["get_need_v1_need_get"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/live/{vehicle}/events": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get: operations["get_events_v1_live__vehicle__events_get"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/cars": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get: operations["list_cars_v1_cars_get"];
+        put?: never;
+        post: operations["new_car_v1_cars_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/cars/{car}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get: operations["get_car_v1_cars__car__get"];
+        put?: never;
+        post?: never;
+        delete: operations["forget_car_v1_cars__car__delete"];
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/cars/{car}/token": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        post: operations["new_token_v1_cars__car__token_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/cars/{car}/uploads/{upload}/{file}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put: operations["put_file_v1_cars__car__uploads__upload___file__put"];
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/cars/{car}/uploads/{upload}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        post: operations["read_logs_v1_cars__car__uploads__upload__post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/cars/{car}/uploads/{upload}/learn": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        post: operations["learn_v1_cars__car__uploads__upload__learn_post"];
         delete?: never;
         options?: never;
         head?: never;
@@ -624,6 +641,19 @@ export interface components {
             model?: string | null;
             vehicle?: string | null;
             vehicle_figures?: components["schemas"]["VehicleFigures"] | null;
+            soc?: number | null;
+            ambient_temperature_degc?: number | null;
+            cabin_setpoint_degc?: number | null;
+            cabin_temperature_degc?: number | null;
+            battery_temperature_degc?: number | null;
+            payload_mass_kg?: number | null;
+            climate?: ("auto" | "off" | "heat" | "cool") | null;
+            extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights")[] | null;
+            terrain?: ("unknown" | "flat" | "hilly" | "mountains") | null;
+            wind_speed_m_s?: number | null;
+            wind_from_deg?: number | null;
+            rain_mm_h?: number | null;
+            pressure_pa?: number | null;
             trip?: string;
             samples?: {
                 time_s: number[];
@@ -646,16 +676,7 @@ export interface components {
             } | null;
             links?: components["schemas"]["Link"][] | null;
             elevation?: components["schemas"]["Elevation"] | null;
-            soc?: number | null;
-            ambient_temperature_degc?: number | null;
-            cabin_setpoint_degc?: number | null;
-            cabin_temperature_degc?: number | null;
-            battery_temperature_degc?: number | null;
-            payload_mass_kg?: number | null;
-            climate?: ("auto" | "off" | "heat" | "cool") | null;
-            extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights")[] | null;
-            terrain?: ("unknown" | "flat" | "hilly" | "mountains") | null;
-            reserve?: number;
+            reserve?: number | null;
             probability?: number | null;
         };
         ForecastResponse: {
@@ -761,6 +782,19 @@ export interface components {
             model?: string | null;
             vehicle?: string | null;
             vehicle_figures?: components["schemas"]["VehicleFigures"] | null;
+            soc?: number | null;
+            ambient_temperature_degc?: number | null;
+            cabin_setpoint_degc?: number | null;
+            cabin_temperature_degc?: number | null;
+            battery_temperature_degc?: number | null;
+            payload_mass_kg?: number | null;
+            climate?: ("auto" | "off" | "heat" | "cool") | null;
+            extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights")[] | null;
+            terrain?: ("unknown" | "flat" | "hilly" | "mountains") | null;
+            wind_speed_m_s?: number | null;
+            wind_from_deg?: number | null;
+            rain_mm_h?: number | null;
+            pressure_pa?: number | null;
             trip?: string;
             samples?: {
                 time_s: number[];
@@ -783,16 +817,7 @@ export interface components {
             } | null;
             links?: components["schemas"]["Link"][] | null;
             elevation?: components["schemas"]["Elevation"] | null;
-            soc?: number | null;
-            ambient_temperature_degc?: number | null;
-            cabin_setpoint_degc?: number | null;
-            cabin_temperature_degc?: number | null;
-            battery_temperature_degc?: number | null;
-            payload_mass_kg?: number | null;
-            climate?: ("auto" | "off" | "heat" | "cool") | null;
-            extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights")[] | null;
-            terrain?: ("unknown" | "flat" | "hilly" | "mountains") | null;
-            reserve?: number;
+            reserve?: number | null;
             probability?: number | null;
             departure_utc?: number | null;
         };
@@ -847,12 +872,7 @@ export interface components {
             weather: boolean;
             tiles: boolean;
             stations: number;
-            bounds_deg: [
-                number,
-                number,
-                number,
-                number
-            ] | null;
+            bounds_deg: number[] | null;
             attribution: string;
         };
         MappedColumnDocument: {
@@ -930,10 +950,15 @@ export interface components {
             climate?: ("auto" | "off" | "heat" | "cool") | null;
             extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights")[] | null;
             terrain?: ("unknown" | "flat" | "hilly" | "mountains") | null;
-            depart?: string | null;
+            wind_speed_m_s?: number | null;
+            wind_from_deg?: number | null;
+            rain_mm_h?: number | null;
+            pressure_pa?: number | null;
+            departure_utc?: string | null;
+            /** @deprecated */
             weather?: components["schemas"]["WeatherRequest"] | null;
             stops: (string | components["schemas"]["PlaceRequest"])[];
-            reserve?: number;
+            reserve?: number | null;
             alternatives?: number;
             round_trip?: boolean;
             answers?: boolean;
@@ -959,10 +984,7 @@ export interface components {
         PolygonDocument: {
             /** @constant */
             type: "Polygon";
-            coordinates: [
-                number,
-                number
-            ][][];
+            coordinates: number[][][];
         };
         ProblemDocument: {
             type: string;
@@ -993,10 +1015,15 @@ export interface components {
             climate?: ("auto" | "off" | "heat" | "cool") | null;
             extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights")[] | null;
             terrain?: ("unknown" | "flat" | "hilly" | "mountains") | null;
-            depart?: string | null;
+            wind_speed_m_s?: number | null;
+            wind_from_deg?: number | null;
+            rain_mm_h?: number | null;
+            pressure_pa?: number | null;
+            departure_utc?: string | null;
+            /** @deprecated */
             weather?: components["schemas"]["WeatherRequest"] | null;
             start: string | components["schemas"]["PlaceRequest"];
-            reserve?: number;
+            reserve?: number | null;
         };
         ReachResponse: {
             start: components["schemas"]["PlaceDocument"];
@@ -1101,6 +1128,19 @@ export interface components {
             model?: string | null;
             vehicle?: string | null;
             vehicle_figures?: components["schemas"]["VehicleFigures"] | null;
+            soc?: number | null;
+            ambient_temperature_degc?: number | null;
+            cabin_setpoint_degc?: number | null;
+            cabin_temperature_degc?: number | null;
+            battery_temperature_degc?: number | null;
+            payload_mass_kg?: number | null;
+            climate?: ("auto" | "off" | "heat" | "cool") | null;
+            extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights")[] | null;
+            terrain?: ("unknown" | "flat" | "hilly" | "mountains") | null;
+            wind_speed_m_s?: number | null;
+            wind_from_deg?: number | null;
+            rain_mm_h?: number | null;
+            pressure_pa?: number | null;
             trip?: string;
             samples?: {
                 time_s: number[];
@@ -1123,16 +1163,7 @@ export interface components {
             } | null;
             links?: components["schemas"]["Link"][] | null;
             elevation?: components["schemas"]["Elevation"] | null;
-            soc?: number | null;
-            ambient_temperature_degc?: number | null;
-            cabin_setpoint_degc?: number | null;
-            cabin_temperature_degc?: number | null;
-            battery_temperature_degc?: number | null;
-            payload_mass_kg?: number | null;
-            climate?: ("auto" | "off" | "heat" | "cool") | null;
-            extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights")[] | null;
-            terrain?: ("unknown" | "flat" | "hilly" | "mountains") | null;
-            reserve?: number;
+            reserve?: number | null;
             probability?: number | null;
             observed: {
                 time_s: number[];
@@ -1355,59 +1386,13 @@ export interface operations {
         };
         requestBody: {
             content: {
-                /** @example <gpx><trk><trkseg><trkpt lat="48.10" lon="11.5"><time>2026-05-01T08:00:00Z</time></trkpt><trkpt lat="48.11" lon="11.5"><time>2026-05-01T08:01:30Z</time></trkpt></trkseg></trk></gpx> */
                 "application/gpx+xml": string;
-                /** @example <kml><Placemark><LineString><coordinates>11.5,48.1 11.52,48.1</coordinates></LineString></Placemark></kml> */
-                "application/vnd.google-earth.kml+xml": string;
-                /** @example <gpx><trk><trkseg><trkpt lat="48.10" lon="11.5"><time>2026-05-01T08:00:00Z</time></trkpt><trkpt lat="48.11" lon="11.5"><time>2026-05-01T08:01:30Z</time></trkpt></trkseg></trk></gpx> */
                 "application/xml": string;
-                /** @example <gpx><trk><trkseg><trkpt lat="48.10" lon="11.5"><time>2026-05-01T08:00:00Z</time></trkpt><trkpt lat="48.11" lon="11.5"><time>2026-05-01T08:01:30Z</time></trkpt></trkseg></trk></gpx> */
                 "text/xml": string;
-                /**
-                 * @example time_s,speed_m_s
-                 *     0,0
-                 *     10,9
-                 *     20,12
-                 *     30,0
-                 */
+                "application/vnd.google-earth.kml+xml": string;
                 "text/csv": string;
                 "application/octet-stream": string;
-                /**
-                 * @example {
-                 *       "type": "Feature",
-                 *       "geometry": {
-                 *         "type": "LineString",
-                 *         "coordinates": [
-                 *           [
-                 *             11.5,
-                 *             48.1
-                 *           ],
-                 *           [
-                 *             11.52,
-                 *             48.1
-                 *           ]
-                 *         ]
-                 *       },
-                 *       "properties": {
-                 *         "speed_m_s": 14
-                 *       }
-                 *     }
-                 */
                 "application/geo+json": Record<string, unknown>;
-                /**
-                 * @example [
-                 *       {
-                 *         "length_m": 800,
-                 *         "speed_m_s": 8.5,
-                 *         "grade": 0.01
-                 *       },
-                 *       {
-                 *         "length_m": 12000,
-                 *         "travel_time_s": 480,
-                 *         "grade": 0
-                 *       }
-                 *     ]
-                 */
                 "application/json": Record<string, unknown> | unknown[];
             };
         };
@@ -1418,6 +1403,29 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["RouteResponse"];
+                };
+            };
+        };
+    };
+    plan_v1_journeys_post: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["PlanRequest"];
+            };
+        };
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["PlanResponse"];
                 };
             };
         };
@@ -1490,6 +1498,25 @@ export interface operations {
             };
         };
     };
+    get_map_v1_map_get: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["MapResponse"];
+                };
+            };
+        };
+    };
     get_view_v1_map_view_get: {
         parameters: {
             query: {
@@ -1538,7 +1565,7 @@ export interface operations {
             };
         };
     };
-    get_map_v1_map_get: {
+    get_models_v1_models_get: {
         parameters: {
             query?: never;
             header?: never;
@@ -1552,7 +1579,148 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["MapResponse"];
+                    "application/json": components["schemas"]["ModelsResponse"];
+                };
+            };
+        };
+    };
+    get_vehicles_v1_vehicles_get: {
+        parameters: {
+            query?: {
+                search?: string | null;
+            };
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["VehiclesResponse"];
+                };
+            };
+        };
+    };
+    describe_v1_vehicles_post: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["VehicleFigures"];
+            };
+        };
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["DescribedVehicle"];
+                };
+            };
+        };
+    };
+    get_examples_v1_examples_get: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ExamplesResponse"];
+                };
+            };
+        };
+    };
+    get_example_v1_examples__trip__get: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                trip: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ExampleResponse"];
+                };
+            };
+        };
+    };
+    healthz_healthz_get: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["HealthResponse"];
+                };
+            };
+        };
+    };
+    readyz_readyz_get: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["HealthResponse"];
+                };
+            };
+        };
+    };
+    get_metrics_metrics_get: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "text/plain": string;
                 };
             };
         };
@@ -1646,27 +1814,6 @@ export interface operations {
             };
         };
     };
-    get_events_v1_live__vehicle__events_get: {
-        parameters: {
-            query?: never;
-            header?: never;
-            path: {
-                vehicle: string;
-            };
-            cookie?: never;
-        };
-        requestBody?: never;
-        responses: {
-            200: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "text/event-stream": string;
-                };
-            };
-        };
-    };
     get_need_v1_need_get: {
         parameters: {
             query: {
@@ -1688,6 +1835,27 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["NeedResponse"];
+                };
+            };
+        };
+    };
+    get_events_v1_live__vehicle__events_get: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                vehicle: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "text/event-stream": string;
                 };
             };
         };
@@ -1872,166 +2040,6 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["CarResponse"];
-                };
-            };
-        };
-    };
-    get_models_v1_models_get: {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        requestBody?: never;
-        responses: {
-            200: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["ModelsResponse"];
-                };
-            };
-        };
-    };
-    get_vehicles_v1_vehicles_get: {
-        parameters: {
-            query?: {
-                search?: string | null;
-            };
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        requestBody?: never;
-        responses: {
-            200: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["VehiclesResponse"];
-                };
-            };
-        };
-    };
-    describe_v1_vehicles_post: {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        requestBody: {
-            content: {
-                "application/json": components["schemas"]["VehicleFigures"];
-            };
-        };
-        responses: {
-            200: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["DescribedVehicle"];
-                };
-            };
-        };
-    };
-    get_examples_v1_examples_get: {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        requestBody?: never;
-        responses: {
-            200: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["ExamplesResponse"];
-                };
-            };
-        };
-    };
-    get_example_v1_examples__trip__get: {
-        parameters: {
-            query?: never;
-            header?: never;
-            path: {
-                trip: string;
-            };
-            cookie?: never;
-        };
-        requestBody?: never;
-        responses: {
-            200: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["ExampleResponse"];
-                };
-            };
-        };
-    };
-    healthz_healthz_get: {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        requestBody?: never;
-        responses: {
-            200: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["HealthResponse"];
-                };
-            };
-        };
-    };
-    readyz_readyz_get: {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        requestBody?: never;
-        responses: {
-            200: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["HealthResponse"];
-                };
-            };
-        };
-    };
-    get_metrics_metrics_get: {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        requestBody?: never;
-        responses: {
-            200: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "text/plain": string;
                 };
             };
         };

@@ -153,6 +153,10 @@ const GROUPS: Group[] = [
           }
         : null,
   },
+  byValue("wind_direction_unknown", (speed, { text, format, units }) => ({
+    text: text.flags.windDirectionUnknown(format.shown(speed, units.speed)),
+    effect: text.flags.wider,
+  })),
   plain("free_flow_times", (text) => ({ text: text.freeFlowTimes })),
   plain("travel_time_error_unknown", (text) => ({
     text: text.timeErrorUnknown,

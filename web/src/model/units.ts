@@ -41,6 +41,9 @@ const FAHRENHEIT: Quantity = {
 export const PERCENT = scaled("%", 0.01, 0);
 export const ENERGY = scaled("kWh", 1000, 2);
 export const POWER = scaled("kW", 1000, 0);
+const ANGLE = scaled("°", 1, 0);
+const RAIN = scaled("mm/h", 1, 1);
+const PRESSURE = scaled("hPa", 100, 0);
 
 const METRIC = {
   distance: scaled("km", 1000, 1),
@@ -78,4 +81,18 @@ export type Units = Record<keyof typeof METRIC, Quantity>;
 
 export function unitsOf(system: System): Units {
   return SYSTEMS[system];
+}
+
+/** The quantity of a value whose unit in the service is `unit`; "" is a fraction. */
+export function quantityIn(unit: string, { temperature, mass, speed }: Units): Quantity {
+  const known: Record<string, Quantity> = {
+    "": PERCENT,
+    "°C": temperature,
+    kg: mass,
+    "m/s": speed,
+    "°": ANGLE,
+    "mm/h": RAIN,
+    Pa: PRESSURE,
+  };
+  return known[unit] ?? scaled(unit, 1, 1);
 }

@@ -1,24 +1,10 @@
-/** Conditions at departure, as set with the sliders. */
+/** Conditions at departure, as set in the form. */
 
 import { signal } from "@preact/signals";
-import type { ClimateMode, Terrain } from "../api/documents";
+import { type AskedName, CHOICES, NUMBERS, SEVERAL, type Value, valuesIn } from "../model/fields";
 
 /** Where the temperatures of cabin and battery at departure come from. */
 export type BeforeDeparture = "logged" | "parked" | "garage" | "unknown";
-
-export interface Conditions {
-  ambientDegc: number;
-  setpointDegc: number;
-  soc: number;
-  payloadKg: number;
-  reserve: number;
-  climate: ClimateMode;
-  /** Country of a road whose heights are unknown. */
-  terrain: Terrain;
-  beforeDeparture: BeforeDeparture;
-  /** Speed on the motorway of a planned route; null as planned. */
-  motorwayMS: number | null;
-}
 
 /** Temperatures at the start of a log or an example. */
 export interface StartTemperatures {
@@ -26,16 +12,43 @@ export interface StartTemperatures {
   battery_temperature_degc?: number;
 }
 
-export const GARAGE_DEGC = 15;
-
-export const USUAL: Conditions = {
-  ambientDegc: 10,
-  setpointDegc: 21,
+/** Values of the fields that the form always has; the others are unknown until they are given. */
+const USUAL_VALUES = {
+  ambient_temperature_degc: 10,
+  cabin_setpoint_degc: 21,
   soc: 0.8,
-  payloadKg: 0,
-  reserve: 0.1,
+  payload_mass_kg: 0,
   climate: "auto",
   terrain: "unknown",
+} satisfies { [Name in AskedName]?: Value<Name> };
+
+type UsualName = keyof typeof USUAL_VALUES;
+type Given = { [Name in UsualName]: Value<Name> } & {
+  [Name in Exclude<AskedName, UsualName>]: Value<Name> | null;
+};
+
+export interface Conditions extends Given {
+  reserve: number;
+  beforeDeparture: BeforeDeparture;
+  /** Speed on the motorway of a planned route; null as planned. */
+  motorwayMS: number | null;
+}
+
+export const GARAGE_DEGC = 15;
+
+export const ASKED = [...NUMBERS, ...CHOICES, ...SEVERAL].filter(
+  (name): name is AskedName => name !== "cabin_temperature_degc" && name !== "battery_temperature_degc",
+);
+
+/** Whether the form always has a value of a field. */
+export function isUsual(name: string): name is UsualName {
+  return name in USUAL_VALUES;
+}
+
+export const USUAL: Conditions = {
+  ...(Object.fromEntries(ASKED.map((name) => [name, null])) as Record<AskedName, null>),
+  ...USUAL_VALUES,
+  reserve: 0.1,
   beforeDeparture: "parked",
   motorwayMS: null,
 };
@@ -45,7 +58,9 @@ export const conditions = signal<Conditions>(USUAL);
 export function change(some: Partial<Conditions>): void {
   const next = { ...conditions.value, ...some };
   // Logged temperatures of cabin and battery do not apply at another outside temperature.
-  if (some.ambientDegc !== undefined && next.beforeDeparture === "logged") next.beforeDeparture = "parked";
+  if (some.ambient_temperature_degc !== undefined && next.beforeDeparture === "logged") {
+    next.beforeDeparture = "parked";
+  }
   conditions.value = next;
 }
 
@@ -54,26 +69,34 @@ export function resetTo(start: Conditions): void {
   conditions.value = { ...start, reserve: conditions.value.reserve };
 }
 
-function startTemperaturesOf(
-  { beforeDeparture, ambientDegc }: Conditions,
-  logged: StartTemperatures,
-): StartTemperatures {
-  if (beforeDeparture === "unknown") return {};
-  if (beforeDeparture === "logged") return logged;
-  const degc = beforeDeparture === "garage" ? GARAGE_DEGC : ambientDegc;
+/** Conditions as far as an object of the service has them; the others are those of before. */
+export function conditionsFrom(known: Record<string, unknown>, before: Conditions): Conditions {
+  const values = valuesIn(known);
+  return {
+    ...before,
+    ...Object.fromEntries(ASKED.flatMap((name) => (name in values ? [[name, values[name]]] : []))),
+    motorwayMS: null,
+    beforeDeparture: values.cabin_temperature_degc === undefined ? "parked" : "logged",
+  };
+}
+
+export function startTemperaturesFrom(known: Record<string, unknown>): StartTemperatures {
+  const { cabin_temperature_degc, battery_temperature_degc } = valuesIn(known) as StartTemperatures;
+  return {
+    ...(cabin_temperature_degc !== undefined && { cabin_temperature_degc }),
+    ...(battery_temperature_degc !== undefined && { battery_temperature_degc }),
+  };
+}
+
+function startTemperaturesOf(at: Conditions, logged: StartTemperatures): StartTemperatures {
+  if (at.beforeDeparture === "unknown") return {};
+  if (at.beforeDeparture === "logged") return logged;
+  const degc = at.beforeDeparture === "garage" ? GARAGE_DEGC : at.ambient_temperature_degc;
   return { cabin_temperature_degc: degc, battery_temperature_degc: degc };
 }
 
-/** The conditions as fields of a `ForecastRequest`. */
+/** The conditions as fields of a `ForecastRequest`; what is unknown is left out. */
 export function fieldsOf(at: Conditions, logged: StartTemperatures) {
-  return {
-    soc: at.soc,
-    ambient_temperature_degc: at.ambientDegc,
-    cabin_setpoint_degc: at.setpointDegc,
-    payload_mass_kg: at.payloadKg,
-    reserve: at.reserve,
-    climate: at.climate,
-    terrain: at.terrain,
-    ...startTemperaturesOf(at, logged),
-  };
+  const known = Object.fromEntries(ASKED.filter((name) => at[name] !== null).map((name) => [name, at[name]]));
+  return { ...(known as Partial<Given>), reserve: at.reserve, ...startTemperaturesOf(at, logged) };
 }

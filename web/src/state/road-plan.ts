@@ -5,7 +5,7 @@ import { putPlan, RequestFailed } from "../api/client";
 import { atMotorwaySpeed } from "../model/links";
 import { profileFromSamples } from "../model/profile";
 import { linksOfProfile } from "../model/road-links";
-import { conditions } from "./conditions";
+import { conditions, fieldsOf } from "./conditions";
 import { chosenRoad, journey } from "./journey";
 import { followed, live, planFailed } from "./live-drive";
 import { trip } from "./trip";
@@ -16,23 +16,24 @@ const road = computed(() => {
   if (now?.links) {
     return { ...now.fixed, links: atMotorwaySpeed(now.links, conditions.value.motorwayMS) };
   }
-  const found = now?.stops ? journey.value?.roads[chosenRoad.value] : undefined;
-  return found ? linksOfProfile(profileFromSamples(found.samples)) : null;
+  const shown = now?.stops ? journey.value?.roads[chosenRoad.value] : undefined;
+  return shown ? linksOfProfile(profileFromSamples(shown.samples)) : null;
 });
 
 export const canPlan = computed(() => road.value !== null);
 
 /** Give the followed car the trip of the page as its plan; charge and temperatures are those that the car sends. */
 export async function planFromPage(): Promise<void> {
-  const { reserve, payloadKg, setpointDegc, climate } = conditions.value;
-  const more = { reserve, payload_mass_kg: payloadKg, cabin_setpoint_degc: setpointDegc, climate };
+  const more = fieldsOf({ ...conditions.value, beforeDeparture: "unknown" }, {});
+  delete more.soc;
+  delete more.ambient_temperature_degc;
   const car = followed.value;
   if (road.value === null || !car) return;
   planFailed.value = false;
   try {
-    const found = await putPlan(car, { ...road.value, ...more });
+    const state = await putPlan(car, { ...road.value, ...more });
     batch(() => {
-      if (followed.value === car) live.value = found;
+      if (followed.value === car) live.value = state;
     });
   } catch (error) {
     if (!(error instanceof RequestFailed)) throw error;

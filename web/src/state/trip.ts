@@ -15,11 +15,18 @@ import type {
 import { atMotorwaySpeed } from "../model/links";
 import { type Profile, profileFromSamples } from "../model/profile";
 import type { Car } from "./car";
-import { type Conditions, conditions, fieldsOf, USUAL, type StartTemperatures } from "./conditions";
+import {
+  type Conditions,
+  conditions,
+  conditionsFrom,
+  fieldsOf,
+  type StartTemperatures,
+  startTemperaturesFrom,
+  USUAL,
+} from "./conditions";
 
 const ROAD = ["time_s", "speed_m_s", "elevation_m", "grade"];
 const MEASURED = ["time_s", "voltage_v", "current_a", "soc", "displayed_soc"];
-const FULL_SOC = 1;
 
 export type Source = "journey" | "distance" | "examples" | "upload" | "links";
 
@@ -52,26 +59,6 @@ function pick(columns: Columns, names: string[]): Columns {
   return Object.fromEntries(Object.entries(columns).filter(([name]) => names.includes(name)));
 }
 
-/** Conditions as far as they are known; the others are the usual ones, or those of before. */
-function conditionsFrom(known: Record<string, unknown>, before: Conditions = USUAL): Conditions {
-  const number = (name: string, usual: number) =>
-    typeof known[name] === "number" ? (known[name] as number) : usual;
-  return {
-    ...before,
-    motorwayMS: null,
-    ambientDegc: number("ambient_temperature_degc", before.ambientDegc),
-    setpointDegc: number("cabin_setpoint_degc", before.setpointDegc),
-    soc: Math.min(number("soc", before.soc), FULL_SOC),
-    payloadKg: number("payload_mass_kg", before.payloadKg),
-    beforeDeparture: typeof known.cabin_temperature_degc === "number" ? "logged" : "parked",
-  };
-}
-
-function startTemperaturesFrom(known: Record<string, unknown>): StartTemperatures {
-  const names = ["cabin_temperature_degc", "battery_temperature_degc"] as const;
-  return Object.fromEntries(names.filter((n) => typeof known[n] === "number").map((n) => [n, known[n]]));
-}
-
 export function tripFromExample(example: Example): Trip {
   const { samples, ...known } = example.request;
   return {
@@ -86,7 +73,7 @@ export function tripFromExample(example: Example): Trip {
     profile: profileFromSamples(samples as Samples),
     observed: example.observed,
     logged: startTemperaturesFrom(known),
-    start: conditionsFrom(known),
+    start: conditionsFrom(known, USUAL),
   };
 }
 

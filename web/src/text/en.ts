@@ -1,5 +1,6 @@
 /** English. Arguments are formatted quantities with their units, or counts as numbers. */
 
+import type { AskedName, ChoiceTexts, FieldName } from "../model/fields";
 import { pluralOf } from "./plural";
 
 const count = pluralOf("en");
@@ -146,17 +147,33 @@ export const en = {
     reset: "Reset",
     compared: (setting: string) =>
       `These conditions apply to the first forecast. The second differs only in ${setting}.`,
-    outside: "Outside",
-    cabin: "Cabin",
-    soc: "Battery at departure",
-    payload: "Load besides the driver",
-    reserve: "Reserve to keep",
-    motorway: "Motorway speed",
     changeMotorway: (speed: string) => `Change the speed on links planned above ${speed}`,
-    climate: "Climate control",
-    terrain: "Terrain",
-    terrains: { unknown: "Unknown", flat: "Flat", hilly: "Hilly", mountains: "Mountains" },
-    climateModes: { auto: "Automatic", heat: "Heating only", cool: "Cooling only", off: "Off" },
+    more: "Weather and extras",
+    fields: {
+      soc: "Battery at departure",
+      ambient_temperature_degc: "Outside",
+      cabin_setpoint_degc: "Cabin",
+      payload_mass_kg: "Load besides the driver",
+      climate: "Climate control",
+      extras: "Fitted or switched on",
+      terrain: "Terrain",
+      wind_speed_m_s: "Wind",
+      wind_from_deg: "Wind from (0° is north, 90° east)",
+      rain_mm_h: "Rain",
+      pressure_pa: "Air pressure",
+      reserve: "Reserve to keep",
+      motorwayMS: "Motorway speed",
+    } satisfies Record<AskedName | "reserve" | "motorwayMS", string>,
+    choices: {
+      climate: { auto: "Automatic", off: "Off", heat: "Heating only", cool: "Cooling only" },
+      extras: {
+        winter_tyres: "Winter tyres",
+        roof_box: "Roof box",
+        trailer: "Trailer",
+        headlights: "Headlights",
+      },
+      terrain: { unknown: "Unknown", flat: "Flat", hilly: "Hilly", mountains: "Mountains" },
+    } satisfies ChoiceTexts,
     before: "Before departure",
     parked: (temperature: string) => `Parked outside, ${temperature}`,
     garage: (temperature: string) => `Garage or preheated, ${temperature}`,
@@ -164,9 +181,9 @@ export const en = {
     unknown: "Unknown",
   },
   settings: {
-    setpointDegc: { label: "Cabin", inSentence: "the cabin temperature" },
-    ambientDegc: { label: "Outside", inSentence: "the outside temperature" },
-    payloadKg: { label: "Load", inSentence: "the load" },
+    cabin_setpoint_degc: { label: "Cabin", inSentence: "the cabin temperature" },
+    ambient_temperature_degc: { label: "Outside", inSentence: "the outside temperature" },
+    payload_mass_kg: { label: "Load", inSentence: "the load" },
     soc: { label: "Battery at departure", inSentence: "the battery charge at departure" },
     motorwayMS: { label: "Motorway speed", inSentence: "the motorway speed" },
   },
@@ -546,6 +563,8 @@ export const en = {
       "host-not-served": "The service does not serve this host name",
       "token-needed": "A token is required",
       "not-found": "Not found",
+      "no-such-car": "The service has no such car",
+      "no-plan": "The car has no plan",
       "method-not-allowed": "Method not allowed",
       "not-acceptable": "No accepted response format is available",
       "body-late": "The upload took too long",
@@ -570,9 +589,16 @@ export const en = {
       cabin_temperature_degc: "the cabin temperature at departure",
       battery_temperature_degc: "the battery temperature at departure",
       payload_mass_kg: "the load",
+      climate: "the climate control",
+      extras: "the extras",
+      terrain: "the terrain",
+      wind_speed_m_s: "the wind",
+      wind_from_deg: "the direction of the wind",
+      rain_mm_h: "the rain",
+      pressure_pa: "the air pressure",
       duration_s: "the duration",
       trip_speed_m_s: "the mean speed",
-    },
+    } satisfies Record<FieldName, string> & Record<string, string>,
     wider: "The interval is wider as a result.",
     outside: (names: string, fields: number, distance: "slight" | "clear" | "far") => {
       const verb = fields > 1 ? "are" : "is";
@@ -599,6 +625,8 @@ export const en = {
     lighterThanAll: (mass: string) => `No car of the library is as light as ${mass} kg.`,
     heavierThanAll: (mass: string) => `No car of the library is as heavy as ${mass} kg.`,
     outsideClasses: "The rest of the car is extrapolated from the nearest class; the interval is wider.",
+    windDirectionUnknown: (speed: string) =>
+      `The direction of the wind of ${speed} along the road is unknown.`,
     freeFlowTimes:
       "The travel times are those of an empty road; the usual loss of time is added from the trips of the model.",
     timeErrorUnknown: "The model has no estimate of the error of travel times.",

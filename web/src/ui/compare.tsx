@@ -7,7 +7,7 @@ import { type Conditions, change, conditions } from "../state/conditions";
 import { requested, type Other, other } from "../state/forecast";
 import { format, text, units } from "../state/preferences";
 import { trip } from "../state/trip";
-import { SETTINGS } from "./settings";
+import { settingOf } from "./settings";
 import { Slider } from "./slider";
 import { bandText, chanceInFigures } from "./wording";
 
@@ -17,9 +17,9 @@ const MIN_SHOWN_S = 30;
 
 /** First and second value of each comparison when it is chosen. */
 const USUAL_VALUES: Record<Other["setting"], [number, number]> = {
-  setpointDegc: [22, 18],
-  ambientDegc: [20, -5],
-  payloadKg: [0, 300],
+  cabin_setpoint_degc: [22, 18],
+  ambient_temperature_degc: [20, -5],
+  payload_mass_kg: [0, 300],
   soc: [0.8, 0.6],
   motorwayMS: [130 / 3.6, 110 / 3.6],
 };
@@ -45,17 +45,17 @@ export function CompareControls() {
     <div class="compare-controls">
       <div class="questions">
         {settingsOfTrip().map((name) => {
-          const { quantity } = SETTINGS[name];
+          const { quantity } = settingOf(name);
           const usual = USUAL_VALUES[name];
           const sides = name === setting ? [conditions.value[name] ?? usual[0], value] : usual;
-          const [first, second] = sides.map((si) => format.value.figure(quantity().from(si), 0)) as [
+          const [first, second] = sides.map((si) => format.value.figure(quantity.from(si), 0)) as [
             string,
             string,
           ];
           return (
             <button key={name} type="button" aria-pressed={name === setting} onClick={() => compareBy(name)}>
               {settings[name].label}{" "}
-              <span class="figures">{`${compare.or(first, second)}\u00a0${quantity().unit}`}</span>
+              <span class="figures">{`${compare.or(first, second)}\u00a0${quantity.unit}`}</span>
             </button>
           );
         })}
@@ -115,14 +115,14 @@ function differenceText(first: Forecast, second: Forecast, names: [string, strin
 
 export function CompareLine({ first, second }: { first: Forecast; second: Forecast }) {
   const { setting, value } = requested.value.other;
-  const { quantity } = SETTINGS[setting];
+  const { quantity } = settingOf(setting);
   const { shown } = format.value;
   const { compare, settings } = text.value;
   const { label } = settings[setting];
   const at = requested.value.at[setting];
   const names: [string, string] = [
-    at === null ? compare.asPlanned : shown(at, quantity()),
-    shown(value, quantity()),
+    at === null ? compare.asPlanned : shown(at, quantity),
+    shown(value, quantity),
   ];
   return (
     <div class="comparison">

@@ -1,121 +1,164 @@
-import type { ClimateMode, Terrain } from "../api/documents";
+import type { ComponentChildren } from "preact";
+import { FIELDS } from "../api/fields";
+import { type ChoiceName, CHOICES, NUMBERS, SEVERAL, type SeveralName } from "../model/fields";
 import { hasMotorway, MOTORWAY_M_S } from "../model/links";
-import { change, conditions, type BeforeDeparture, GARAGE_DEGC, resetTo } from "../state/conditions";
+import {
+  ASKED,
+  type BeforeDeparture,
+  change,
+  type Conditions,
+  conditions,
+  GARAGE_DEGC,
+  isUsual,
+  resetTo,
+} from "../state/conditions";
 import { departure, faults, mode, other } from "../state/forecast";
 import { format, text, units } from "../state/preferences";
 import { trip } from "../state/trip";
+import { FaultList } from "./faults";
+import { Select } from "./select";
+import type { SettingName } from "./settings";
 import { Slider } from "./slider";
 
-const USUAL_MOTORWAY_M_S = 130 / 3.6;
-
-/** Sliders from top to bottom: setting, key of the label, fields of the request. */
+/** Sliders that are always there, in their order. */
 const SLIDERS = [
-  ["ambientDegc", "outside", ["ambient_temperature_degc"]],
-  ["setpointDegc", "cabin", ["cabin_setpoint_degc"]],
-  ["soc", "soc", ["soc", "displayed_soc"]],
-  ["payloadKg", "payload", ["payload_mass_kg"]],
-  ["reserve", "reserve", ["reserve"]],
+  "ambient_temperature_degc",
+  "cabin_setpoint_degc",
+  "soc",
+  "payload_mass_kg",
+  "reserve",
 ] as const;
+
+/** Values of a field without a usual one when it is ticked; the middle of its bounds where none is here. */
+const FIRST_VALUES: Partial<Record<SettingName, number>> = {
+  motorwayMS: 130 / 3.6,
+  wind_speed_m_s: 30 / 3.6,
+  wind_from_deg: 270,
+  rain_mm_h: 2,
+  pressure_pa: 101_300,
+};
+
+const OPTIONAL = NUMBERS.filter((name) => ASKED.includes(name as never) && !isUsual(name)) as SettingName[];
 
 const BEFORE_DEPARTURE: BeforeDeparture[] = ["parked", "garage", "logged", "unknown"];
 
-const CLIMATE_MODES: ClimateMode[] = ["auto", "heat", "cool", "off"];
-
-function ClimateSelect() {
-  const { conditions: words } = text.value;
-  return (
-    <label class="field">
-      <span>{words.climate}</span>
-      <select
-        value={conditions.value.climate}
-        onChange={(event) => change({ climate: event.currentTarget.value as ClimateMode })}
-      >
-        {CLIMATE_MODES.map((mode) => (
-          <option key={mode} value={mode}>
-            {words.climateModes[mode]}
-          </option>
-        ))}
-      </select>
-    </label>
-  );
+function firstValue(name: SettingName): number {
+  const first = FIRST_VALUES[name];
+  if (first !== undefined || name === "motorwayMS" || name === "reserve") return first ?? 0;
+  return (FIELDS[name].minimum + FIELDS[name].maximum) / 2;
 }
 
-const TERRAINS: Terrain[] = ["unknown", "flat", "hilly", "mountains"];
-
-/** What is known of the country; only where the heights of the road are not. */
-function TerrainSelect() {
-  const { conditions: words } = text.value;
-  if (!departure.value?.climb) return null;
-  return (
-    <label class="field">
-      <span>{words.terrain}</span>
-      <select
-        value={conditions.value.terrain}
-        onChange={(event) => change({ terrain: event.currentTarget.value as Terrain })}
-      >
-        {TERRAINS.map((terrain) => (
-          <option key={terrain} value={terrain}>
-            {words.terrains[terrain]}
-          </option>
-        ))}
-      </select>
-    </label>
-  );
+function faultsOf(name: string) {
+  return faults.value.get(name) ?? [];
 }
 
-function beforeDepartureText(choice: BeforeDeparture): string {
-  const { conditions: words } = text.value;
-  const shown = (degc: number) => format.value.shown(degc, units.value.temperature);
-  if (choice === "parked") return words.parked(shown(conditions.value.ambientDegc));
-  return choice === "garage" ? words.garage(shown(GARAGE_DEGC)) : words[choice];
-}
-
-function BeforeDepartureSelect() {
-  const known = Object.keys(trip.value?.logged ?? {}).length > 0;
-  return (
-    <label class="field">
-      <span>{text.value.conditions.before}</span>
-      <select
-        value={conditions.value.beforeDeparture}
-        onChange={(event) => change({ beforeDeparture: event.currentTarget.value as BeforeDeparture })}
-      >
-        {BEFORE_DEPARTURE.filter((choice) => known || choice !== "logged").map((choice) => (
-          <option key={choice} value={choice}>
-            {beforeDepartureText(choice)}
-          </option>
-        ))}
-      </select>
-    </label>
-  );
-}
-
-function Motorway() {
-  const links = trip.value?.links;
-  if (!links || !hasMotorway(links)) return null;
-  const now = conditions.value.motorwayMS;
-  const { speed } = units.value;
-  const { conditions: words } = text.value;
+/** A slider that is there once it is ticked; without it the value is unknown, or as planned. */
+function Ticked({ name, label, slider = label }: { name: SettingName; label: string; slider?: string }) {
+  const now = conditions.value[name];
+  const set = (value: number | null) => change({ [name]: value } as Partial<Conditions>);
   return (
     <div class="field">
       <label class="tick">
         <input
           type="checkbox"
           checked={now !== null}
-          onChange={(event) =>
-            change({ motorwayMS: event.currentTarget.checked ? USUAL_MOTORWAY_M_S : null })
-          }
+          onChange={(event) => set(event.currentTarget.checked ? firstValue(name) : null)}
         />
-        {words.changeMotorway(format.value.shown(MOTORWAY_M_S, speed))}
+        {label}
       </label>
       {now !== null && (
         <Slider
-          setting="motorwayMS"
-          label={words.motorway}
+          setting={name}
+          label={slider}
+          isTitled={slider === label}
           value={now}
-          onChange={(motorwayMS) => change({ motorwayMS })}
+          faults={faultsOf(name)}
+          onChange={set}
         />
       )}
     </div>
+  );
+}
+
+function Motorway() {
+  const links = trip.value?.links;
+  if (!links || !hasMotorway(links)) return null;
+  const { conditions: words } = text.value;
+  const from = format.value.shown(MOTORWAY_M_S, units.value.speed);
+  return <Ticked name="motorwayMS" label={words.changeMotorway(from)} slider={words.fields.motorwayMS} />;
+}
+
+/** The country counts where the heights of the road are unknown. */
+function isAsked(name: ChoiceName): boolean {
+  return name !== "terrain" || departure.value?.climb != null;
+}
+
+function ChoiceOf({ name }: { name: ChoiceName }) {
+  const { fields, choices } = text.value.conditions;
+  const words: Record<string, string> = choices[name];
+  return (
+    <Select<string>
+      label={fields[name]}
+      value={conditions.value[name]}
+      options={FIELDS[name].choices.map((choice) => [choice, words[choice] ?? choice])}
+      onChoose={(value) => change({ [name]: value } as Partial<Conditions>)}
+    />
+  );
+}
+
+function Several({ name }: { name: SeveralName }) {
+  const { fields, choices } = text.value.conditions;
+  const chosen = conditions.value[name] ?? [];
+  return (
+    <fieldset class="field ticks">
+      <legend>{fields[name]}</legend>
+      {FIELDS[name].choices.map((choice) => (
+        <label key={choice} class="tick">
+          <input
+            type="checkbox"
+            checked={chosen.includes(choice)}
+            onChange={(event) => {
+              const others = chosen.filter((one) => one !== choice);
+              const next = event.currentTarget.checked ? [...others, choice] : others;
+              change({ [name]: next.length > 0 ? next : null });
+            }}
+          />
+          {choices[name][choice]}
+        </label>
+      ))}
+    </fieldset>
+  );
+}
+
+/** What few trips need, behind a heading that counts what is set. */
+function More({ children }: { children: ComponentChildren }) {
+  const { conditions: words } = text.value;
+  const set = [...OPTIONAL, ...SEVERAL].filter((name) => conditions.value[name] !== null).length;
+  return (
+    <details class="more" open={set > 0}>
+      <summary>{words.more}</summary>
+      <div class="fields">{children}</div>
+    </details>
+  );
+}
+
+function beforeDepartureText(choice: BeforeDeparture): string {
+  const { conditions: words } = text.value;
+  const shown = (degc: number) => format.value.shown(degc, units.value.temperature);
+  if (choice === "parked") return words.parked(shown(conditions.value.ambient_temperature_degc));
+  return choice === "garage" ? words.garage(shown(GARAGE_DEGC)) : words[choice];
+}
+
+function BeforeDepartureSelect() {
+  const known = Object.keys(trip.value?.logged ?? {}).length > 0;
+  const offered = BEFORE_DEPARTURE.filter((choice) => known || choice !== "logged");
+  return (
+    <Select
+      label={text.value.conditions.before}
+      value={conditions.value.beforeDeparture}
+      options={offered.map((choice) => [choice, beforeDepartureText(choice)])}
+      onChoose={(beforeDeparture) => change({ beforeDeparture })}
+    />
   );
 }
 
@@ -137,20 +180,30 @@ export function ConditionsPanel() {
       {mode.value === "compare" && (
         <p class="note">{words.compared(settings[other.value.setting].inSentence)}</p>
       )}
-      {SLIDERS.map(([setting, label, fields]) => (
+      {SLIDERS.map((setting) => (
         <Slider
           key={setting}
           setting={setting}
-          label={words[label]}
+          label={words.fields[setting]}
           value={now[setting]}
-          faults={fields.flatMap((field) => faults.value.get(field) ?? [])}
+          faults={[...faultsOf(setting), ...(setting === "soc" ? faultsOf("displayed_soc") : [])]}
           onChange={(si) => change({ [setting]: si })}
         />
       ))}
       <Motorway />
-      <TerrainSelect />
-      <ClimateSelect />
+      {CHOICES.filter(isAsked).map((name) => (
+        <ChoiceOf key={name} name={name} />
+      ))}
       <BeforeDepartureSelect />
+      <More>
+        {OPTIONAL.filter((name) => name !== "wind_from_deg" || now.wind_speed_m_s !== null).map((name) => (
+          <Ticked key={name} name={name} label={words.fields[name]} />
+        ))}
+        {SEVERAL.map((name) => (
+          <Several key={name} name={name} />
+        ))}
+        <FaultList faults={SEVERAL.flatMap(faultsOf)} />
+      </More>
     </section>
   );
 }

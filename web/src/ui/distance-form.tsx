@@ -4,6 +4,7 @@ import { PERCENT } from "../model/units";
 import { chooseRoute } from "../state/catalogue";
 import { format, text, units } from "../state/preferences";
 import { NumberField } from "./number-field";
+import { Select } from "./select";
 
 const START_M = 180_000;
 const TYPES: RoadType[] = ["town", "country", "motorway"];
@@ -41,16 +42,12 @@ export function DistanceForm() {
       <div class="inline">
         <NumberField label={words.distance} value={distanceM} quantity={distance} onChange={setDistance} />
       </div>
-      <label class="field">
-        <span>{words.kind}</span>
-        <select value={kind} onChange={(event) => setKind(event.currentTarget.value as Kind)}>
-          {KINDS.map((name) => (
-            <option key={name} value={name}>
-              {words.kinds[name]}
-            </option>
-          ))}
-        </select>
-      </label>
+      <Select
+        label={words.kind}
+        value={kind}
+        options={KINDS.map((name) => [name, words.kinds[name]])}
+        onChoose={setKind}
+      />
       <p class="note">{assumedText(kind)}</p>
       <button type="submit" class="primary">
         {words.use}

@@ -114,8 +114,8 @@ function MapCanvas({
       const { signal } = request;
       timer = window.setTimeout(() => {
         viewMap(inWorld, signal).then(
-          (found) => {
-            view.value = found;
+          (part) => {
+            view.value = part;
           },
           () => undefined, // names are an addition: the map is complete without them
         );
@@ -132,7 +132,7 @@ function MapCanvas({
           tiles: map.value?.tiles ? tilesUrl() : "",
           font: FONT,
           headers: tokenHeaders,
-          bounds: map.value?.bounds_deg ?? null,
+          bounds: (map.value?.bounds_deg ?? null) as Bounds | null,
           label: text.value.map.label,
           handlers: {
             onClick: ([longitude, latitude]) => {
@@ -217,7 +217,7 @@ function MapCanvas({
   });
   useSignalEffect(() => {
     const points = (reach.value?.areas ?? []).flatMap(({ polygon }) => polygon.coordinates.flat());
-    if (points.length > 0) made.value?.fit(boundsOf(points));
+    if (points.length > 0) made.value?.fit(boundsOf(points as Point[]));
   });
 
   const { map: words } = text.value;

@@ -3,6 +3,7 @@
 import type { DiaryEntry, OwnCar } from "../api/documents";
 import { ENERGY, PERCENT } from "../model/units";
 import { format, text, units } from "../state/preferences";
+import { DataTable } from "./data-table";
 import { FaultList } from "./faults";
 
 /** Smallest relative change that is worth a line. */
@@ -118,46 +119,33 @@ function Trips({ of }: { of: OwnCar }) {
   const kwh = (wh: number) => figure(ENERGY.from(wh), 2);
   const heads = [words.trip, words.distance, words.forecast, words.picture, words.took, words.error];
   return (
-    <section class="scroll" tabIndex={0} aria-label={words.diary}>
-      <table class="diary with-picture">
-        <thead>
-          <tr>
-            {heads.map((head) => (
-              <th key={head} scope="col">
-                {head}
-              </th>
-            ))}
-          </tr>
-        </thead>
-        <tbody>
-          {of.diary.map((row) => (
-            <tr key={row.trip_id}>
-              <th scope="row">
-                {row.started_at ? day.format(new Date(row.started_at)) : row.trip_id}
-                {row.ambient_temperature_degc !== null && (
-                  <span class="note"> {shown(row.ambient_temperature_degc, units.value.temperature)}</span>
-                )}
-              </th>
-              <td>{shown(row.distance_m, units.value.distance)}</td>
-              <td>
-                {words.interval(kwh(row.forecast_wh), kwh(row.low_wh), kwh(row.high_wh))}
-                {row.on_the_way.length > 0 && <span class="note way"> {shownOnTheWay(row)}</span>}
-              </td>
-              <td>
-                <Spread of={row} most={most} needed={needed} />
-              </td>
-              <td>
-                {kwh(row.energy_wh)}
-                {(row.energy_wh < row.low_wh || row.energy_wh > row.high_wh) && (
-                  <span class="note"> {words.outside}</span>
-                )}
-              </td>
-              <td>{signed(ENERGY.from(row.forecast_wh - row.energy_wh), 2)}</td>
-            </tr>
-          ))}
-        </tbody>
-      </table>
-    </section>
+    <DataTable label={words.diary} class="diary with-picture" heads={heads}>
+      {of.diary.map((row) => (
+        <tr key={row.trip_id}>
+          <th scope="row">
+            {row.started_at ? day.format(new Date(row.started_at)) : row.trip_id}
+            {row.ambient_temperature_degc !== null && (
+              <span class="note"> {shown(row.ambient_temperature_degc, units.value.temperature)}</span>
+            )}
+          </th>
+          <td>{shown(row.distance_m, units.value.distance)}</td>
+          <td>
+            {words.interval(kwh(row.forecast_wh), kwh(row.low_wh), kwh(row.high_wh))}
+            {row.on_the_way.length > 0 && <span class="note way"> {shownOnTheWay(row)}</span>}
+          </td>
+          <td>
+            <Spread of={row} most={most} needed={needed} />
+          </td>
+          <td>
+            {kwh(row.energy_wh)}
+            {(row.energy_wh < row.low_wh || row.energy_wh > row.high_wh) && (
+              <span class="note"> {words.outside}</span>
+            )}
+          </td>
+          <td>{signed(ENERGY.from(row.forecast_wh - row.energy_wh), 2)}</td>
+        </tr>
+      ))}
+    </DataTable>
   );
 }
 
@@ -169,36 +157,22 @@ function Seasons({ of }: { of: OwnCar }) {
   if (seasons.length === 0) return null;
   const heads = [words.season, words.trips, words.distance, consumption.unit, words.error, words.coverage];
   return (
-    <section class="scroll" tabIndex={0} aria-label={words.seasons}>
-      <table class="diary">
-        <caption>{words.seasons}</caption>
-        <thead>
-          <tr>
-            {heads.map((head) => (
-              <th key={head} scope="col">
-                {head}
-              </th>
-            ))}
-          </tr>
-        </thead>
-        <tbody>
-          {seasons.map(([name, row]) => (
-            <tr key={name}>
-              <th scope="row">{words.quarters[name as keyof typeof words.quarters]}</th>
-              <td>{figure(row.trips, 0)}</td>
-              <td>{shown(row.distance_m, distance, 0)}</td>
-              <td>
-                {row.distance_m > 0 && row.energy_wh > 0
-                  ? figure(consumption.from(row.energy_wh / row.distance_m), 1)
-                  : "–"}
-              </td>
-              <td>{percent(row.error)}</td>
-              <td>{percent(row.coverage, 0)}</td>
-            </tr>
-          ))}
-        </tbody>
-      </table>
-    </section>
+    <DataTable label={words.seasons} class="diary" caption={words.seasons} heads={heads}>
+      {seasons.map(([name, row]) => (
+        <tr key={name}>
+          <th scope="row">{words.quarters[name as keyof typeof words.quarters]}</th>
+          <td>{figure(row.trips, 0)}</td>
+          <td>{shown(row.distance_m, distance, 0)}</td>
+          <td>
+            {row.distance_m > 0 && row.energy_wh > 0
+              ? figure(consumption.from(row.energy_wh / row.distance_m), 1)
+              : "–"}
+          </td>
+          <td>{percent(row.error)}</td>
+          <td>{percent(row.coverage, 0)}</td>
+        </tr>
+      ))}
+    </DataTable>
   );
 }
 

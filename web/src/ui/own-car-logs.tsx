@@ -5,11 +5,12 @@ import type { LogsReading } from "../api/documents";
 import { ENERGY } from "../model/units";
 import { changeReading, faultsOfCars, learn, reading, sendFiles, sending } from "../state/own-cars";
 import { format, text, units } from "../state/preferences";
+import { DataTable } from "./data-table";
 import { FaultList } from "./faults";
-import { Icon } from "./icons";
+import { FileDrop } from "./file-drop";
+import { Select } from "./select";
 
 const MAX_BYTES = 64_000_000;
-const MEGABYTE = 1_000_000;
 /** Columns that no forecast can be learned without. */
 const NEEDED = ["time_s", "speed_m_s"];
 const MAX_UNUSED = 30;
@@ -39,10 +40,10 @@ function fieldName(ours: string): string {
 }
 
 /** The column and the unit of one of our columns; both can be corrected. */
-function MappingRow({ of, car, found }: { of: string; car: string; found: LogsReading }) {
+function MappingRow({ of, car, logs }: { of: string; car: string; logs: LogsReading }) {
   const { ownCars: words } = text.value;
-  const now = found.mapping.find(({ ours }) => ours === of);
-  const units = found.fields.find(({ ours }) => ours === of)?.units ?? [];
+  const now = logs.mapping.find(({ ours }) => ours === of);
+  const units = logs.fields.find(({ ours }) => ours === of)?.units ?? [];
   const name = fieldName(of);
   const change = (column: string, unit?: string) =>
     void changeReading(car, { changes: { [of]: column ? { column, ...(unit && { unit }) } : null } });
@@ -56,7 +57,7 @@ function MappingRow({ of, car, found }: { of: string; car: string; found: LogsRe
           onChange={(event) => change(event.currentTarget.value)}
         >
           <option value="">{words.noColumn}</option>
-          {found.columns.map((column) => (
+          {logs.columns.map((column) => (
             <option key={column} value={column}>
               {column}
             </option>
@@ -85,58 +86,44 @@ function MappingRow({ of, car, found }: { of: string; car: string; found: LogsRe
   );
 }
 
-function Mapping({ car, found }: { car: string; found: LogsReading }) {
+function Mapping({ car, logs }: { car: string; logs: LogsReading }) {
   const { ownCars: words } = text.value;
   const [all, setAll] = useState(false);
-  const mapped = found.mapping.map(({ ours }) => ours);
-  const rows = found.fields
+  const mapped = logs.mapping.map(({ ours }) => ours);
+  const rows = logs.fields
     .map(({ ours }) => ours)
     .filter((ours) => all || mapped.includes(ours) || NEEDED.includes(ours));
-  const unused = found.unused.slice(0, MAX_UNUSED);
+  const unused = logs.unused.slice(0, MAX_UNUSED);
   return (
     <>
-      <p class="note">{found.shipped ? words.knownLogger(found.shipped) : words.proposed}</p>
-      <section class="scroll" tabIndex={0} aria-label={words.mapping}>
-        <table class="mapping">
-          <thead>
-            <tr>
-              {[words.what, words.column, words.unit, words.reason].map((head) => (
-                <th key={head} scope="col">
-                  {head}
-                </th>
-              ))}
-            </tr>
-          </thead>
-          <tbody>
-            {rows.map((ours) => (
-              <MappingRow key={ours} of={ours} car={car} found={found} />
-            ))}
-          </tbody>
-        </table>
-      </section>
+      <p class="note">{logs.shipped ? words.knownLogger(logs.shipped) : words.proposed}</p>
+      <DataTable
+        label={words.mapping}
+        class="mapping"
+        heads={[words.what, words.column, words.unit, words.reason]}
+      >
+        {rows.map((ours) => (
+          <MappingRow key={ours} of={ours} car={car} logs={logs} />
+        ))}
+      </DataTable>
       <button type="button" class="link" aria-expanded={all} onClick={() => setAll(!all)}>
         {all ? words.fewerColumns : words.moreColumns}
       </button>
-      <label class="field">
-        <span>{words.positive}</span>
-        <select
-          value={found.current_positive}
-          onChange={(event) =>
-            void changeReading(car, {
-              current_positive: event.currentTarget.value === "charge" ? "charge" : "discharge",
-            })
-          }
-        >
-          <option value="discharge">{words.discharge}</option>
-          <option value="charge">{words.charge}</option>
-        </select>
-      </label>
-      {found.assumed.usable_capacity_kwh !== undefined && (
-        <p class="note">{words.bySoc(format.value.figure(found.assumed.usable_capacity_kwh, 1))}</p>
+      <Select
+        label={words.positive}
+        value={logs.current_positive}
+        options={[
+          ["discharge", words.discharge],
+          ["charge", words.charge],
+        ]}
+        onChoose={(current_positive) => void changeReading(car, { current_positive })}
+      />
+      {logs.assumed.usable_capacity_kwh !== undefined && (
+        <p class="note">{words.bySoc(format.value.figure(logs.assumed.usable_capacity_kwh, 1))}</p>
       )}
       {unused.length > 0 && (
         <details class="as-table">
-          <summary>{words.unused(found.unused.length)}</summary>
+          <summary>{words.unused(logs.unused.length)}</summary>
           <p class="note">{format.value.list(unused)}</p>
         </details>
       )}
@@ -173,59 +160,29 @@ function Audit({ preview }: { preview: NonNullable<LogsReading["preview"]> }) {
 }
 
 export function OwnCarLogs({ car }: { car: string }) {
-  const [over, setOver] = useState(false);
-  const [refused, setRefused] = useState("");
-  const { ownCars: words, trip } = text.value;
+  const { ownCars: words } = text.value;
   const now = reading.value;
-  const take = (list: FileList | null | undefined) => {
-    const files = [...(list ?? [])];
-    const large = files.find(({ size }) => size > MAX_BYTES);
-    setRefused(large ? trip.tooLarge(large.name, MAX_BYTES / MEGABYTE) : "");
-    const fitting = files.filter(({ size }) => size <= MAX_BYTES);
-    if (fitting.length > 0) void sendFiles(car, fitting);
-  };
-  const drives = now?.found.preview?.drives ?? 0;
+  const drives = now?.logs.preview?.drives ?? 0;
   return (
     <section aria-labelledby="own-car-logs">
       <h3 id="own-car-logs">{words.logs}</h3>
-      <div
-        class={`drop${over ? " over" : ""}`}
-        onDragOver={(event) => {
-          event.preventDefault();
-          setOver(true);
-        }}
-        onDragLeave={() => setOver(false)}
-        onDrop={(event) => {
-          event.preventDefault();
-          setOver(false);
-          take(event.dataTransfer?.files);
-        }}
-      >
-        <label class="file">
-          <Icon name="upload" />
-          <span class="name">{words.dropLogs}</span>
-          <span class="figures">{words.formats}</span>
-          <input
-            type="file"
-            multiple
-            accept=".csv,.tsv,.txt,.parquet,.xlsx,.zip"
-            onChange={(event) => {
-              take(event.currentTarget.files);
-              event.currentTarget.value = "";
-            }}
-          />
-        </label>
-      </div>
+      <FileDrop
+        label={words.dropLogs}
+        formats={words.formats}
+        accept=".csv,.tsv,.txt,.parquet,.xlsx,.zip"
+        multiple
+        mostBytes={MAX_BYTES}
+        onFiles={(files) => void sendFiles(car, files)}
+      />
       <p class="note" role="status">
         {sending.value && words.sending(sending.value)}
       </p>
-      {refused && <p class="faults">{refused}</p>}
       <FaultList faults={faultsOfCars.value} />
       {now && (
         <div class="reading">
-          <Mapping car={car} found={now.found} />
-          {now.found.preview && <Audit preview={now.found.preview} />}
-          <FaultList faults={now.found.faults} />
+          <Mapping car={car} logs={now.logs} />
+          {now.logs.preview && <Audit preview={now.logs.preview} />}
+          <FaultList faults={now.logs.faults} />
           <div class="actions">
             <button
               type="button"

@@ -1,33 +1,43 @@
 /** The settings of a trip that a slider changes: quantity, limits and step of each. */
 
-import { PERCENT, type Quantity } from "../model/units";
-import type { Conditions } from "../state/conditions";
+import { FIELDS } from "../api/fields";
+import type { AskedName, NumberName } from "../model/fields";
+import { PERCENT, quantityIn, type Quantity } from "../model/units";
 import { units } from "../state/preferences";
 
-export type SettingName = Exclude<keyof Conditions, "beforeDeparture" | "climate" | "terrain">;
+export type SettingName = Extract<NumberName, AskedName> | "reserve" | "motorwayMS";
 
 export interface Setting {
-  quantity: () => Quantity;
+  quantity: Quantity;
   /** In SI. */
-  limits: [number, number];
+  limits: readonly [number, number];
   /** In the unit that is shown. */
   step: number;
-  /** Removes rounding errors of the conversion to SI. */
-  exact?: (si: number) => number;
 }
 
 const KM_H = 1 / 3.6;
 
-export const SETTINGS: Record<SettingName, Setting> = {
-  ambientDegc: { quantity: () => units.value.temperature, limits: [-25, 45], step: 1 },
-  setpointDegc: { quantity: () => units.value.temperature, limits: [15, 28], step: 1 },
-  soc: { quantity: () => PERCENT, limits: [0.05, 1], step: 1, exact: (soc) => Math.min(soc, 1) },
-  payloadKg: { quantity: () => units.value.mass, limits: [0, 500], step: 10 },
-  reserve: {
-    quantity: () => PERCENT,
-    limits: [0, 0.5],
-    step: 1,
-    exact: (reserve) => Math.round(reserve * 100) / 100,
-  },
-  motorwayMS: { quantity: () => units.value.speed, limits: [80 * KM_H, 150 * KM_H], step: 5 },
+/** Sliders that do not go from bound to bound of their field in steps of one. */
+const SLIDERS: Partial<Record<SettingName, { limits?: [number, number]; step?: number }>> = {
+  ambient_temperature_degc: { limits: [-25, 45] },
+  cabin_setpoint_degc: { limits: [15, 28] },
+  soc: { limits: [0.05, 1] },
+  payload_mass_kg: { limits: [0, 500], step: 10 },
+  reserve: { limits: [0, 0.5] },
+  motorwayMS: { limits: [80 * KM_H, 150 * KM_H], step: 5 },
+  wind_speed_m_s: { limits: [0, 100 * KM_H], step: 5 },
+  wind_from_deg: { step: 10 },
+  rain_mm_h: { limits: [0, 20], step: 0.5 },
+  pressure_pa: { limits: [70_000, 105_000], step: 5 },
 };
+
+function tableOf(name: SettingName): { quantity: Quantity; limits: [number, number] } {
+  if (name === "motorwayMS") return { quantity: units.value.speed, limits: [0, 1] };
+  if (name === "reserve") return { quantity: PERCENT, limits: [0, 1] };
+  const { unit, minimum, maximum } = FIELDS[name];
+  return { quantity: quantityIn(unit, units.value), limits: [minimum, maximum] };
+}
+
+export function settingOf(name: SettingName): Setting {
+  return { step: 1, ...tableOf(name), ...SLIDERS[name] };
+}

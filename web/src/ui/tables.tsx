@@ -6,6 +6,7 @@ import { interpolate } from "../model/interpolate";
 import { PERCENT } from "../model/units";
 import { history, shownProfile } from "../state/drive";
 import { format, text, units } from "../state/preferences";
+import { DataTable } from "./data-table";
 
 const ROWS = 16;
 
@@ -13,28 +14,15 @@ function Table({ title, head, rows }: { title: string; head: string[]; rows: Com
   return (
     <details class="as-table">
       <summary>{title}</summary>
-      <section class="scroll" tabIndex={0} aria-label={title}>
-        <table>
-          <thead>
-            <tr>
-              {head.map((text) => (
-                <th key={text} scope="col">
-                  {text}
-                </th>
-              ))}
-            </tr>
-          </thead>
-          <tbody>
-            {rows.map((row) => (
-              <tr key={String(row[0])}>
-                {row.map((cell, k) => (
-                  <td key={head[k]}>{cell}</td>
-                ))}
-              </tr>
+      <DataTable label={title} heads={head}>
+        {rows.map((row) => (
+          <tr key={String(row[0])}>
+            {row.map((cell, k) => (
+              <td key={head[k]}>{cell}</td>
             ))}
-          </tbody>
-        </table>
-      </section>
+          </tr>
+        ))}
+      </DataTable>
     </details>
   );
 }

@@ -16,7 +16,7 @@ import { type Source, type Trip, trip } from "../state/trip";
 import { Choice } from "./choice";
 import { DistanceForm } from "./distance-form";
 import { FaultList } from "./faults";
-import { Icon } from "./icons";
+import { FileDrop } from "./file-drop";
 import { JourneyForm } from "./journey-form";
 import { LinksForm } from "./links-form";
 import { NumberField } from "./number-field";
@@ -26,7 +26,6 @@ const MAX_BYTES = 4_000_000;
 const START_M_S = 50 / 3.6;
 const SLOWEST_M_S = 5 / 3.6;
 const FASTEST_M_S = 130 / 3.6;
-const MEGABYTE = 1_000_000;
 const SOURCES: Source[] = ["distance", "examples", "upload", "links"];
 const WITH_MAP: Source[] = ["journey", ...SOURCES];
 
@@ -85,45 +84,19 @@ function Notes({ of }: { of: Trip }) {
 }
 
 function Upload() {
-  const [over, setOver] = useState(false);
-  const [refused, setRefused] = useState("");
   const [speedMS, setSpeed] = useState(START_M_S);
   const { speed } = units.value;
   const { trip: words } = text.value;
-  const take = async (file: File | undefined) => {
-    if (!file) return;
-    const tooLarge = file.size > MAX_BYTES;
-    setRefused(tooLarge ? words.tooLarge(file.name, MAX_BYTES / MEGABYTE) : "");
-    if (!tooLarge) await chooseUpload({ content: await file.text(), name: file.name }, speedMS);
-  };
   return (
-    <div
-      class={`drop${over ? " over" : ""}`}
-      onDragOver={(event) => {
-        event.preventDefault();
-        setOver(true);
-      }}
-      onDragLeave={() => setOver(false)}
-      onDrop={(event) => {
-        event.preventDefault();
-        setOver(false);
-        void take(event.dataTransfer?.files[0]);
+    <FileDrop
+      label={words.chooseFile}
+      formats={words.formats}
+      accept=".gpx,.kml,.geojson,.json,.csv,.xml"
+      mostBytes={MAX_BYTES}
+      onFiles={([file]) => {
+        if (file) void file.text().then((content) => chooseUpload({ content, name: file.name }, speedMS));
       }}
     >
-      <label class="file">
-        <Icon name="upload" />
-        <span class="name">{words.chooseFile}</span>
-        <span class="figures">{words.formats}</span>
-        <input
-          type="file"
-          accept=".gpx,.kml,.geojson,.json,.csv,.xml"
-          onChange={(event) => {
-            void take(event.currentTarget.files?.[0]);
-            event.currentTarget.value = "";
-          }}
-        />
-      </label>
-      {refused && <p class="faults">{refused}</p>}
       <div class="inline">
         <NumberField
           label={words.speedWithoutTimes}
@@ -137,7 +110,7 @@ function Upload() {
           }}
         />
       </div>
-    </div>
+    </FileDrop>
   );
 }
 

@@ -97,7 +97,7 @@ def on_extrapolation(gamm: GammInsight, trips: int | None) -> str:
     outside = gamm.outside["trip"].nunique()
     of = f" of {trips}" if trips else ""
     return (
-        "Outside of the training data no effect grows: a row is moved to where training rows lie before any term sees it, each "
+        "Outside of the training data no effect grows: a row is moved to where training rows lie before any term is evaluated, each "
         "covariate to the nearer end of its range (in winter, that of the winter trips), those of a surface to within "
         f"{percent(REACH, 0)} of their ranges from the nearest training point. A weather that no training trip had counts as the mean "
         f"over the training rows; a new trip's random effect is 0. Held out, {outside}{of} trips leave, in some row, the range that the "

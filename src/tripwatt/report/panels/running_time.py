@@ -32,7 +32,7 @@ def running_time(view: View) -> Content:
 
 
 def timed_models(view: View) -> list[str]:
-    """Models of the main evaluation that learn, and whose times are known, in table order."""
+    """Models of the main evaluation that are fitted, and whose times are known, in table order."""
     models = view.scores
     return [
         m
@@ -89,7 +89,7 @@ def _beside_others(model: str, fit: Mapping[str, float], predict: Mapping[str, f
 
 
 def running_time_table(view: View) -> Table:
-    """Fit and prediction time of every model that learns."""
+    """Fit and prediction time of every model that is fitted."""
     return tabulated(
         view.captioned("Wall time on one core of this machine"),
         timed_models(view),
@@ -105,7 +105,7 @@ def _short(value: float) -> str:
 
 
 def plot_running_time(view: View) -> Figure:
-    """Fit and prediction time in the main evaluation of every model that learns, on logarithmic axes."""
+    """Fit and prediction time in the main evaluation of every model that is fitted, on logarithmic axes."""
     names, models = timed_models(view), view.scores
     figure = new_figure(1.6 + 0.27 * len(names), "Running time", view.note, view.synthetic)
     panels = figure.subplots(1, 2, sharey=True)

@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from tripwatt.errors import Fault, InvalidInput, RemoteError, install
+from tripwatt.errors import InvalidInput, RemoteError, install
 from tripwatt.routes.routers.valhalla import ValhallaRouter
 
 FOLDER_VARIABLE: Final = "TRIPWATT_VALHALLA"
@@ -34,7 +34,7 @@ def valhalla_folder() -> Path | None:
     spec = importlib.util.find_spec("valhalla")
     if spec is not None and spec.origin is not None:
         candidates.append(Path(spec.origin).parent)
-    return next((found for found in candidates if (found / "bin" / "valhalla_build_tiles").is_file()), None)
+    return next((path for path in candidates if (path / "bin" / "valhalla_build_tiles").is_file()), None)
 
 
 def require_valhalla() -> Path:
@@ -45,48 +45,40 @@ def require_valhalla() -> Path:
     InvalidInput
         When Valhalla is not installed.
     """
-    found = valhalla_folder()
-    if found is None:
-        raise InvalidInput(Fault("missing package", "pyvalhalla", "not installed", fix=INSTALL))
-    return found
+    folder = valhalla_folder()
+    if folder is None:
+        raise InvalidInput.of("missing package", "pyvalhalla", "not installed", fix=INSTALL)
+    return folder
 
 
-def configuration(folder: Path, *, port: int | None = None) -> dict[str, Any]:
+def configuration(folder: Path) -> dict[str, Any]:
     """Valhalla's configuration for a map folder.
 
     Parameters
     ----------
     folder : Path
         With `tiles` and `elevation`.
-    port : int, optional
-        Of a server on loopback.
 
     Raises
     ------
     InvalidInput
         When Valhalla is not installed.
     """
-    found = _defaults(require_valhalla())
+    config = _defaults(require_valhalla())
     here = folder.resolve()
-    found["mjolnir"] |= {
+    config["mjolnir"] |= {
         "tile_dir": str(here / "tiles"),
         **dict.fromkeys(("tile_extract", "traffic_extract", "admin", "timezone", "landmarks"), ""),
         **dict.fromkeys(("transit_dir", "transit_feeds_dir"), ""),
         "concurrency": os.cpu_count() or 1,
     }
-    found["additional_data"]["elevation"] = str(here / "elevation")
-    found["logging"] = {"type": "std_err", "color": False}
-    limits = found["service_limits"]
+    config["additional_data"]["elevation"] = str(here / "elevation")
+    config["logging"] = {"type": "std_err", "color": False}
+    limits = config["service_limits"]
     limits["isochrone"] |= {"max_time_contour": LONGEST_CONTOUR_MIN, "max_distance": FARTHEST_M}
     limits["trace"] |= {"max_distance": FARTHEST_M, "max_shape": 1_000_000}
     limits["skadi"] |= {"max_shape": 1_000_000, "min_resample": 10.0}
-    if port is not None:
-        service = found["httpd"]["service"]
-        service |= {"listen": f"tcp://127.0.0.1:{port}", "drain_seconds": 0}
-        service |= {name: f"ipc://{here}/{name}.socket" for name in ("loopback", "interrupt")}
-        for part in ("loki", "thor", "odin", "meili"):
-            found[part]["service"]["proxy"] = f"ipc://{here}/{part}.socket"
-    return found
+    return config
 
 
 def _defaults(package: Path) -> dict[str, Any]:
@@ -94,7 +86,7 @@ def _defaults(package: Path) -> dict[str, Any]:
     path = package / "valhalla_build_config.py"
     spec = importlib.util.spec_from_file_location("tripwatt_valhalla_defaults", path)
     if spec is None or spec.loader is None:
-        raise InvalidInput(Fault("damaged installation", str(path), "no configuration", fix=INSTALL))
+        raise InvalidInput.of("damaged installation", str(path), "no configuration", fix=INSTALL)
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module  # its dataclasses look themselves up
     try:
@@ -126,22 +118,19 @@ def build_tiles(folder: Path, extract: Path) -> None:
     config = folder / "valhalla.json"
     config.write_text(json.dumps(configuration(folder)), "utf-8")
     try:
-        done = subprocess.run(
-            [program, "-c", config, extract], capture_output=True, text=True, errors="replace"
-        )
+        command = [str(program), "-c", str(config), str(extract)]
+        done = subprocess.run(command, capture_output=True, text=True, errors="replace")
     except OSError as error:
         got = f"{program.name}: {error.strerror or error}"
-        raise InvalidInput(Fault("cannot run Valhalla", str(program), got, "an executable file")) from error
+        raise InvalidInput.of("cannot run Valhalla", str(program), got, "an executable file") from error
     finally:
         config.unlink(missing_ok=True)
     if done.returncode != 0 or not any((folder / "tiles").rglob("*.gph")):
-        lines = [
-            line for line in (done.stdout + done.stderr).splitlines() if "ERROR" in line or "FATAL" in line
-        ]
+        output = (done.stdout + done.stderr).splitlines()
+        lines = [line for line in output if "ERROR" in line or "FATAL" in line]
         got = lines[-1][-120:] if lines else f"exit code {done.returncode}, no tiles"
-        raise InvalidInput(
-            Fault("cannot build the map", extract.name, got, "an OpenStreetMap extract with roads")
-        )
+        allowed = "an OpenStreetMap extract with roads"
+        raise InvalidInput.of("cannot build the map", extract.name, got, allowed)
 
 
 def router_in_process(folder: Path) -> ValhallaRouter:
@@ -155,7 +144,7 @@ def router_in_process(folder: Path) -> ValhallaRouter:
     try:
         import valhalla
     except ImportError as error:
-        raise InvalidInput(Fault("missing package", "pyvalhalla", str(error)[:80], fix=INSTALL)) from error
+        raise InvalidInput.of("missing package", "pyvalhalla", str(error)[:80], fix=INSTALL) from error
     actor = valhalla.Actor({**configuration(folder), "logging": {"type": ""}})
 
     def ask(action: str, request: dict[str, Any]) -> Any:
@@ -164,7 +153,7 @@ def router_in_process(folder: Path) -> ValhallaRouter:
         except valhalla.ValhallaError as error:
             return {"error": str(error), "error_code": error.code}
         except RuntimeError as error:
-            raise RemoteError(Fault("the router failed", action, str(error)[:120])) from error
+            raise RemoteError.of("the router failed", action, str(error)[:120]) from error
 
     def tile(request: dict[str, Any]) -> bytes:
         try:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 from tripwatt.routes.maps.stations import ASSUMED_POWER_W, Station
 from tripwatt.routes.web import EXTRA
 
@@ -81,18 +81,16 @@ def read_objects(path: Path, *, settlements_only: bool = False) -> Iterator[Name
             both = osmium.osm.NODE | osmium.osm.WAY
             objects = osmium.FileProcessor(str(path), both).with_locations()
             objects = objects.with_filter(osmium.filter.KeyFilter(*keys))
-        for found in objects:
-            yield from _read(found)
+        for element in objects:
+            yield from _read(element)
     except (RuntimeError, OSError) as error:
-        got = str(error)[:120]
-        raise InvalidInput(
-            Fault("cannot read the extract", path.name, got, "an OpenStreetMap extract")
-        ) from error
+        got, allowed = str(error)[:120], "an OpenStreetMap extract"
+        raise InvalidInput.of("cannot read the extract", path.name, got, allowed) from error
 
 
-def _read(found: Any) -> Iterator[Named | Station]:
-    tags = {tag.k: tag.v for tag in found.tags}
-    where = _centre(found)
+def _read(element: Any) -> Iterator[Named | Station]:
+    tags = {tag.k: tag.v for tag in element.tags}
+    where = _centre(element)
     if where is None:
         return
     latitude, longitude = where
@@ -100,7 +98,7 @@ def _read(found: Any) -> Iterator[Named | Station]:
         station = station_of_tags(tags, latitude, longitude)
         if station is not None:
             yield station
-    kind = _kind(tags, found.is_way())
+    kind = _kind(tags, element.is_way())
     name = tags.get("name", "")
     if kind is not None and name:
         yield Named(kind, name[:200], latitude, longitude)
@@ -118,16 +116,13 @@ def _kind(tags: Mapping[str, str], is_way: bool) -> str | None:
     return "poi" if any(key in tags for key in POINTS_OF_INTEREST) else None
 
 
-def _centre(found: Any) -> tuple[float, float] | None:
+def _centre(element: Any) -> tuple[float, float] | None:
     """Latitude and longitude of a node, or of the middle node of a way; None where they are not in the extract."""
-    if not found.is_way():
-        return float(found.lat), float(found.lon)
-    nodes = [node.location for node in found.nodes]
-    known = [node for node in nodes if node.valid()]
-    if not known:
-        return None
-    middle = known[len(known) // 2]
-    return float(middle.lat), float(middle.lon)
+    if not element.is_way():
+        return float(element.lat), float(element.lon)
+    known = [node.location for node in element.nodes if node.location.valid()]
+    middle = known[len(known) // 2] if known else None
+    return None if middle is None else (float(middle.lat), float(middle.lon))
 
 
 def station_of_tags(tags: Mapping[str, str], latitude_deg: float, longitude_deg: float) -> Station | None:
@@ -147,25 +142,18 @@ def station_of_tags(tags: Mapping[str, str], latitude_deg: float, longitude_deg:
     outputs = [_power_w(tags.get(f"socket:{name}:output", "")) for name in sockets]
     outputs += [_power_w(tags.get(key, "")) for key in ("charging_station:output", "maxpower")]
     power = max(outputs)
-    known = bool(power)
-    name = tags.get("name") or tags.get("operator") or tags.get("brand") or tags.get("network") or ""
-    return Station(
-        latitude_deg,
-        longitude_deg,
-        name[:200],
-        power if known else ASSUMED_POWER_W[direct],
-        direct_current=direct,
-        power_known=known,
-    )
+    name = next((tags[key] for key in ("name", "operator", "brand", "network") if tags.get(key)), "")
+    assumed = power or ASSUMED_POWER_W[direct]
+    return Station(latitude_deg, longitude_deg, name[:200], assumed, direct, power_known=bool(power))
 
 
 def _power_w(text: str) -> float:
     """Highest power of a text such as "50 kW;22 kW" [W], 0 where there is none."""
-    found = [
+    powers = [
         float(number.replace(",", ".")) * (1.0 if unit.lower() == "w" else 1000.0)
         for number, unit in POWER.findall(text[:200])
     ]
-    return max((power for power in found if 1000.0 <= power <= 1_500_000.0), default=0.0)
+    return max((power for power in powers if 1000.0 <= power <= 1_500_000.0), default=0.0)
 
 
 def _osmium() -> Any:
@@ -173,5 +161,5 @@ def _osmium() -> Any:
         import osmium  # an extra
         import osmium.filter
     except ImportError as error:
-        raise InvalidInput(Fault("missing package", "tripwatt map build", str(error), fix=EXTRA)) from error
+        raise InvalidInput.of("missing package", "tripwatt map build", str(error), fix=EXTRA) from error
     return osmium

@@ -11,7 +11,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Final
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, InvalidInput, raise_faults
 from tripwatt.routes.maps.engine import build_tiles, require_valhalla, router_in_process
 from tripwatt.routes.maps.extract import Named, read_objects
 from tripwatt.routes.maps.index import PlaceIndex, write_index
@@ -64,13 +64,12 @@ def open_map(folder: Path | str) -> MapFolder:
         info = json.loads((folder / INFO_NAME).read_text("utf-8"))
     except (OSError, ValueError) as error:
         fix = "build one with tripwatt map build REGION.osm.pbf"
-        raise InvalidInput(
-            Fault("no map", str(folder), type(error).__name__, "a folder with a map", fix)
-        ) from error
+        got, allowed = type(error).__name__, "a folder with a map"
+        raise InvalidInput.of("no map", str(folder), got, allowed, fix) from error
     if not isinstance(info, dict) or info.get("format") != FORMAT:
         got = f"format {info.get('format')!r}" if isinstance(info, dict) else "no object"
         fix = "build the map again with tripwatt map build"
-        raise InvalidInput(Fault("map of another release", str(folder), got[:60], f"format {FORMAT}", fix))
+        raise InvalidInput.of("map of another release", str(folder), got[:60], f"format {FORMAT}", fix)
     return MapFolder(folder, info)
 
 
@@ -110,7 +109,8 @@ def build_map(
         _copy_elevation(tiles, work)
         build_tiles(work, extract)
         progress("places")
-        places = [found for found in read_objects(extract, settlements_only=True) if isinstance(found, Named)]
+        objects = read_objects(extract, settlements_only=True)
+        places = [place for place in objects if isinstance(place, Named)]
         counts = write_index(work / INDEX_NAME, places, read_objects(extract))
         info = {
             "format": FORMAT,
@@ -134,24 +134,19 @@ def _require_paths(extract: Path, folder: Path, elevation: Path | str | None) ->
     faults, tiles = [], []
     if not extract.is_file():
         faults.append(Fault("no such file", "EXTRACT", str(extract), "an OpenStreetMap extract"))
-    if (
-        folder.exists()
-        and not (folder / INFO_NAME).is_file()
-        and (not folder.is_dir() or any(folder.iterdir()))
+    if folder.exists() and not (
+        folder.is_dir() and ((folder / INFO_NAME).is_file() or not any(folder.iterdir()))
     ):
-        faults.append(
-            Fault("folder holds something else", "--out", str(folder), "a new folder, or one with a map")
-        )
+        allowed = "a new folder, or one with a map"
+        faults.append(Fault("folder holds something else", "--out", str(folder), allowed))
     if elevation is not None:
         tiles = [
             path for path in sorted(Path(elevation).rglob("*")) if path.name.endswith(ELEVATION_SUFFIXES)
         ]
         if not tiles:
-            faults.append(
-                Fault("no elevation tiles", "--elevation", str(elevation), "files such as N47E009.hgt")
-            )
-    if faults:
-        raise InvalidInput(faults)
+            allowed = "files such as N47E009.hgt"
+            faults.append(Fault("no elevation tiles", "--elevation", str(elevation), allowed))
+    raise_faults(faults)
     return tiles
 
 

@@ -8,13 +8,14 @@ import sqlite3
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import closing
+from dataclasses import astuple
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 from tripwatt.routes.maps.extract import KINDS, Named
 from tripwatt.routes.maps.stations import Station
 from tripwatt.routes.places import SPELLINGS, WORD, Place, without_twins
@@ -37,8 +38,10 @@ LONGEST_COMPARED: Final = 60
 LEAST_SIMILAR: Final = 0.75
 """A name that nothing begins with is compared with so many settlements, and with what begins with its first letters."""
 
+COLUMNS: Final = "SELECT places.kind, places.name, places.context, places.latitude, places.longitude FROM"
+
 SCHEMA: Final = """
-CREATE TABLE found (kind INTEGER, name TEXT, context TEXT, latitude REAL, longitude REAL);
+CREATE TABLE read (kind INTEGER, name TEXT, context TEXT, latitude REAL, longitude REAL);
 CREATE TABLE stations (latitude REAL, longitude REAL, name TEXT, power REAL, direct INTEGER, known INTEGER);
 CREATE TABLE places (id INTEGER PRIMARY KEY, kind INTEGER, name TEXT, context TEXT, latitude REAL, longitude REAL);
 CREATE VIRTUAL TABLE names USING fts5(
@@ -69,15 +72,13 @@ def write_index(
     with closing(sqlite3.connect(path)) as database, database:
         database.executescript(SCHEMA)
         for batch in _batches(objects, 20_000):
-            stations = [found for found in batch if isinstance(found, Station)]
-            database.executemany(
-                "INSERT INTO stations VALUES (?, ?, ?, ?, ?, ?)", map(_station_row, stations)
-            )
-            named = [found for found in batch if isinstance(found, Named)]
-            database.executemany("INSERT INTO found VALUES (?, ?, ?, ?, ?)", _rows(named, nearest))
+            stations = [astuple(item) for item in batch if isinstance(item, Station)]
+            database.executemany("INSERT INTO stations VALUES (?, ?, ?, ?, ?, ?)", stations)
+            named = [item for item in batch if isinstance(item, Named)]
+            database.executemany("INSERT INTO read VALUES (?, ?, ?, ?, ?)", _rows(named, nearest))
         database.execute(
             "INSERT INTO places (kind, name, context, latitude, longitude) "
-            "SELECT kind, name, context, avg(latitude), avg(longitude) FROM found "
+            "SELECT kind, name, context, avg(latitude), avg(longitude) FROM read "
             "GROUP BY kind, name, context ORDER BY kind, length(name), name, context"
         )
         rows = database.execute("SELECT id, name, context FROM places")
@@ -85,7 +86,7 @@ def write_index(
             "INSERT INTO names (rowid, name, context, spelling) VALUES (?, ?, ?, ?)",
             ((k, name, context, _spelling(f"{name} {context}")) for k, name, context in rows),
         )
-        database.execute("DROP TABLE found")
+        database.execute("DROP TABLE read")
         return {
             table: int(database.execute(f"SELECT count(*) FROM {table}").fetchone()[0])
             for table in ("places", "stations")
@@ -93,24 +94,13 @@ def write_index(
 
 
 def _rows(named: Sequence[Named], nearest: _Nearest) -> Iterator[tuple[Any, ...]]:
-    for found, settlement in zip(named, nearest.names(named), strict=True):
-        kind, name, context = KINDS.index(found.kind), found.name, found.city or settlement
-        if found.kind == "house":
-            name = f"{found.street} {found.name}"
-        elif found.name == context:
+    for item, settlement in zip(named, nearest.names(named), strict=True):
+        name, context = item.name, item.city or settlement
+        if item.kind == "house":
+            name = f"{item.street} {name}"
+        elif name == context:
             context = ""
-        yield kind, name, context, found.latitude_deg, found.longitude_deg
-
-
-def _station_row(station: Station) -> tuple[Any, ...]:
-    return (
-        station.latitude_deg,
-        station.longitude_deg,
-        station.name,
-        station.power_w,
-        int(station.direct_current),
-        int(station.power_known),
-    )
+        yield KINDS.index(item.kind), name, context, item.latitude_deg, item.longitude_deg
 
 
 def _batches(objects: Iterable[Any], size: int) -> Iterator[list[Any]]:
@@ -148,7 +138,7 @@ class _Nearest:
 
 def _plane(objects: Sequence[Named]) -> Any:
     """Latitudes and longitudes on one scale: good enough to compare distances of some kilometres."""
-    table = np.array([(found.latitude_deg, found.longitude_deg) for found in objects])
+    table = np.array([(item.latitude_deg, item.longitude_deg) for item in objects])
     table[:, 1] *= np.cos(np.radians(table[:, 0]))
     return table
 
@@ -170,13 +160,12 @@ class PlaceIndex:
     def __init__(self, path: Path) -> None:
         self.path = path
         try:
-            self.database = sqlite3.connect(
-                f"{path.resolve().as_uri()}?mode=ro", uri=True, check_same_thread=False
-            )
+            uri = f"{path.resolve().as_uri()}?mode=ro"
+            self.database = sqlite3.connect(uri, uri=True, check_same_thread=False)
             self.database.execute("SELECT count(*) FROM stations").fetchone()
         except sqlite3.Error as error:
             fix = "build the map again with tripwatt map build"
-            raise InvalidInput(Fault("no index of places", str(path), str(error)[:80], fix=fix)) from error
+            raise InvalidInput.of("no index of places", str(path), str(error)[:80], fix=fix) from error
 
     def search(self, text: str, *, limit: int = 10) -> tuple[Place, ...]:
         """Places whose name begins with the words of a text, the most important first.
@@ -200,33 +189,28 @@ class PlaceIndex:
         if not words:
             return ()
         query = " ".join(f'"{word}"*' for word in words)
-        rows = self.database.execute(
-            "SELECT places.kind, places.name, places.context, places.latitude, places.longitude FROM names "
-            "JOIN places ON places.id = names.rowid WHERE names MATCH ? ORDER BY names.rowid LIMIT ?",
-            (query, CANDIDATES),
-        ).fetchall()
+        rows = self._matching(query)
         whole = " ".join(words).lower()
         rows.sort(key=lambda row: _order(row, whole))
-        found = without_twins(map(_place, rows or self._similar(whole)))
-        return found[: min(limit, MOST_FOUND)]
+        return without_twins(map(_place, rows or self._similar(whole)))[: min(limit, MOST_FOUND)]
+
+    def _matching(self, query: str) -> list[tuple[Any, ...]]:
+        """Rows of the first places by a query of the full-text search, in the order of their importance."""
+        joined = f"{COLUMNS} names JOIN places ON places.id = names.rowid"
+        ordered = f"{joined} WHERE names MATCH ? ORDER BY names.rowid LIMIT ?"
+        return self.database.execute(ordered, (query, CANDIDATES)).fetchall()
 
     def _similar(self, typed: str) -> list[tuple[Any, ...]]:
         """Rows whose names are most similar to a text, the most similar first. O(compared names)."""
-        columns = "SELECT places.kind, places.name, places.context, places.latitude, places.longitude FROM"
         rows = self.database.execute(
-            f"{columns} places WHERE id < ? ORDER BY id LIMIT ?", (self._first_street, MOST_COMPARED)
+            f"{COLUMNS} places WHERE id < ? ORDER BY id LIMIT ?", (self._first_street, MOST_COMPARED)
         ).fetchall()
-        start = typed.split()[0][:SAME_LETTERS]
-        rows += self.database.execute(
-            f"{columns} names JOIN places ON places.id = names.rowid WHERE names MATCH ? ORDER BY names.rowid LIMIT ?",
-            (f'"{start}"*', CANDIDATES),
-        ).fetchall()
+        rows += self._matching(f'"{typed.split()[0][:SAME_LETTERS]}"*')
         by_name: dict[str, list[tuple[Any, ...]]] = {}
         for row in dict.fromkeys(rows):
             by_name.setdefault(row[1].lower(), []).append(row)
-        near = difflib.get_close_matches(
-            typed[:LONGEST_COMPARED], by_name, n=MOST_FOUND, cutoff=LEAST_SIMILAR
-        )
+        text = typed[:LONGEST_COMPARED]
+        near = difflib.get_close_matches(text, by_name, n=MOST_FOUND, cutoff=LEAST_SIMILAR)
         return [row for name in near for row in by_name[name]]
 
     def settlements(
@@ -238,9 +222,7 @@ class PlaceIndex:
             "AND longitude BETWEEN ? AND ? ORDER BY id LIMIT ?",
             (self._first_street, south, north, west, east, limit),
         ).fetchall()
-        return tuple(
-            Place(latitude, longitude, name, KINDS[kind]) for kind, name, latitude, longitude in rows
-        )
+        return tuple(Place(lat, lon, name, KINDS[kind]) for kind, name, lat, lon in rows)
 
     @cached_property
     def _first_street(self) -> int:
@@ -254,8 +236,7 @@ class PlaceIndex:
         """All charging stations."""
         rows = self.database.execute("SELECT * FROM stations").fetchall()
         return tuple(
-            Station(latitude, longitude, name, power, bool(direct), bool(known))
-            for latitude, longitude, name, power, direct, known in rows
+            Station(lat, lon, name, w, bool(dc), bool(known)) for lat, lon, name, w, dc, known in rows
         )
 
 

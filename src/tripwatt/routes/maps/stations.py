@@ -10,7 +10,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, InvalidInput, raise_faults
 from tripwatt.routes.places import Place
 from tripwatt.routes.points import EARTH_RADIUS_M
 
@@ -52,9 +52,8 @@ class Station:
     @property
     def place(self) -> Place:
         """Where it is."""
-        return Place(
-            self.latitude_deg, self.longitude_deg, self.name or "charging station", "charging_station"
-        )
+        name = self.name or "charging station"
+        return Place(self.latitude_deg, self.longitude_deg, name, "charging_station")
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values."""
@@ -75,37 +74,30 @@ def read_stations(path: Path | str) -> tuple[Station, ...]:
     try:
         table = pd.read_csv(path, nrows=MOST_STATIONS + 1)
     except (OSError, ValueError) as error:
-        raise InvalidInput(
-            Fault("cannot read the stations", str(path), str(error)[:80], "a CSV table")
-        ) from error
+        got = str(error)[:80]
+        raise InvalidInput.of("cannot read the stations", str(path), got, "a CSV table") from error
     missing = [name for name in COLUMNS if name not in table.columns]
     if missing:
-        raise InvalidInput(Fault("missing column", path.name, ", ".join(missing), ", ".join(COLUMNS)))
+        raise InvalidInput.of("missing column", path.name, ", ".join(missing), ", ".join(COLUMNS))
     if len(table) > MOST_STATIONS:
-        raise InvalidInput(Fault("too many stations", path.name, f"{len(table)}", f"at most {MOST_STATIONS}"))
+        raise InvalidInput.of("too many stations", path.name, f"{len(table)}", f"at most {MOST_STATIONS}")
     bounds = {"latitude_deg": (-90.0, 90.0), "longitude_deg": (-180.0, 180.0), "power_kw": (1.0, 1500.0)}
-    faults = []
+    faults, columns = [], []
     for column, (low, high) in bounds.items():
         values = pd.to_numeric(table[column], errors="coerce").to_numpy(dtype=np.float64)
         wrong = np.flatnonzero(~((values >= low) & (values <= high)))
         if len(wrong):
-            where = f"{path.name}, column '{column}', row {wrong[0] + 1}"
-            faults.append(
-                Fault("value out of range", where, str(table[column].iloc[wrong[0]]), f"{low:g} to {high:g}")
+            where, got = (
+                f"{path.name}, column '{column}', row {wrong[0] + 1}",
+                f"{table[column].iloc[wrong[0]]}",
             )
-    if faults:
-        raise InvalidInput(faults)
+            faults.append(Fault("value out of range", where, got, f"{low:g} to {high:g}"))
+        columns.append(values.tolist())
+    raise_faults(faults)
     names = table["name"].fillna("").astype(str) if "name" in table.columns else [""] * len(table)
-    rows = zip(table["latitude_deg"], table["longitude_deg"], names, table["power_kw"], strict=True)
     return tuple(
-        Station(
-            float(lat),
-            float(lon),
-            name,
-            1000.0 * float(kw),
-            direct_current=1000.0 * float(kw) >= DIRECT_FROM_W,
-        )
-        for lat, lon, name, kw in rows
+        Station(latitude, longitude, name, 1000.0 * kw, direct_current=1000.0 * kw >= DIRECT_FROM_W)
+        for latitude, longitude, kw, name in zip(*columns, names, strict=True)
     )
 
 
@@ -140,8 +132,8 @@ def near(stations: Sequence[Station], points: Sequence[Place], farthest_m: float
     line = cKDTree(_on_sphere([(p.latitude_deg, p.longitude_deg) for p in points]))
     where = _on_sphere([(s.latitude_deg, s.longitude_deg) for s in stations])
     distance, nearest = line.query(where, distance_upper_bound=farthest_m)
-    found = [(k, int(nearest[k])) for k in range(len(stations)) if np.isfinite(distance[k])]
-    return sorted(found, key=lambda pair: pair[1])
+    pairs = [(k, int(nearest[k])) for k in range(len(stations)) if np.isfinite(distance[k])]
+    return sorted(pairs, key=lambda pair: pair[1])
 
 
 def _on_sphere(pairs: Sequence[tuple[float, float]]) -> Any:

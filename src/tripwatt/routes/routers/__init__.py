@@ -7,7 +7,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 from tripwatt.routes.routers.road import Edges, Road, RoadParts, Router, pooled
 from tripwatt.routes.routers.servers import GraphHopperRouter, OpenRouteServiceRouter, OsrmRouter
 from tripwatt.routes.routers.valhalla import ValhallaRouter
@@ -54,7 +54,7 @@ def split_kind(text: str, kinds: Mapping[str, object], where: str) -> tuple[str,
     if not mark or "://" in kind:
         kind, url = next(iter(kinds)), text
     if kind not in kinds:
-        raise InvalidInput(Fault("unknown kind of server", where, kind[:40], ", ".join(kinds)))
+        raise InvalidInput.of("unknown kind of server", where, kind[:40], ", ".join(kinds))
     return kind, require_url(url, where)
 
 

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Final, Protocol
+from typing import Final, Protocol, Self
 
 import numpy as np
 
 from tripwatt.arrays import BoolArray, FloatArray, IntArray
-from tripwatt.errors import Fault, InvalidInput, RemoteError
+from tripwatt.errors import Fault, InvalidInput, raise_faults
 from tripwatt.routes.links import FLAT_ROAD, SHORTEST_LINK_M, LinkRoute, plan_from_links
-from tripwatt.routes.places import Place, bearings_deg
-from tripwatt.routes.points import haversine_m
-from tripwatt.trips import Flag, Plan
+from tripwatt.routes.places import Place, heading_along, with_heading
+from tripwatt.routes.points import distances_m
+from tripwatt.routes.web import as_remote
+from tripwatt.trips import Plan
 
 FARTHEST_START_M: Final = 1500.0
 """A road that begins or ends farther from the place than this belongs to another place: the map ends before it."""
@@ -29,6 +30,9 @@ MOST_ROUTES: Final = 4
 """Alternatives of one question."""
 
 MOTORWAY: Final = "motorway"
+
+KEY: Final = "TRIPWATT_ROUTER_KEY"
+"""Environment variable of the key that a router's server expects."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -105,15 +109,12 @@ class Road:
 
     def heading_at(self, position_m: FloatArray) -> FloatArray:
         """Direction of travel at distances from the start, clockwise from north [°], shape of `position_m`."""
-        if len(self.position_m) < 2:
-            return np.zeros_like(position_m)
-        heading = bearings_deg(self.latitude_deg, self.longitude_deg)
-        piece = np.searchsorted(self.position_m, position_m, side="right") - 1
-        return np.asarray(heading[np.clip(piece, 0, len(heading) - 1)], dtype=np.float64)
+        return heading_along(self.latitude_deg, self.longitude_deg, self.position_m, position_m)
 
     def plan(self, trip_id: str = "route") -> Plan:
-        """The road as a plan, see `plan_from_links`."""
-        return plan_from_links(self.links, trip_id=trip_id)
+        """The road as a plan with its direction of travel, see `plan_from_links`."""
+        plan = plan_from_links(self.links, trip_id=trip_id)
+        return with_heading(plan, self.latitude_deg, self.longitude_deg, self.position_m, self.distance_m)
 
     def with_links(self, links: LinkRoute) -> Road:
         """The same line with other speeds or times of its links."""
@@ -216,13 +217,21 @@ class RoadParts:
     points: list[FloatArray] = field(default_factory=list)
     heights: list[tuple[FloatArray, FloatArray] | None] = field(default_factory=list)
 
+    @classmethod
+    def of_one_leg(cls, edges: Edges, points: FloatArray, position_m: FloatArray) -> Self:
+        """From edges and points with latitude, longitude and perhaps height, at distances from the start."""
+        parts = cls()
+        known = np.isfinite(points[:, 2]) if points.shape[1] > 2 else np.zeros(len(points), dtype=bool)
+        parts.add(edges, points[:, :2], (position_m[known], points[known, 2]) if known.any() else None)
+        return parts
+
     def add(self, edges: Edges, points: FloatArray, heights: tuple[FloatArray, FloatArray] | None) -> None:
         """Add a leg: its edges, its line (latitude, longitude), and heights at distances from its start or None."""
         self.edges.append(edges)
         self.points.append(points)
         self.heights.append(heights)
 
-    def road(self, stops: Sequence[Place], where: str, *flags: Flag) -> Road:
+    def road(self, stops: Sequence[Place]) -> Road:
         """The whole road.
 
         Raises
@@ -235,17 +244,10 @@ class RoadParts:
         legs_m = [float(edges.length_m.sum()) for edges in self.edges]
         points = np.concatenate(self.points)
         _require_near(points, stops)
-        try:
+        with as_remote():
             links, kinds = pooled(_joined(self.edges))
-            links = replace(_with_heights(links, self.heights, legs_m), flags=())
-        except InvalidInput as error:
-            raise RemoteError(error.faults) from error
-        known = links.elevation_m is not None
-        links = replace(links, flags=flags if known else (*flags, FLAT_ROAD))
-        steps = haversine_m(points[:, 0], points[:, 1])
-        position = np.concatenate(([0.0], np.cumsum(steps)))
-        if position[-1] > 0.0:
-            position *= links.distance_m / position[-1]
+            links = _with_heights(links, self.heights, legs_m)
+        position = distances_m(points, links.distance_m)
         ends = np.cumsum(legs_m)[:-1].tolist()
         return Road(links, kinds, points[:, 0], points[:, 1], position, tuple(ends))
 
@@ -259,52 +261,49 @@ def _joined(parts: Sequence[Edges]) -> Edges:
         tuple(kind for part in parts for kind in part.road_class),
         np.concatenate([part.signal for part in parts]),
     )
-    sound = (
-        np.isfinite(edges.length_m) & (edges.length_m >= 0) & np.isfinite(edges.time_s) & (edges.time_s >= 0)
-    )
-    with np.errstate(invalid="ignore"):
-        sound &= ~(edges.speed_m_s <= 0.0)
+    sound = ~(edges.speed_m_s <= 0.0)
+    for values in (edges.length_m, edges.time_s):
+        sound &= np.isfinite(values) & (values >= 0)
     if not sound.all() or not len(sound) or not edges.length_m.sum() > 0 or not edges.time_s.sum() > 0:
         bad = np.flatnonzero(~sound)
         where = f"edge {bad[0] + 1}" if len(bad) else "edges"
-        raise InvalidInput(Fault("impossible edge of the road", where, "", "length and time above 0"))
+        raise InvalidInput.of("impossible edge of the road", where, "", "length and time above 0")
     return edges
 
 
 def _with_heights(
     links: LinkRoute, heights: Sequence[tuple[FloatArray, FloatArray] | None], legs_m: Sequence[float]
 ) -> LinkRoute:
+    """Links with the heights of all legs, as they are where one has none."""
     known = [leg for leg in heights if leg is not None]
     if not known or len(known) < len(heights):
         return links
-    starts = np.concatenate(([0.0], np.cumsum(legs_m)[:-1]))
+    starts = np.cumsum([0.0, *legs_m[:-1]])
     position = np.concatenate([start + leg[0] for start, leg in zip(starts, known, strict=True)])
-    return replace(
-        links, elevation_position_m=position, elevation_m=np.concatenate([leg[1] for leg in known])
-    )
+    height = np.concatenate([leg[1] for leg in known])
+    return replace(links, elevation_position_m=position, elevation_m=height, flags=())
 
 
 def _require_near(points: FloatArray, stops: Sequence[Place]) -> None:
-    ends = ((stops[0], points[0]), (stops[-1], points[-1]))
     faults = []
-    for place, (latitude, longitude) in ends:
+    for place, (latitude, longitude) in ((stops[0], points[0]), (stops[-1], points[-1])):
         off = place.distance_m(Place(float(latitude), float(longitude)))
         if off > FARTHEST_START_M:
             got = f"{off / 1000.0:.1f} km from the nearest road of the map"
-            faults.append(
-                Fault(
-                    "place outside of the map", place.title, got, f"at most {FARTHEST_START_M / 1000.0:g} km"
-                )
-            )
-    if faults:
-        raise InvalidInput(faults)
+            allowed = f"at most {FARTHEST_START_M / 1000.0:g} km"
+            faults.append(Fault("place outside of the map", place.title, got, allowed))
+    raise_faults(faults)
 
 
 def require_stops(stops: Sequence[Place]) -> None:
     """Raise `InvalidInput` for a journey without two different places."""
     if len(stops) < 2:
-        raise InvalidInput(Fault("too few places", "stops", f"{len(stops)}", "a start and a destination"))
+        raise InvalidInput.of("too few places", "stops", f"{len(stops)}", "a start and a destination")
     if all(stops[0].distance_m(place) < 1.0 for place in stops):
-        raise InvalidInput(
-            Fault("no way to drive", "stops", f"{stops[0].title} only", "two different places")
-        )
+        raise InvalidInput.of("no way to drive", "stops", f"{stops[0].title} only", "two different places")
+
+
+def no_road(stops: Sequence[Place], got: str) -> InvalidInput:
+    """The error of places that no road connects."""
+    title = " to ".join(place.title for place in stops)
+    return InvalidInput.of("no road found", title, got[:120], "places that a road connects")

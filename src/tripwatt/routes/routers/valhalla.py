@@ -6,6 +6,7 @@ with their speeds, classes and signals, come from `trace_attributes` on the line
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -15,16 +16,17 @@ from typing import Any, Final, TypeVar
 
 import numpy as np
 
-from tripwatt.arrays import FloatArray
-from tripwatt.errors import Fault, InvalidInput, RemoteError
+from tripwatt.arrays import FloatArray, IntArray
+from tripwatt.errors import InvalidInput
+from tripwatt.routes.documents import Node
 from tripwatt.routes.places import Place
-from tripwatt.routes.points import a_list, a_number, an_object, haversine_m
+from tripwatt.routes.points import distances_m
 from tripwatt.routes.polyline import decode_polyline
-from tripwatt.routes.routers.road import MOST_ROUTES, Edges, Road, RoadParts, require_stops
-from tripwatt.routes.web import WebClient
+from tripwatt.routes.routers.road import KEY, MOST_ROUTES, Edges, Road, RoadParts, no_road, require_stops
+from tripwatt.routes.web import WebClient, an_answer, as_remote
 from tripwatt.units import M_S_PER_KM_H
 
-Found = TypeVar("Found")
+T = TypeVar("T")
 
 Ask = Callable[[str, dict[str, Any]], Any]
 """Takes an action of Valhalla and its request, gives the answer as a document."""
@@ -35,7 +37,7 @@ HEIGHT_EVERY_M: Final = 30.0
 """Distance of the heights along the road [m], as fine as the usual elevation model."""
 
 SLOWEST_ALTERNATIVE: Final = 1.6
-"""Alternatives that take this many times as long as the fastest road lead over tracks that nobody means."""
+"""Alternatives that take more than this many times as long as the fastest road are left out: they lead over tracks."""
 
 AskTile = Callable[[dict[str, Any]], bytes]
 """As `Ask` for the action `tile`, whose answer is no document."""
@@ -82,7 +84,7 @@ class ValhallaRouter:
     @classmethod
     def from_url(cls, url: str) -> ValhallaRouter:
         """A Valhalla server."""
-        return cls.from_client(WebClient(url, "the router", "TRIPWATT_ROUTER_KEY", "query:api_key"))
+        return cls.from_client(WebClient(url, "the router", KEY, "query:api_key"))
 
     @classmethod
     def from_client(cls, client: WebClient) -> ValhallaRouter:
@@ -126,20 +128,16 @@ class ValhallaRouter:
         }
         answer = self._answer("isochrone", request, (start,))
         places = []
-        for k, entry in enumerate(a_list(answer.get("features"), "isochrone, features")):
-            geometry = an_object(
-                an_object(entry, f"features[{k}]").get("geometry"), f"features[{k}], geometry"
-            )
-            polygons = geometry.get("coordinates")
-            rings = a_list(polygons, "coordinates", least=1)
-            if geometry.get("type") == "MultiPolygon":
-                rings = [a_list(polygon, "coordinates", least=1)[0] for polygon in rings]
+        for feature in answer["features"].entries():
+            geometry = feature["geometry"]
+            rings = geometry["coordinates"].entries(least=1)
+            if geometry["type"].value == "MultiPolygon":
+                rings = [polygon.entries(least=1)[0] for polygon in rings]
             else:
                 rings = rings[:1]
-            for ring in rings:
-                for corner in a_list(ring, "coordinates"):
-                    pair = a_list(corner, "coordinates", least=2)
-                    places.append(Place(a_number(pair[1], "coordinates"), a_number(pair[0], "coordinates")))
+            for corner in (corner for ring in rings for corner in ring.entries()):
+                longitude, latitude = (degrees.number() for degrees in corner.entries(least=2)[:2])
+                places.append(Place(latitude, longitude))
         return tuple(places)
 
     def tile(self, zoom: int, column: int, row: int) -> bytes:
@@ -156,7 +154,7 @@ class ValhallaRouter:
             return b""
         return self.ask_tile({"tile": {"z": zoom, "x": column, "y": row}})
 
-    def _trips(self, stops: Sequence[Place], more: dict[str, Any]) -> list[dict[str, Any]]:
+    def _trips(self, stops: Sequence[Place], more: dict[str, Any]) -> list[Node]:
         request = {
             "locations": [_location(place) for place in stops],
             "costing": "auto",
@@ -164,39 +162,36 @@ class ValhallaRouter:
             **more,
         }
         answer = self._answer("route", request, stops)
-        others = answer.get("alternates") or []
-        found = [answer, *a_list(others, "route, alternates")[:MOST_ROUTES]]
-        return [an_object(an_object(entry, "route").get("trip"), "route, trip") for entry in found]
+        others = answer["alternates"]
+        trips = [
+            entry["trip"] for entry in (answer, *(others.entries() if others.value else ())[:MOST_ROUTES])
+        ]
+        for trip in trips:
+            trip.members()
+        return trips
 
-    def _road(self, trip: dict[str, Any], stops: Sequence[Place]) -> Road:
+    def _road(self, trip: Node, stops: Sequence[Place]) -> Road:
         parts = RoadParts()
-        try:
-            for k, entry in enumerate(a_list(trip.get("legs"), "route, legs", least=1)):
-                leg = an_object(entry, f"route, legs[{k}]")
-                shape = leg.get("shape")
+        with as_remote():
+            for leg in trip["legs"].entries(least=1):
+                shape = leg["shape"].value
                 if not isinstance(shape, str):
-                    raise InvalidInput(
-                        Fault("no line", f"route, legs[{k}]", repr(shape)[:40], "an encoded line")
-                    )
-                points = decode_polyline(shape, f"route, legs[{k}], shape", precision=1e6)
+                    raise InvalidInput.of("no line", leg.where, repr(shape)[:40], "an encoded line")
+                points = decode_polyline(shape, leg["shape"].where, precision=1e6)
                 asked = [partial(self._edge_document, shape, stops), partial(self._height_document, shape)]
                 edge_document, heights = self._together(asked)
                 edges, covered = _edges(edge_document, shape, points)
                 parts.add(edges, points, _heights(heights, covered))
-        except RemoteError:
-            raise
-        except InvalidInput as error:
-            raise RemoteError(error.faults) from error
-        return parts.road(stops, self.name)
+        return parts.road(stops)
 
-    def _together(self, calls: Sequence[Callable[[], Found]]) -> list[Found]:
+    def _together(self, calls: Sequence[Callable[[], T]]) -> list[T]:
         """What each call gives; a server answers them side by side."""
         if not self.at_once or len(calls) == 1:
             return [call() for call in calls]
         with ThreadPoolExecutor(len(calls)) as threads:
-            return [found.result() for found in [threads.submit(call) for call in calls]]
+            return [asked.result() for asked in [threads.submit(call) for call in calls]]
 
-    def _edge_document(self, shape: str, stops: Sequence[Place]) -> dict[str, Any]:
+    def _edge_document(self, shape: str, stops: Sequence[Place]) -> Node:
         request = {
             "encoded_polyline": shape,
             "shape_match": "edge_walk",
@@ -205,16 +200,16 @@ class ValhallaRouter:
         }
         return self._answer("trace_attributes", request, stops)
 
-    def _height_document(self, shape: str) -> dict[str, Any]:
+    def _height_document(self, shape: str) -> Node:
         request = {
             "encoded_polyline": shape,
             "shape_format": "polyline6",
             "range": True,
             "resample_distance": HEIGHT_EVERY_M,
         }
-        return an_object(self.ask("height", request), "height")
+        return Node(self.ask("height", request), "height")
 
-    def _answer(self, action: str, request: dict[str, Any], stops: Sequence[Place]) -> dict[str, Any]:
+    def _answer(self, action: str, request: dict[str, Any], stops: Sequence[Place]) -> Node:
         """The answer of an action.
 
         Raises
@@ -224,51 +219,57 @@ class ValhallaRouter:
         RemoteError
             When the answer is none.
         """
-        try:
-            answer = an_object(self.ask(action, request), action)
-        except RemoteError:
-            raise
-        except InvalidInput as error:
-            raise RemoteError(error.faults) from error
-        if "error" not in answer and "error_code" not in answer:
+        with as_remote():
+            answer = an_answer(self.ask(action, request), action)
+        if not {"error", "error_code"} & answer.members().keys():
             return answer
-        code, got = answer.get("error_code"), str(answer.get("error"))[:120]
-        title = " to ".join(place.title for place in stops)
+        code, got = answer["error_code"].value, str(answer["error"].value)[:120]
         if isinstance(code, int) and code in NOT_ON_MAP:
-            raise InvalidInput(Fault("place outside of the map", title, got, "places near a road of the map"))
-        raise InvalidInput(Fault("no road found", title, got, "places that a road connects"))
+            title = " to ".join(place.title for place in stops)
+            raise InvalidInput.of("place outside of the map", title, got, "places near a road of the map")
+        raise no_road(stops, got)
 
 
-def _edges(answer: dict[str, Any], shape: str, points: FloatArray) -> tuple[Edges, FloatArray]:
+def _edges(answer: Node, shape: str, points: FloatArray) -> tuple[Edges, FloatArray]:
     """Edges of a line, and the ranges of distance [m] under a roof or on a bridge, shape (ranges, 2)."""
-    entries = a_list(answer.get("edges"), "trace_attributes, edges", least=1)
+    entries = answer["edges"].entries(least=1)
     if len(entries) > MOST_EDGES:
-        raise InvalidInput(
-            Fault("too many edges", "trace_attributes", f"{len(entries)}", f"at most {MOST_EDGES}")
+        raise InvalidInput.of(
+            "too many edges", "trace_attributes", f"{len(entries)}", f"at most {MOST_EDGES}"
         )
-    own = answer.get("shape")
+    own = answer["shape"].value
     if isinstance(own, str) and own != shape:  # its line may have a point more than that of the route
-        points = decode_polyline(own, "trace_attributes, shape", precision=1e6)
-    table = _EdgeTable.from_entries(entries, len(points))
-    driven = np.concatenate(([0.0], np.cumsum(haversine_m(points[:, 0], points[:, 1]))))
-    border = np.append(driven[table.begin], driven[table.end[-1]])
-    length = np.diff(border)
-    off = table.covered
-    ranges = np.column_stack((border[:-1][off], border[1:][off]))
-    time = np.diff(table.elapsed_s, prepend=0.0)
-    kinds = tuple(table.road_class)
-    return Edges(length, time, table.speed_m_s, table.limit_m_s, kinds, table.signal), ranges
+        points = decode_polyline(own, answer["shape"].where, precision=1e6)
+    begin = _indices([entry["begin_shape_index"] for entry in entries], len(points))
+    end = _indices([entry["end_shape_index"] for entry in entries], len(points))
+    if (np.diff(begin) < 0).any() or (end < begin).any() or (begin[1:] != end[:-1]).any():
+        raise InvalidInput.of("edges out of order", answer["edges"].where, "", "indices that rise")
+    nodes = [Node(entry.members().get("end_node", {}), f"{entry.where}, end_node") for entry in entries]
+    elapsed = np.array([node["elapsed_time"].number(least=0.0) for node in nodes])
+    if (np.diff(elapsed) < 0).any():
+        raise InvalidInput.of("time decreases", "trace_attributes, elapsed_time", "", "times that rise")
+    border = distances_m(points)[np.append(begin, end[-1])]
+    off = [entry["tunnel"].value is True or entry["bridge"].value is True for entry in entries]
+    edges = Edges(
+        np.diff(border),
+        np.diff(elapsed, prepend=0.0),
+        np.array([M_S_PER_KM_H * entry["speed"].number(least=1.0) for entry in entries]),
+        np.array([_limit(entry["speed_limit"]) for entry in entries]),
+        tuple(str(entry.members().get("road_class", "")) for entry in entries),
+        np.array([node["traffic_signal"].value is True for node in nodes]),
+    )
+    return edges, np.column_stack((border[:-1], border[1:]))[off]
 
 
-def _heights(answer: dict[str, Any], covered: FloatArray) -> tuple[FloatArray, FloatArray] | None:
+def _heights(answer: Node, covered: FloatArray) -> tuple[FloatArray, FloatArray] | None:
     """Distances and heights; None without an elevation model. Tunnels and bridges are straight."""
-    pairs = answer.get("range_height")
-    if not isinstance(pairs, list) or not pairs:
-        return None
-    known = [pair for pair in pairs if isinstance(pair, list) and len(pair) == 2 and pair[1] is not None]
+    pairs = answer["range_height"]
+    given = pairs.value if isinstance(pairs.value, list) else []
+    known = [Node(pair, pairs.where) for pair in given if isinstance(pair, list) and len(pair) == 2]
+    known = [pair for pair in known if pair.value[1] is not None]
     if len(known) < 2:
         return None
-    table = np.array([[a_number(v, "height, range_height") for v in pair] for pair in known])
+    table = np.array([pair.numbers() for pair in known])
     on_ground = np.ones(len(table), dtype=bool)
     for start, end in covered:
         on_ground &= ~((table[:, 0] > start) & (table[:, 0] < end))
@@ -276,66 +277,19 @@ def _heights(answer: dict[str, Any], covered: FloatArray) -> tuple[FloatArray, F
     return kept[:, 0], kept[:, 1]
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class _EdgeTable:
-    begin: Any
-    end: Any
-    elapsed_s: FloatArray
-    speed_m_s: FloatArray
-    limit_m_s: FloatArray
-    road_class: list[str]
-    signal: Any
-    covered: Any
-
-    @classmethod
-    def from_entries(cls, entries: list[Any], n_points: int) -> _EdgeTable:
-        rows = [an_object(entry, f"edges[{k}]") for k, entry in enumerate(entries)]
-        nodes = [an_object(row.get("end_node", {}), f"edges[{k}], end_node") for k, row in enumerate(rows)]
-        begin = _indices(rows, "begin_shape_index", n_points)
-        end = _indices(rows, "end_shape_index", n_points)
-        if (np.diff(begin) < 0).any() or (end < begin).any() or (begin[1:] != end[:-1]).any():
-            raise InvalidInput(
-                Fault("edges out of order", "trace_attributes, edges", "", "indices that rise")
-            )
-        elapsed = np.array(
-            [a_number(n.get("elapsed_time"), f"edges[{k}]", least=0.0) for k, n in enumerate(nodes)]
-        )
-        if (np.diff(elapsed) < 0).any():
-            raise InvalidInput(
-                Fault("time decreases", "trace_attributes, elapsed_time", "", "times that rise")
-            )
-        limits = [row.get("speed_limit") for row in rows]
-        return cls(
-            begin,
-            end,
-            elapsed,
-            np.array(
-                [
-                    M_S_PER_KM_H * a_number(r.get("speed"), f"edges[{k}], speed", least=1.0)
-                    for k, r in enumerate(rows)
-                ]
-            ),
-            np.array([_limit(value, f"edges[{k}], speed_limit") for k, value in enumerate(limits)]),
-            [str(row.get("road_class", "")) for row in rows],
-            np.array([node.get("traffic_signal") is True for node in nodes]),
-            np.array([row.get("tunnel") is True or row.get("bridge") is True for row in rows]),
-        )
-
-
-def _limit(value: Any, where: str) -> float:
+def _limit(limit: Node) -> float:
     """A speed limit [m/s], NaN where there is none: Valhalla writes "unlimited", or nothing."""
-    if value is None or isinstance(value, str):
-        return float("nan")
-    found = M_S_PER_KM_H * a_number(value, where, least=0.0)
-    return found if 0.0 < found < 60.0 else float("nan")
+    if limit.value is None or isinstance(limit.value, str):
+        return math.nan
+    speed = M_S_PER_KM_H * limit.number(least=0.0)
+    return speed if 0.0 < speed < 60.0 else math.nan
 
 
-def _indices(rows: list[dict[str, Any]], key: str, n_points: int) -> Any:
-    values = np.array([a_number(row.get(key), f"edges[{k}], {key}", least=0.0) for k, row in enumerate(rows)])
+def _indices(nodes: Sequence[Node], n_points: int) -> IntArray:
+    values = np.array([node.number(least=0.0) for node in nodes])
     if (values != np.floor(values)).any() or values.max() >= n_points:
-        raise InvalidInput(
-            Fault("point index out of range", key, f"{values.max():g}", f"0 to {n_points - 1}")
-        )
+        where, got = nodes[0].where, f"{values.max():g}"
+        raise InvalidInput.of("point index out of range", where, got, f"0 to {n_points - 1}")
     return values.astype(np.int64)
 
 
@@ -343,15 +297,13 @@ def _location(place: Place) -> dict[str, Any]:
     return {"lat": place.latitude_deg, "lon": place.longitude_deg}
 
 
-def _different(trips: list[dict[str, Any]]) -> list[dict[str, Any]]:
+def _different(trips: Sequence[Node]) -> list[Node]:
     """Trips whose lines differ, in their order."""
-    seen, kept = set(), []
+    kept: dict[str, Node] = {}
     for trip in trips:
-        legs = trip.get("legs")
-        shapes = str(
+        legs = trip["legs"].value
+        shapes = (
             [leg.get("shape") for leg in legs if isinstance(leg, dict)] if isinstance(legs, list) else legs
         )
-        if shapes not in seen:
-            seen.add(shapes)
-            kept.append(trip)
-    return kept
+        kept.setdefault(str(shapes), trip)
+    return list(kept.values())

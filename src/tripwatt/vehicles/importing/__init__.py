@@ -12,13 +12,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 from tripwatt.files import read_text_file
 from tripwatt.vehicles.importing.fastsim import from_fastsim_csv, from_fastsim_yaml
-from tripwatt.vehicles.importing.found import Found
 from tripwatt.vehicles.importing.rendering import vehicle_toml
+from tripwatt.vehicles.importing.stated import Stated
 from tripwatt.vehicles.importing.sumo import from_sumo
-from tripwatt.vehicles.loading import vehicle_from_document
+from tripwatt.vehicles.reading import vehicle_from_document
 
 LARGEST_FILE_BYTES: Final = 20_000_000
 """Vehicle files are far smaller; larger ones are refused unread."""
@@ -50,7 +50,7 @@ def import_vehicle(path: str | Path, row: str | None = None) -> str:
     >>> print(import_vehicle("2022_Renault_Zoe.yaml"))  # doctest: +SKIP
     """
     file = Path(path)
-    readers: dict[str, Callable[[str, str, str | None], Found]] = {
+    readers: dict[str, Callable[[str, str, str | None], Stated]] = {
         ".yaml": from_fastsim_yaml,
         ".yml": from_fastsim_yaml,
         ".csv": from_fastsim_csv,
@@ -58,9 +58,9 @@ def import_vehicle(path: str | Path, row: str | None = None) -> str:
     }
     reader = readers.get(file.suffix.lower())
     if reader is None:
-        raise InvalidInput(Fault("unknown file format", str(file), file.suffix, ", ".join(readers)))
+        raise InvalidInput.of("unknown file format", str(file), file.suffix, ", ".join(readers))
     text = read_text_file(file, LARGEST_FILE_BYTES, what="file cannot be read", allowed="a text file")
-    found = reader(text, str(file), row)
-    result = vehicle_toml(found, file.name)
+    stated = reader(text, str(file), row)
+    result = vehicle_toml(stated, file.name)
     vehicle_from_document(tomllib.loads(result), file.stem, str(file))  # impossible values show here
     return result

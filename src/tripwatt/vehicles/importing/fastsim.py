@@ -9,8 +9,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
-from tripwatt.errors import Fault, InvalidInput
-from tripwatt.vehicles.importing.found import Fields, Found
+from tripwatt.errors import Fault, InvalidInput, raise_faults
+from tripwatt.vehicles.importing.stated import Fields, Stated
 
 
 def flat_yaml(text: str, where: str) -> dict[str, str]:
@@ -49,26 +49,25 @@ def flat_yaml(text: str, where: str) -> dict[str, str]:
         path.append((indent, match[1]))
         if match[2] is not None:
             result[".".join(key for _, key in path)] = match[2].strip().strip("'\"")
-    if faults:
-        raise InvalidInput(faults)
+    raise_faults(faults)
     return result
 
 
-def from_fastsim_yaml(text: str, where: str, row: str | None) -> Found:
+def from_fastsim_yaml(text: str, where: str, row: str | None) -> Stated:
     """A vehicle of FASTSim 3, or one of FASTSim 2 as that version writes it, in YAML."""
     table = flat_yaml(text, where)
     if "veh_pt_type" in table:
         return _from_version_2(table, where)
     if not any(key.startswith("pt_type.") for key in table) or "name" not in table:
         allowed = "a vehicle of FASTSim 3 with name, pt_type and chassis, or of FASTSim 2 with veh_pt_type"
-        raise InvalidInput(Fault("not a FASTSim vehicle", where, ", ".join(list(table)[:5]), allowed))
+        raise InvalidInput.of("not a FASTSim vehicle", where, ", ".join(list(table)[:5]), allowed)
     kinds = {key.split(".")[1] for key in table if key.startswith("pt_type.")}
     if kinds != {"BEV"}:
-        raise InvalidInput(Fault("not a battery electric car", f"{where}, pt_type", ", ".join(kinds), "BEV"))
+        raise InvalidInput.of("not a battery electric car", f"{where}, pt_type", ", ".join(kinds), "BEV")
     fields = Fields(table, where)
     power = "pt_type.BEV."
     regeneration = fields.optional(f"{power}em.max_regen")
-    found = Found(
+    stated = Stated(
         title=table["name"],
         mass_kg=fields.number("mass_kilograms"),
         load_kg=fields.optional("chassis.cargo_mass_kilograms"),
@@ -87,7 +86,7 @@ def from_fastsim_yaml(text: str, where: str, row: str | None) -> Found:
         ),
     )
     fields.done()
-    return found
+    return stated
 
 
 def _wheels(fields: Fields, inertia: str, wheels: str) -> float | None:
@@ -112,28 +111,24 @@ def _snake(name: str) -> str:
     return re.sub(r"(?<=[a-z0-9])([A-Z])", r"_\1", name).lower()
 
 
-def from_fastsim_csv(text: str, where: str, row: str | None) -> Found:
+def from_fastsim_csv(text: str, where: str, row: str | None) -> Stated:
     """A vehicle of FASTSim 2 in a CSV file: one vehicle, or a table and the scenario name of one."""
     try:
         rows = list(csv.reader(io.StringIO(text, newline="")))
     except csv.Error as error:
-        raise InvalidInput(
-            Fault("unreadable CSV", where, f"{error}"[:120], "a CSV file of FASTSim 2")
-        ) from error
+        raise InvalidInput.of("unreadable CSV", where, f"{error}"[:120], "a CSV file of FASTSim 2") from error
     return _from_version_2(_csv_row(rows, where, row), where)
 
 
-def _from_version_2(table: Mapping[str, str], where: str) -> Found:
+def _from_version_2(table: Mapping[str, str], where: str) -> Stated:
     """A vehicle by FASTSim 2's names of its parameters."""
     kind = table.get("veh_pt_type", "")
     if kind != "BEV":
-        raise InvalidInput(
-            Fault("not a battery electric car", f"{where}, veh_pt_type", kind or "nothing", "BEV")
-        )
+        raise InvalidInput.of("not a battery electric car", f"{where}, veh_pt_type", kind or "nothing", "BEV")
     fields = Fields(table, where)
     cargo = fields.number("cargo_kg")
     mass = fields.optional("veh_override_kg")
-    found = Found(
+    stated = Stated(
         title=table.get("scenario name") or table.get("scenario_name") or Path(where).stem,
         mass_kg=mass if mass else _fastsim_mass(fields, cargo),
         load_kg=cargo if not mass or cargo else None,
@@ -150,7 +145,7 @@ def _from_version_2(table: Mapping[str, str], where: str) -> Found:
         rotating_inertia_kg_m2=_wheels(fields, "wheel_inertia_kg_m2", "num_wheels"),
     )
     fields.done()
-    return found
+    return stated
 
 
 def _fastsim_mass(fields: Fields, cargo: float) -> float:
@@ -164,7 +159,7 @@ def _fastsim_mass(fields: Fields, cargo: float) -> float:
 def _csv_row(lines: list[list[str]], where: str, row: str | None) -> dict[str, str]:
     """One vehicle: the row of a table, or a file of one vehicle with a line for each parameter."""
     if not lines:
-        raise InvalidInput(Fault("empty file", where, "no line", "a FASTSim vehicle"))
+        raise InvalidInput.of("empty file", where, "no line", "a FASTSim vehicle")
     head = [name.strip() for name in lines[0]]
     if "Param Name" in head and "Param Value" in head:
         name, value = head.index("Param Name"), head.index("Param Value")
@@ -183,4 +178,4 @@ def _csv_row(lines: list[list[str]], where: str, row: str | None) -> dict[str, s
             return table
     electric = [t for t, table in zip(titles, tables, strict=True) if table.get("veh_pt_type") == "BEV"]
     what, got = ("no single vehicle", f"{len(tables)} rows") if row is None else ("unknown row", row)
-    raise InvalidInput(Fault(what, where, got, ", ".join(electric) or "a scenario name"))
+    raise InvalidInput.of(what, where, got, ", ".join(electric) or "a scenario name")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from typing import Final
 
-from tripwatt.vehicles.importing.found import Found
+from tripwatt.vehicles.importing.stated import Stated
 
 DRIVER_KG: Final = 75.0
 CELL_VOLTAGE_V: Final = 3.69
@@ -18,23 +18,23 @@ Line = tuple[str, float | str, str, str, str]
 """Key, value, unit, source, how it was estimated (empty for a stated value)."""
 
 
-def vehicle_toml(found: Found, source: str) -> str:
+def vehicle_toml(stated: Stated, source: str) -> str:
     """The text of a car's TOML, each entry with where it comes from."""
     sections: dict[str, list[Line]] = {
-        "body": _body(found, source),
+        "body": _body(stated, source),
         "road_load": [
-            ("drag_coefficient", found.drag_coefficient, "1", source, ""),
-            ("frontal_area_m2", found.frontal_area_m2, "m2", source, ""),
-            ("rolling_resistance_coefficient", found.rolling_resistance_coefficient, "1", source, ""),
+            ("drag_coefficient", stated.drag_coefficient, "1", source, ""),
+            ("frontal_area_m2", stated.frontal_area_m2, "m2", source, ""),
+            ("rolling_resistance_coefficient", stated.rolling_resistance_coefficient, "1", source, ""),
         ],
-        "drivetrain": _drivetrain(found, source),
-        "regeneration": _regeneration(found, source),
-        "battery": _battery(found, source),
-        "auxiliaries": [("base_load_w", found.base_load_w, "W", source, "")],
+        "drivetrain": _drivetrain(stated, source),
+        "regeneration": _regeneration(stated, source),
+        "battery": _battery(stated, source),
+        "auxiliaries": [("base_load_w", stated.base_load_w, "W", source, "")],
     }
     lines = [
         f"# Taken from {json.dumps(source, ensure_ascii=False)}; the motor's losses are scaled from a bundled car.",
-        f"name = {json.dumps(found.title, ensure_ascii=False)}",
+        f"name = {json.dumps(stated.title, ensure_ascii=False)}",
         'extends = ["passenger_car", "nmc_cells"]',
         'licence = "as-source-file"',
         "",
@@ -45,7 +45,7 @@ def vehicle_toml(found: Found, source: str) -> str:
         "[scaled]",
         'motor_losses = "permanent_magnet_motor"',
     ]
-    if found.pack_resistance_ohm is None:
+    if stated.pack_resistance_ohm is None:
         lines.append('cell_resistance = "bmw_i3_94ah"')
     for section, rows in sections.items():
         lines += ["", f"[{section}]", *(_toml_line(row) for row in rows)]
@@ -61,62 +61,62 @@ def _toml_line(line: Line) -> str:
     return f'{key} = {{ value = {shown}, unit = "{unit}"{scale}, source = {quoted}{how} }}'
 
 
-def _body(found: Found, source: str) -> list[Line]:
-    load = found.load_kg
+def _body(stated: Stated, source: str) -> list[Line]:
+    load = stated.load_kg
     how = (
-        f"{found.mass_kg:.7g} kg less {load:g} kg of load"
+        f"{stated.mass_kg:.7g} kg less {load:g} kg of load"
         if load
         else f"less {DRIVER_KG:g} kg for the driver"
     )
-    curb = found.mass_kg - (load or DRIVER_KG)
+    curb = stated.mass_kg - (load or DRIVER_KG)
     rows: list[Line] = [("curb_mass_kg", curb, "kg", source, how)]
-    if found.rotating_inertia_kg_m2 is not None:
-        factor = 1.0 + found.rotating_inertia_kg_m2 / (found.wheel_radius_m**2 * found.mass_kg)
+    if stated.rotating_inertia_kg_m2 is not None:
+        factor = 1.0 + stated.rotating_inertia_kg_m2 / (stated.wheel_radius_m**2 * stated.mass_kg)
         rows.append(("rotating_mass_factor", factor, "1", source, "from its rotating inertia at the wheels"))
     return rows
 
 
-def _drivetrain(found: Found, source: str) -> list[Line]:
+def _drivetrain(stated: Stated, source: str) -> list[Line]:
     i3 = "BMW, technical data i3 (2013)"
-    share = found.motor_power_w / 125e3
+    share = stated.motor_power_w / 125e3
     return [
-        ("wheel_radius_m", found.wheel_radius_m, "m", source, ""),
-        ("gear_ratio", found.gear_ratio, "1", source, "")
-        if found.gear_ratio
+        ("wheel_radius_m", stated.wheel_radius_m, "m", source, ""),
+        ("gear_ratio", stated.gear_ratio, "1", source, "")
+        if stated.gear_ratio
         else ("gear_ratio", 9.665, "1", i3, f"that of the BMW i3; {source} has none"),
-        ("gearbox_efficiency", found.gearbox_efficiency, "1", source, ""),
-        ("motor_max_torque_nm", found.motor_torque_nm, "Nm", source, "")
-        if found.motor_torque_nm
+        ("gearbox_efficiency", stated.gearbox_efficiency, "1", source, ""),
+        ("motor_max_torque_nm", stated.motor_torque_nm, "Nm", source, "")
+        if stated.motor_torque_nm
         else ("motor_max_torque_nm", 250.0 * share, "Nm", i3, f"in proportion to power; {source} has none"),
-        ("motor_max_power_w", found.motor_power_w, "W", source, ""),
-        ("motor_max_speed_rad_s", found.motor_speed_rad_s, "rad/s", source, "end of its loss map")
-        if found.motor_speed_rad_s
+        ("motor_max_power_w", stated.motor_power_w, "W", source, ""),
+        ("motor_max_speed_rad_s", stated.motor_speed_rad_s, "rad/s", source, "end of its loss map")
+        if stated.motor_speed_rad_s
         else ("motor_max_speed_rad_s", 1193.8, "rad/s", i3, f"that of the BMW i3; {source} has none"),
     ]
 
 
-def _regeneration(found: Found, source: str) -> list[Line]:
+def _regeneration(stated: Stated, source: str) -> list[Line]:
     rows: list[Line] = []
-    if found.regeneration_fraction is not None:
-        rows.append(("fraction", found.regeneration_fraction, "1", source, ""))
-    torque = found.motor_torque_nm or 250.0 * found.motor_power_w / 125e3
+    if stated.regeneration_fraction is not None:
+        rows.append(("fraction", stated.regeneration_fraction, "1", source, ""))
+    torque = stated.motor_torque_nm or 250.0 * stated.motor_power_w / 125e3
     half = f"half of the motor's; {source} has none"
     for key, value, motor, unit in (
-        ("max_torque_nm", found.regeneration_torque_nm, torque, "Nm"),
-        ("max_power_w", found.regeneration_power_w, found.motor_power_w, "W"),
+        ("max_torque_nm", stated.regeneration_torque_nm, torque, "Nm"),
+        ("max_power_w", stated.regeneration_power_w, stated.motor_power_w, "W"),
     ):
         rows.append((key, value, unit, source, "") if value else (key, 0.5 * motor, unit, source, half))
     return rows
 
 
-def _battery(found: Found, source: str) -> list[Line]:
+def _battery(stated: Stated, source: str) -> list[Line]:
     cells = CELLS_IN_SERIES
     how = f"{cells} cells, the usual number"
-    if found.nominal_voltage_v:
-        cells = max(1, round(found.nominal_voltage_v / CELL_VOLTAGE_V))
-        how = f"{found.nominal_voltage_v:g} V over {CELL_VOLTAGE_V} V"
-    capacity = found.energy_wh / (cells * CELL_VOLTAGE_V)
-    kwh = found.energy_wh / 1000.0
+    if stated.nominal_voltage_v:
+        cells = max(1, round(stated.nominal_voltage_v / CELL_VOLTAGE_V))
+        how = f"{stated.nominal_voltage_v:g} V over {CELL_VOLTAGE_V} V"
+    capacity = stated.energy_wh / (cells * CELL_VOLTAGE_V)
+    kwh = stated.energy_wh / 1000.0
     rows: list[Line] = [
         ("capacity_ah", capacity, "Ah", source, f"{kwh:g} kWh over {cells} cells of {CELL_VOLTAGE_V} V"),
         ("cells_in_series", float(cells), "1", source, how),
@@ -127,11 +127,11 @@ def _battery(found: Found, source: str) -> list[Line]:
             "general figures of packs, 0.15 kWh/kg; cells 1000 J/(kg K) (Collath et al. 2024)",
             f"pack of {PACK_KG_PER_KWH * kwh:.0f} kg",
         ),
-        ("displayed_zero_soc", found.window[0], "1", source, "lowest state of charge that is used"),
-        ("displayed_full_soc", found.window[1], "1", source, "highest state of charge that is used"),
+        ("displayed_zero_soc", stated.window[0], "1", source, "lowest state of charge that is used"),
+        ("displayed_full_soc", stated.window[1], "1", source, "highest state of charge that is used"),
     ]
-    if found.pack_resistance_ohm is not None:
-        cell = found.pack_resistance_ohm / cells
+    if stated.pack_resistance_ohm is not None:
+        cell = stated.pack_resistance_ohm / cells
         rows.append(("resistance_soc", "[0.0, 1.0]", "1", "grid of resistance_ohm", ""))
         rows.append(("resistance_ohm", f"[{cell:.10g}, {cell:.10g}]", "ohm", source, f"over {cells} cells"))
     return rows

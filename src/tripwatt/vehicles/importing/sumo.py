@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 import re
 from typing import Final
-from xml.parsers import expat
+from xml.etree import ElementTree
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.vehicles.importing.found import Fields, Found
+from tripwatt.vehicles.importing.stated import Fields, Stated
 
 SUMO_NAMES: Final = frozenset(
     [
@@ -42,39 +42,22 @@ SUMO_NAMES: Final = frozenset(
 
 def sumo_types(text: str, where: str) -> dict[str, dict[str, str]]:
     """Parameters of the vehicle types in a SUMO file, by id. Files with a document type or entities are refused."""
-    types: dict[str, dict[str, str]] = {}
-    current: list[dict[str, str]] = []
-
-    def start(tag: str, attributes: dict[str, str]) -> None:
-        if tag == "vType":
-            current[:] = [{k: v for k, v in attributes.items() if k in ("mass", "emissionClass")}]
-            types[attributes.get("id", f"vType {len(types) + 1}")] = current[0]
-        elif tag == "param" and current:
-            current[0][attributes.get("key", "")] = attributes.get("value", "")
-
-    def end(tag: str) -> None:
-        if tag == "vType":
-            current.clear()
-
-    def refuse(name: str, *_: object) -> None:
+    if re.search(r"<!(DOCTYPE|ENTITY)", text):
         allowed = "plain XML without document type and entities"
-        raise InvalidInput(Fault("XML with entities", where, name, allowed))
-
-    parser = expat.ParserCreate()
-    parser.StartElementHandler = start
-    parser.EndElementHandler = end
-    parser.StartDoctypeDeclHandler = refuse
-    parser.EntityDeclHandler = refuse
+        raise InvalidInput.of("XML with entities", where, "a document type", allowed)
     try:
-        parser.Parse(text.encode("utf-8"), True)
-    except expat.ExpatError as error:
-        raise InvalidInput(
-            Fault("not an XML file", where, str(error), "XML of SUMO vehicle types")
-        ) from error
+        root = ElementTree.fromstring(text)
+    except ElementTree.ParseError as error:
+        raise InvalidInput.of("not an XML file", where, str(error), "XML of SUMO vehicle types") from error
+    types: dict[str, dict[str, str]] = {}
+    for kind in root.iter("vType"):
+        known = {key: value for key, value in kind.items() if key in ("mass", "emissionClass")}
+        known |= {param.get("key", ""): param.get("value", "") for param in kind.iter("param")}
+        types[kind.get("id", f"vType {len(types) + 1}")] = known
     return types
 
 
-def from_sumo(text: str, where: str, row: str | None) -> Found:
+def from_sumo(text: str, where: str, row: str | None) -> Stated:
     """A vehicle type of SUMO's MMPEVEM model."""
     # The text is decoded by now: a declaration of another encoding would mislead the parser.
     types = sumo_types(re.sub(r"^\s*<\?xml[^>]*\?>", "", text, count=1), where)
@@ -85,7 +68,7 @@ def from_sumo(text: str, where: str, row: str | None) -> Found:
             if row is None
             else ("unknown vehicle type", row)
         )
-        raise InvalidInput(Fault(what, where, got, ", ".join(types) or "a <vType>"))
+        raise InvalidInput.of(what, where, got, ", ".join(types) or "a <vType>")
     table = types[title]
     place = f"{where}, {title}"
     fields = Fields(table, place)
@@ -106,7 +89,7 @@ def from_sumo(text: str, where: str, row: str | None) -> Found:
     speeds = re.findall(r"[\d.]+", loss_map[1].split(";")[0]) if len(loss_map) == 3 else []
     if not speeds:
         fields.faults.append(Fault("missing entry", f"{place}, powerLossMap", "nothing", "axes and losses"))
-    found = Found(
+    stated = Stated(
         title=title.replace("_", " "),
         mass_kg=fields.number(mass_key),
         load_kg=None,
@@ -128,4 +111,4 @@ def from_sumo(text: str, where: str, row: str | None) -> Found:
         pack_resistance_ohm=fields.optional("internalBatteryResistance"),
     )
     fields.done()
-    return found
+    return stated

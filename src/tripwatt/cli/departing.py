@@ -1,0 +1,160 @@
+"""The options of a departure: one for each field of the table that a person gives, on every command that forecasts."""
+
+from __future__ import annotations
+
+import datetime as dt
+import functools
+import inspect
+import typing
+from collections.abc import Callable, Mapping
+from typing import Annotated, Any
+
+import typer
+
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.trips.departure import ASKED, Departure
+from tripwatt.trips.fields import Field
+
+DepartureOf = Callable[[], Departure]
+"""What a command with the options of a departure gets: it makes the departure, or raises the faults of the options."""
+
+
+def departure_options(
+    *, without: tuple[str, ...] = (), default: Mapping[str, float] | None = None
+) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """A decorator: in place of the parameter `departure` the command has the options of a departure.
+
+    Parameters
+    ----------
+    without : tuple of str
+        Fields that have no effect on the command.
+    default : mapping of str to float, optional
+        Values of fields that the command does not leave unknown.
+
+    Returns
+    -------
+    callable
+        Takes a command of typer with a parameter `departure`, a `DepartureOf`.
+
+    Examples
+    --------
+    >>> @departure_options(without=("terrain",))
+    ... def command(departure: DepartureOf, verbose: bool = False) -> None:
+    ...     print(departure())
+    >>> "soc" in inspect.signature(command).parameters, "terrain" in inspect.signature(command).parameters
+    (True, False)
+    >>> command(soc=0.8, wind="8@270")
+    Departure(soc=0.8, wind_speed_m_s=8.0, wind_from_deg=270.0)
+    """
+    grouped: dict[str, dict[str, Field]] = {}
+    for name, field in ASKED.items():
+        if name not in without:
+            grouped.setdefault(field.option.removeprefix("--").replace("-", "_"), {})[name] = field
+    usual = default or {}
+
+    def decorate(command: Callable[..., None]) -> Callable[..., None]:
+        @functools.wraps(command)
+        def run(**given: Any) -> None:
+            asked = {option: given.pop(option, None) for option in grouped}
+            command(departure=lambda: _departure(grouped, asked), **given)
+
+        parameters: list[inspect.Parameter] = []
+        hints = typing.get_type_hints(command, include_extras=True)
+        for parameter in inspect.signature(command).parameters.values():
+            if parameter.name != "departure":
+                parameters.append(parameter.replace(annotation=hints[parameter.name]))
+                continue
+            parameters += [
+                inspect.Parameter(
+                    option,
+                    inspect.Parameter.POSITIONAL_OR_KEYWORD,
+                    default=usual.get(next(iter(fields))),
+                    annotation=_annotation(fields, shows_default=next(iter(fields)) in usual),
+                )
+                for option, fields in grouped.items()
+            ]
+        run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+        run.__annotations__ = {p.name: p.annotation for p in parameters}
+        return run
+
+    return decorate
+
+
+def _annotation(fields: Mapping[str, Field], *, shows_default: bool) -> Any:
+    """Type and help of an option: of one field, or of several that are given as `A@B`."""
+    name, field = next(iter(fields.items()))
+    spoken = " ".join(field.help for field in fields.values())
+    names: list[str] = [field.option]
+    kind: Any = str | None
+    if field.several:
+        kind, spoken = list[str] | None, f"{spoken} You can repeat the option."
+    elif field.type == "time":
+        spoken = f"{spoken} Local time, today without a date."
+    elif field.column is not None and len(fields) == 1:
+        kind = float | None
+        names.append(f"--{name.replace('_', '-')}")
+    metavar = "@".join(field.metavar for field in fields.values())
+    option = typer.Option(*dict.fromkeys(names), metavar=metavar, help=spoken, show_default=shows_default)
+    return Annotated[kind, option]
+
+
+def _departure(grouped: Mapping[str, Mapping[str, Field]], asked: Mapping[str, Any]) -> Departure:
+    known: dict[str, Any] = {}
+    faults: list[Fault] = []
+    for option, fields in grouped.items():
+        value = asked[option]
+        try:
+            if value is not None:
+                known |= _values(fields, value)
+        except InvalidInput as error:
+            faults += error.faults
+    try:
+        departure = Departure(**known)
+    except InvalidInput as error:
+        faults += error.faults
+    if faults:
+        raise InvalidInput(faults)
+    return departure
+
+
+def _values(fields: Mapping[str, Field], value: Any) -> dict[str, Any]:
+    """Values of the fields of one option."""
+    name, field = next(iter(fields.items()))
+    if field.several:
+        return {name: tuple(value)}
+    if field.type == "time":
+        return {name: time_of(value, field.option)}
+    if len(fields) == 1:
+        return {name: value}
+    parts = str(value).split("@", len(fields) - 1)
+    try:
+        return {
+            name: float(part) % 360.0 if field.unit == "°" else float(part)
+            for (name, field), part in zip(fields.items(), parts, strict=False)
+        }
+    except ValueError as error:
+        allowed = "@".join(field.metavar for field in fields.values())
+        raise InvalidInput(Fault("not numbers", field.option, str(value)[:40], allowed)) from error
+
+
+def time_of(text: str, option: str = "--depart") -> dt.datetime:
+    """The time of a text: a time of today, or a date and a time; local time.
+
+    Raises
+    ------
+    InvalidInput
+        When it is neither.
+
+    Examples
+    --------
+    >>> time_of("2026-02-01 07:30").hour, time_of("7:30").minute
+    (7, 30)
+    """
+    today = dt.datetime.now().astimezone()
+    try:
+        if len(text) <= 5:
+            clock = dt.time.fromisoformat(text.zfill(5))
+            return today.replace(hour=clock.hour, minute=clock.minute, second=0, microsecond=0)
+        return dt.datetime.fromisoformat(text).astimezone()
+    except ValueError as error:
+        raise InvalidInput(Fault("not a time", option, text[:40], "07:30, or 2026-02-01 07:30")) from error

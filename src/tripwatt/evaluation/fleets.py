@@ -1,0 +1,219 @@
+"""How well a fleet's linear model forecasts, on rows of trips: later trips, new vehicles, new car models, few own trips.
+
+All of it works on the sums: what is held out is taken out of them, and the posterior follows. The scales of the
+deviations come from the training part of the time split, and from all trips elsewhere; trees are not part of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+import pandas as pd
+
+from tripwatt.arrays import FloatArray, IntArray
+from tripwatt.errors import InvalidInput
+from tripwatt.fleet.deviations import LEVEL, with_errors
+from tripwatt.fleet.features import START
+from tripwatt.fleet.model import predict_rows
+from tripwatt.fleet.statistics import TripRows
+from tripwatt.hybrid.groups import Scales, Sums, fit_scales, group_posterior
+from tripwatt.uncertainty import ConformalScores
+
+NEWEST_SHARE: Final = 0.2
+VEHICLE_FOLDS: Final = 10
+OWN_TRIPS: Final = (0, 1, 3, 10, 30)
+
+PROTOCOLS: Final = ("later trips", "new vehicles", "new car models")
+
+TEMPERATURES: Final = (
+    (-np.inf, 0.0, "below 0 °C"),
+    (0.0, 10.0, "0 to 10 °C"),
+    (10.0, 20.0, "10 to 20 °C"),
+    (20.0, np.inf, "above 20 °C"),
+)
+LENGTHS: Final = ((0.0, 10e3, "below 10 km"), (10e3, 25e3, "10 to 25 km"), (25e3, np.inf, "above 25 km"))
+
+
+@dataclass(frozen=True, eq=False)
+class FleetEvaluation:
+    """Forecasts of held-out trips.
+
+    Attributes
+    ----------
+    trips : DataFrame
+        One row a trip and protocol: `protocol`, `car_model`, `vehicle_id`, `distance_m`, `ambient_temperature_degc`,
+        `observed_wh`, `predicted_wh`, `low_wh`, `high_wh`.
+    own : DataFrame
+        One row a number of own trips: `own_trips`, `trips`, `pooled`, `own_only`, `fleet_only` (mean relative errors).
+    """
+
+    trips: pd.DataFrame
+    own: pd.DataFrame
+
+    def table(self, by: str) -> pd.DataFrame:
+        """Mean relative error and coverage by a column, or by "temperature" or "length", of each protocol."""
+        frame = self.trips.assign(
+            error=np.abs(self.trips["predicted_wh"] - self.trips["observed_wh"])
+            / np.abs(self.trips["observed_wh"]),
+            inside=(self.trips["observed_wh"] >= self.trips["low_wh"])
+            & (self.trips["observed_wh"] <= self.trips["high_wh"]),
+        )
+        if by == "temperature":
+            frame["temperature"] = classes(frame["ambient_temperature_degc"].to_numpy(), TEMPERATURES)
+        elif by == "length":
+            frame["length"] = classes(frame["distance_m"].to_numpy(), LENGTHS)
+        grouped = frame.groupby(["protocol", by], sort=True)
+        return grouped.agg(
+            trips=("error", "size"), error=("error", "mean"), inside=("inside", "mean")
+        ).reset_index()
+
+
+def classes(values: FloatArray, bounds: Sequence[tuple[float, float, str]]) -> Any:
+    """Name of the class of each value; "unknown" for NaN.
+
+    Examples
+    --------
+    >>> classes(np.array([-1.0, 10.0, np.nan]), TEMPERATURES).tolist()
+    ['below 0 °C', '10 to 20 °C', 'unknown']
+    """
+    found = np.full(len(values), "unknown", dtype=object)
+    for low, high, name in bounds:
+        found[(values >= low) & (values < high)] = name
+    return found
+
+
+def evaluate_rows(rows: TripRows, scales: Scales | None = None) -> FleetEvaluation:
+    """Score the linear model on rows of trips.
+
+    Parameters
+    ----------
+    rows : TripRows
+    scales : Scales, optional
+        Found from the trips when not given.
+
+    Raises
+    ------
+    InvalidInput
+        With fewer than two vehicles.
+    """
+    vehicles = sorted(set(rows.texts("vehicle_id").tolist()))
+    if len(vehicles) < 2:
+        raise InvalidInput.of("too few vehicles", "fleet", f"{len(vehicles)}", "at least 2")
+    whole = rows.sums
+    scales = scales or fit_scales(whole, START)
+    code = np.searchsorted(vehicles, rows.texts("vehicle_id"))
+    fold = np.random.default_rng(0).permutation(len(vehicles))[code] % VEHICLE_FOLDS
+    models = rows.texts("car_model")
+    parts = [_later(rows, fold)]
+    parts.append(_left_out(rows, whole, scales, fold, fold, "new vehicles"))
+    names, model_code = np.unique(models.astype(str), return_inverse=True)
+    if len(names) > 1:
+        parts.append(_left_out(rows, whole, scales, model_code, fold, "new car models"))
+    return FleetEvaluation(
+        pd.concat([p for p in parts if p is not None], ignore_index=True), own_trips(rows, whole, scales)
+    )
+
+
+def _later(rows: TripRows, fold: IntArray) -> pd.DataFrame | None:
+    """The newest fifth of the trips, from all before."""
+    started = pd.to_datetime(pd.Series(rows.texts("started_at")), errors="coerce").to_numpy()
+    known = ~np.isnat(started)
+    if known.sum() < 10:
+        return None
+    cut = np.sort(started[known])[int((1.0 - NEWEST_SHARE) * known.sum())]
+    late = known & (started >= cut)
+    if not late.any() or late.all():
+        return None
+    train = rows.where(~late).sums
+    test = rows.where(late)
+    found = group_posterior(train, fit_scales(train, START))
+    energy, sd = with_errors(found, test)
+    return _frame(test, energy, sd, fold[late], "later trips")
+
+
+def _left_out(
+    rows: TripRows, whole: Sums, scales: Scales, part: IntArray, fold: IntArray, protocol: str
+) -> pd.DataFrame:
+    energy, sd = np.zeros(len(rows)), np.zeros(len(rows))
+    for k in np.unique(part):
+        held = part == k
+        test = rows.where(held)
+        found = group_posterior(_nonempty(whole - test.sums), scales)
+        energy[held], sd[held] = with_errors(found, test)
+    return _frame(rows, energy, sd, fold, protocol)
+
+
+def _nonempty(sums: Sums) -> Sums:
+    """Without groups that have no trip left, which would still be known by name."""
+    return sums.take(np.flatnonzero(sums.count > 0.5).tolist())
+
+
+def _frame(rows: TripRows, energy: FloatArray, sd: FloatArray, fold: IntArray, protocol: str) -> pd.DataFrame:
+    """Forecasts with intervals; the scores of a vehicle's intervals are those of the vehicles of other folds."""
+    observed = rows.numbers("observed_wh")
+    score = np.abs(observed - energy) / sd
+    factor = np.zeros(len(rows))
+    for k in np.unique(fold):
+        others = score[fold != k]
+        factor[fold == k] = ConformalScores.from_errors((others if len(others) else score).tolist()).factor(
+            LEVEL
+        )
+    return pd.DataFrame(
+        {
+            "protocol": protocol,
+            "car_model": rows.texts("car_model"),
+            "vehicle_id": rows.texts("vehicle_id"),
+            "distance_m": rows.numbers("distance_m"),
+            "ambient_temperature_degc": rows.numbers("ambient_temperature_degc"),
+            "observed_wh": observed,
+            "predicted_wh": energy,
+            "low_wh": energy - factor * sd,
+            "high_wh": energy + factor * sd,
+        }
+    )
+
+
+def own_trips(rows: TripRows, whole: Sums, scales: Scales, most_vehicles: int = 60) -> pd.DataFrame:
+    """Error by the number of own trips: the whole fleet's model, the vehicle's trips alone, the fleet without them.
+
+    Of each vehicle the earliest trips are known and the 10 after the largest number are forecast.
+
+    Parameters
+    ----------
+    rows : TripRows
+    whole : Sums
+        Of all rows.
+    scales : Scales
+    most_vehicles : int
+        Vehicles that are looked at, in a seeded order.
+    """
+    started = rows.texts("started_at")
+    ids = rows.texts("vehicle_id")
+    vehicles = np.random.default_rng(0).permutation(sorted(set(ids.tolist())))[:most_vehicles]
+    errors: dict[int, list[tuple[float, ...]]] = {k: [] for k in OWN_TRIPS}
+    for vehicle in vehicles:
+        index = np.flatnonzero(ids == vehicle)
+        index = index[np.argsort([f"{started[i]}" for i in index], kind="stable")]
+        fitting = [k for k in OWN_TRIPS if k <= len(index) - 5]
+        if not fitting:
+            continue
+        test = rows.take(index[max(fitting) : max(fitting) + 10])
+        others = _nonempty(whole - rows.take(index).sums)
+        for k in fitting:
+            known = rows.take(index[:k]).sums
+            errors[k].append(
+                tuple(mean_error(sums, scales, test) for sums in (others + known, known, others))
+            )
+    found = [(k, len(e), *np.mean(e, axis=0)) for k, e in errors.items() if e]
+    return pd.DataFrame(found, columns=["own_trips", "vehicles", "pooled", "own_only", "fleet_only"])
+
+
+def mean_error(sums: Sums, scales: Scales, test: TripRows) -> float:
+    """Mean relative error of some trips by the linear model of others; by the simulation alone without any."""
+    observed, energy = test.numbers("observed_wh"), test.numbers("simulated_wh")
+    if sums.groups:
+        energy = predict_rows(group_posterior(sums, scales), test)[0]
+    return float(np.mean(np.abs(energy - observed) / np.abs(observed)))

@@ -1,0 +1,263 @@
+"""Fit a model to a fleet of logs, with its provenance."""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+from typing import Any, Final
+
+import numpy as np
+
+from tripwatt.arrays import IntArray
+from tripwatt.auditing import Audit, audit
+from tripwatt.forecasting.donor import MASKABLE, DonorModel, unknown_inputs, without_inputs
+from tripwatt.forecasting.inner import shown_by
+from tripwatt.forecasting.model import DEFAULT_CORRECTOR, ForecastModel, HeldOut
+from tripwatt.hybrid import TRANSFERABLE, Identified, StageRecord, identify, segment_trips, stage_record
+from tripwatt.hybrid.calibrate import Calibration, calibrate
+from tripwatt.trips import COLUMNS, Fleet, Trip
+from tripwatt.trips.messages import message
+from tripwatt.vehicles import Vehicle
+
+PACKAGES: Final = ("tripwatt", "numpy", "scipy", "pandas", "scikit-learn", "lightgbm")
+
+
+@dataclass(frozen=True, eq=False)
+class CarOfTrips:
+    """A car as any part of its trips shows it.
+
+    Attributes
+    ----------
+    vehicle : Vehicle
+        With its published values.
+    trips : tuple of Trip
+    records : tuple of StageRecord or None
+        What the signals of each trip show; None where nothing is identified.
+    calibrated : bool
+        Whether a few values are calibrated on the energies.
+
+    Examples
+    --------
+    >>> from tripwatt.synthetic import VEHICLE, synthetic_fleet
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> car = load_vehicle(VEHICLE)
+    >>> shown = CarOfTrips.from_trips(synthetic_fleet(9).trips, car, calibrated=True)
+    >>> shown.car(np.arange(4)).body.test_mass_kg == shown.car(np.arange(9)).body.test_mass_kg
+    False
+    """
+
+    vehicle: Vehicle
+    trips: tuple[Trip, ...]
+    records: tuple[StageRecord, ...] | None
+    calibrated: bool = False
+
+    @classmethod
+    def from_trips(
+        cls, trips: Sequence[Trip], vehicle: Vehicle, *, identified: bool = True, calibrated: bool = False
+    ) -> CarOfTrips:
+        """Collect what the signals of each trip show. O(samples)."""
+        records = tuple(stage_record(trip, vehicle) for trip in trips) if identified else None
+        return cls(vehicle, tuple(trips), records, calibrated)
+
+    def values(
+        self, members: IntArray | None = None
+    ) -> tuple[Identified | None, Calibration | None, Vehicle]:
+        """Values that some of the trips show, all by default, and the car with them."""
+        chosen = range(len(self.trips)) if members is None else members
+        stages = None if self.records is None else identify([self.records[i] for i in chosen], self.vehicle)
+        car = self.vehicle if stages is None else stages.applied(self.vehicle)
+        calibration = calibrate([self.trips[i] for i in chosen], car) if self.calibrated else None
+        return stages, calibration, car if calibration is None else calibration.applied(car)
+
+    def car(self, members: IntArray) -> Vehicle:
+        """The car as some of the trips show it."""
+        return self.values(members)[2]
+
+
+def fit_with_provenance(
+    fleet: Fleet,
+    vehicle: Vehicle,
+    *,
+    corrector: str = DEFAULT_CORRECTOR,
+    seed: int = 0,
+    identified: bool = True,
+    calibrated: bool = False,
+    progress: Callable[[int, int], None] | None = None,
+) -> tuple[ForecastModel, dict[str, Any], dict[str, Any]]:
+    """Audit logs, fit on the sound trips, and collect the metadata of a stored model.
+
+    Parameters
+    ----------
+    fleet : Fleet
+    vehicle : Vehicle
+    corrector : str
+    seed : int
+    identified : bool
+        Whether values of the car are identified from the signals of its stages first (`hybrid.identification`), where the
+        log has them: motor torque, heater and air conditioner, standing power, voltage at rest.
+    calibrated : bool
+        Whether a few uncertain values of the car are calibrated on the trips first (`hybrid.calibrate`).
+    progress : callable, optional
+        Called with (finished fits, all fits).
+
+    Returns
+    -------
+    model : ForecastModel
+    provenance : dict
+        Data set with citation and digest, trips, audit findings, identified values, calibrated values (relative change and its standard
+        deviation), versions.
+    evaluation : dict
+        Errors on training trips while each was held out of the fit.
+
+    Raises
+    ------
+    InvalidInput
+        When too few sound trips with measured energy are left.
+
+    Examples
+    --------
+    >>> from tripwatt.synthetic import synthetic_fleet
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> fitted = fit_with_provenance(synthetic_fleet(9), load_vehicle("bmw_i3_60ah"), corrector="linear")
+    >>> fitted[1]["data"]["name"], fitted[2]["trips"]
+    ('synthetic', 9)
+    """
+    sound = audit(fleet)
+    cars = CarOfTrips.from_trips(sound.trips, vehicle, identified=identified, calibrated=calibrated)
+    stages, found_values, car = cars.values()
+    model = ForecastModel(car, corrector, seed).fit(sound.trips, car_of=cars.car, progress=progress)
+    model.donor_ = fit_donor(sound.trips, model, cars.car)
+    notes = [] if stages is None or not stages.values else [str(stages)]
+    notes += [] if found_values is None else [str(found_values)]
+    provenance = {
+        **provenance_of(fleet, sound, model, notes),
+        "identified": None if stages is None else dict(stages.values),
+        "calibration": None
+        if found_values is None
+        else {name: [change, found_values.sd[name]] for name, change in found_values.changes.items()},
+    }
+    return model, provenance, held_out_figures(model.held_out_)
+
+
+def fit_donor(
+    trips: Sequence[Trip], model: ForecastModel, car_of: Callable[[IntArray], Vehicle] | None = None
+) -> DonorModel | None:
+    """The donor model of a fitted model; None where the trips have no input to mask or its corrector cannot donate.
+
+    Parameters
+    ----------
+    trips : sequence of Trip
+        The training trips of the model.
+    model : ForecastModel
+    car_of : callable, optional
+        As for `ForecastModel.fit`.
+    """
+    masked = tuple(name for name in MASKABLE if name not in unknown_inputs(trips))
+    if not masked or model.corrector not in TRANSFERABLE:
+        return None
+    return donor_model(trips, model.vehicle, masked, seed=model.seed, car_of=car_of)
+
+
+def donor_model(
+    trips: Sequence[Trip],
+    vehicle: Vehicle,
+    masked_inputs: Sequence[str] = MASKABLE,
+    *,
+    seed: int = 0,
+    car_of: Callable[[IntArray], Vehicle] | None = None,
+) -> DonorModel:
+    """Simulate trips with some inputs masked and fit them, with one Gaussian process for the whole residual."""
+    masked = [without_inputs(trip, masked_inputs) for trip in trips]
+    model = ForecastModel(vehicle, "gp", seed)
+    table = segment_trips(masked, vehicle)
+    model.fit_segments(table, again=None if car_of is None else shown_by(masked, table, vehicle, car_of))
+    return model.as_donor(masked_inputs)
+
+
+def provenance_of(fleet: Fleet, found: Audit, model: ForecastModel, notes: Sequence[str]) -> dict[str, Any]:
+    """Where a model comes from: data with citation and digest, trips, audit findings, seed, Python and packages.
+
+    Parameters
+    ----------
+    fleet : Fleet
+    found : Audit
+        Of the fleet.
+    model : ForecastModel
+        Fitted on its sound trips, or adapted to them.
+    notes : sequence of str
+        On the data, beside those of the fleet.
+    """
+    return {
+        "data": {
+            "name": fleet.name,
+            "citation": fleet.citation,
+            "notes": [*map(message, fleet.notes), *notes],
+            "logs": len(fleet),
+            "sha256": data_digest(found.trips),
+        },
+        "trips_used": list(model.trip_ids_),
+        "audit": [str(finding) for finding in found.findings],
+        "seed": model.seed,
+        **versions(),
+    }
+
+
+def versions() -> dict[str, Any]:
+    """Python and the packages that figures depend on."""
+    return {"python": platform.python_version(), "packages": {name: version(name) for name in PACKAGES}}
+
+
+def held_out_figures(trips: Sequence[HeldOut]) -> dict[str, Any]:
+    """Errors of the forecast before departure on held-out trips.
+
+    Returns
+    -------
+    dict
+        `mape` [1], `rmse_wh` and `bias_wh` (predicted minus observed) [Wh] over the trips, what they are, and every
+        trip's row.
+
+    Examples
+    --------
+    >>> figures = held_out_figures([HeldOut("a", 1000.0, 900.0, 1.0), HeldOut("b", 2000.0, 2200.0, -1.0)])
+    >>> figures["mape"], figures["bias_wh"]
+    (0.1, 50.0)
+    """
+    observed = np.array([trip.observed_wh for trip in trips])
+    error = np.array([trip.predicted_wh for trip in trips]) - observed
+    return {
+        "protocol": "training trips, each while its fold (at most 10) was held out of the fit; "
+        "settings, and identified and calibrated values of the car where there are any, without it as well",
+        "given": "given the driven speed trace",
+        "trips": len(trips),
+        "mape": float(np.mean(np.abs(error) / np.abs(observed))),
+        "rmse_wh": float(np.sqrt(np.mean(error**2))),
+        "bias_wh": float(np.mean(error)),
+        "by_trip": [
+            {"trip": t.trip, "observed_wh": t.observed_wh, "predicted_wh": t.predicted_wh, "score": t.score}
+            for t in trips
+        ],
+    }
+
+
+def data_digest(trips: Iterable[Trip]) -> str:
+    """SHA-256 over ids, column names and all values of trips, whatever their order. O(samples).
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from dataclasses import replace
+    >>> log = Trip.from_samples("t", pd.DataFrame({"time_s": [0.0, 1.0], "speed_m_s": [0.0, 1.0]}))
+    >>> other = replace(log, samples=log.samples.assign(speed_m_s=2.0))
+    >>> data_digest([log]) == data_digest([log]), data_digest([log]) == data_digest([other])
+    (True, False)
+    """
+    whole = hashlib.sha256()
+    for trip in sorted(trips, key=lambda t: t.trip_id):
+        whole.update(trip.trip_id.encode() + b"\0")
+        for name in (c for c in COLUMNS if c in trip):
+            whole.update(name.encode() + b"\0")
+            whole.update(np.ascontiguousarray(trip.array(name), dtype="<f8").tobytes())
+    return whole.hexdigest()

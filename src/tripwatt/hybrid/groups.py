@@ -1,0 +1,437 @@
+"""Groups of trips within groups: fleet, car model, vehicle, driver; their sums, scales and posterior, exact from sums of trips.
+
+This is the form of `tripwatt.hybrid.levels` for many trips and few weights. The residual energy of a trip is linear in known features `x`
+with the weights of its group,
+
+    y_i = x_i' (w + d_model + d_vehicle + d_driver) + e_i,   e_i ~ N(0, lambda n_i),
+    w ~ N(0, W),  d_model ~ N(0, D_m),  d_vehicle ~ N(0, D_v),  d_driver ~ N(0, D_d),
+
+with diagonal prior variances, one scale for each level below the root and group of features. What is not known of a vehicle is that of its
+car model (partial pooling). The groups form a tree, so the posterior is exact by one pass to the root and one back: a node passes on what
+its trips tell of its parent's weights as an information matrix and vector (Lauritzen 1996, section 6.2.3). A node needs only X' N^-1 X,
+X' N^-1 y and y' N^-1 y of its trips, which add up. The scales are at the maximum of the marginal likelihood, which the pass to the root
+gives as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import Any, Final
+
+import numpy as np
+
+from tripwatt.arrays import FloatArray, IntArray
+from tripwatt.errors import InvalidInput
+
+ROOT_SD: Final = 3.0
+"""Prior standard deviation of the root's own weights, in units of their usual size."""
+
+LOG_SD: Final = 1.5
+"""Of the log-normal prior of each scale around its usual value: one car model carries no information on how models differ."""
+
+_TINY: Final = 1e-12
+_SUMS: Final = ("count", "log_variance", "xx", "xy", "yy")
+
+
+@dataclass(frozen=True, eq=False)
+class Sums:
+    """Sums of the trips of groups, which add up.
+
+    With features `X`, residual energies `y` and usual variances `n` of the trips of a group, its sums are ``X' N^-1 X``, ``X' N^-1 y``
+    and ``y' N^-1 y``.
+
+    Attributes
+    ----------
+    groups : tuple of tuple of str
+        Names from the root down, such as car model, vehicle, driver; "" where the last ones are not known. Sorted.
+    count : ndarray, shape (groups,)
+        Trips.
+    log_variance : ndarray, shape (groups,)
+        Sum of the logarithms of the usual variances.
+    xx : ndarray, shape (groups, features, features)
+    xy : ndarray, shape (groups, features)
+    yy : ndarray, shape (groups,)
+
+    Examples
+    --------
+    >>> one = Sums.from_trips([("m", "v", "")], np.ones((1, 1)), np.ones(1), np.ones(1))
+    >>> (one + one).count, (one + one).xy.ravel()
+    (array([2.]), array([2.]))
+    """
+
+    groups: tuple[tuple[str, ...], ...]
+    count: FloatArray
+    log_variance: FloatArray
+    xx: FloatArray
+    xy: FloatArray
+    yy: FloatArray
+
+    @classmethod
+    def empty(cls, features: int, groups: Sequence[tuple[str, ...]] = ()) -> Sums:
+        """Groups without trips."""
+        n, p = len(groups), features
+        return cls(tuple(groups), *(np.zeros(shape) for shape in (n, n, (n, p, p), (n, p), n)))
+
+    @classmethod
+    def from_trips(
+        cls,
+        groups: Sequence[tuple[str, ...]],
+        X: FloatArray,
+        y: FloatArray,
+        n: FloatArray,
+    ) -> Sums:
+        """Sums of trips that are sorted by group. O(trips x features^2).
+
+        Parameters
+        ----------
+        groups : sequence of tuple of str
+            Of each trip, sorted.
+        X : ndarray, shape (trips, features)
+            Energy by each feature [Wh].
+        y, n : ndarray, shape (trips,)
+            Residual energy [Wh] and usual variance [Wh²].
+        """
+        if not len(groups):
+            return cls.empty(X.shape[1])
+        starts = [i for i, group in enumerate(groups) if i == 0 or group != groups[i - 1]]
+        root = np.sqrt(1.0 / n)
+        X, y = X * root[:, None], y * root
+        spans = [slice(a, b) for a, b in pairwise([*starts, len(groups)])]
+        return cls(
+            tuple(groups[i] for i in starts),
+            np.array([float(s.stop - s.start) for s in spans]),
+            np.add.reduceat(np.log(n), starts),
+            np.array([X[s].T @ X[s] for s in spans]),
+            np.array([X[s].T @ y[s] for s in spans]),
+            np.array([y[s] @ y[s] for s in spans]),
+        )
+
+    def __add__(self, other: Sums) -> Sums:
+        return self._merged(other, 1.0)
+
+    def __sub__(self, other: Sums) -> Sums:
+        """Without trips that are in it; groups without a trip remain, at zero."""
+        return self._merged(other, -1.0)
+
+    def _merged(self, other: Sums, sign: float) -> Sums:
+        groups = sorted({*self.groups, *other.groups})
+        place = {group: i for i, group in enumerate(groups)}
+        total = Sums.empty(self.xx.shape[1] or other.xx.shape[1], groups)
+        for part, factor in ((self, 1.0), (other, sign)):
+            index = [place[group] for group in part.groups]
+            for name in _SUMS:
+                getattr(total, name)[index] += factor * getattr(part, name)
+        return total
+
+    def take(self, wanted: Sequence[int]) -> Sums:
+        """Some of the groups."""
+        index = np.asarray(wanted, dtype=np.int64)
+        return Sums(tuple(self.groups[i] for i in index), *(getattr(self, name)[index] for name in _SUMS))
+
+    def to_arrays(self) -> dict[str, Any]:
+        """Plain arrays."""
+        return {"groups": np.array(self.groups, dtype=np.str_), **{n: getattr(self, n) for n in _SUMS}}
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, Any]) -> Sums:
+        """Reverse of `to_arrays`."""
+        groups = tuple(tuple(str(name) for name in group) for group in arrays["groups"])
+        return cls(groups, *(arrays[name] for name in _SUMS))
+
+
+@dataclass(frozen=True, slots=True)
+class Scales:
+    """Prior standard deviations of the deviations, and the variance of a trip.
+
+    Attributes
+    ----------
+    sds : tuple of tuple of float, shape (levels below the root, parts)
+        Of each level, such as car models, vehicles and drivers, in units of the weights' usual size.
+    noise : float
+        Variance of a trip over its usual one.
+    split : tuple of int
+        Part of each feature: those of one part have one standard deviation by level.
+    """
+
+    sds: tuple[tuple[float, ...], ...]
+    noise: float
+    split: tuple[int, ...]
+
+    def variances(self, level: int) -> FloatArray:
+        """Prior variances at a level, 0 the root, shape (features,)."""
+        if level == 0:
+            return np.full(len(self.split), ROOT_SD**2)
+        return np.asarray(self.sds[level - 1])[list(self.split)] ** 2
+
+    @property
+    def logs(self) -> FloatArray:
+        """Logarithms of `sds`, row by row, and of `noise`."""
+        return np.asarray(np.log(np.append(np.ravel(self.sds), self.noise)))
+
+    def with_logs(self, logs: FloatArray) -> Scales:
+        """The scales of some `logs`, for the same features."""
+        values = np.exp(logs).tolist()
+        parts = len(self.sds[0])
+        sds = tuple(tuple(values[i * parts : (i + 1) * parts]) for i in range(len(self.sds)))
+        return Scales(sds, values[-1], self.split)
+
+
+@dataclass(frozen=True, eq=False)
+class Tree:
+    """Groups within groups: node 0 is the root, such as a fleet; parents come before their children.
+
+    Attributes
+    ----------
+    names : tuple of tuple of str
+        From the root down: (), (car model,), (car model, vehicle), (car model, vehicle, driver).
+    parent : ndarray of int, shape (nodes,)
+    level : ndarray of int, shape (nodes,)
+    leaf : ndarray of int, shape (groups,)
+        Node that holds the trips of each group of sums: the last name of it that is known.
+    """
+
+    names: tuple[tuple[str, ...], ...]
+    parent: IntArray
+    level: IntArray
+    leaf: IntArray
+
+    @classmethod
+    def from_groups(cls, groups: Sequence[tuple[str, ...]]) -> Tree:
+        """The tree over some groups of sums."""
+        paths = [tuple(name for name in group if name) for group in groups]
+        every = {path[:k] for path in paths for k in range(len(path) + 1)} | {()}
+        return cls.from_names(sorted(every, key=lambda name: (len(name), name)), paths)
+
+    @classmethod
+    def from_names(cls, names: Sequence[tuple[str, ...]], leaves: Sequence[tuple[str, ...]] = ()) -> Tree:
+        """The tree of all names, parents first."""
+        place = {name: i for i, name in enumerate(names)}
+        numbers = (
+            [place[name[:-1]] if name else 0 for name in names],
+            [len(name) for name in names],
+            [place[name] for name in leaves],
+        )
+        return cls(tuple(names), *(np.array(values, dtype=np.int64) for values in numbers))
+
+    def nodes(self, level: int) -> IntArray:
+        """Nodes of a level."""
+        return np.flatnonzero(self.level == level)
+
+
+@dataclass(frozen=True, eq=False)
+class GroupPosterior:
+    """Posterior of the weights of every group.
+
+    Attributes
+    ----------
+    tree : Tree
+    scales : Scales
+    mean : ndarray, shape (nodes, features)
+        Of the sum of all deviations from the root to the node.
+    covariance : ndarray, shape (nodes, features, features)
+    """
+
+    tree: Tree
+    scales: Scales
+    mean: FloatArray
+    covariance: FloatArray
+
+    @cached_property
+    def _place(self) -> Mapping[tuple[str, ...], int]:
+        return {name: i for i, name in enumerate(self.tree.names)}
+
+    def weights(self, *group: str | None) -> tuple[FloatArray, FloatArray]:
+        """Mean and covariance of the weights of a group; what is not known of it is that of the group around it.
+
+        Parameters
+        ----------
+        *group : str or None
+            Names from the root down, such as car model, vehicle, driver. None, "" and a name without trips stand for a new one of
+            the group around it.
+        """
+        node, depth = 0, 0
+        for name in group:
+            inner = None if not name else self._place.get((*self.tree.names[node], name))
+            if inner is None:
+                break
+            node, depth = inner, depth + 1
+        # a new vehicle of a known car model differs from it as vehicles do; drivers, where there are any, add to that
+        deeper = range(depth + 1, int(self.tree.level.max()) + 1)
+        own = sum((self.scales.variances(level) for level in deeper), np.zeros(self.mean.shape[1]))
+        return self.mean[node], self.covariance[node] + np.diag(own)
+
+    def to_arrays(self) -> dict[str, Any]:
+        """Plain arrays."""
+        depth = max(len(self.scales.sds), 1)
+        padded = [[*name, *[""] * (depth - len(name))] for name in self.tree.names]
+        return {
+            "names": np.array(padded, dtype=np.str_),
+            "depth": self.tree.level,
+            "mean": self.mean,
+            "covariance": self.covariance,
+            "sds": np.array(self.scales.sds),
+            "noise": np.array([self.scales.noise]),
+            "split": np.array(self.scales.split),
+        }
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, Any]) -> GroupPosterior:
+        """Reverse of `to_arrays`."""
+        names = [
+            tuple(str(n) for n in name[:depth])
+            for name, depth in zip(arrays["names"], arrays["depth"], strict=True)
+        ]
+        sds = tuple(tuple(row) for row in arrays["sds"].tolist())
+        scales = Scales(sds, float(arrays["noise"][0]), tuple(arrays["split"].tolist()))
+        return cls(Tree.from_names(names), scales, arrays["mean"], arrays["covariance"])
+
+
+def group_posterior(sums: Sums, scales: Scales) -> GroupPosterior:
+    """Posterior of the weights of every group. O(groups x features^3).
+
+    Parameters
+    ----------
+    sums : Sums
+    scales : Scales
+    """
+    tree = Tree.from_groups(sums.groups)
+    info, shift, _ = _to_root(tree, sums, scales)
+    mean, covariance, _ = _from_root(tree, info, shift, scales)
+    return GroupPosterior(tree, scales, mean, covariance)
+
+
+def _from_root(
+    tree: Tree, info: FloatArray, shift: FloatArray, scales: Scales
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Mean and covariance of every node's weights, and the mean square of its own deviations, shape (nodes, features)."""
+    p = len(scales.split)
+    mean = np.zeros((len(tree.names), p))
+    covariance = np.zeros((len(tree.names), p, p))
+    square = np.zeros((len(tree.names), p))
+    for level in range(len(scales.sds) + 1):
+        nodes = tree.nodes(level)
+        if not len(nodes):
+            continue
+        prior = scales.variances(level)
+        # deviation of the node given its parent's weights: precision S = 1 / prior + info
+        inverse = np.linalg.inv(info[nodes] + np.diag(1.0 / np.maximum(prior, _TINY)))
+        if level == 0:
+            mean[0], covariance[0] = inverse[0] @ shift[0], inverse[0]
+            continue
+        around, spread = mean[tree.parent[nodes]], covariance[tree.parent[nodes]]
+        # w_node = w_parent + d with d | w_parent ~ N(S^-1 (shift - info w_parent), S^-1)
+        gain = inverse @ info[nodes]
+        deviation = ((inverse @ shift[nodes][:, :, None]) - gain @ around[:, :, None])[:, :, 0]
+        by_parent = gain @ spread
+        mean[nodes] = around + deviation
+        own = inverse + by_parent @ np.swapaxes(gain, 1, 2)
+        covariance[nodes] = spread + own - by_parent - np.swapaxes(by_parent, 1, 2)
+        square[nodes] = deviation**2 + np.diagonal(own, axis1=1, axis2=2)
+    return mean, 0.5 * (covariance + np.swapaxes(covariance, 1, 2)), square
+
+
+def log_likelihood(sums: Sums, scales: Scales) -> float:
+    """Logarithm of the marginal likelihood of all trips. O(groups x features^3)."""
+    return _to_root(Tree.from_groups(sums.groups), sums, scales)[2]
+
+
+def log_likelihood_gradient(tree: Tree, sums: Sums, scales: Scales) -> tuple[float, FloatArray]:
+    """The marginal likelihood's logarithm, and its derivatives by those of the scales. O(groups x features^3).
+
+    By Fisher's identity the derivative is the posterior mean of that of the complete data: by the logarithm of a standard
+    deviation ``s``, the sum over deviations of ``E[d^2] / s^2 - 1``; by that of the trips' variance, half of the expected
+    residual sum of squares over it less the number of trips (McLachlan and Krishnan, The EM Algorithm and Extensions,
+    section 3.8).
+
+    Parameters
+    ----------
+    tree : Tree
+        Of the groups of `sums`.
+    sums : Sums
+    scales : Scales
+
+    Returns
+    -------
+    value : float
+    gradient : ndarray, shape (levels below the root * parts + 1,)
+        By `Scales.logs`.
+    """
+    info, shift, value = _to_root(tree, sums, scales)
+    mean, covariance, square = _from_root(tree, info, shift, scales)
+    slopes = np.zeros((len(scales.sds), len(scales.sds[0])))
+    for level in range(1, len(scales.sds) + 1):
+        nodes = tree.nodes(level)
+        excess = square[nodes].sum(axis=0) / scales.variances(level) - len(nodes)
+        np.add.at(slopes[level - 1], list(scales.split), excess)
+    m, C = mean[tree.leaf], covariance[tree.leaf]
+    fit = (sums.xx * (C + m[:, :, None] * m[:, None, :])).sum() - 2.0 * (sums.xy * m).sum()
+    by_noise = 0.5 * (float(sums.yy.sum() + fit) / scales.noise - float(sums.count.sum()))
+    return value, np.append(slopes.ravel(), by_noise)
+
+
+def _to_root(tree: Tree, sums: Sums, scales: Scales) -> tuple[FloatArray, FloatArray, float]:
+    """Information of the trips under each node about the node's own weights, and the marginal likelihood."""
+    p = len(scales.split)
+    noise = scales.noise
+    info = np.zeros((len(tree.names), p, p))
+    shift = np.zeros((len(tree.names), p))
+    np.add.at(info, tree.leaf, sums.xx / noise)
+    np.add.at(shift, tree.leaf, sums.xy / noise)
+    count = float(sums.count.sum())
+    total = -0.5 * (
+        count * np.log(2.0 * np.pi * noise) + float(sums.log_variance.sum()) + float(sums.yy.sum()) / noise
+    )
+    for level in range(len(scales.sds), -1, -1):
+        nodes = tree.nodes(level)
+        if not len(nodes):
+            continue
+        root = np.sqrt(np.maximum(scales.variances(level), _TINY))
+        # d = root z with z ~ N(0, 1): K = 1 + root info root is well conditioned
+        scaled = root[:, None] * info[nodes] * root
+        K = scaled + np.eye(p)
+        factor = np.linalg.cholesky(K)
+        b = (shift[nodes] * root)[:, :, None]
+        solved = np.linalg.solve(K, b)
+        total += 0.5 * float((b * solved).sum()) - float(np.log(np.diagonal(factor, axis1=1, axis2=2)).sum())
+        if level:
+            # integrating the node out: info - info root K^-1 root info = root^-1 (1 - K^-1) root^-1
+            inner = np.linalg.solve(K, np.swapaxes(info[nodes] * root, 1, 2))
+            passed = info[nodes] - (info[nodes] * root) @ inner
+            given = shift[nodes] - np.einsum("nij,nj->ni", info[nodes] * root, solved[:, :, 0])
+            np.add.at(info, tree.parent[nodes], 0.5 * (passed + np.swapaxes(passed, 1, 2)))
+            np.add.at(shift, tree.parent[nodes], given)
+    return info, shift, total
+
+
+def fit_scales(sums: Sums, usual: Scales) -> Scales:
+    """Scales at the maximum of the marginal likelihood, with weak priors around their usual values.
+
+    Parameters
+    ----------
+    sums : Sums
+    usual : Scales
+        Where the search starts as well; the noise has no prior.
+
+    Raises
+    ------
+    InvalidInput
+        Without a trip.
+    """
+    from scipy.optimize import minimize
+
+    if not sums.count.sum():
+        raise InvalidInput.of("no trips", "fleet", "0", "at least one trip with measured energy")
+    tree, first = Tree.from_groups(sums.groups), usual.logs
+
+    def cost(logs: FloatArray) -> tuple[float, FloatArray]:
+        value, gradient = log_likelihood_gradient(tree, sums, usual.with_logs(logs))
+        pull = np.append((logs[:-1] - first[:-1]) / LOG_SD, 0.0)
+        return -value + 0.5 * float(pull @ pull), pull / LOG_SD - gradient
+
+    bounds = [(u - 6.0, u + 4.0) for u in first[:-1]] + [(-12.0, 12.0)]
+    options = {"maxiter": 60, "ftol": 1e-10}
+    best = minimize(cost, first, jac=True, method="L-BFGS-B", bounds=bounds, options=options)
+    return usual.with_logs(np.asarray(best.x))

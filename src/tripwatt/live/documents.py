@@ -1,0 +1,106 @@
+"""What a car on the road is as plain values: the same over HTTP, over MQTT and on the page.
+
+The docstrings of the fields are their descriptions in the OpenAPI document.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Final, Literal, cast
+
+from typing_extensions import TypedDict  # Python 3.11 has one that pydantic cannot read
+
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.forecasting import Forecast
+
+QUANTILES: Final = (0.05, 0.5, 0.95)
+LOW, HIGH = f"{QUANTILES[0]:g}", f"{QUANTILES[-1]:g}"
+"""Ends of the 90 % interval."""
+
+
+class LiveForecastDocument(TypedDict):
+    """The forecast of a trip, given what was measured so far."""
+
+    energy_wh: float
+    """energy of the whole trip [Wh]"""
+    quantiles_wh: dict[str, float]
+    """quantiles of the energy [Wh], by probability"""
+    soc_arrival: float
+    """displayed state of charge at arrival"""
+    soc_quantiles: dict[str, float]
+    """quantiles of the displayed state of charge at arrival"""
+    reserve: float
+    """displayed state of charge to keep"""
+    p_arrive: float
+    """probability to arrive with the reserve"""
+    p_arrive_at_all: float
+    """probability to arrive before the battery is empty"""
+    measured_until_s: float
+    """time of the last measurement that counts, since departure [s]"""
+    distance_m: float
+    """length of the whole trip [m]"""
+
+
+class LiveTripDocument(TypedDict):
+    """The trip that a car is on."""
+
+    departure_utc: float
+    """[s since 1970]"""
+    duration_s: float
+    distance_m: float
+    samples: int
+    """messages that count"""
+
+
+class LiveMessages(TypedDict):
+    """Messages since the service was started."""
+
+    new: int
+    doubled: int
+    late: int
+
+
+class LiveDocument(TypedDict):
+    """A car on the road."""
+
+    vehicle: str
+    seconds_since_message: float | None
+    """null before the first message"""
+    messages: LiveMessages
+    soc: float | None
+    """displayed state of charge of the latest message that has one"""
+    trip: LiveTripDocument | None
+    """null while the car is on no trip"""
+    plan: Literal["given", "usual"] | None
+    """the plan that was given, or the road of an earlier trip that began at about this time of day"""
+    usual_trip: str | None
+    """name of that trip"""
+    forecast: LiveForecastDocument | None
+    """null without a plan"""
+    faults: list[dict[str, str]]
+    """why the last messages are not in the forecast; empty when they are"""
+
+
+def live_forecast(forecast: Forecast, reserve: float) -> LiveForecastDocument:
+    """A forecast as plain values.
+
+    Raises
+    ------
+    InvalidInput
+        When a value is not finite: no car can drive the trip.
+    """
+    document: Any = {
+        "energy_wh": forecast.energy_wh,
+        "quantiles_wh": {f"{p:g}": forecast.quantile(p) for p in QUANTILES},
+        "soc_arrival": forecast.soc_arrival,
+        "soc_quantiles": {f"{p:g}": forecast.soc_quantile(p) for p in QUANTILES},
+        "reserve": reserve,
+        "p_arrive": forecast.p_arrive(reserve),
+        "p_arrive_at_all": forecast.p_arrive(),
+        "measured_until_s": forecast.measured_until_s,
+        "distance_m": float(forecast.drive.distance_m[-1]),
+    }
+    values = [value for value in document.values() if isinstance(value, float)]
+    if not math.isfinite(sum([*values, *document["quantiles_wh"].values()])):
+        raise InvalidInput(Fault("no forecast", "trip", "implausible results", "a trip that a car can drive"))
+    return cast(LiveForecastDocument, document)

@@ -1,0 +1,140 @@
+"""The plan of a trip that a car is on or comes next, as the fields of a request; kept on disk until the trip has ended."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import pandas as pd
+
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.files import read_file, write_text
+from tripwatt.routes import (
+    fields_of_route,
+    links_of_trip,
+    plan_from_links,
+    route_from_links,
+    route_with_elevation,
+)
+from tripwatt.sources.canonical import canonical_samples
+from tripwatt.trips import ASKED, SIGNALS, Departure, Plan, Recorded, plan_from_samples
+from tripwatt.trips.plan import ROUTE_COLUMNS
+from tripwatt.trips.samples import columns_of
+
+PLAN: Final = "plan.json"
+MOST_BYTES: Final = 1 << 24
+
+
+@dataclass(frozen=True)
+class LivePlan:
+    """The plan of a trip, as it was given.
+
+    Attributes
+    ----------
+    request : mapping
+        Fields of a request for a forecast: `links` with `elevation`, or `samples`; what is known of the departure; `reserve`.
+    departure_s : float or None
+        Departure on the plan's clock [s since 1970]; None for the start of the trip.
+    given_s : float or None
+        Time of the car's latest sample when the plan was given [s since 1970].
+    usual_trip : str or None
+        Name of the earlier trip whose road this is; None for a plan that was given.
+
+    Examples
+    --------
+    >>> plan = LivePlan({"links": [{"length_m": 500.0, "speed_m_s": 10.0}], "displayed_soc": 0.8})
+    >>> plan.road.departure, plan.departure_s is None
+    (Departure(soc=0.8), True)
+    """
+
+    request: Mapping[str, Any]
+    departure_s: float | None = None
+    given_s: float | None = None
+    usual_trip: str | None = None
+
+    @cached_property
+    def road(self) -> Plan:
+        """The road with what the request holds of the departure.
+
+        Raises
+        ------
+        InvalidInput
+            When the fields are no road.
+        """
+        given = {name: value for name, value in self.request.items() if value is not None}
+        try:
+            if "samples" in given:
+                columns = {name: np.array(values, np.float64) for name, values in given["samples"].items()}
+                plan = plan_from_samples(canonical_samples(columns), "samples")
+            else:
+                route = route_from_links(given["links"])
+                if "elevation" in given:
+                    route = route_with_elevation(route, **given["elevation"])
+                plan = plan_from_links(route)
+        except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
+            got = f"{type(error).__name__}: {error}"[:200]
+            raise InvalidInput(Fault("no road", "plan", got, "links or samples of a request")) from error
+        known = {
+            name: given[wire]
+            for name, field in ASKED.items()
+            for wire in reversed((*field.wire, name))
+            if wire in given and name != "departs_at"
+        }
+        return plan.with_departure(Departure(**known))
+
+    @classmethod
+    def from_trip(cls, trip: Recorded) -> LivePlan | None:
+        """The road of a finished trip; None where its samples give none."""
+        try:
+            return cls(fields_of_route(links_of_trip(trip)), usual_trip=trip.trip_id)
+        except InvalidInput:
+            return None
+
+    def write(self, folder: Path) -> None:
+        """Write the plan into the folder `live` of a car.
+
+        Raises
+        ------
+        OSError
+            When it cannot be written.
+        """
+        about = {"given_s": self.given_s, "departure_s": self.departure_s, "request": self.request}
+        write_text(folder / PLAN, json.dumps(about) + "\n")
+
+    @classmethod
+    def read(cls, folder: Path) -> LivePlan | None:
+        """The plan in the folder `live` of a car; None where there is none.
+
+        Raises
+        ------
+        InvalidInput
+            When the file is damaged.
+        """
+        path = folder / PLAN
+        if not path.is_file():
+            return None
+        try:
+            about = json.loads(read_file(path, MOST_BYTES))
+            return cls(dict(about["request"]), about["departure_s"], about["given_s"])
+        except (ValueError, KeyError, TypeError, RecursionError) as error:
+            raise InvalidInput(
+                Fault("damaged file", f"{path}", f"{error}"[:200], "a plan", "remove it")
+            ) from error
+
+
+def request_of_samples(samples: pd.DataFrame) -> dict[str, Any]:
+    """A driven speed trace, and the signals of its departure, as the fields of a request.
+
+    Examples
+    --------
+    >>> from tripwatt.synthetic import example_trip
+    >>> list(request_of_samples(example_trip())["samples"])[:3]
+    ['time_s', 'speed_m_s', 'elevation_m']
+    """
+    names = [name for name in (*ROUTE_COLUMNS, *SIGNALS.values()) if name in samples]
+    return {"samples": columns_of(samples[names])}

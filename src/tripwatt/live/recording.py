@@ -1,0 +1,414 @@
+"""What a car sends is kept: its samples as they arrive, the trip that it is on, its plan, and the trips that it has finished."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Mapping
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Final, Self
+
+import pandas as pd
+
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.files import folder_lock
+from tripwatt.live.documents import LiveMessages
+from tripwatt.live.folder import (
+    FORECASTS,
+    erase_trips,
+    finished_logs,
+    finished_names,
+    keep_trip,
+    live_folder,
+    started_at,
+)
+from tripwatt.live.journal import Journal
+from tripwatt.live.live_trip import LEAST_M, SILENCE_S, LiveTrip, TripFinder
+from tripwatt.live.on_the_way import OnTheWay
+from tripwatt.live.ordering import Arrival, OrderedSamples
+from tripwatt.live.own_car import LIVE
+from tripwatt.live.plan import PLAN, LivePlan
+from tripwatt.live.telemetry import Sample
+from tripwatt.live.usual import LONGER, usual_departure
+from tripwatt.trips import Context, Departure, Log
+from tripwatt.trips.departure import FIRST_S
+from tripwatt.trips.samples import Sampled
+
+JOURNAL: Final = "journal.ndjson"
+
+FUTURE_S: Final = 120.0
+"""A time may be this much ahead of our clock [s]: one that is further ahead would make all that follow late."""
+
+LEAST_ROWS: Final = 3
+"""Fewest samples of a table that can be read again."""
+
+SECONDS_PER_DAY: Final = 86_400.0
+ERASE_EVERY_S: Final = 3600.0
+
+SLACK_LINES: Final = 1000
+"""Lines that the journal of a standing car may hold beyond those that count."""
+
+
+class Recorder:
+    """From samples to trips: what a car sends is written before it counts, and a trip that has ended becomes a table.
+
+    Parameters
+    ----------
+    folder : Path or str
+        Of the car, whose name is that of the folder.
+    keep_days : float
+        Days that finished trips, and samples of a car that is silent, stay on disk; older ones are erased now and every hour.
+
+    Attributes
+    ----------
+    counts : dict of str to int
+        Samples since the car was opened: `new`, `doubled` and `late`.
+    received_s : float or None
+        When the last message came [s since 1970, by our clock].
+    plan : LivePlan or None
+        The plan that was given for the trip that the car is on, or for its next one.
+
+    Raises
+    ------
+    InvalidInput
+        When its name cannot be one, it cannot be written, its plan is damaged, or another process has it open.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder, Recorder(f"{folder}/leaf") as car:
+    ...     print(car.name, car.trip, car.counts)
+    leaf None {'new': 0, 'doubled': 0, 'late': 0}
+    """
+
+    def __init__(self, folder: Path | str, *, keep_days: float = math.inf) -> None:
+        self.folder = Path(folder).absolute()
+        self.name = self.folder.name
+        self.keep_days = keep_days
+        self.counts: LiveMessages = {"new": 0, "doubled": 0, "late": 0}
+        self._finder = TripFinder()
+        self._ended: list[LiveTrip] = []
+        # departure of a trip, its usual trip, and the road of that
+        self._usual: tuple[float, Log | None, LivePlan | None] | None = None
+        # time and displayed charge of the latest sample that has one
+        self._soc: tuple[float, float] | None = None
+        self._erased_s = -math.inf
+        self._plans = 0
+        # start and departure of a trip, and what its first samples show
+        self._first: tuple[tuple[float, float], Departure] | None = None
+        with ExitStack() as stack:
+            live = live_folder(self.folder)
+            stack.enter_context(folder_lock(live))
+            self._journal = Journal(live / JOURNAL)
+            stack.callback(self._journal.close)
+            self._ordered = OrderedSamples(self._journal.after_s)
+            self.plan = LivePlan.read(live)
+            self._on_the_way = OnTheWay(live / FORECASTS)
+            for sample in self._journal.read():
+                if self._ordered.arrival(sample) == "new":
+                    self._take(sample)
+            self.received_s = self._journal.written_s if self._journal.lines else None
+            self._listening_s = time.time() if self._journal.lines else -math.inf
+            self._finish()
+            self.erase_old(time.time())
+            self._open = stack.pop_all()
+
+    @property
+    def trip(self) -> LiveTrip | None:
+        """The trip that the car is on; its start is seen when no earlier sample can come."""
+        return self._finder.trip
+
+    def add(self, sample: Sample, *, now_s: float | None = None) -> Arrival:
+        """Take a sample; it is on disk when this returns. O(1) amortised.
+
+        Parameters
+        ----------
+        sample : Sample
+            What the car sent.
+        now_s : float, optional
+            The time by our clock [s since 1970].
+
+        Returns
+        -------
+        {"new", "doubled", "late"}
+            Only a new sample counts.
+
+        Raises
+        ------
+        InvalidInput
+            When its time is ahead of our clock by more than `FUTURE_S`.
+        OSError
+            When it cannot be written; send it again.
+        """
+        now_s = time.time() if now_s is None else now_s
+        if sample.time_s > now_s + FUTURE_S:
+            got = f"{sample.time_s - now_s:.0f} s ahead"
+            allowed, fix = f"at most {FUTURE_S:g} s ahead of our clock", "set the clock of the sender"
+            raise InvalidInput(Fault("time in the future", "utc", got, allowed, fix))
+        arrival = self._ordered.arrival(sample)
+        if arrival == "new":
+            self._journal.append(sample)
+            self._take(sample)
+        self.counts[arrival] += 1
+        self.received_s = now_s
+        self._finish()
+        return arrival
+
+    def _take(self, sample: Sample) -> None:
+        soc = sample.values.get("displayed_soc")
+        if soc is not None and (self._soc is None or sample.time_s >= self._soc[0]):
+            self._soc = sample.time_s, soc
+        self._ordered.insert(sample)
+        self._follow(self._ordered.ready())
+
+    def _follow(self, samples: list[Sample]) -> None:
+        ended = [self._finder.add(sample) for sample in samples]
+        self._ended += [trip for trip in ended if trip is not None]
+
+    def end_when_silent(self, now_s: float) -> bool:
+        """End the trip of a car that sent nothing for `SILENCE_S` by our clock, while this process listened.
+
+        Parameters
+        ----------
+        now_s : float
+            The time by our clock [s since 1970].
+
+        Returns
+        -------
+        bool
+            Whether a trip has ended.
+        """
+        if now_s - self._erased_s > ERASE_EVERY_S:
+            self._erased_s = now_s
+            self.erase_old(now_s)
+        if self.received_s is None or now_s - max(self.received_s, self._listening_s) < SILENCE_S:
+            return False
+        self._follow(self._ordered.rest())
+        ended = self._finder.end()
+        if ended is not None:
+            self._ended.append(ended)
+        done = bool(self._ended)
+        self._finish()
+        return done
+
+    def erase_old(self, now_s: float) -> int:
+        """Erase what is older than `keep_days`: finished trips by their departure, and the samples of a car that sends no more.
+
+        A trip that the car is on stays. O(finished trips).
+
+        Parameters
+        ----------
+        now_s : float
+            The time by our clock [s since 1970].
+
+        Returns
+        -------
+        int
+            Trips that were erased.
+
+        Examples
+        --------
+        >>> import tempfile
+        >>> with tempfile.TemporaryDirectory() as folder, Recorder(f"{folder}/leaf", keep_days=90.0) as car:
+        ...     car.erase_old(1.8e9)
+        0
+        """
+        before_s = now_s - self.keep_days * SECONDS_PER_DAY
+        if before_s == -math.inf:
+            return 0
+        erased = erase_trips(self.folder, before_s)
+        silent = self.received_s is not None and self.received_s < before_s
+        if silent and self.trip is None and self._journal.lines:
+            self._journal.rewrite([], self._ordered.newest_s)
+        if erased:
+            self._usual = None
+        return erased
+
+    def _finish(self) -> None:
+        """Write ended trips, forget their plan and their samples. Whatever a killed process left undone is done again."""
+        done = bool(self._ended)
+        while self._ended:
+            self._keep(self._ended[0])
+            del self._ended[0]
+        if self.trip is not None:
+            return  # a trip has begun already: the journal is shortened after it
+        waiting = len(self._finder.before) + len(self._ordered.waiting)
+        if done or self._journal.lines > 2 * waiting + SLACK_LINES:
+            rest = [*self._finder.before, *self._ordered.waiting]
+            after_s = math.nextafter(rest[0].time_s, -math.inf) if rest else self._ordered.given_s
+            self._journal.rewrite(rest, after_s)
+
+    def _keep(self, trip: LiveTrip) -> None:
+        table = trip.table(until_s=trip.moved_s)
+        if trip.distance_m < LEAST_M or len(table) < LEAST_ROWS:
+            return
+        keep_trip(self.folder, trip.start_s, table, self._on_the_way.of(trip.start_s))
+        plan = self.plan
+        if plan is not None and (plan.given_s is None or plan.given_s <= trip.moved_s):
+            self.set_plan(None)
+
+    def observed(self, start_s: float = 0.0) -> pd.DataFrame:
+        """Tabulate what the car measured on its trip so far, also what waits for late samples. O(samples of the trip).
+
+        Parameters
+        ----------
+        start_s : float
+            Time of the departure in the table [s].
+
+        Returns
+        -------
+        DataFrame
+            Canonical columns; without rows where the car is on no trip.
+        """
+        if self.trip is None:
+            return pd.DataFrame({"time_s": [], "speed_m_s": []}, dtype="float64")
+        return self.trip.table(self._ordered.waiting, since_s=self._since_s(self.trip), start_s=start_s)
+
+    def _since_s(self, trip: LiveTrip) -> float:
+        """Departure of a trip: that of its plan, else its start [s since 1970]."""
+        given = None if self.plan is None else self.plan.departure_s
+        return trip.start_s if given is None else given
+
+    def departure(self) -> Departure:
+        """Collect what the car's samples show of the departure.
+
+        Returns
+        -------
+        Departure
+            Of the first values on a trip, of the latest ones before it; without payload and without whether it follows a trip.
+        """
+        trip = self.trip
+        of = None if trip is None else (trip.start_s, self._since_s(trip))
+        if self._first is not None and self._first[0] == of:
+            return self._first[1]
+        table = self.observed()
+        if not len(table):
+            latest: dict[str, float] = {}
+            for sample in (*self._finder.before, *self._ordered.waiting):
+                latest |= sample.values
+            table = pd.DataFrame([{"time_s": 0.0, "speed_m_s": 0.0, **latest}], dtype="float64")
+        found = Departure.from_first_sample(Sampled(self.name, table), Context())
+        departure = replace(found, payload_mass_kg=None, follows_trip=None)
+        if (
+            trip is not None
+            and of is not None
+            and trip.last_s - of[1] > float(table["time_s"].iloc[0]) + FIRST_S
+        ):
+            self._first = of, departure  # no sample that comes now can change it
+        return departure
+
+    def usual_trip(self) -> Log | None:
+        """Find the finished trip that began nearest by time of day to the one that the car is on.
+
+        O(finished trips), once for a trip.
+
+        Returns
+        -------
+        Log or None
+            None where there is none within `NEAR_S`, or the car has driven further than that trip.
+        """
+        trip = self.trip
+        if trip is None:
+            return None
+        if self._usual is None or self._usual[0] != trip.start_s:
+            log = self.usual_trip_at(trip.start_s)
+            self._usual = trip.start_s, log, None if log is None else LivePlan.from_trip(log)
+        log = self._usual[1]
+        return None if log is None or trip.distance_m > LONGER * log.distance_m else log
+
+    def usual_trip_at(self, start_s: float) -> Log | None:
+        """Find the finished trip that began nearest by time of day to a departure. O(finished trips).
+
+        Parameters
+        ----------
+        start_s : float
+            The departure [s since 1970].
+
+        Returns
+        -------
+        Log or None
+            None where there is none within `NEAR_S`, or its file was changed.
+        """
+        names = {started_at(name).timestamp(): name for name in finished_names(self.folder)}
+        usual = usual_departure((other for other in names if other < start_s), start_s)
+        try:
+            return None if usual is None else finished_logs(self.folder, [names[usual]])[0]
+        except InvalidInput:  # somebody changed the file
+            return None
+
+    def plan_at(self, departure_s: float) -> LivePlan | None:
+        """The plan of a trip that departs at a time [s since 1970]: the one that was given, else the road of the usual trip."""
+        trip = None if self.plan is not None else self.usual_trip_at(departure_s)
+        return self.plan if trip is None else LivePlan.from_trip(trip)
+
+    def set_plan(self, request: Mapping[str, Any] | None, departure_s: float | None = None) -> None:
+        """Give the plan of the trip that the car is on, or of its next one; None takes it away.
+
+        It is kept until its trip has ended.
+
+        Parameters
+        ----------
+        request : mapping or None
+            Fields of a request for a forecast, see `LivePlan`.
+        departure_s : float, optional
+            Departure on the clock of the plan [s since 1970]. Earlier samples do not count.
+        """
+        plan = None
+        if request is None:
+            (self.folder / LIVE / PLAN).unlink(missing_ok=True)
+        else:
+            newest_s = self._ordered.newest_s
+            plan = LivePlan(request, departure_s, newest_s if newest_s > 0.0 else None)
+            plan.write(self.folder / LIVE)
+        self.plan, self._plans = plan, self._plans + 1
+
+    def logs(self) -> tuple[Log, ...]:
+        """Read the finished trips.
+
+        Returns
+        -------
+        tuple of Log
+            In the order of their departure, as `Car.add` takes them.
+        """
+        return finished_logs(self.folder)
+
+    def about(self, now_s: float) -> dict[str, Any]:
+        """Describe the car: seconds since its last message, messages since it was opened, and its trip.
+
+        Parameters
+        ----------
+        now_s : float
+            The time by our clock [s since 1970].
+
+        Returns
+        -------
+        dict
+            Plain values; `trip` is None where the car is on none.
+        """
+        trip = self.trip
+        return {
+            "vehicle": self.name,
+            "seconds_since_message": None if self.received_s is None else max(0.0, now_s - self.received_s),
+            "messages": self.counts.copy(),
+            "soc": None if self._soc is None else self._soc[1],
+            "trip": None
+            if trip is None
+            else {
+                "departure_utc": trip.start_s,
+                "duration_s": trip.last_s - trip.start_s,
+                "distance_m": trip.distance_m,
+                "samples": len(trip),
+            },
+        }
+
+    def close(self) -> None:
+        """Leave the car to another process."""
+        self._open.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()

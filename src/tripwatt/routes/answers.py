@@ -1,0 +1,104 @@
+"""What live and saved answers of routers have in common: steps, annotations of OSRM, path details of GraphHopper."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from tripwatt.arrays import FloatArray
+from tripwatt.errors import InvalidInput
+from tripwatt.routes.documents import Node
+from tripwatt.units import M_S_PER_KM_H
+
+
+def steps_of(part: Node, key: str = "steps") -> Sequence[Node]:
+    """The steps of a leg, segment or path; the part itself where it has none.
+
+    Examples
+    --------
+    >>> [step.where for step in steps_of(Node({"steps": [{}, {}]}, "leg"))], steps_of(Node({}, "leg"))[0].where
+    (['leg, steps[0]', 'leg, steps[1]'], 'leg')
+    """
+    return part[key].entries() if part[key].value else (part,)
+
+
+def lengths_and_times(steps: Sequence[Node], time: str = "duration") -> FloatArray:
+    """Length and time of each step in the units of the answer, shape (steps, 2).
+
+    Examples
+    --------
+    >>> lengths_and_times([Node({"distance": 900, "duration": 60.5}, "step")]).tolist()
+    [[900.0, 60.5]]
+    """
+    rows = [(step["distance"].number(least=0.0), step[time].number(least=0.0)) for step in steps]
+    return np.array(rows).reshape(-1, 2)
+
+
+def annotated(leg: Node, *, own_speed: bool = False) -> FloatArray:
+    """Length, time and speed of each edge by the annotation of a leg of OSRM, shape (edges, 3).
+
+    An annotation leaves out turns and lights: what the leg takes longer is shared out by time.
+
+    Parameters
+    ----------
+    leg : Node
+    own_speed : bool
+        Take the annotated speed where there is one; else it is the annotated length over time, NaN where one is 0.
+
+    Raises
+    ------
+    InvalidInput
+        When it does not have a length and a time for each edge.
+    """
+    length = leg["annotation"]["distance"].numbers(least=0.0)
+    time = leg["annotation"]["duration"].numbers(least=0.0)
+    given = leg["annotation"]["speed"]
+    speed = given.numbers(least=0.0) if own_speed and given.value is not None else None
+    if not 0 < len(time) == len(length) == len(time if speed is None else speed):
+        got = f"{len(length)} and {len(time)}"
+        raise InvalidInput.of("annotations of different lengths", leg.where, got, "one for each edge")
+    if speed is None:
+        speed = np.divide(length, time, out=np.full(len(time), np.nan), where=(time > 0) & (length > 0))
+    total = float(time.sum())
+    longer = max(leg["duration"].number(least=0.0) / total, 1.0) if total > 0 else 1.0
+    return np.column_stack((length, time * longer, speed))
+
+
+def intervals(detail: Node, points: int) -> list[tuple[int, int, Node]]:
+    """First point, last point and value of each entry of a path detail of GraphHopper; none where it is not given.
+
+    Raises
+    ------
+    InvalidInput
+        When an entry has no two points of the path, in their order.
+
+    Examples
+    --------
+    >>> intervals(Node([[0, 2, 5.0]], "time"), 3)[0][:2], intervals(Node(None, "time"), 3)
+    ((0, 2), [])
+    """
+    rows = []
+    for entry in detail.entries() if detail.value else ():
+        start, end, value = entry.entries(least=3)[:3]
+        first, last = start.number(least=0.0), end.number(least=0.0)
+        if first % 1 or last % 1 or not first <= last < points:
+            got, allowed = f"{first:g} to {last:g}", f"0 to {points - 1}, ascending"
+            raise InvalidInput.of("point index out of range", entry.where, got, allowed)
+        rows.append((int(first), int(last), value))
+    return rows
+
+
+def speeds_at_points(detail: Node, points: int) -> FloatArray:
+    """Speed behind each point [m/s] by a path detail in km/h; NaN where there is none above 0.
+
+    Examples
+    --------
+    >>> speeds_at_points(Node([[0, 2, 36.0], [2, 3, None]], "max_speed"), 4)
+    array([10., 10., nan, nan])
+    """
+    speed = np.full(points, np.nan)
+    for start, end, value in intervals(detail, points):
+        if value.value is not None:
+            speed[start : max(end, start + 1)] = M_S_PER_KM_H * value.number(least=0.0)
+    return np.where(speed > 0.0, speed, np.nan)

@@ -1,0 +1,132 @@
+"""Texts that come from outside: their bytes within a bound, and JSON documents whose values know their place."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from tripwatt.arrays import FloatArray
+from tripwatt.errors import InvalidInput, excerpt
+from tripwatt.files import read_file
+from tripwatt.routes.points import require_few_points, require_on_earth
+
+MOST_BYTES: Final = 64 * 1024 * 1024
+"""Size of one file: a GPX point takes about 100 bytes."""
+
+
+def content(source: bytes | str | Path, where: str | None = None) -> tuple[bytes, str]:
+    """Bytes of a source and its name for messages: bytes are the content itself, anything else is a path.
+
+    Raises
+    ------
+    InvalidInput
+        When the file cannot be read or is too large.
+    """
+    if isinstance(source, bytes):
+        data, name = source, where or "route"
+    else:
+        path = Path(source)
+        data, name = read_file(path, MOST_BYTES), where or path.name
+    if len(data) > MOST_BYTES:
+        raise InvalidInput.of("file too large", name, f"{len(data)} bytes", f"at most {MOST_BYTES} bytes")
+    return data, name
+
+
+def parse_json(data: bytes, where: str) -> Any:
+    """The value of a JSON text, without NaN and infinities.
+
+    Raises
+    ------
+    InvalidInput
+        When it is not JSON.
+    """
+
+    def refuse(constant: str) -> float:
+        raise ValueError(f"{constant} is no JSON number")
+
+    try:
+        return json.loads(data, parse_constant=refuse)
+    except RecursionError as error:
+        raise InvalidInput.of("not JSON", where, "nested too deeply", "a route") from error
+    except ValueError as error:
+        raise InvalidInput.of("not JSON", where, str(error)[:120], "a JSON document in UTF-8") from error
+
+
+@dataclass(frozen=True, slots=True)
+class Node:
+    """A value of a JSON document and where it is, for messages. Each way to read it raises `InvalidInput`.
+
+    Attributes
+    ----------
+    value : object
+        As `json.loads` gives it; None also for a member that is not there.
+    where : str
+
+    Examples
+    --------
+    >>> leg = Node({"legs": [{"time": 60}]}, "answer")["legs"].entries(least=1)[0]
+    >>> leg["time"].number(), leg["time"].where, leg["name"].value
+    (60.0, 'answer, legs[0], time', None)
+    """
+
+    value: Any
+    where: str
+
+    def __getitem__(self, key: str) -> Node:
+        return Node(self.members().get(key), f"{self.where}, {key}")
+
+    def members(self) -> dict[str, Any]:
+        """The value if it is a JSON object."""
+        if not isinstance(self.value, dict):
+            raise InvalidInput.of("not an object", self.where, _excerpt(self.value), "a JSON object")
+        return self.value
+
+    def entries(self, *, least: int = 0) -> list[Node]:
+        """The entries of a JSON array of at least `least`."""
+        if not isinstance(self.value, list):
+            raise InvalidInput.of("not a list", self.where, _excerpt(self.value), "a JSON array")
+        if len(self.value) < least:
+            raise InvalidInput.of("too few entries", self.where, f"{len(self.value)}", f"at least {least}")
+        return [Node(entry, f"{self.where}[{k}]") for k, entry in enumerate(self.value)]
+
+    def number(self, *, least: float = -math.inf) -> float:
+        """The value as a float if it is a finite JSON number of at least `least`."""
+        is_number = isinstance(self.value, int | float) and not isinstance(self.value, bool)
+        try:
+            number = float(self.value) if is_number else math.nan
+        except OverflowError:
+            number = math.inf
+        if not (math.isfinite(number) and number >= least):
+            allowed = "a finite number" if least == -math.inf else f"a finite number, {least:g} or more"
+            raise InvalidInput.of("not a number", self.where, _excerpt(self.value), allowed)
+        return number
+
+    def numbers(self, *, least: float = -math.inf) -> FloatArray:
+        """The numbers of a JSON array, shape (entries,)."""
+        return np.array([entry.number(least=least) for entry in self.entries()], dtype=np.float64)
+
+    def coordinates(self) -> FloatArray:
+        """GeoJSON positions as latitude, longitude, height (NaN where missing), shape (points, 3)."""
+        require_few_points(len(self.value) if isinstance(self.value, list) else 0, self.where)
+        positions = self.entries(least=2)
+        points = np.full((len(positions), 3), np.nan)
+        for k, position in enumerate(positions):
+            parts = position.entries(least=2)
+            points[k, 1], points[k, 0] = parts[0].number(), parts[1].number()
+            if len(parts) > 2 and parts[2].value is not None:
+                points[k, 2] = parts[2].number()
+        require_on_earth(points[:, 0], points[:, 1], self.where)
+        return points
+
+
+def _excerpt(value: Any) -> str:
+    if isinstance(value, dict | list):
+        return f"{'an object' if isinstance(value, dict) else 'a list'} of {len(value)}"
+    if isinstance(value, int) and not isinstance(value, bool) and abs(value) > 10**18:
+        return "a number without end"
+    return excerpt(value)

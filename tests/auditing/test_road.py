@@ -1,0 +1,65 @@
+"""Rules on the surroundings, each threshold from both sides."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from tripwatt.auditing.road import ambient_findings, elevation_findings
+
+NO = np.nan
+
+
+def told(findings):
+    return [(f.from_s, f.to_s, f.consequence, f.what) for f in findings]
+
+
+def road(height, speed=20.0, step_s=1.0):
+    n = len(height)
+    columns = {"time_s": 100.0 + step_s * np.arange(n), "speed_m_s": speed, "elevation_m": height}
+    return told(elevation_findings(pd.DataFrame(columns), "t"))
+
+
+def test_no_road_keeps_its_height_for_two_kilometres():
+    assert road([582.0] * 101) == []
+    words = "elevation stays at 582 m over 2.0 km: the road is treated as flat"
+    assert road([582.0] * 102) == [(100.0, 201.0, "noted", words)]
+    assert road([582.0] * 101 + [583.0]) == []
+    assert [f[:2] for f in road([582.0, 582.0], step_s=101.0)] == [(100.0, 201.0)]
+    assert road([582.0, NO], step_s=101.0) == []
+    assert road([NO, NO]) == []
+
+
+def test_no_road_climbs_more_than_four_tenths_beside_ten_metres_of_noise():
+    """On 20 m a road of 40 % rises by 8 m."""
+    level = [500.0] * 5
+    assert road([*level, 518.0, 518.0]) == []
+    words = "elevation jumps 1 times, by up to 18.5 m"
+    assert road([*level, 518.5, 518.5]) == [(104.0, 105.0, "noted", words)]
+    words = "elevation jumps 2 times, by up to 19.0 m"
+    assert road([*level, 518.5, 518.5, 499.5]) == [(104.0, 107.0, "noted", words)]
+    faster = np.array([10.0, 30.0, 10.0])  # 40 m in 2 s rise by 16 m
+    assert road([500.0, 525.5, 525.5], faster, step_s=2.0) == []
+    assert len(road([500.0, 526.5, 526.5], faster, step_s=2.0)) == 1
+    parked = np.array([0.0, 0.0, NO, 0.0])
+    assert [f[:2] for f in road([500.0, 500.0, 505.0, 510.5], parked)] == [(101.0, 103.0)]
+
+
+def ambient(values, step_s=1.0):
+    n = len(values)
+    columns = {"time_s": 100.0 + step_s * np.arange(n), "ambient_temperature_degc": values}
+    return told(ambient_findings(pd.DataFrame(columns), "t"))
+
+
+def test_air_that_stays_the_same_for_an_hour_is_not_measured():
+    assert ambient([9.0] * 2, 3600.0) == []
+    words = "outside temperature stays at 9 °C: it may not be measured"
+    assert ambient([9.0] * 2, 3601.0) == [(100.0, 3701.0, "noted", words)]
+    assert ambient([9.0, 9.5], 3601.0) == []
+    assert ambient([NO, NO], 3601.0) == []
+    assert len(ambient([9.0, NO, 9.0], 2000.0)) == 1
+
+
+@pytest.mark.parametrize("value", [-40.0, 85.0, 127.0, 127.5, 215.0])
+def test_the_ends_of_the_usual_codings_are_not_measured(value):
+    assert len(ambient([value] * 3)) == 1
+    assert ambient([value + 0.25] * 3) == []

@@ -1,0 +1,62 @@
+"""A fit with its provenance."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tripwatt.forecasting import load_metadata, save_model
+from tripwatt.forecasting.fitting import data_digest, fit_with_provenance
+from tripwatt.hybrid import segment_trips
+from tripwatt.synthetic import synthetic_fleet
+from tripwatt.trips import Fleet
+from tripwatt.vehicles import load_vehicle
+
+
+@pytest.fixture(scope="module")
+def fleet() -> Fleet:
+    return synthetic_fleet(12, seed=5)
+
+
+@pytest.fixture(scope="module")
+def car():
+    return load_vehicle("bmw_i3_60ah", overrides={"mass": 1300.0})
+
+
+@pytest.fixture(scope="module")
+def table(fleet, car):
+    return segment_trips(fleet.trips[:8], car)
+
+
+def test_a_model_says_where_it_comes_from(fleet, car, tmp_path: Path) -> None:
+    model, provenance, figures = fit_with_provenance(fleet, car, corrector="linear", seed=2)
+    save_model(model, tmp_path / "model", provenance=provenance, evaluation=figures)
+    about = load_metadata(tmp_path / "model")
+    assert about["provenance"]["trips_used"] == list(model.trip_ids_)
+    assert about["provenance"]["data"]["sha256"] == data_digest(fleet.trips)
+    assert about["provenance"]["seed"] == 2
+    ambient = next(e for e in about["contract"]["inputs"] if e["name"] == "ambient_temperature_degc")
+    assert ambient["unit"] == "°C"
+    first = [t.array("ambient_temperature_degc")[0] for t in fleet.trips]
+    assert ambient["training"] == [min(first), max(first)]
+    rows = figures["by_trip"]
+    errors = [abs(r["predicted_wh"] / r["observed_wh"] - 1.0) for r in rows]
+    assert figures["mape"] == pytest.approx(np.mean(errors))
+    by_id = {t.trip_id: t.observed_energy_wh for t in fleet.trips}
+    assert all(r["observed_wh"] == pytest.approx(by_id[r["trip"]], rel=0.02) for r in rows)
+    # each row was forecast without its trip: the model that has seen it errs less
+    table = segment_trips(fleet.trips, model.vehicle)
+    assert model.corrector_ is not None
+    fitted = table.totals_wh(table.simulated_w + model.corrector_.predict(table))
+    seen = np.mean(np.abs(fitted / table.totals_wh(table.observed_power_w) - 1.0))
+    assert seen < figures["mape"]
+
+
+def test_digest_knows_every_value_but_no_order(fleet) -> None:
+    trips = fleet.trips[:3]
+    assert data_digest(trips) == data_digest(trips[::-1])
+    samples = trips[0].samples.copy()
+    samples.loc[5, "speed_m_s"] += 1e-12
+    other = dataclasses.replace(trips[0], samples=samples)
+    assert data_digest([other, *trips[1:]]) != data_digest(trips)

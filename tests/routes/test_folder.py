@@ -1,0 +1,187 @@
+"""Map folders: built whole or not at all."""
+
+import json
+
+import pytest
+from tests.support.router_server import write_map
+
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.routes.maps import (
+    build_map,
+    open_map,
+)
+
+
+def osm(*objects):
+    return f'<?xml version="1.0"?><osm version="0.6">{"".join(objects)}</osm>'
+
+
+def node(number, latitude, longitude, **tags):
+    inside = "".join(f'<tag k="{k.replace("__", ":")}" v="{v}"/>' for k, v in tags.items())
+    return f'<node id="{number}" lat="{latitude}" lon="{longitude}">{inside}</node>'
+
+
+def names(found):
+    return [place.name for place in found]
+
+
+@pytest.fixture
+def builder(monkeypatch, tmp_path):
+    """Builds a map of an extract without Valhalla: its tiles are one empty file."""
+    pytest.importorskip("osmium", reason="the extra tripwatt[routing] is not installed")
+    monkeypatch.setattr("tripwatt.routes.maps.folder.require_valhalla", lambda: tmp_path)
+
+    def tiles(work, extract):
+        (work / "tiles").mkdir()
+
+    monkeypatch.setattr("tripwatt.routes.maps.folder.build_tiles", tiles)
+
+    def build(*objects, out="deep/map", **more):
+        (tmp_path / "region.osm").write_text(osm(*objects), "utf-8")
+        return build_map(tmp_path / "region.osm", tmp_path / out, **more)
+
+    return build
+
+
+PLACES = (
+    node(1, 47.0, 9.0, place="town", name="Westend"),
+    node(2, 47.2, 9.1, addr__housenumber="7", addr__street="Ring"),
+    node(3, 47.1, 9.4, amenity="charging_station"),
+)
+
+
+def test_a_map_says_what_it_is_made_of(builder, tmp_path):
+    steps = []
+    made = builder(*PLACES, progress=steps.append)
+    assert steps == ["roads", "places"]
+    assert sorted(path.name for path in made.folder.iterdir()) == ["map.json", "places.sqlite", "tiles"]
+    assert (made.folder / "map.json").read_text("utf-8").startswith('{\n "format": 1,\n "extract":')
+    assert made.info == {
+        "format": 1,
+        "extract": "region.osm",
+        "extract_bytes": (tmp_path / "region.osm").stat().st_size,
+        "attribution": "© OpenStreetMap contributors, ODbL 1.0",
+        "bounds_deg": [47.0, 9.0, 47.2, 9.1],
+        "elevation_tiles": 0,
+        "places": 2,
+        "stations": 1,
+    }
+    assert open_map(made.folder).info == made.info
+    assert names(made.index.search("ring")) == ["Ring 7, Westend"]
+    assert made.index.stations()[0].latitude_deg == 47.1
+
+
+def test_a_house_is_named_by_a_settlement_and_not_by_what_stands_beside_it(builder):
+    made = builder(
+        node(1, 47.0, 9.0, place="hamlet", name="Hof"),
+        node(2, 47.1, 9.1, amenity="cafe", name="Blau"),
+        node(3, 47.1, 9.1, addr__housenumber="7", addr__street="Ring"),
+    )
+    assert names(made.index.search("ring")) == ["Ring 7, Hof"]
+
+
+def test_a_map_without_places_has_no_bounds(builder):
+    assert builder().info["bounds_deg"] is None
+
+
+def test_elevation_tiles_lie_where_valhalla_looks_for_them(builder, tmp_path):
+    source = tmp_path / "heights"
+    (source / "more").mkdir(parents=True)
+    for name in ("n47e009.hgt", "N47E010.hgt.gz", "more/S05W070.hgt.lz4", "readme.txt"):
+        (source / name).write_bytes(name.encode())
+    made = builder(elevation=source)
+    assert made.info["elevation_tiles"] == 3
+    kept = {p.relative_to(made.folder).as_posix(): p.read_bytes() for p in made.folder.rglob("*.hgt*")}
+    assert kept == {
+        "elevation/N47/N47E009.hgt": b"n47e009.hgt",
+        "elevation/N47/N47E010.hgt.gz": b"N47E010.hgt.gz",
+        "elevation/S05/S05W070.hgt.lz4": b"more/S05W070.hgt.lz4",
+    }
+
+
+def test_a_map_is_replaced_when_the_new_one_is_complete(builder, tmp_path, monkeypatch):
+    (tmp_path / "map.unfinished").mkdir()
+    (tmp_path / "map.unfinished" / "left.txt").write_text("x")
+    old = builder(*PLACES, out="map")
+    assert not (old.folder / "left.txt").exists()
+    (old.folder / "old.txt").write_text("x")
+
+    def broken(work, extract):
+        raise InvalidInput(Fault("cannot build the map", "x"))
+
+    with monkeypatch.context() as patch:
+        patch.setattr("tripwatt.routes.maps.folder.build_tiles", broken)
+        with pytest.raises(InvalidInput, match="cannot build the map"):
+            builder(out="map")
+    assert (old.folder / "old.txt").exists()
+    assert builder(out="map").info["places"] == 0
+    assert not (old.folder / "old.txt").exists()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["map", "region.osm"]
+
+
+def test_words_about_another_format_are_cut(tmp_path):
+    (tmp_path / "map.json").write_text(json.dumps({"format": "f" * 99}))
+    with pytest.raises(InvalidInput, match="map of another release") as caught:
+        open_map(tmp_path)
+    assert caught.value.faults[0].got == "format '" + "f" * 52
+
+
+def test_a_map_folder_is_opened(tmp_path):
+    found = open_map(write_map(tmp_path / "map"))
+    assert found.info["places"] == 5
+    assert found.index.search("ost")[0].name == "Ostheim"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (
+            None,
+            "no map: .*: got FileNotFoundError; allowed: a folder with a map; build one with tripwatt map build",
+        ),
+        ("{", "no map: .*JSONDecodeError"),
+        ("[]", "map of another release: .*: got no object"),
+        (json.dumps({"format": 99}), "map of another release: .*: got format 99; allowed: format 1"),
+    ],
+)
+def test_a_folder_without_a_map_is_refused(tmp_path, text, message):
+    if text is not None:
+        (tmp_path / "map.json").write_text(text)
+    with pytest.raises(InvalidInput, match=message):
+        open_map(tmp_path)
+
+
+def test_what_cannot_be_built_is_named_before_anything_is_written(tmp_path, monkeypatch):
+    monkeypatch.setattr("tripwatt.routes.maps.folder.require_valhalla", lambda: tmp_path)
+    full = tmp_path / "full"
+    full.mkdir()
+    (full / "mine.txt").write_text("x")
+    with pytest.raises(InvalidInput) as caught:
+        build_map(tmp_path / "none.osm.pbf", full, elevation=tmp_path / "nothing")
+    assert [fault.what for fault in caught.value.faults] == [
+        "no such file",
+        "folder holds something else",
+        "no elevation tiles",
+    ]
+    assert [path.name for path in full.iterdir()] == ["mine.txt"]
+
+
+@pytest.mark.parametrize("made", ["nothing", "an empty folder", "a map"])
+def test_a_new_folder_or_that_of_a_map_is_free(tmp_path, monkeypatch, made):
+    monkeypatch.setattr("tripwatt.routes.maps.folder.require_valhalla", lambda: tmp_path)
+    place = tmp_path / "map"
+    if made == "a map":
+        write_map(place)
+    elif made == "an empty folder":
+        place.mkdir()
+    with pytest.raises(InvalidInput) as caught:
+        build_map(tmp_path / "none.osm.pbf", place)
+    assert [fault.what for fault in caught.value.faults] == ["no such file"]
+
+
+def test_a_file_is_no_folder_of_a_map(tmp_path, monkeypatch):
+    monkeypatch.setattr("tripwatt.routes.maps.folder.require_valhalla", lambda: tmp_path)
+    (tmp_path / "map").write_text("x")
+    with pytest.raises(InvalidInput) as caught:
+        build_map(tmp_path / "none.osm.pbf", tmp_path / "map")
+    assert [fault.what for fault in caught.value.faults] == ["no such file", "folder holds something else"]

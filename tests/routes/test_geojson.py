@@ -1,0 +1,270 @@
+"""GeoJSON texts as tracks."""
+
+import copy
+import json
+import math
+
+import numpy as np
+import pytest
+
+from tripwatt.errors import InvalidInput
+from tripwatt.routes import (
+    ROAD_SPEED_M_S,
+    Track,
+    parse_route,
+    plan_from_route,
+    points,
+    read_geojson,
+    read_gpx,
+    route_from_track,
+)
+from tripwatt.routes.points import haversine_m
+from tripwatt.trips import Flag
+
+M_PER_DEGREE = float(haversine_m([48.0, 49.0], [11.0, 11.0])[0])
+
+
+def gpx(points, tag="trkpt", head="<?xml version='1.0' encoding='UTF-8'?>\n"):
+    """A GPX text of (latitude, longitude, elevation or None, time or None)."""
+    body = "".join(
+        f'<{tag} lat="{lat:.9f}" lon="{lon:.9f}">'
+        + ("" if ele is None else f"<ele>{ele}</ele>")
+        + ("" if time is None else f"<time>{time}</time>")
+        + f"</{tag}>"
+        for lat, lon, ele, time in points
+    )
+    inner = f"<trk><trkseg>{body}</trkseg></trk>" if tag == "trkpt" else f"<rte>{body}</rte>"
+    return f'{head}<gpx version="1.1" xmlns="http://www.topografix.com/GPX/1/1">{inner}</gpx>'.encode()
+
+
+def drive(speed, elevation=None, every_s=1):
+    """GPX points of a drive due north, one every so many seconds."""
+    position = np.concatenate(([0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]))))
+    return [
+        (
+            48.0 + position[k] / M_PER_DEGREE,
+            11.0,
+            None if elevation is None else elevation[k],
+            f"2026-05-01T{8 + k // 3600:02d}:{k // 60 % 60:02d}:{k % 60:02d}Z",
+        )
+        for k in range(0, len(speed), every_s)
+    ]
+
+
+SPEED = np.concatenate(
+    (
+        np.linspace(0, 15, 20),
+        np.full(100, 15.0),
+        np.linspace(15, 0, 12),
+        np.zeros(20),
+        np.linspace(0, 12, 15),
+        np.full(90, 12.0),
+    )
+)
+
+
+def test_geojson_lines_properties_and_heights():
+    feature = {
+        "type": "Feature",
+        "properties": {"highway": "secondary"},
+        "geometry": {"type": "LineString", "coordinates": [[11.0, 48.0, 500], [11.0, 48.01, 510]]},
+    }
+    faster = copy.deepcopy(feature)
+    faster["properties"] = {"speed_m_s": 25.0}
+    faster["geometry"]["coordinates"] = [[11.0, 48.01, 510], [11.0, 48.02, 505]]
+    point = {"type": "Feature", "properties": None, "geometry": {"type": "Point", "coordinates": [11, 48]}}
+    text = json.dumps({"type": "FeatureCollection", "features": [feature, point, faster]}).encode()
+    track = read_geojson(text)
+    route = route_from_track(track)
+    np.testing.assert_allclose(route.speed_m_s, [ROAD_SPEED_M_S["secondary"], 25.0])
+    assert route.elevation_at([0.0, route.distance_m / 2, route.distance_m]).tolist() == pytest.approx(
+        [500, 510, 505]
+    )
+    assert track.flags == (Flag("geometries_skipped", "geometries", 1.0, "1"),)
+    assert isinstance(parse_route(text), Track)
+
+
+def test_geojson_times_are_a_log():
+    line = {
+        "type": "Feature",
+        "properties": {"coordTimes": [p[3] for p in drive(SPEED)]},
+        "geometry": {"type": "LineString", "coordinates": [[p[1], p[0]] for p in drive(SPEED)]},
+    }
+    np.testing.assert_allclose(
+        plan_from_route(read_geojson(json.dumps(line).encode())).array("speed_m_s"),
+        plan_from_route(read_gpx(gpx(drive(SPEED)))).array("speed_m_s"),
+        atol=1e-3,
+    )
+
+
+def faults_of(read, *args, **more):
+    with pytest.raises(InvalidInput) as caught:
+        read(*args, **more)
+    return caught.value.faults
+
+
+def feature(properties, positions=((1.0, 2.0), (1.0, 3.0))):
+    geometry = {"type": "LineString", "coordinates": positions}
+    return json.dumps({"type": "Feature", "geometry": geometry, "properties": properties}).encode()
+
+
+def test_properties_of_a_line():
+    assert read_geojson(feature({"speed_m_s": 0.5})).piece_speed_m_s.tolist() == [0.5]
+    assert read_geojson(feature({"speed_m_s": None, "highway": "service"})).piece_speed_m_s == pytest.approx(
+        [15.0 / 3.6]
+    )
+    assert np.isnan(read_geojson(feature(None)).piece_speed_m_s).all()
+    (fault,) = faults_of(read_geojson, feature([1]))
+    assert (fault.what, fault.got) == ("not an object", "a list of 1")
+
+
+def test_times_of_a_line():
+    stamps = ["2026-05-01T08:00:00Z", "2026-05-01T08:00:09Z"]
+    both = {"coordTimes": stamps, "coordinateProperties": {"times": ["x"]}}
+    assert read_geojson(feature(both)).time_s.tolist() == [0.0, 9.0]
+    (fault,) = faults_of(read_geojson, feature({"coordTimes": [stamps[0], ["a" * 90, 5]]}))
+    assert fault.what == "times and points differ in number"
+    (fault,) = faults_of(read_geojson, feature({"coordTimes": [stamps[0], {"a" * 90: 1}]}))
+    assert fault.got == "{'" + "a" * 38
+    assert read_geojson(feature({"coordTimes": None})).time_s is None
+
+
+def test_the_points_of_all_lines_are_counted(monkeypatch):
+    """And places east of 90 degrees are on earth."""
+    monkeypatch.setattr(points, "MOST_POINTS", 4)
+    for number, refused in ((2, False), (3, True)):
+        collection = [json.loads(feature(None, ((150.0, 2.0), (-150.0, k)))) for k in range(number)]
+        text = json.dumps({"type": "FeatureCollection", "features": collection}).encode()
+        if refused:
+            (fault,) = faults_of(read_geojson, text)
+            assert (fault.what, fault.where, fault.got) == ("too many points", "route", "6")
+        else:
+            assert len(read_geojson(text)) == 4
+
+
+def test_lines_keep_their_own_times():
+    lines = [[[1.0, 2.0], [1.0, 2.1], [1.0, 2.2]], [[1.0, 2.3], [1.0, 2.4]]]
+    times = [f"2026-05-01T08:00:{k:02d}Z" for k in (0, 1, 3, 6, 10)]
+    geometry = {"type": "MultiLineString", "coordinates": lines}
+    text = {"type": "Feature", "geometry": geometry, "properties": {"coordTimes": times}}
+    assert read_geojson(json.dumps(text).encode()).time_s.tolist() == [0.0, 1.0, 3.0, 6.0, 10.0]
+
+
+NO = math.nan
+
+
+EXACT = {"rel": 1e-9, "abs": 1e-9}
+
+
+def geojson(kind: str, coordinates, **properties) -> dict:
+    geometry = {"type": kind, "coordinates": coordinates}
+    return {"type": "Feature", "geometry": geometry, "properties": properties}
+
+
+def collected(*features) -> bytes:
+    return json.dumps({"type": "FeatureCollection", "features": list(features)}).encode()
+
+
+LINE = [[11.0, 48.0], [11.1, 48.1, 530.0]]
+
+
+class TestGeojson:
+    def test_a_line(self) -> None:
+        found = read_geojson(json.dumps({"type": "LineString", "coordinates": LINE}).encode())
+        assert found.latitude_deg.tolist() == [48.0, 48.1]
+        assert found.longitude_deg.tolist() == [11.0, 11.1]
+        assert np.isnan(found.elevation_m[0])
+        assert found.elevation_m[1] == 530.0
+
+    def test_the_piece_between_two_lines_has_the_speed_of_the_second(self) -> None:
+        other = [[11.2, 48.2], [11.3, 48.3]]
+        made = read_geojson(
+            collected(
+                geojson("LineString", LINE, speed_m_s=10),
+                geojson("LineString", other, highway="motorway"),
+                geojson("LineString", [[11.4, 48.4], [11.4, 48.5]], highway="unheard of"),
+                geojson("LineString", [[11.5, 48.5], [11.5, 48.6]], highway=7),
+                geojson("LineString", [[11.6, 48.6], [11.6, 48.7]], speed_m_s=5, highway="motorway"),
+            )
+        )
+        assert made.piece_speed_m_s == pytest.approx(
+            [10.0, 25.0, 25.0, NO, NO, NO, NO, 5.0, 5.0], nan_ok=True, **EXACT
+        )
+
+    def test_speeds_of_roads_are_those_of_osrm(self) -> None:
+        """Kilometres per hour of `profiles/car.lua`."""
+        given = {road: round(speed * 3.6, 9) for road, speed in ROAD_SPEED_M_S.items()}
+        assert given == {
+            "motorway": 90,
+            "motorway_link": 45,
+            "trunk": 85,
+            "trunk_link": 40,
+            "primary": 65,
+            "primary_link": 30,
+            "secondary": 55,
+            "secondary_link": 25,
+            "tertiary": 40,
+            "tertiary_link": 20,
+            "unclassified": 25,
+            "residential": 25,
+            "living_street": 10,
+            "service": 15,
+        }
+
+    def test_what_is_no_line_is_counted(self) -> None:
+        found = read_geojson(
+            collected(
+                geojson("Point", [11.0, 48.0]),
+                {"type": "Feature", "geometry": None, "properties": None},
+                geojson("MultiLineString", [LINE, [[11.2, 48.2], [11.3, 48.3]]]),
+                {"type": "GeometryCollection", "geometries": [{"type": "Polygon", "coordinates": []}]},
+            )
+        )
+        assert len(found) == 4
+        assert found.flags == (Flag("geometries_skipped", "geometries", 2.0, "1"),)
+        assert read_geojson(collected(geojson("LineString", LINE))).flags == ()
+        with pytest.raises(InvalidInput, match="no line"):
+            read_geojson(collected(geojson("Point", [11.0, 48.0])))
+
+    def test_times(self) -> None:
+        stamps = [f"2026-05-01T08:00:0{k}Z" for k in range(4)]
+        lines = [LINE, [[11.2, 48.2], [11.3, 48.3]]]
+        flat = read_geojson(collected(geojson("MultiLineString", lines, coordTimes=stamps)))
+        nested = geojson("MultiLineString", lines, coordinateProperties={"times": [stamps[:2], stamps[2:]]})
+        for found in (flat, read_geojson(collected(nested))):
+            assert found.time_s.tolist() == [0.0, 1.0, 2.0, 3.0]
+        gap = read_geojson(
+            collected(geojson("MultiLineString", lines, coordTimes=[stamps[0], None, *stamps[2:]]))
+        )
+        assert gap.time_s.tolist() == [0.0, 1.0, 2.0, 3.0]
+        assert [f.code for f in gap.flags] == ["times_interpolated"]
+        for wrong, said in ((stamps[:2], "got 2 times; allowed: 4"), ([*stamps[:3], 5], "invalid time")):
+            with pytest.raises(InvalidInput, match=said):
+                read_geojson(collected(geojson("MultiLineString", lines, coordTimes=wrong)))
+        plain = read_geojson(collected(geojson("LineString", LINE, coordinateProperties=3)))
+        assert plain.time_s is None
+
+    @pytest.mark.parametrize(("speed", "allowed"), [(70.0, True), (70.1, False), (0.0, False), (0.1, True)])
+    def test_bounds_of_a_speed(self, speed: float, allowed: bool) -> None:
+        text = collected(geojson("LineString", LINE, speed_m_s=speed))
+        if allowed:
+            assert read_geojson(text).piece_speed_m_s.tolist() == [speed]
+        else:
+            with pytest.raises(InvalidInput, match="speed out of range"):
+                read_geojson(text)
+
+    def test_depth(self) -> None:
+        """The 64th collection may hold a line, the 65th not."""
+        node: dict = {"type": "LineString", "coordinates": LINE}
+        for _ in range(64):
+            node = {"type": "GeometryCollection", "geometries": [node]}
+        assert len(read_geojson(json.dumps(node).encode())) == 2
+        with pytest.raises(InvalidInput, match="got 65 levels; allowed: at most 64"):
+            read_geojson(json.dumps({"type": "GeometryCollection", "geometries": [node]}).encode())
+        feature: dict = {"type": "Feature", "geometry": node, "properties": {}}
+        with pytest.raises(InvalidInput, match="got 65 levels"):
+            read_geojson(json.dumps(feature).encode())
+
+    def test_types(self) -> None:
+        with pytest.raises(InvalidInput, match="type: got 'Topology'"):
+            read_geojson(b'{"type": "Topology"}')

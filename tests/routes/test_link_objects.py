@@ -1,0 +1,306 @@
+"""Links as a user writes them, and every fault of them."""
+
+import json
+import math
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tripwatt.errors import InvalidInput
+from tripwatt.physics import simulate_trip
+from tripwatt.routes import (
+    LinkRoute,
+    fields_of_route,
+    link_objects,
+    parse_route,
+    plan_from_links,
+    plan_from_route,
+    route_from_links,
+    route_with_elevation,
+)
+from tripwatt.routes.link_objects import LINK_KEYS, columns_of_links
+from tripwatt.trips import Flag
+from tripwatt.units import GRAVITY_M_S2, WH_PER_J
+from tripwatt.vehicles import load_vehicle
+
+
+def test_heights_and_grades_say_the_same_road():
+    by_grade = route_from_links(
+        [{"length_m": 400.0, "speed_m_s": 10.0, "grade": 0.03}, {"length_m": 600.0, "speed_m_s": 10.0}]
+    )
+    by_height = route_from_links(
+        [
+            {"length_m": 400.0, "speed_m_s": 10.0, "start_elevation_m": 0.0, "end_elevation_m": 12.0},
+            {"length_m": 600.0, "travel_time_s": 60.0, "start_elevation_m": 12.0, "end_elevation_m": 12.0},
+        ]
+    )
+    place = np.linspace(0.0, 1000.0, 21)
+    np.testing.assert_allclose(by_grade.elevation_at(place), by_height.elevation_at(place), atol=1e-9)
+    assert by_height.flags == ()
+
+
+@pytest.mark.parametrize("grade", [0.3, -0.3, 0.4])
+def test_a_steep_link_climbs_as_given(grade):
+    """Streets of 0.3 exist; a link that no street has is refused."""
+    flat = {"length_m": 500.0, "speed_m_s": 8.0, "grade": 0.0}
+    plan = plan_from_links(route_from_links([flat, {"length_m": 1900.0, "speed_m_s": 8.0, "grade": grade}]))
+    car = load_vehicle("bmw_i3_60ah")
+    climb = simulate_trip(car, plan).energy_by_cause_wh["climb"][-1]
+    expected = car.body.test_mass_kg * GRAVITY_M_S2 * grade * 1900.0 * WH_PER_J
+    assert climb == pytest.approx(expected, rel=1e-3)
+    with pytest.raises(
+        InvalidInput, match=r"grade out of range: link 1, grade: got 0.45; allowed: -0.4 to 0.4"
+    ):
+        route_from_links([{"length_m": 100.0, "speed_m_s": 8.0, "grade": 0.45}])
+
+
+def test_every_fault_of_the_links_at_once():
+    with pytest.raises(InvalidInput) as caught:
+        route_from_links(
+            [
+                {"length_m": 0.0, "speed_m_s": 10.0},
+                {"length_m": 100.0, "speed_m_s": 10.0, "travel_time_s": 10.0},
+                {"length_m": 100.0, "speed_m_s": 10.0, "grade": 3.0},
+                {"length_m": 100.0, "speed_m_s": 10.0, "colour": 1.0},
+                {"length_m": float("inf"), "speed_m_s": 10.0},
+                {"length_m": 10**400, "speed_m_s": 10.0},
+                {"length_m": True, "speed_m_s": 10.0},
+            ]
+        )
+    said = [fault.where for fault in caught.value.faults]
+    assert [f"link {k}" in " ".join(said) for k in range(1, 8)] == [True] * 7
+    with pytest.raises(InvalidInput, match="at most 70"):
+        route_from_links([{"length_m": 1000.0, "speed_m_s": 100.0}])
+    with pytest.raises(InvalidInput, match="takes too long"):
+        route_from_links([{"length_m": 1000.0, "speed_m_s": 0.001}])
+
+
+@settings(max_examples=150, deadline=None)
+@given(
+    st.lists(
+        st.dictionaries(
+            st.sampled_from(
+                [
+                    "length_m",
+                    "speed_m_s",
+                    "travel_time_s",
+                    "grade",
+                    "stop_s",
+                    "start_elevation_m",
+                    "end_elevation_m",
+                    "x",
+                ]
+            ),
+            st.one_of(
+                st.none(),
+                st.floats(),
+                st.floats(0.1, 500.0),
+                st.booleans(),
+                st.text(max_size=3),
+                st.integers(),
+            ),
+            max_size=5,
+        ),
+        max_size=4,
+    )
+)
+def test_any_links_are_refused_or_driven(links):
+    try:
+        trip = plan_from_route(route_from_links(links))
+    except InvalidInput:
+        return
+    assert trip.duration_s > 0
+
+
+def test_links_come_as_json_too():
+    links = [{"length_m": 500.0, "speed_m_s": 10.0}]
+    for document in (links, {"links": links}):
+        route = parse_route(json.dumps(document).encode())
+        assert isinstance(route, LinkRoute)
+        assert route.duration_s == 50.0
+
+
+@given(
+    st.lists(
+        st.dictionaries(
+            st.sampled_from(sorted(LINK_KEYS)),
+            st.sampled_from(
+                [None, -1.0, 0, 0.0, 0.3, 0.5, 5, 9.5, 50.0, 1e400, 10**400, math.nan, True, "5"]
+            ),
+            max_size=6,
+        ),
+        max_size=4,
+    )
+)
+def test_columns_of_links_are_those_of_the_links_one_by_one(links: list[dict[str, Any]]) -> None:
+    """A look at all links at once takes what a look at each takes, to the same values, and nothing else."""
+    if not links:
+        return
+    columns, faults = columns_of_links(links)
+    alone = [columns_of_links([link]) for link in links]
+    assert bool(faults) == any(its_faults for _, its_faults in alone)
+    for name, values in columns.items():
+        assert values.tobytes() == np.concatenate([its_columns[name] for its_columns, _ in alone]).tobytes()
+
+
+TO_ROUNDING = {"rtol": 1e-12, "atol": 1e-9}
+
+
+LINK = {"length_m": 100.0, "speed_m_s": 10.0}
+
+
+@pytest.mark.parametrize(
+    ("change", "sound"),
+    [
+        ({"grade": 0.4}, True),
+        ({"grade": -0.4}, True),
+        ({"grade": 0.41}, False),
+        ({"grade": -0.41}, False),
+        ({"length_m": 0.0}, False),
+        ({"speed_m_s": 0.0}, False),
+        ({"speed_m_s": None, "travel_time_s": 0.0}, False),
+        ({"speed_m_s": None, "travel_time_s": 0.5, "stop_s": 0.25}, False),
+        ({"speed_m_s": None, "travel_time_s": 5.0}, True),
+        ({"travel_time_s": 5.0}, False),
+        ({"speed_m_s": None}, False),
+        ({"length_m": None}, False),
+        ({"start_elevation_m": 5.0}, False),
+        ({"end_elevation_m": 5.0}, False),
+        ({"start_elevation_m": 5.0, "end_elevation_m": 6.0}, True),
+        ({"start_elevation_m": 5.0, "end_elevation_m": 6.0, "grade": 0.01}, False),
+        ({"start_elevation_m": 5.0, "grade": 0.01}, False),
+    ],
+)
+def test_a_link_is_sound_or_refused(change, sound):
+    given = [LINK, {**LINK, **change}]
+    columns, faults = columns_of_links(given)
+    assert len(columns["length_m"]) == 2
+    assert bool(faults) != (sound or change.get("travel_time_s") == 0.5)
+    if sound:
+        assert len(route_from_links(given)) == 2
+        return
+    with pytest.raises(InvalidInput):
+        route_from_links(given)
+
+
+def faults_of_links(links):
+    with pytest.raises(InvalidInput) as caught:
+        route_from_links(links)
+    return [str(fault) for fault in caught.value.faults]
+
+
+def test_three_alike_faults_are_named_and_more_are_counted():
+    found = faults_of_links([LINK, *[{**LINK, "colour": 1.0}] * 3])
+    assert [
+        f"unknown key: link {k}: got 'colour'" in text for k, text in zip((2, 3, 4), found, strict=True)
+    ] == [True] * 3
+    (counted,) = faults_of_links([LINK, *[{**LINK, "colour": 1.0}] * 4])
+    assert "link 2: got 'colour' (and 3 more links);" in counted
+    found = faults_of_links([{**LINK, "colour": 1.0, "length_m": -1.0}] * 50)
+    assert [text.partition(":")[0] for text in found] == ["unknown key", "link out of range"]
+
+
+def test_fifty_faults_are_named_and_the_rest_counted():
+    def faults(n):
+        return faults_of_links([{**LINK, **{f"c{k}": 1.0 for k in range(n)}}])
+
+    assert len(faults(50)) == 50
+    assert (len(faults(51)), faults(51)[-1].partition(";")[0]) == (51, "unknown key: links: got 1 more")
+    assert (len(faults(53)), faults(53)[-1].partition(";")[0]) == (51, "unknown key: links: got 3 more")
+
+
+def test_a_table_of_links_is_its_rows():
+    rows = [{**LINK, "stop_s": 5.0}, LINK]
+    by_rows, by_table = route_from_links(rows), route_from_links(pd.DataFrame(rows))
+    for name in ("length_m", "travel_time_s", "stop_s"):
+        np.testing.assert_array_equal(getattr(by_table, name), getattr(by_rows, name))
+    with pytest.raises(InvalidInput, match="not a number: link 2, length_m: got 'far'"):
+        route_from_links(pd.DataFrame([LINK, {**LINK, "length_m": "far"}]))
+
+
+def test_too_many_links_are_refused_before_they_are_read(monkeypatch):
+    monkeypatch.setattr(link_objects, "MOST_LINKS", 3)
+    assert len(route_from_links([LINK] * 3)) == 3
+    with pytest.raises(InvalidInput, match="too many links"):
+        route_from_links(LINK for _ in range(4))
+    with pytest.raises(InvalidInput, match="no links"):
+        route_from_links([])
+
+
+def test_heights_of_links():
+    by_grade = route_from_links([{**LINK, "grade": 0.02}, LINK, {**LINK, "length_m": 300.0, "grade": -0.01}])
+    assert by_grade.elevation_position_m.tolist() == [0.0, 100.0, 200.0, 500.0]
+    np.testing.assert_allclose(
+        by_grade.elevation_m, [1.0, 3.0, 3.0, 0.0], **TO_ROUNDING
+    )  # above the lowest place
+    assert by_grade.flags == (Flag("elevation_relative", "road"),)
+    ends = {"start_elevation_m": 5.0, "end_elevation_m": 7.0}
+    known = route_from_links(
+        [{**LINK, **ends}, LINK, {**LINK, "start_elevation_m": 9.0, "end_elevation_m": 1.0}]
+    )
+    assert known.elevation_position_m.tolist() == [0.0, 100.0, 200.0, 300.0]
+    assert known.elevation_m.tolist() == [5.0, 7.0, 9.0, 1.0]
+    assert known.flags == (Flag("elevation_interpolated", "links"),)
+    assert route_from_links([{**LINK, **ends}]).flags == ()
+    with pytest.raises(InvalidInput, match="grade and elevation mixed"):
+        route_from_links([{**LINK, **ends}, {**LINK, "grade": 0.01}])
+    assert route_from_links([LINK]).elevation_m is None
+
+
+def test_values_that_are_no_numbers_are_named_once():
+    with pytest.raises(InvalidInput) as caught:
+        route_from_links([{"length_m": "x", "speed_m_s": "y", "grade": "z", "stop_s": float("inf")}])
+    assert [f.what for f in caught.value.faults] == ["not a number"] * 3 + ["not a finite number"]
+
+
+@pytest.mark.parametrize("name", ["grade", "stop_s", "length_m", "speed_m_s", "moving_speed_m_s"])
+def test_an_endless_value_is_one_fault(name):
+    with pytest.raises(InvalidInput) as caught:
+        route_from_links([{**LINK, name: float("inf")}])
+    assert [str(fault) for fault in caught.value.faults] == [
+        f"not a finite number: link 1, {name}: got inf; allowed: a finite number"
+    ]
+
+
+def test_links_leave_out_what_is_not_known() -> None:
+    route = route_from_links(
+        [
+            {"length_m": 100.0, "speed_m_s": 10.0, "speed_limit_m_s": 14.0, "stop_s": 2.0},
+            {"length_m": 50.0, "travel_time_s": 5.0},
+        ]
+    )
+    first, second = fields_of_route(route)["links"]
+    assert (first["length_m"], first["stop_s"], first["speed_limit_m_s"]) == (100.0, 2.0, 14.0)
+    assert (second["length_m"], second["travel_time_s"]) == (50.0, 5.0)
+    assert "speed_limit_m_s" not in second
+    assert all(value == value for link in (first, second) for value in link.values())
+
+
+def test_links_without_limits_have_none() -> None:
+    (link,) = fields_of_route(route_from_links([{"length_m": 100.0, "speed_m_s": 10.0}]))["links"]
+    assert link["travel_time_s"] == 10.0
+    assert "speed_limit_m_s" not in link
+
+
+def test_the_fields_of_a_route_give_it_again() -> None:
+    links = [
+        {"length_m": 100.0, "speed_m_s": 10.0, "grade": 0.03},
+        {"length_m": 50.0, "travel_time_s": 5.0, "grade": 0.0},
+    ]
+    route = route_from_links(links)
+    fields = fields_of_route(route)
+    again = route_with_elevation(route_from_links(fields["links"]), **fields["elevation"])
+    for name in (
+        "length_m",
+        "travel_time_s",
+        "stop_s",
+        "moving_speed_m_s",
+        "elevation_m",
+        "elevation_position_m",
+    ):
+        assert np.array_equal(getattr(again, name), getattr(route, name), equal_nan=True), name
+    assert "no_elevation" not in {flag.code for flag in again.flags}

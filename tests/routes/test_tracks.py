@@ -1,0 +1,311 @@
+"""Tracks of points: times, links, and logged plans."""
+
+import datetime as dt
+import math
+
+import numpy as np
+import pytest
+
+from tripwatt.errors import InvalidInput
+from tripwatt.routes import (
+    LinkRoute,
+    Track,
+    plan_from_route,
+    plan_from_track,
+    read_gpx,
+    route_from_track,
+)
+from tripwatt.routes.points import haversine_m
+from tripwatt.routes.tracks import needs_speed, times_of
+from tripwatt.trips import Flag
+
+M_PER_DEGREE = float(haversine_m([48.0, 49.0], [11.0, 11.0])[0])
+
+
+def gpx(points, tag="trkpt", head="<?xml version='1.0' encoding='UTF-8'?>\n"):
+    """A GPX text of (latitude, longitude, elevation or None, time or None)."""
+    body = "".join(
+        f'<{tag} lat="{lat:.9f}" lon="{lon:.9f}">'
+        + ("" if ele is None else f"<ele>{ele}</ele>")
+        + ("" if time is None else f"<time>{time}</time>")
+        + f"</{tag}>"
+        for lat, lon, ele, time in points
+    )
+    inner = f"<trk><trkseg>{body}</trkseg></trk>" if tag == "trkpt" else f"<rte>{body}</rte>"
+    return f'{head}<gpx version="1.1" xmlns="http://www.topografix.com/GPX/1/1">{inner}</gpx>'.encode()
+
+
+def drive(speed, elevation=None, every_s=1):
+    """GPX points of a drive due north, one every so many seconds."""
+    position = np.concatenate(([0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]))))
+    return [
+        (
+            48.0 + position[k] / M_PER_DEGREE,
+            11.0,
+            None if elevation is None else elevation[k],
+            f"2026-05-01T{8 + k // 3600:02d}:{k // 60 % 60:02d}:{k % 60:02d}Z",
+        )
+        for k in range(0, len(speed), every_s)
+    ]
+
+
+SPEED = np.concatenate(
+    (
+        np.linspace(0, 15, 20),
+        np.full(100, 15.0),
+        np.linspace(15, 0, 12),
+        np.zeros(20),
+        np.linspace(0, 12, 15),
+        np.full(90, 12.0),
+    )
+)
+
+
+def test_jitter_of_positions_is_no_driving():
+    rng = np.random.default_rng(1)
+    points = [
+        (lat + e / M_PER_DEGREE, lon, ele, t)
+        for (lat, lon, ele, t), e in zip(drive(np.zeros(120)), rng.normal(0, 0.15, 120), strict=True)
+    ]
+    points += [(48.001, 11.0, None, "2026-05-01T08:02:09Z")]
+    assert plan_from_track(read_gpx(gpx(points))).array("speed_m_s")[5:110].max() == 0.0
+
+
+def test_a_sparse_track_gives_links_with_its_times():
+    track = read_gpx(gpx(drive(SPEED, every_s=20)))
+    route = route_from_track(track)
+    assert not track.is_log
+    assert route.duration_s == pytest.approx(track.time_s[-1])
+    assert route.distance_m == pytest.approx(track.position_m[-1])
+    assert plan_from_route(track).duration_s == pytest.approx(track.time_s[-1], rel=0.02)
+
+
+def test_a_route_without_times_needs_a_speed():
+    track = read_gpx(gpx([(48.0, 11.0, None, None), (48.02, 11.0, None, None)], "rtept"))
+    with pytest.raises(InvalidInput, match="give speed_m_s"):
+        plan_from_route(track)
+    trip = plan_from_route(track, speed_m_s=16.0)
+    assert trip.duration_s == pytest.approx(0.02 * M_PER_DEGREE / 16.0, abs=1.5)
+    assert Flag("speed_assumed", "track", 16.0, "m_s") in trip.flags
+    assert Flag("no_elevation", "road") in trip.flags
+
+
+NO = math.nan
+
+
+DEGREE_M = 6_371_008.8 * math.pi / 180.0
+"""A degree of latitude on the sphere of mean radius."""
+
+
+def track(metres, time=None, height=None, speed=None, **more) -> Track:
+    """Points along a meridian at some distances from the first."""
+    metres = np.asarray(metres, dtype=float)
+    n = len(metres)
+    return Track(
+        metres / DEGREE_M,
+        np.full(n, 11.0),
+        np.full(n, NO) if height is None else np.asarray(height, dtype=float),
+        None if time is None else np.asarray(time, dtype=float),
+        np.full(n - 1, NO) if speed is None else np.asarray(speed, dtype=float),
+        **more,
+    )
+
+
+def refused(*args, **more) -> list[str]:
+    with pytest.raises(InvalidInput) as caught:
+        track(*args, **more)
+    return [str(fault) for fault in caught.value.faults]
+
+
+class TestTrack:
+    def test_distances(self) -> None:
+        made = track([0.0, 300.0, 700.0])
+        assert made.step_m == pytest.approx([300.0, 400.0], rel=1e-6)
+        assert made.position_m == pytest.approx([0.0, 300.0, 700.0], rel=1e-6)
+        assert len(made) == 3
+
+    def test_bounds(self) -> None:
+        assert len(track([0.0, 9.0], [0.0, 172_800.0])) == 2
+        assert (
+            "got 172801 s; allowed: more than 0, at most 172800 s" in refused([0.0, 9.0], [0.0, 172_801.0])[0]
+        )
+        assert "got 0 s" in refused([0.0, 9.0], [5.0, 5.0])[0]
+        assert len(track([0.0, 9.0, 18.0], [0.0, 5.0, 5.0])) == 3
+        back = refused([0.0, 9.0, 18.0, 27.0, 36.0], [0.0, 5.0, 3.0, 9.0, 8.0])
+        assert back == [
+            "time decreases: track, point 3: got 2 s back (and 1 more points); allowed: times that never decrease"
+        ]
+        assert "got 2 s back; allowed" in refused([0.0, 9.0, 18.0, 27.0], [0.0, 5.0, 3.0, 9.0])[0]
+        assert refused([5.0, 5.0])[0].startswith("track has no length")
+        assert refused([0.0])[0].startswith("too few points: track: got 1")
+        assert len(track([0.0, 9.0], height=[-500.0, 9000.0])) == 2
+        assert refused([0.0, 9.0], height=[NO, 9001.0])[0].startswith(
+            "elevation out of range: track, point 2: got 9001"
+        )
+        assert refused([0.0, 9.0], height=[-501.0, 0.0])[0].startswith(
+            "elevation out of range: track, point 1: got -501"
+        )
+
+    def test_a_log_has_a_median_step_of_five_seconds_at_most(self) -> None:
+        assert track([0.0, 9.0, 18.0, 27.0], [0.0, 5.0, 10.0, 90.0]).is_log
+        assert not track([0.0, 9.0, 18.0, 27.0], [0.0, 5.1, 10.2, 11.0]).is_log
+        assert not track([0.0, 9.0]).is_log
+
+    def test_heights(self) -> None:
+        place, height, flags = track([0.0, 100.0, 300.0], height=[500.0, NO, 520.0]).elevation()
+        assert place == pytest.approx([0.0, 300.0], rel=1e-6)
+        assert height.tolist() == [500.0, 520.0]
+        assert flags == (Flag("elevation_interpolated", "track"),)
+        assert track([0.0, 100.0], height=[500.0, 501.0]).elevation()[2] == ()
+        nothing, _, flags = track([0.0, 100.0]).elevation()
+        assert nothing is None
+        assert [f.code for f in flags] == ["flat_road"] or len(flags) == 1
+
+    def test_which_tracks_need_a_speed(self) -> None:
+        assert needs_speed(track([0.0, 9.0, 18.0], speed=[5.0, NO]))
+        assert not needs_speed(track([0.0, 9.0, 18.0], speed=[5.0, 5.0]))
+        assert not needs_speed(track([0.0, 9.0], [0.0, 1.0]))
+        links = LinkRoute(np.array([9.0]), np.array([9.0]), np.array([NO]), np.array([NO]))
+        assert not needs_speed(links)
+
+
+class TestTimes:
+    def test_seconds_from_the_first(self) -> None:
+        texts = ["2026-05-01T08:00:00Z", "", "2026-05-01T10:00:30+02:00", "2026-05-01T08:01:00"]
+        values, first, flags = times_of(texts, "x")
+        assert values.tolist() == [0.0, 15.0, 30.0, 60.0]
+        assert first == dt.datetime(2026, 5, 1, 8, tzinfo=dt.UTC)
+        assert flags == (Flag("times_interpolated", "track"),)
+        assert times_of([texts[0], texts[3]], "x")[2] == ()
+
+    def test_both_ends_need_one(self) -> None:
+        one = "2026-05-01T08:00:00Z"
+        assert times_of(["", ""], "x") == (None, None, ())
+        assert times_of([one, ""], "x") == (None, None, (Flag("times_ignored", "track"),))
+        assert times_of(["", one], "x") == (None, None, (Flag("times_ignored", "track"),))
+
+    def test_wrong(self) -> None:
+        with pytest.raises(InvalidInput, match=r"x, point 2: got 'noon'"):
+            times_of(["2026-05-01T08:00:00Z", "noon", "2026-05-01T08:00:01Z"], "x")
+        with pytest.raises(InvalidInput, match=f"got '{'n' * 38}"):
+            times_of(["2026-05-01T08:00:00Z", "n" * 60, "2026-05-01T08:00:01Z"], "x")
+
+
+class TestLinks:
+    def test_points_are_joined_up_to_a_hundred_metres(self) -> None:
+        made = route_from_track(
+            track([0.0, 60.0, 110.0, 150.0, 210.5, 300.0], [0.0, 10.0, 20.0, 30.0, 40.0, 60.0])
+        )
+        assert made.length_m == pytest.approx([110.0, 100.5, 89.5], rel=1e-6)
+        assert made.travel_time_s.tolist() == [20.0, 20.0, 20.0]
+        assert np.isnan(made.stop_s).all()
+
+    def test_a_rest_without_length_or_time_joins_the_link_before(self) -> None:
+        stands = route_from_track(track([0.0, 150.0, 300.0, 300.0], [0.0, 10.0, 20.0, 50.0]))
+        assert stands.length_m == pytest.approx([150.0, 150.0], rel=1e-6)
+        assert stands.travel_time_s.tolist() == [10.0, 40.0]
+        at_once = route_from_track(track([0.0, 150.0, 300.0, 450.0], [0.0, 10.0, 20.0, 20.0]))
+        assert at_once.travel_time_s.tolist() == [10.0, 10.0]
+        assert at_once.length_m == pytest.approx([150.0, 300.0], rel=1e-6)
+
+    def test_without_time_a_link_goes_on(self) -> None:
+        """The first 150 m take no time, so a link cannot end there."""
+        made = route_from_track(track([0.0, 150.0, 300.0, 450.0], [0.0, 0.0, 20.0, 30.0]))
+        assert made.length_m == pytest.approx([300.0, 150.0], rel=1e-6)
+        assert made.travel_time_s.tolist() == [20.0, 10.0]
+
+    def test_links_end_where_the_speed_of_the_pieces_changes(self) -> None:
+        made = route_from_track(track([0.0, 20.0, 40.0, 60.0, 80.0], speed=[10.0, 10.0, 20.0, 20.0]))
+        assert made.length_m == pytest.approx([40.0, 40.0], rel=1e-6)
+        assert made.travel_time_s == pytest.approx([4.0, 2.0], rel=1e-6)
+        assert all(f.code != "speed_assumed" for f in made.flags)
+        quick = route_from_track(track([0.0, 20.0, 40.0], speed=[40.0, 20.0]))
+        assert quick.travel_time_s == pytest.approx([0.5, 1.0], rel=1e-6)
+
+    def test_less_than_a_hundred_metres_are_no_link(self) -> None:
+        made = route_from_track(track([0.0, 99.5, 199.0], [0.0, 10.0, 20.0]))
+        assert made.length_m == pytest.approx([199.0], rel=1e-6)
+
+    def test_a_speed_for_pieces_without_one(self) -> None:
+        some = track([0.0, 200.0, 400.0], speed=[10.0, NO], flags=(Flag("times_ignored", "track"),))
+        made = route_from_track(some, 25.0)
+        assert made.travel_time_s == pytest.approx([20.0, 8.0], rel=1e-6)
+        codes = [(f.code, f.value, f.unit) for f in made.flags]
+        assert codes[:2] == [("times_ignored", None, ""), ("speed_assumed", 25.0, "m_s")]
+        assert len(codes) == 3  # and a flat road
+        known = route_from_track(track([0.0, 200.0], speed=[10.0]), 25.0)
+        assert known.travel_time_s == pytest.approx([20.0], rel=1e-6)
+        assert all(f.code != "speed_assumed" for f in known.flags)
+
+    def test_bounds_of_the_speed(self) -> None:
+        slow = track([0.0, 100.0])
+        assert route_from_track(slow, 70.0).travel_time_s == pytest.approx([100.0 / 70.0], rel=1e-6)
+        for wrong in (0.0, -1.0, 70.1):
+            with pytest.raises(InvalidInput, match="speed out of range"):
+                route_from_track(slow, wrong)
+        with pytest.raises(InvalidInput, match=r"got 1 pieces without time and speed"):
+            route_from_track(track([0.0, 100.0, 200.0], speed=[10.0, NO]))
+
+
+class TestLoggedPlan:
+    def test_speed_over_five_seconds(self) -> None:
+        """0, 10, 30 m after 0, 1, 2 s and 10 m/s from there: the mean from two seconds before to two after."""
+        metres = [0.0, 10.0, 30.0, 40.0, 50.0, 60.0]
+        plan = plan_from_track(track(metres, np.arange(6.0), height=[0.0, 1.0, 3.0, 4.0, 5.0, 6.0]))
+        assert plan.array("time_s").tolist() == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]
+        expected = [30 / 2, 40 / 3, 50 / 4, 50 / 4, 30 / 3, 20 / 2]
+        assert plan.array("speed_m_s") == pytest.approx(expected, rel=1e-6)
+        assert plan.array("elevation_m") == pytest.approx([0.0, 1.0, 3.0, 4.0, 5.0, 6.0], rel=1e-6)
+        assert plan.step_s == 1.0
+        assert plan.departure.started_at is None
+
+    def test_steps(self) -> None:
+        """5.5 s in steps of 2 s end at 6 s, where the plan looks back two seconds from 6 s to the end at 5.5 s."""
+        even = track(10.0 * np.array([0.0, 2.0, 4.0, 5.5]), [0.0, 2.0, 4.0, 5.5])
+        plan = plan_from_track(even, step_s=2.0, trip_id="mine")
+        assert plan.array("time_s").tolist() == [0.0, 2.0, 4.0, 6.0]
+        assert plan.array("speed_m_s") == pytest.approx([10.0] * 4, rel=1e-6)
+        assert plan.step_s == 2.0
+        assert plan.trip_id == "mine"
+        whole = plan_from_track(track([0.0, 20.0, 40.0], [0.0, 2.0, 4.0]), step_s=2.0)
+        assert whole.array("time_s").tolist() == [0.0, 2.0, 4.0]
+        short = plan_from_track(track([0.0, 5.0], [0.0, 0.5]))
+        assert short.array("time_s").tolist() == [0.0, 1.0]
+        assert short.array("speed_m_s") == pytest.approx([10.0, 10.0], rel=1e-6)
+
+    def test_bounds_of_a_step(self) -> None:
+        even = track([0.0, 20.0], [0.0, 2.0])
+        for wrong in (0.0009, 0.0, -1.0, NO, math.inf, 172_801.0):
+            with pytest.raises(InvalidInput, match="step out of range"):
+                plan_from_track(even, step_s=wrong)
+        assert len(plan_from_track(even, step_s=0.001)) == 2001
+        brief = plan_from_track(track([0.0, 0.001], [0.0, 0.0001]), step_s=172_800.0)
+        assert brief.array("time_s").tolist() == [0.0, 172_800.0]
+        assert brief.array("speed_m_s") == pytest.approx([10.0, 0.0], rel=1e-3)
+
+    def test_of_points_with_one_time_the_last_place_counts(self) -> None:
+        plan = plan_from_track(track([0.0, 5.0, 10.0, 20.0, 30.0], [0.0, 1.0, 1.0, 2.0, 3.0]))
+        assert plan.array("speed_m_s")[1:3] == pytest.approx([10.0, 10.0], rel=1e-6)
+        end = plan_from_track(track([0.0, 10.0, 20.0, 30.0], [0.0, 1.0, 2.0, 2.0]))
+        assert end.array("speed_m_s")[0] == pytest.approx(15.0, rel=1e-6)
+
+    def test_jitter_stands(self) -> None:
+        slow = plan_from_track(track(0.499 * np.arange(9.0), np.arange(9.0)))
+        assert (slow.array("speed_m_s") == 0.0).all()
+        moves = plan_from_track(track(0.501 * np.arange(9.0), np.arange(9.0)))
+        assert moves.array("speed_m_s") == pytest.approx([0.501] * 9, rel=1e-6)
+
+    def test_no_car_is_so_fast(self) -> None:
+        assert len(plan_from_track(track([0.0, 69.9, 139.8], np.arange(3.0)))) == 3
+        with pytest.raises(InvalidInput, match=r"got 256 km/h at 0 s; allowed: at most 252 km/h"):
+            plan_from_track(track([0.0, 71.0, 142.0], np.arange(3.0)))
+        with pytest.raises(InvalidInput, match="no times"):
+            plan_from_track(track([0.0, 71.0]))
+
+    def test_started(self) -> None:
+        start = dt.datetime(2026, 5, 1, 8, tzinfo=dt.UTC)
+        known = (Flag("times_interpolated", "track"),)
+        plan = plan_from_track(track([0.0, 20.0], [0.0, 2.0], started_at=start, flags=known))
+        assert plan.departure.started_at == start
+        assert plan.flags[0] == known[0]
+        assert len(plan.flags) == 2  # and a flat road

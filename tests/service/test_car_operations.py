@@ -1,0 +1,348 @@
+"""Cars that learn, through a service: made, given logs of any logger, shown, forecast by, and erased without a trace."""
+
+from __future__ import annotations
+
+import io
+import os
+import time
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import openpyxl
+import pandas as pd
+import pytest
+from tests.sources.test_loggers import EXPORTS, WHOLE_UNITS, charge, written
+from tests.sources.test_suggest import drive
+from tests.support.service_process import Service, serving
+from tests.support.service_schema import conformance
+
+pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
+
+import tripwatt as tw
+from tripwatt.live import open_car
+from tripwatt.service.answering import Answering
+from tripwatt.service.car_operations import CarOperations
+from tripwatt.service.metrics import Metrics
+from tripwatt.service.pool import WorkerPool
+from tripwatt.service.problems import Problem
+from tripwatt.service.settings import Limits, Settings
+from tripwatt.synthetic import synthetic_fleet
+
+BYTES = {"content-type": "application/octet-stream"}
+TRIPS = 5
+LINKS = [{"length_m": 9000.0, "speed_m_s": 16.0}, {"length_m": 6000.0, "speed_m_s": 25.0}]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("cars")
+
+
+@pytest.fixture(scope="module")
+def service(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
+    place = tmp_path_factory.mktemp("service")
+    with serving(place, "--workers", "1", "--cars", f"{folder}", "--limit", "rate_per_s=0") as found:
+        yield found
+
+
+def logs_of(count: int = TRIPS) -> dict[str, bytes]:
+    """Synthetic trips as tables with our names."""
+    names = [
+        "time_s",
+        "speed_m_s",
+        "voltage_v",
+        "current_a",
+        "soc",
+        "elevation_m",
+        "ambient_temperature_degc",
+    ]
+    return {
+        f"{trip.trip_id}.csv": trip.samples[[n for n in names if n in trip.samples]]
+        .to_csv(index=False)
+        .encode()
+        for trip in synthetic_fleet(count).logs
+    }
+
+
+def archive(files: dict[str, bytes]) -> bytes:
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as made:
+        for name, content in files.items():
+            made.writestr(name, content)
+    return packed.getvalue()
+
+
+def new_car(service: Service, name: str, vehicle: str = "bmw_i3_60ah") -> dict[str, Any]:
+    response = service.client.post("/v1/cars", json={"name": name, "vehicle": vehicle})
+    assert response.status_code == 200, response.text
+    found: dict[str, Any] = response.json()
+    return found
+
+
+def put(service: Service, car: str, upload: str, name: str, content: bytes) -> Any:
+    return service.client.put(f"/v1/cars/{car}/uploads/{upload}/{name}", content=content, headers=BYTES)
+
+
+def logs(service: Service, car: str, upload: str, **more: Any) -> dict[str, Any]:
+    response = service.client.post(f"/v1/cars/{car}/uploads/{upload}", json=more)
+    assert response.status_code == 200, response.text
+    found: dict[str, Any] = response.json()
+    return found
+
+
+def learned(service: Service, car: str, upload: str, **more: Any) -> dict[str, Any]:
+    """The car after it has learned an upload."""
+    response = service.client.post(f"/v1/cars/{car}/uploads/{upload}/learn", json=more)
+    assert response.status_code == 200, response.text
+    assert response.json()["learning"]["state"] in ("running", "done")
+    for _ in range(600):
+        found: dict[str, Any] = service.client.get(f"/v1/cars/{car}").json()
+        if found["learning"]["state"] != "running":
+            return found
+        time.sleep(0.1)
+    raise AssertionError
+
+
+def test_a_car_learns_an_archive_forecasts_and_is_forgotten(service: Service, folder: Path) -> None:
+    made = new_car(service, "my-i3")
+    assert (made["trips"], made["in_diary"], made["diary"], made["learning"]) == (0, 0, [], None)
+    request = {"links": LINKS, "soc": 0.9, "ambient_temperature_degc": 8.0, "model": "my-i3"}
+    by_book = service.client.post("/v1/forecast", json=request).json()
+    files = logs_of()
+    assert put(service, "my-i3", "upload01", "logs.zip", archive(files)).json()["files"] == TRIPS
+    preview = logs(service, "my-i3", "upload01")["preview"]
+    fleet = synthetic_fleet(TRIPS)
+    energy = sum(trip.observed_energy_wh or 0.0 for trip in fleet.logs)
+    assert (preview["logs"], preview["drives"]) == (TRIPS, TRIPS)
+    assert preview["energy_wh"] == pytest.approx(energy, rel=0.02)
+    car = learned(service, "my-i3", "upload01")
+    learning = car["learning"]
+    assert (learning["state"], learning["added"], learning["known"], learning["entries"]) == (
+        "done",
+        TRIPS,
+        0,
+        TRIPS,
+    )
+    assert [entry["trips_learned"] for entry in car["diary"]] == [4, 3, 2, 1, 0]
+    assert car["score"]["trips"] == car["latest"]["trips"] == TRIPS
+    assert set(car["learned"]) >= {"rolling", "base_load", "hvac"}
+    own = open_car(folder / "my-i3")
+    assert car["score"] == own.diary.score.to_dict()
+    found = service.client.post("/v1/forecast", json=request).json()
+    assert found["energy_wh"] != by_book["energy_wh"]
+    plan = tw.read_route(LINKS)
+    departure = tw.Departure(soc=0.9, ambient_temperature_degc=8.0)
+    assert found["energy_wh"] == pytest.approx(own.model().forecast(plan, departure).energy_wh, rel=1e-9)
+    assert not any((folder / "my-i3" / "uploads").iterdir())
+    # a second time, with one more file: the known ones are not counted twice
+    more = {**files, "new.csv": logs_of(TRIPS + 1)[sorted(logs_of(TRIPS + 1))[-1]]}
+    put(service, "my-i3", "upload02", "more.zip", archive(more))
+    again = learned(service, "my-i3", "upload02")["learning"]
+    assert (again["added"], again["known"], again["entries"]) == (1, TRIPS, 1)
+    listed = service.client.get("/v1/cars").json()["cars"]
+    assert [(row["name"], row["trips"], row["has_token"]) for row in listed if row["name"] == "my-i3"] == [
+        ("my-i3", TRIPS + 1, False)
+    ]
+    assert service.client.delete("/v1/cars/my-i3").json() == {"forgotten": "my-i3"}
+    assert not (folder / "my-i3").exists()
+    assert service.client.get("/v1/cars/my-i3").status_code == 404
+    refused = service.client.post("/v1/forecast", json=request)
+    assert refused.status_code == 422
+    assert refused.json()["faults"][0]["what"] == "unknown model"
+
+
+@pytest.mark.parametrize("logger", EXPORTS)
+def test_every_export_is_read_as_the_drive_that_it_is(service: Service, tmp_path: Path, logger: str) -> None:
+    car = f"by-{logger.replace('_', '-')}"
+    new_car(service, car, "nissan_leaf_24")
+    put(service, car, "exports1", f"{logger}.csv", written(tmp_path, logger).read_bytes())
+    found = logs(service, car, "exports1")
+    d = drive()
+    energy = float(np.trapezoid(d.u * d.i, d.t)) / 3600.0
+    step = WHOLE_UNITS.get(logger, 0.0) * d.t.iloc[-1] / 3600.0
+    assert found["faults"] == []
+    assert found["shipped"] == (None if logger == "german" else logger)
+    assert found["preview"]["drives"] == 1
+    assert found["preview"]["energy_wh"] == pytest.approx(energy, abs=step, rel=0.01)
+    assert not {entry["column"] for entry in found["mapping"]} & set(found["unused"])
+    has_voltage = "voltage_v" in {entry["ours"] for entry in found["mapping"]}
+    assert set(found["assumed"]) == (set() if has_voltage else {"nominal_voltage_v"})
+    service.client.delete(f"/v1/cars/{car}")
+
+
+def workbook(table: pd.DataFrame) -> bytes:
+    book = openpyxl.Workbook()
+    sheet = book.active
+    assert sheet is not None
+    sheet.append(["My drives"])
+    sheet.append([])
+    sheet.append(list(table.columns))
+    for row in table.itertuples(index=False):
+        sheet.append(list(row))
+    packed = io.BytesIO()
+    book.save(packed)
+    return packed.getvalue()
+
+
+def test_columns_are_corrected_and_the_battery_fills_in_what_the_log_lacks(service: Service) -> None:
+    new_car(service, "corrected", "nissan_leaf_24")
+    d = drive()
+    table = pd.DataFrame(
+        {
+            "t [s]": d.t,
+            "GPS speed [km/h]": d.v * 3.6,
+            "wheel": d.v * 3.6,
+            "SoC [%]": charge(d).round(),
+            "note": "x",
+        }
+    )
+    put(service, "corrected", "upload03", "drive.xlsx", workbook(table))
+    found = logs(service, "corrected", "upload03")
+    by_ours = {entry["ours"]: entry for entry in found["mapping"]}
+    assert by_ours["speed_m_s"]["column"] == "GPS speed [km/h]"
+    assert by_ours["speed_m_s"]["why"]
+    assert found["columns"] == list(table.columns)
+    assert set(found["unused"]) == {"wheel", "note"}
+    assert found["assumed"]["usable_capacity_kwh"] == pytest.approx(21.3, rel=0.05)
+    assert found["preview"]["drives"] == 1
+    assert found["preview"]["energy_wh"] == pytest.approx(3.0 / 100.0 * 21_300.0, rel=0.1)
+    change = {"speed_m_s": {"column": "wheel", "unit": "mph"}}
+    changed = logs(service, "corrected", "upload03", changes=change)
+    entry = next(e for e in changed["mapping"] if e["ours"] == "speed_m_s")
+    assert (entry["column"], entry["unit"], entry["why"]) == ("wheel", "mph", "")
+    assert changed["preview"]["distance_m"] == pytest.approx(
+        1.609344 * found["preview"]["distance_m"], rel=1e-3
+    )
+    without = logs(service, "corrected", "upload03", changes={"speed_m_s": None})
+    assert without["preview"] is None
+    assert without["faults"][0]["what"] == "missing key"
+    refused = service.client.post(
+        "/v1/cars/corrected/uploads/upload03/learn", json={"changes": {"speed_m_s": {"column": "none"}}}
+    )
+    assert refused.status_code == 422
+    fault = refused.json()["faults"][0]
+    assert (fault["what"], fault["where"], fault["allowed"]) == (
+        "missing column",
+        "drive.csv",
+        "a column 'none'",
+    )
+    assert service.client.get("/v1/cars/corrected").json()["learning"] is None
+
+
+@pytest.mark.parametrize(
+    ("body", "what"),
+    [
+        ({"name": "../up", "vehicle": "vw_id3"}, "String should match"),
+        ({"name": "none"}, "no single car"),
+        ({"name": "both", "vehicle": "vw_id3", "vehicle_figures": {"mass_kg": 1500.0}}, "no single car"),
+        ({"name": "other", "vehicle": "vw_id33"}, "unknown car"),
+        ({"name": "bmw_i3_tum", "vehicle": "vw_id3"}, "name is taken"),
+    ],
+)
+def test_what_cannot_be_a_car_is_refused(service: Service, body: dict[str, Any], what: str) -> None:
+    if body["name"] == "bmw_i3_tum":
+        body = {**body, "name": service.client.get("/v1/models").json()["models"][0]["name"]}
+    response = service.client.post("/v1/cars", json=body)
+    assert response.status_code == 422, response.text
+    assert what in response.json()["faults"][0]["what"]
+    assert body["name"] not in [row["name"] for row in service.client.get("/v1/cars").json()["cars"]]
+
+
+def test_a_car_by_figures_has_a_model_at_once(service: Service) -> None:
+    body = {"name": "by-figures", "vehicle_figures": {"mass_kg": 1900.0, "usable_battery_kwh": 70.0}}
+    made = service.client.post("/v1/cars", json=body).json()
+    assert made["vehicle"]
+    request = {"links": LINKS, "soc": 0.9, "model": "by-figures"}
+    assert service.client.post("/v1/forecast", json=request).json()["energy_wh"] > 1500.0
+    again = service.client.post("/v1/cars", json=body)
+    assert again.status_code == 422
+    assert again.json()["faults"][0]["what"] == "folder in use"
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "status", "what"),
+    [
+        ("..%2F..%2Fetc%2Fpasswd", b"time_s,speed_m_s\n", 404, ""),
+        ("drive.exe", b"MZ", 422, "no trips"),
+        ("empty.zip", archive({}), 422, "no trips"),
+        ("broken.zip", b"PK\x03\x04 and nothing more", 422, "unreadable archive"),
+        ("broken.xlsx", b"PK\x03\x04", 422, "unreadable sheet"),
+        ("bomb.zip", archive({"zeros.csv": b"0" * (300 << 20)}), 422, "archive too large"),
+    ],
+)
+def test_files_that_are_no_logs_are_refused_and_leave_nothing(
+    service: Service, folder: Path, name: str, content: bytes, status: int, what: str
+) -> None:
+    if not (folder / "hostile").exists():
+        new_car(service, "hostile")
+    response = put(service, "hostile", "upload04", name, content)
+    assert response.status_code == status, response.text
+    if what:
+        assert what in response.json()["faults"][0]["what"]
+    assert list((folder / "hostile").rglob("uploads/*/tables/*")) == []
+    assert sorted(place.name for place in folder.parent.iterdir() if place.name == "passwd") == []
+
+
+def test_names_in_an_archive_stay_inside_the_upload(service: Service, folder: Path) -> None:
+    new_car(service, "inside")
+    names = {"../../../evil.csv": b"a", "/abs/evil.csv": b"b", "..\\evil.csv": b"c", "__MACOSX/._x.csv": b"d"}
+    assert put(service, "inside", "upload05", "names.zip", archive(names)).json()["files"] == 3
+    tables = folder / "inside" / "uploads" / "upload05" / "tables"
+    assert sorted(file.name for file in tables.iterdir()) == ["evil 2.csv", "evil 3.csv", "evil.csv"]
+    # nothing of it can be read, and the answer says so
+    found = service.client.post("/v1/cars/inside/uploads/upload05", json={})
+    assert found.status_code == 422 or found.json()["preview"] is None
+
+
+def test_a_token_makes_the_car_send_at_once(service: Service) -> None:
+    new_car(service, "on-road")
+    message = {"tlm": {"utc": 1.7e9, "speed": 30.0, "soc": 80.0}, "token": "wrong-token-of-some-length"}
+    assert service.client.post("/v1/telemetry", json=message).status_code == 401
+    token = service.client.post("/v1/cars/on-road/token").json()["token"]
+    sent = service.client.post("/v1/telemetry", json={**message, "token": token})
+    assert (sent.status_code, sent.json()["vehicle"]) == (200, "on-road")
+    other = service.client.post("/v1/cars/on-road/token").json()["token"]
+    assert service.client.post("/v1/telemetry", json={**message, "token": token}).status_code == 401
+    assert service.client.post("/v1/telemetry", json={**message, "token": other}).status_code == 200
+    assert service.client.delete("/v1/cars/on-road").status_code == 200
+    assert service.client.get("/v1/live/on-road").status_code == 404
+
+
+def test_the_operations_on_cars_conform_to_their_description(service: Service) -> None:
+    """Without uploads, whose files schemathesis cannot make up."""
+    found = conformance(
+        service.url,
+        6,
+        seed=3,
+        only=r"^/v1/cars(/\{car\}(/token)?)?$",
+        phases="examples,fuzzing",
+        timeout_s=400,
+    )
+    assert found.clean, found.text
+
+
+def operations(folder: Path, **limits: int) -> CarOperations:
+    settings = Settings(cars=folder, limits=Limits(**limits))  # type: ignore[arg-type]
+    pool = WorkerPool(settings, lambda event, **more: None)
+    answering = Answering(settings, pool, Metrics())
+    return CarOperations(answering, lambda: pytest.fail("no car sends"), pool.log_event)
+
+
+def test_what_waits_to_be_learned_has_a_bound_and_expires(tmp_path: Path) -> None:
+    uploads = tmp_path / "car" / "uploads"
+    own = operations(tmp_path, car_bytes=3000)
+    content = b"time_s,speed_m_s\n" + b"0,1\n" * 200
+    assert own._store(uploads / "first001", "a.csv", content) == {"files": 1, "bytes": len(content)}
+    assert own._store(uploads / "first001", "a.csv", content) == {"files": 2, "bytes": 2 * len(content)}
+    assert own._store(uploads / "second02", "b.csv", content)["files"] == 1
+    with pytest.raises(Problem, match="3000 bytes that are not learned"):
+        own._store(uploads / "third003", "c.csv", content)
+    assert sorted(place.name for place in uploads.iterdir()) == ["first001", "second02"]
+    old = time.time() - 3700.0
+    for place in (uploads / "first001", *(uploads / "first001").rglob("*")):
+        os.utime(place, (old, old))
+    assert own._store(uploads / "third003", "c.csv", content)["files"] == 1
+    assert sorted(place.name for place in uploads.iterdir()) == ["second02", "third003"]

@@ -1,0 +1,189 @@
+"""The cars of the library: their names, finding them, loading them."""
+
+import pickle
+import tomllib
+from importlib import resources
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.support.cars import some_cars
+
+from tripwatt.errors import InvalidInput
+from tripwatt.physics.road_load import aero_drag_force, rolling_resistance_force
+from tripwatt.vehicles import (
+    describe_vehicle,
+    find_vehicles,
+    load_vehicle,
+    require_vehicle,
+    vehicle_from_document,
+    vehicle_names,
+    vehicle_titles,
+)
+
+ASKED_FOR = [
+    "bmw_i3_60ah",
+    "bmw_i3_94ah",
+    "bmw_i3_120ah",
+    "nissan_leaf_24",
+    "nissan_leaf_30",
+    "nissan_leaf_40",
+    "tesla_model_3_sr_plus",
+    "tesla_model_3_lr",
+    "vw_e_golf",
+    "vw_id3",
+    "renault_zoe_ze50_r135",
+    "hyundai_kona_64",
+    "chevrolet_bolt",
+    "fiat_500e",
+    "peugeot_e_208",
+]
+
+
+def faults_of(error: pytest.ExceptionInfo[InvalidInput]) -> str:
+    return str(error.value)
+
+
+def raw(name: str) -> dict[str, object]:
+    folder = resources.files("tripwatt.vehicles") / "data"
+    return tomllib.loads((folder / f"{name}.toml").read_text("utf-8"))
+
+
+# ------------------------------------------------------------------------------------------------ the cars
+def test_library_has_every_car_that_was_asked_for() -> None:
+    assert set(ASKED_FOR) <= set(vehicle_names())
+    assert not set(vehicle_names()) & {"passenger_car", "nmc_cells", "lmo_cells"}
+
+
+@pytest.mark.parametrize("name", ASKED_FOR)
+def test_cars_are_plausible_and_keep_the_origin_of_every_value(name: str) -> None:
+    car = load_vehicle(name)
+    kwh = car.battery.capacity_ah * car.battery.cells_in_series * np.mean(car.battery.ocv_v) / 1000.0
+    assert 1150.0 < car.body.curb_mass_kg < 1850.0
+    assert 18.0 < kwh < 90.0
+    # Road load at 80 km/h as a share of the weight.
+    speed = 80.0 / 3.6
+    a, b = car.road_load.rolling_coefficients
+    force = (
+        a + b * speed + 0.5 * 1.17 * car.road_load.drag_area_m2 * speed**2 / (car.body.test_mass_kg * 9.81)
+    )
+    assert 0.013 < force < 0.028
+    top = (
+        car.drivetrain.motor_max_speed_rad_s / car.drivetrain.gear_ratio * car.drivetrain.wheel_radius_m * 3.6
+    )
+    assert 130.0 < top < 300.0
+    rows = describe_vehicle(name)
+    assert len(rows) == len(car.entries)
+    assert all(source for *_, source in rows)
+
+
+def test_coastdown_coefficients_take_the_place_of_drag_and_rolling_resistance() -> None:
+    def entry(value: object, unit: str) -> dict[str, object]:
+        return {"value": value, "unit": unit, "source": "EPA test car list", "licence": "US-public-domain"}
+
+    document = raw("nissan_leaf_24")
+    document["road_load"] = {
+        "coastdown_a_n": entry(150.0, "N"),
+        "coastdown_b_n_s_m": entry(0.6, "N s/m"),
+        "coastdown_c_n_s2_m2": entry(0.5, "N s2/m2"),
+    }
+    with pytest.raises(InvalidInput) as error:
+        vehicle_from_document(document, "car", "car.toml")
+    assert "coastdown_mass_kg" in faults_of(error)
+    document["road_load"]["coastdown_mass_kg"] = entry(1644.0, "kg")  # type: ignore[index]
+    car = vehicle_from_document(document, "car", "car.toml")
+    speed = np.array([5.0, 15.0, 25.0])
+    force = rolling_resistance_force(speed, 1644.0, car.road_load.rolling_coefficients) + aero_drag_force(
+        speed, car.road_load.drag_area_m2, 1.167
+    )
+    assert force == pytest.approx(150.0 + 0.6 * speed + 0.5 * speed**2)
+
+
+def test_missing_and_impossible_values_say_key_found_and_allowed() -> None:
+    document = raw("vw_id3")
+    body, drivetrain = document["body"], document["drivetrain"]
+    assert isinstance(body, dict)
+    assert isinstance(drivetrain, dict)
+    body["curb_mass_kg"]["value"] = 3.0
+    del drivetrain["gear_ratio"]
+    with pytest.raises(InvalidInput) as error:
+        vehicle_from_document(document, "car", "car.toml")
+    text = faults_of(error)
+    assert "car.toml, body.curb_mass_kg: got 3 kg; allowed: 100 to 60000 kg" in text
+    assert "'gear_ratio'" in text
+
+
+PRESETS = [(name, preset) for name in some_cars(20) for preset in ("default", "paper")]
+
+
+def entry(value: object, unit: str) -> dict[str, object]:
+    return {"value": value, "unit": unit, "source": "a chart", "licence": "user"}
+
+
+@pytest.mark.parametrize(("name", "preset"), PRESETS)
+def test_every_bundled_car_loads_and_travels_to_a_worker(name: str, preset: str) -> None:
+    car = load_vehicle(name, preset)
+    assert pickle.loads(pickle.dumps(car)) == car
+    assert all(entry.source and isinstance(entry.unit, str) for entry in car.entries.values())
+    assert car.entries["battery.capacity_ah"].scale in ("soc", "displayed_soc")
+
+
+def test_a_car_that_is_loaded_again_is_as_its_file_is() -> None:
+    first = load_vehicle("bmw_i3_60ah")
+    assert isinstance(first.entries, dict)
+    first.entries.clear()
+    again = load_vehicle("bmw_i3_60ah")
+    assert again == first
+    assert again.entries["body.curb_mass_kg"].value == again.body.curb_mass_kg
+
+
+def test_unknown_car_preset_and_file(tmp_path: Path) -> None:
+    with pytest.raises(InvalidInput, match="did you mean 'bmw_i3_60ah'"):
+        load_vehicle("bmw_i3_60")
+    with pytest.raises(InvalidInput, match="unknown preset"):
+        load_vehicle("bmw_i3_60ah", preset="sport")
+    with pytest.raises(InvalidInput, match="cannot be read"):
+        load_vehicle(tmp_path / "none.toml")
+    broken = tmp_path / "broken.toml"
+    broken.write_text("[body\n")
+    with pytest.raises(InvalidInput, match=r"not a TOML file.*broken\.toml"):
+        load_vehicle(broken)
+
+
+def test_a_car_from_a_path(tmp_path: Path) -> None:
+    text = (resources.files("tripwatt.vehicles") / "data" / "bmw_i3_60ah.toml").read_text("utf-8")
+    path = tmp_path / "mine.toml"
+    path.write_text(text, encoding="utf-8")
+    assert load_vehicle(path).name == "mine"
+
+
+@pytest.mark.parametrize(
+    ("words", "first"),
+    [
+        ("kona", "hyundai_kona_64"),
+        ("model 3 2022", "tesla_model_3_2022_rwd"),
+        ("MODEL3 2024", "tesla_model_3_2024_rwd"),
+        ("ë-c4", "citroen_e_c4"),
+        ("id4 awd", "vw_id4_awd_pro"),
+        ("2025 ex30 18", "volvo_ex30_er"),
+    ],
+)
+def test_words_find_cars(words: str, first: str) -> None:
+    assert find_vehicles(words)[0] == first
+
+
+def test_a_search_holds_every_word_and_a_year_has_to_be_one_of_the_car() -> None:
+    assert find_vehicles("") == find_vehicles(" - ") == find_vehicles("kona tesla") == ()
+    assert "tesla_model_3_2024_rwd" not in find_vehicles("model 3 2023")
+    assert "tesla_model_3_2022_rwd" in find_vehicles("model 3 2023")
+    assert "tesla_model_s_2021_lr" not in find_vehicles("model 3")
+    assert all("Model 3" in vehicle_titles()[n] for n in find_vehicles("model 3"))
+
+
+def test_an_unknown_car_is_named_with_those_that_are_meant() -> None:
+    require_vehicle("vw_id3")
+    with pytest.raises(InvalidInput, match="did you mean 'vw_id4_pro'") as error:
+        load_vehicle("vw_id4")
+    assert len(str(error.value)) < 300  # not the whole library
+    with pytest.raises(InvalidInput, match=r"path of a \.toml file"):
+        require_vehicle("zzz")

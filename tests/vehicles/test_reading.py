@@ -1,0 +1,162 @@
+"""From a document to a car, with every fault in one message."""
+
+import copy
+import tomllib
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from tripwatt.errors import InvalidInput
+from tripwatt.vehicles import (
+    load_vehicle,
+    vehicle_from_document,
+)
+
+
+@pytest.fixture
+def document() -> dict[str, Any]:
+    text = (resources.files("tripwatt.vehicles") / "data" / "bmw_i3_60ah.toml").read_text("utf-8")
+    return tomllib.loads(text)
+
+
+def faults_of(document: dict[str, Any], **more: Any) -> list[str]:
+    with pytest.raises(InvalidInput) as caught:
+        vehicle_from_document(document, "car", "car.toml", **more)
+    return [str(fault) for fault in caught.value.faults]
+
+
+def test_presets_differ_where_the_file_says() -> None:
+    default, paper = load_vehicle("bmw_i3_60ah"), load_vehicle("bmw_i3_60ah", "paper")
+    assert paper.regeneration.fraction == 0.5
+    assert paper.climate is None
+    assert paper.tyres is None
+    assert default.climate is not None
+    assert paper.drivetrain == default.drivetrain
+    assert paper.battery == default.battery
+
+
+def test_every_car_has_the_preset_of_the_paper_also_with_overrides_of_what_it_leaves_out() -> None:
+    car = load_vehicle("nissan_leaf_24", "paper", {"setpoint": 18.0, "mass": 1600.0})
+    assert car.climate is None
+    assert car.regeneration.fraction == 0.5
+    assert car.body.curb_mass_kg == 1600.0
+    with pytest.raises(InvalidInput, match="setpoint"):
+        load_vehicle("nissan_leaf_24", "paper", {"setpoint": -400.0})
+
+
+def test_all_faults_come_together_with_file_and_key(document: dict[str, Any]) -> None:
+    document["body"]["curb_mas_kg"] = document["body"].pop("curb_mass_kg")
+    document["drivetrain"]["gear_ratio"]["source"] = " "
+    document["drivetrain"]["wheel_radius_m"]["unit"] = "mm"
+    document["regeneration"]["fraction"]["value"] = 1.5
+    document["battery"]["capacity_ah"].pop("scale")
+    document["battery"]["ocv_v"]["value"] = "high"
+    document["auxiliaries"]["base_load_w"] = 300.0
+    document["body"]["driver_mass_kg"]["note"] = "heavy"
+    document["battery"]["heat_loss_w_k"]["value"] = True
+    document["wheels"] = {}
+    found = faults_of(document)
+    for where in (
+        "body.curb_mas_kg",
+        "drivetrain.gear_ratio",
+        "drivetrain.wheel_radius_m",
+        "regeneration.fraction",
+        "battery.capacity_ah",
+        "battery.ocv_v",
+        "auxiliaries.base_load_w",
+        "body.driver_mass_kg",
+        "battery.heat_loss_w_k",
+        "[wheels]",
+    ):
+        assert any("car.toml" in fault and where in fault for fault in found), where
+    assert any("did you mean 'curb_mass_kg'" in fault for fault in found)
+
+
+def test_each_required_entry_is_missed(document: dict[str, Any]) -> None:
+    for section in ("body", "drivetrain", "regeneration", "battery", "auxiliaries", "climate", "tyres"):
+        for key in document[section]:
+            if key == "moving_load_w":  # a car of one's own may leave it out
+                continue
+            broken = copy.deepcopy(document)
+            del broken[section][key]
+            assert any("missing entry" in f and section in f and repr(key) in f for f in faults_of(broken))
+
+
+@pytest.mark.parametrize(
+    ("section", "key", "value", "word"),
+    [
+        ("battery", "ocv_soc", [0.0, 0.5], "differ in length"),
+        ("battery", "resistance_soc", [0.0, 0.2, 0.1, 1.0], "does not increase"),
+        ("battery", "min_cell_voltage_v", 3.9, "cell voltage limit too high"),
+        ("regeneration", "full_soc", 0.99, "wrong order"),
+        ("climate", "fresh_air_low_w_k", 500.0, "wrong order"),
+    ],
+)
+def test_values_that_contradict_each_other(document, section, key, value, word) -> None:
+    document[section][key]["value"] = value
+    assert any(word in fault for fault in faults_of(document))
+
+
+def entry(value: object, unit: str) -> dict[str, object]:
+    return {"value": value, "unit": unit, "source": "a chart", "licence": "user"}
+
+
+def test_coast_down_stands_in_for_drag_and_rolling(document: dict[str, Any]) -> None:
+    road = document["road_load"]
+    coastdown = {k: v for k, v in road.items() if k.startswith("coastdown_")}
+    coefficients = {k: v for k, v in road.items() if k not in coastdown and k != "method"}
+    measured = vehicle_from_document({**document, "road_load": coastdown}, "car", "car.toml").road_load
+    named = vehicle_from_document({**document, "road_load": coefficients}, "car", "car.toml").road_load
+    assert measured.method == "coastdown"
+    assert named.method == "coefficients"
+    assert named.drag_area_m2 == pytest.approx(0.29 * 2.38)
+    assert named.rolling_coefficients == (0.0065, 0.0)
+    weight = 1443.33 * 9.80665
+    constant, linear = measured.rolling_coefficients
+    force = weight * (constant + linear * 20.0) + 0.5 * 1.167 * measured.drag_area_m2 * 400.0
+    assert force == pytest.approx(104.98 + 6.6 * 20.0 + 0.2604 * 400.0)
+    both = {**coastdown, **coefficients}
+    assert any("incomplete or ambiguous" in f for f in faults_of({**document, "road_load": both}))
+    half = dict(list(coastdown.items())[:2])
+    assert any("incomplete or ambiguous" in f for f in faults_of({**document, "road_load": half}))
+
+
+def test_a_displayed_capacity_is_put_on_the_soc_scale(document: dict[str, Any]) -> None:
+    document["battery"]["capacity_ah"].update(value=41.0, scale="displayed_soc")
+    assert vehicle_from_document(document, "car", "car.toml").battery.capacity_ah == pytest.approx(50.0)
+
+
+def test_overrides_name_their_keys() -> None:
+    assert load_vehicle("bmw_i3_60ah", overrides={"body.driver_mass_kg": 90.0}).body.test_mass_kg == 1371.0
+    with pytest.raises(InvalidInput, match=r"did you mean 'body\.driver_mass_kg'") as caught:
+        load_vehicle("bmw_i3_60ah", overrides={"body.driver_mas_kg": 90.0, "regeneration.fraction": -1.0})
+    assert len(caught.value.faults) == 2
+
+
+def test_the_largest_regenerative_torque_is_the_floor_of_the_logged_torque(data_dir: Path) -> None:
+    torque = load_vehicle("bmw_i3_60ah").regeneration.max_torque_nm
+    for name in ("TripA10", "TripB11", "TripB20"):
+        file = data_dir / "tum" / f"{name}.csv"
+        if not file.is_file():
+            continue
+        columns = pd.read_csv(
+            file, sep=";", encoding="latin-1", usecols=lambda c: c.startswith("Motor Torque")
+        )
+        braking = columns.iloc[:, 0].to_numpy()
+        braking = braking[braking < -70.0]
+        share = np.mean((braking >= -torque) & (braking <= 2.0 - torque))
+        assert share > 0.25, name  # a pile at the floor, not a tail
+
+
+def test_the_stated_formula_of_the_regenerative_torque_is_what_it_gives(document: dict[str, Any]) -> None:
+    entry = document["regeneration"]["max_torque_nm"]
+    body, drive = document["body"], document["drivetrain"]
+    mass = body["curb_mass_kg"]["value"] + body["driver_mass_kg"]["value"]
+    stated = mass * 1.6 * drive["wheel_radius_m"]["value"] / drive["gear_ratio"]["value"]
+    assert stated == pytest.approx(78.6, abs=0.05)
+    assert "= 78.6 Nm" in entry["estimated"]
+    assert entry["source"].startswith("TUM data set")

@@ -1,0 +1,65 @@
+"""How far a car on the road may be from its values."""
+
+import re
+
+import pytest
+from tests.support import ROOT
+
+from tripwatt.hybrid.parameters import PARAMETERS, on_road, parameters_of
+from tripwatt.vehicles import (
+    load_vehicle,
+)
+from tripwatt.vehicles.catalogue import class_values
+from tripwatt.vehicles.spreads import loss_sd, road_gain, spreads
+from tripwatt.vehicles.vehicle import ANCHORS
+
+
+def test_the_better_a_car_is_known_the_narrower() -> None:
+    assert set(ANCHORS) == {"published", "road_load", "certification", "class", "road"}
+    levels = [spreads(level) for level in ("road_load", "certification", "class")]
+    for name in ("rolling", "air", "drivetrain"):
+        values = [level[name] for level in levels]
+        assert values == sorted(values)
+        assert values[0] < values[2]
+    assert spreads("published") == spreads("road") == road_gain("published") == road_gain("road") == {}
+    # tyres 15 % and the gain's 5 %; trim 5 % and the gain's 5 %; 2 % twice over a share of 13 %
+    assert levels[0]["rolling"] == pytest.approx((0.15**2 + 0.05**2) ** 0.5)
+    assert levels[0]["air"] == pytest.approx((2 * 0.05**2) ** 0.5)
+    assert levels[0]["drivetrain"] == pytest.approx((2 * 0.02**2) ** 0.5 / 0.13)
+    classes = class_values()
+    half = (0.15**2 + 0.05**2 + 0.5 * classes.rolling_sd**2) ** 0.5
+    assert levels[1]["rolling"] == pytest.approx(half)
+    assert levels[2]["air"] == pytest.approx((2 * 0.05**2 + classes.drag_area_sd**2) ** 0.5)
+    assert levels[2]["drivetrain"] == pytest.approx((0.02**2 + loss_sd() ** 2) ** 0.5 / 0.13)
+
+
+def test_parameters_have_the_widths_of_the_car() -> None:
+    assert parameters_of(load_vehicle("bmw_i3_60ah")) == PARAMETERS
+    found = {p.name: p for p in parameters_of(load_vehicle("vw_id4_pro"))}
+    usual = {p.name: p for p in PARAMETERS}
+    assert found["mass"] == usual["mass"]
+    assert found["air"].width == spreads("road_load")["air"]
+    assert found["air"].keys == usual["air"].keys
+    assert "coast-down" in found["air"].source
+
+
+def test_on_the_road_an_anchored_car_has_more_drag_once() -> None:
+    car = load_vehicle("vw_id4_pro")
+    road = on_road(car)
+    assert road.road_load.drag_area_m2 == pytest.approx(1.02 * car.road_load.drag_area_m2)
+    assert road.road_load.coastdown_a_n == pytest.approx(1.02 * float(car.road_load.coastdown_a_n or 0.0))
+    assert road.body == car.body
+    assert road.anchor == "road"
+    assert on_road(road) is road
+    book = load_vehicle("bmw_i3_60ah")
+    assert on_road(book) is book
+
+
+def test_the_page_of_the_cars_shows_the_spreads() -> None:
+    """The rows of the anchors in docs/reference/vehicles.md, in percent."""
+    page = (ROOT / "docs" / "reference" / "vehicles.md").read_text(encoding="utf-8")
+    published = {p.name: p.width for p in PARAMETERS}
+    for anchor in ("road_load", "certification", "class", "published"):
+        widths = {**published, **spreads(anchor)}
+        shown = " | ".join(f"{100.0 * widths[name]:.0f} %" for name in ("rolling", "air", "drivetrain"))
+        assert re.search(rf"^\| `{anchor}` \|.*\| {re.escape(shown)} \|$", page, re.MULTILINE), anchor

@@ -1,0 +1,24 @@
+interface Props<T extends string> {
+  label: string;
+  /** Name in a form that reads its fields itself. */
+  name?: string;
+  value: T;
+  options: readonly (readonly [T, string])[];
+  onChoose?: (value: T) => void;
+}
+
+/** One of a few words, with its label. */
+export function Select<T extends string>({ label, name, value, options, onChoose }: Props<T>) {
+  return (
+    <label class="field">
+      <span>{label}</span>
+      <select name={name} value={value} onChange={(event) => onChoose?.(event.currentTarget.value as T)}>
+        {options.map(([option, text]) => (
+          <option key={option} value={option}>
+            {text}
+          </option>
+        ))}
+      </select>
+    </label>
+  );
+}
