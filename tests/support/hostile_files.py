@@ -6,6 +6,7 @@ source of bytes gets a line here; the gate runs a small number of mutants of eac
 
 from __future__ import annotations
 
+import contextlib
 import io
 import json
 import math
@@ -300,6 +301,9 @@ def _live_file(name: str) -> Read:
         (place / "live" / name).write_bytes(content)
         with RoadCar(place) as car:
             token_digest(place)
+            if car.plan is not None:
+                with contextlib.suppress(InvalidInput):
+                    assert car.plan.road.duration_s > 0.0
             car.usual_trip_at(LIVE_S + 86_400.0)
             car.logs()
 

@@ -24,14 +24,8 @@ from tripwatt.forecasting import (
 )
 from tripwatt.forecasting.storage import DEFAULT_MODEL
 from tripwatt.population.cars import for_car
-from tripwatt.routes import (
-    Track,
-    fields_of_route,
-    is_links_table,
-    parse_route,
-    plan_from_route,
-    route_from_track,
-)
+from tripwatt.routes import Track, is_links_table, parse_route, plan_from_route, route_from_track
+from tripwatt.routes.link_objects import fields_of_route
 from tripwatt.service.car_jobs import CarJobs
 from tripwatt.service.car_schemas import LogsRequest, NewCarRequest
 from tripwatt.service.journey_schemas import PlanRequest, ReachRequest

@@ -26,7 +26,8 @@ from pydantic import (
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import MOST_HINTS, Fault, InvalidInput, excerpt
 from tripwatt.forecasting.document import FlagDocument
-from tripwatt.routes import LinkRoute, route_from_links, route_with_elevation
+from tripwatt.routes import LinkRoute, route_from_links
+from tripwatt.routes.link_objects import route_with_elevation
 from tripwatt.service.problems import Problem
 from tripwatt.service.settings import Limits
 from tripwatt.sources.canonical import LEAST_SAMPLES, canonical_samples
