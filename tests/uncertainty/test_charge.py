@@ -18,13 +18,13 @@ from tripwatt.vehicles import load_vehicle
 def test_published_charge() -> None:
     """A window of 80 % of 20 kWh; 1 % of the display, 2 % by way of the battery management; 3 % of the capacity."""
     battery = SimpleNamespace(displayed_zero_soc=0.1, displayed_full_soc=0.9)
-    book = ChargeScale.from_book(battery, 20_000.0)
-    assert book.wh_per_display == pytest.approx(16_000.0)
-    assert (book.zero_soc, book.full_soc, book.trips, book.hidden) == (0.1, 0.9, 0, 0.0)
-    assert book.displayed(0.3) == pytest.approx(0.25)
-    assert book.left(0.8, 4000.0) == pytest.approx(0.55)
-    assert book.sd(-8000.0, True) == pytest.approx(np.hypot(0.01, 0.015))
-    assert book.sd(8000.0, False) == pytest.approx(np.hypot(0.02, 0.015))
+    published = ChargeScale.from_published(battery, 20_000.0)
+    assert published.wh_per_display == pytest.approx(16_000.0)
+    assert (published.zero_soc, published.full_soc, published.trips, published.hidden) == (0.1, 0.9, 0, 0.0)
+    assert published.displayed(0.3) == pytest.approx(0.25)
+    assert published.left(0.8, 4000.0) == pytest.approx(0.55)
+    assert published.sd(-8000.0, True) == pytest.approx(np.hypot(0.01, 0.015))
+    assert published.sd(8000.0, False) == pytest.approx(np.hypot(0.02, 0.015))
 
 
 def test_the_error_of_the_capacity_is_that_of_ageing():
