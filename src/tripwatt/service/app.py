@@ -23,7 +23,6 @@ from starlette.staticfiles import StaticFiles
 from starlette.types import Receive, Scope, Send
 
 import tripwatt
-from tripwatt.errors import Fault, excerpt
 from tripwatt.forecasting import load_metadata, load_model
 from tripwatt.forecasting.document import ForecastResponse
 from tripwatt.forecasting.storage import DEFAULT_MODEL
@@ -413,9 +412,7 @@ def add_handlers(app: FastAPI) -> None:
 
     async def on_parameters(request: Request, error: Exception) -> Response:
         assert isinstance(error, RequestValidationError)
-        faults = [
-            Fault(e["msg"], ".".join(map(str, e["loc"])), excerpt(e.get("input"), 80)) for e in error.errors()
-        ]
+        faults = [schemas.fault_of(e) for e in error.errors()]
         return invalid_input(faults).response(request_id(request))
 
     app.add_exception_handler(Problem, on_problem)
