@@ -190,7 +190,7 @@ class Forecast:
         >>> round(forecast.quantile(0.5), 3) == round(forecast.energy_wh, 3)
         True
         """
-        return float(energy_quantiles(self, [require_fraction("p", p)])[0])
+        return float(quantiles(self, [require_fraction("p", p)])[0][0])
 
     def interval(self, level: float) -> tuple[float, float]:
         """Central interval of the energy of the whole trip [Wh].
@@ -215,7 +215,7 @@ class Forecast:
         (True, True)
         """
         half = 0.5 * require_fraction("level", level)
-        low, high = energy_quantiles(self, [0.5 - half, 0.5 + half]).tolist()
+        low, high = quantiles(self, [0.5 - half, 0.5 + half])[0].tolist()
         return low, high
 
     def probability_below(self, energy_wh: float) -> float:
@@ -278,7 +278,7 @@ class Forecast:
         >>> forecast.soc_quantile(0.05) < forecast.soc_arrival < forecast.soc_quantile(0.95) < 0.8
         True
         """
-        return float(charge_quantiles(self, [require_fraction("p", p)])[0])
+        return float(quantiles(self, [require_fraction("p", p)])[1][0])
 
     def soc_interval(self, level: float) -> tuple[float, float]:
         """Central interval of the displayed state of charge at the end of the trip, 0 to 1.
@@ -303,7 +303,7 @@ class Forecast:
         (True, True)
         """
         half = 0.5 * require_fraction("level", level)
-        low, high = charge_quantiles(self, [0.5 - half, 0.5 + half]).tolist()
+        low, high = quantiles(self, [0.5 - half, 0.5 + half])[1].tolist()
         return low, high
 
     def p_arrive(self, reserve: float = 0.0) -> float:
@@ -808,19 +808,19 @@ class Forecast:
         return float(np.interp(time_s, self._ends_s, self._cumulative_wh))
 
 
-def energy_quantiles(forecast: Forecast, p: Sequence[float]) -> FloatArray:
-    """Quantiles of the energy of the whole trip [Wh], shape (probabilities,): see `Forecast.quantile`."""
-    half = np.abs(forecast._excess.end.quantiles(p, float(forecast._cumulative_sd_wh[-1])))
-    below = possible_energy(forecast.energy_wh, half, forecast._least_wh[-1])
-    return np.where(np.array(p) >= 0.5, forecast.energy_wh + half, below)
+def quantiles(forecast: Forecast, p: Sequence[float]) -> tuple[FloatArray, FloatArray]:
+    """Quantiles at the end of the trip: of its energy [Wh] and of the displayed charge, each of shape (probabilities,).
 
-
-def charge_quantiles(forecast: Forecast, p: Sequence[float]) -> FloatArray:
-    """Quantiles of the displayed charge at the end of the trip, shape (probabilities,): see `Forecast.soc_quantile`."""
+    See `Forecast.quantile` and `Forecast.soc_quantile`.
+    """
+    levels, wh = np.array(p, dtype=np.float64), forecast.charge.wh_per_display
     centre, sd = (values[-1] for values in forecast._charge_band)
-    wh = forecast.charge.wh_per_display
-    more_wh = forecast._excess.end.quantiles([1.0 - level for level in p], float(sd * wh))
-    return np.clip(centre - more_wh / wh, 0.0, 1.0)
+    sd_wh = np.repeat([forecast._cumulative_sd_wh[-1], sd * wh], len(p))
+    more = forecast._excess.end.quantiles(np.concatenate((levels, 1.0 - levels)), sd_wh)
+    half, more_wh = np.abs(more[: len(p)]), more[len(p) :]
+    below = possible_energy(forecast.energy_wh, half, forecast._least_wh[-1])
+    energy_wh = np.where(levels >= 0.5, forecast.energy_wh + half, below)
+    return energy_wh, np.clip(centre - more_wh / wh, 0.0, 1.0)
 
 
 def by_probability(values: FloatArray, p: Sequence[float]) -> dict[str, float]:
@@ -898,13 +898,14 @@ def forecast_document(
     levels = ARRIVAL_LEVELS if reserve is None else (*ARRIVAL_LEVELS, require_fraction("reserve", reserve))
     early, expected, late = forecast.empty_at_m
     least, middle, most = forecast.missing_wh
+    energies_wh, charges = quantiles(forecast, QUANTILES)
     return {
         "trip": forecast.plan.trip_id,
         "given": forecast.given,
         "energy_wh": forecast.energy_wh,
-        "quantiles_wh": by_probability(energy_quantiles(forecast, QUANTILES), QUANTILES),
+        "quantiles_wh": by_probability(energies_wh, QUANTILES),
         "soc_arrival": forecast.soc_arrival,
-        "soc_quantiles": by_probability(charge_quantiles(forecast, QUANTILES), QUANTILES),
+        "soc_quantiles": by_probability(charges, QUANTILES),
         "wh_per_display": forecast.charge.wh_per_display,
         "empty_at_m": {"early": early, "expected": expected, "late": late},
         "missing_wh": {"least": least, "expected": middle, "most": most},

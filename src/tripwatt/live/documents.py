@@ -12,7 +12,7 @@ from typing_extensions import TypedDict  # Python 3.11 has one that pydantic can
 
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecasting import Forecast
-from tripwatt.forecasting.forecast import by_probability, charge_quantiles, energy_quantiles
+from tripwatt.forecasting.forecast import by_probability, quantiles
 
 QUANTILES: Final = (0.05, 0.5, 0.95)
 LOW, HIGH = f"{QUANTILES[0]:g}", f"{QUANTILES[-1]:g}"
@@ -90,11 +90,12 @@ def live_forecast(forecast: Forecast, reserve: float) -> LiveForecastDocument:
     InvalidInput
         When a value is not finite: no car can drive the trip.
     """
+    energies_wh, charges = quantiles(forecast, QUANTILES)
     document: Any = {
         "energy_wh": forecast.energy_wh,
-        "quantiles_wh": by_probability(energy_quantiles(forecast, QUANTILES), QUANTILES),
+        "quantiles_wh": by_probability(energies_wh, QUANTILES),
         "soc_arrival": forecast.soc_arrival,
-        "soc_quantiles": by_probability(charge_quantiles(forecast, QUANTILES), QUANTILES),
+        "soc_quantiles": by_probability(charges, QUANTILES),
         "reserve": reserve,
         "p_arrive": forecast.p_arrive(reserve),
         "p_arrive_at_all": forecast.p_arrive(),

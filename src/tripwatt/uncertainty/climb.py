@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
@@ -91,10 +90,13 @@ class ClimbingEnergy:
 
 def _between(nodes: FloatArray, rows: FloatArray, at: FloatArray) -> FloatArray:
     """Rows of values at nodes, linear between and beyond them, at other values of shape (scenarios, places or 1)."""
-    left = np.clip(np.searchsorted(nodes, at, side="right") - 1, 0, len(nodes) - 2)
-    share = (at - nodes[left]) / (nodes[left + 1] - nodes[left])
-    place = np.arange(rows.shape[1])
-    return np.asarray((1.0 - share) * rows[left, place] + share * rows[left + 1, place])
+    slopes = np.diff(rows, axis=0) / np.diff(nodes)[:, None]
+    start = min(int(np.searchsorted(nodes, 0.0)), len(nodes) - 2)  # from the flat road, where they are exact
+    values = rows[start] + slopes[start] * (at - nodes[start])
+    for k, bend in enumerate(np.diff(slopes, axis=0), start=1):
+        beyond = at - nodes[k] if k > start else nodes[k] - at
+        values += bend * np.maximum(beyond, 0.0)
+    return np.asarray(values)
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,9 +170,8 @@ class UnknownClimb:
                 break
             least, most = np.where(miss < 0.0, energy_wh, least), np.where(miss < 0.0, most, energy_wh)
             to = energy_wh - miss / slope
-            if step >= _SECANTS or ((to < least) | (to > most)).any():
-                outside = (to < least) | (to > most) | (step >= _SECANTS)
-                to = np.where(outside, 0.5 * (least + most), to)
+            outside = (to < least) | (to > most) | (step >= _SECANTS)
+            to = np.where(outside, 0.5 * (least + most), to)
             before_wh, energy_wh = energy_wh, np.where(unsolved, to, energy_wh)
             before, miss = miss, self.weights @ scores.probabilities((energy_wh - offsets) / sd) - p
             gained, moved = miss - before, energy_wh - before_wh
@@ -235,12 +236,11 @@ class Excess:
         last = None if climb is None else UnknownClimb(climb.offsets_wh[:, -1:], climb.weights)
         return Excess(self.scores, last, self.expected_wh[-1:])
 
-    def quantiles(self, p: Sequence[float], sd_wh: float) -> FloatArray:
-        """Quantiles at the only place [Wh], shape (probabilities,)."""
-        levels, sd = np.array(p, dtype=np.float64), np.array([sd_wh])
+    def quantiles(self, p: FloatArray, sd_wh: FloatArray) -> FloatArray:
+        """Quantiles at the only place [Wh], each of its own standard deviation; all of shape (probabilities,)."""
         if self.climb is None:
-            return alone_wh(self.scores, levels, sd)
-        return self.climb.quantiles(self.scores, levels, sd) - self.expected_wh
+            return alone_wh(self.scores, p, sd_wh)
+        return self.climb.quantiles(self.scores, p, sd_wh) - self.expected_wh
 
     def probability_below(self, more_wh: FloatArray, sd_wh: FloatArray) -> FloatArray:
         """Probability at each place that it is at most an energy [Wh], shape (places,): the inverse of `quantile`."""

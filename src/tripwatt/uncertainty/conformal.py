@@ -131,7 +131,7 @@ def _t4_level(half_width: FloatArray) -> FloatArray:
     ``s (3 - s²) / 2`` with ``s = t / sqrt(t² + 4)``, the integral of its density. `scipy.special` has it for every
     number of degrees, and takes a tenth of a first forecast to import.
     """
-    s = 1.0 / np.hypot(1.0, 2.0 / half_width)
+    s = 1.0 / np.sqrt(1.0 + (2.0 / half_width) ** 2)
     return np.asarray(0.5 * s * (3.0 - s**2))
 
 
