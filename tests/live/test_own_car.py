@@ -115,13 +115,13 @@ def test_how_often_a_model_learns_again(
     """With a third of the trips new it learns after 1, 2, 3, 4 and 6 trips, and at the end."""
     monkeypatch.setattr(module, "AGAIN", 1 / 3)
     counts: list[int] = []
-    adapted = Car._adapted
+    adaptation = module.adaptation
 
-    def counting(self: Car, base: tw.ForecastModel, trips: list[tw.Trip]):  # type: ignore[no-untyped-def]
+    def counting(base: tw.ForecastModel, trips: list[tw.Trip], vehicle: tw.Vehicle):  # type: ignore[no-untyped-def]
         counts.append(len(trips))
-        return adapted(self, base, trips)
+        return adaptation(base, trips, vehicle)
 
-    monkeypatch.setattr(Car, "_adapted", counting)
+    monkeypatch.setattr(module, "adaptation", counting)
     car = create_car(tmp_path / "car", "nissan_leaf_24", base=base)
     car.add(logs)
     assert counts == [1, 2, 3, 4, 6]

@@ -147,7 +147,7 @@ class Journal:
             When the file cannot be written; it is as before.
         """
         lines = [line_of(sample) for sample in samples]
-        write_file(self.path, lambda made: _write(made, b"".join([_AFTER % after_s, *lines])))
+        write_file(self.path, lambda made: made.write_bytes(b"".join([_AFTER % after_s, *lines])))
         self.close()
         self._open()
         self.lines = len(lines)
@@ -176,7 +176,3 @@ def _whole_bytes(descriptor: int) -> int:
     if found < 0 and start:
         return end  # no line of ours is so long
     return start + found + 1
-
-
-def _write(path: Path, content: bytes) -> None:
-    path.write_bytes(content)

@@ -17,7 +17,7 @@ from tripwatt.errors import Fault, InvalidInput
 from tripwatt.files import folder_lock, read_text_file, replace_folder, restore_folder
 from tripwatt.forecasting import ForecastModel, load_metadata, load_model, save_model
 from tripwatt.live.diary import Diary, entry
-from tripwatt.population.adapting import Adaptation, adapt_model, adaptation
+from tripwatt.population.adapting import adapt_model, adaptation
 from tripwatt.population.cars import for_car
 from tripwatt.store import TripStore, create_store, open_store
 from tripwatt.trips import Fleet, Trip
@@ -126,7 +126,7 @@ class Car:
         """
         if (self._learned / MODEL).is_dir():
             return load_model(self._learned / MODEL)
-        return self._published()
+        return for_car(self.base, self.vehicle)
 
     def add(
         self, logs: Fleet | Iterable[Log], *, progress: Callable[[int, int], None] | None = None
@@ -214,12 +214,6 @@ class Car:
         restore_folder(learned)
         return learned
 
-    def _base(self) -> ForecastModel:
-        return load_model(self.base)
-
-    def _published(self) -> ForecastModel:
-        return for_car(self.base, self.vehicle)
-
     def _parameters(self) -> dict[str, dict[str, float]]:
         path = self._learned / MODEL
         if not path.is_dir():
@@ -239,12 +233,12 @@ class Car:
         ahead = [trip for trip in trips if trip.trip_id not in diary.trip_ids]
         if not ahead:
             return 0, tuple(left_out)
-        base, model, published = self._base(), self.model(), self._published()
+        base, model, published = load_model(self.base), self.model(), for_car(self.base, self.vehicle)
         entries = []
         taught = len(behind)
         for number, trip in enumerate(ahead, start=1):
             if len(behind) - taught >= max(1.0, AGAIN * taught):
-                model, taught = self._adapted(base, behind).model, len(behind)
+                model, taught = adaptation(base, behind, self.vehicle).model, len(behind)
             try:
                 entries.append(entry(trip, model.forecast(trip), published.forecast(trip), len(behind)))
             except InvalidInput as error:
@@ -255,9 +249,6 @@ class Car:
         if entries:
             self._keep(base, behind, diary.with_entries(entries))
         return len(entries), tuple(left_out)
-
-    def _adapted(self, base: ForecastModel, trips: Sequence[Trip]) -> Adaptation:
-        return adaptation(base, trips, self.vehicle)
 
     def _keep(self, base: ForecastModel, trips: Sequence[Trip], diary: Diary) -> None:
         """Write model and diary together: no reader gets one of them without the other."""
@@ -283,11 +274,7 @@ def _in_order(trips: Iterable[Trip]) -> list[Trip]:
     measured = [trip for trip in trips if trip.observed_energy_wh is not None]
     return sorted(
         measured,
-        key=lambda t: (
-            t.context.started_at is None,
-            "" if t.context.started_at is None else t.context.started_at.isoformat(),
-            t.trip_id,
-        ),
+        key=lambda t: (t.context.started_at is None, f"{t.context.started_at}", t.trip_id),
     )
 
 
