@@ -42,7 +42,7 @@ from tripwatt.evaluation.hold_outs import (
     days_of,
     random_draws,
 )
-from tripwatt.evaluation.protocol import ReportSection
+from tripwatt.evaluation.protocol import AUDIT, DIFFERENCES, RESULT, TRIP_BY_TRIP, ReportSection
 from tripwatt.evaluation.results import EvaluationRun, about_run
 from tripwatt.evaluation.table_models import CONSTANT, LINEAR4, LINEAR6, PHYSICS, PHYSICS4
 from tripwatt.evaluation.tasks import ModelSpec
@@ -99,18 +99,14 @@ class ForecastProtocol:
     name = "forecast"
     title = "the forecast before departure and on the way, beside models of power"
     sections: tuple[ReportSection, ...] = (
-        ReportSection("result", "Result", ("table", "mean-errors", "legend", "sets", "full-tables")),
+        RESULT,
         ReportSection("sure", "Uncertainty", ("coverage", "pit", "widths", "crps", "regimes")),
         ReportSection("arrival", "State of charge at arrival", ("arrival",)),
         ReportSection("during", "During the trip", ("updates",)),
         ReportSection("learning", "Amount of training data, and kinds of trips", ("training-size", "strata")),
         ReportSection("why", "Energy by cause", ("waterfall", "example")),
         ReportSection("errors", "Errors of every model", ("error-distribution", "error-boxes")),
-        ReportSection("trips", "Trip by trip", ("trip-energy", "trip-errors", "all-trips")),
-        ReportSection("comparison", "Differences between the models", ("paired-differences",)),
-        ReportSection(
-            "audit", "Trips that were used, and reasons why others were not", ("audit-findings", "trips-used")
-        ),
+        *(TRIP_BY_TRIP, DIFFERENCES, AUDIT),
     )
     focus: str | None = FORECAST
     published: Mapping[str, float] = MappingProxyType({})

@@ -27,7 +27,7 @@ from tripwatt.evaluation.hold_outs import (
     days_of,
 )
 from tripwatt.evaluation.paper_studies import simulation_forms, studies, study_comparisons
-from tripwatt.evaluation.protocol import ReportSection
+from tripwatt.evaluation.protocol import AUDIT, DIFFERENCES, RESULT, TRIP_BY_TRIP, ReportSection
 from tripwatt.evaluation.results import EvaluationRun, about_run
 from tripwatt.evaluation.table_models import (
     CONSTANT,
@@ -77,7 +77,7 @@ class PaperProtocol:
         table_model("boosting-only", "boosting without physics", correctors.boosting_without_physics),
     )
     sections: tuple[ReportSection, ...] = (
-        ReportSection("result", "Result", ("table", "mean-errors", "legend", "sets", "full-tables")),
+        RESULT,
         ReportSection(
             "errors", "Errors of every model", ("error-distribution", "error-boxes", "benchmark-boxes")
         ),
@@ -86,11 +86,7 @@ class PaperProtocol:
             "Beside the paper",
             ("simulation-forms", "working-correlations", "gamm-errors", "trips-needed"),
         ),
-        ReportSection("trips", "Trip by trip", ("trip-energy", "trip-errors", "all-trips")),
-        ReportSection("comparison", "Differences between the models", ("paired-differences",)),
-        ReportSection(
-            "audit", "Trips that were used, and reasons why others were not", ("audit-findings", "trips-used")
-        ),
+        *(TRIP_BY_TRIP, DIFFERENCES, AUDIT),
         ReportSection(
             "gamm",
             "The GAMM",

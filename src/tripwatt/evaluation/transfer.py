@@ -19,6 +19,7 @@ from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.auditing import audit
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.evaluation.forecast_data import ForecastData
+from tripwatt.evaluation.forecast_models import held_out_learner
 from tripwatt.evaluation.transfer_scores import (
     curve_row,
     paired_energy_error,
@@ -31,7 +32,6 @@ from tripwatt.forecasting.model import MIN_TRIPS
 from tripwatt.hybrid import identify_trips, power_corrector
 from tripwatt.hybrid.hierarchy import MODES, CarTransfer, DrawsForecast, Evidence, term_scales
 from tripwatt.hybrid.parameters import PARAMETERS, sensitivities
-from tripwatt.hybrid.power import LearnerCorrector
 from tripwatt.trips import Fleet, Trip
 from tripwatt.trips.messages import message
 from tripwatt.vehicles import Vehicle, load_vehicle, names_data, without_data
@@ -349,17 +349,11 @@ def _forecasts(
 
 def _transferred_as_is(car: _Car, source: _Source, seed: int) -> dict[str, FloatArray]:
     """Models of the first car used on the second unchanged."""
-    of_source, of_car = source.prepared, car.prepared
-    learner = _learner(seed)
-    learner.fit(
-        of_source.data_features, of_source.segments.observed_power_w, groups=of_source.segments.groups
-    )
-    simulated = of_car.segments.simulated_w
-    trees = power_corrector("boosting", seed).fit(of_source.segments)
+    segments, trees = car.prepared.segments, power_corrector("boosting", seed)
     return {
-        "data-only": car.energies(np.asarray(learner.predict(of_car.data_features)) - simulated),
-        "kriging-as-is": car.energies(source.donor.members.predict(of_car.segments)),
-        "boosting-as-is": car.energies(trees.predict(of_car.segments)),
+        "data-only": _without_physics(car, source.prepared, seed),
+        "kriging-as-is": car.energies(source.donor.members.predict(segments)),
+        "boosting-as-is": car.energies(trees.fit(source.prepared.segments).predict(segments)),
     }
 
 
@@ -367,23 +361,20 @@ def _own_models(car: _Car, seed: int) -> dict[str, FloatArray]:
     """Models of the car's own, trained on its whole first half."""
     if len(car.first) < MIN_TRIPS:
         return {}
-    first, segments = car.prepared.segments.take(car.first), car.prepared.segments
+    first, segments = car.prepared.take(car.first), car.prepared.segments
     models = {
-        name: car.energies(power_corrector(corrector, seed).fit(first).predict(segments))
+        name: car.energies(power_corrector(corrector, seed).fit(first.segments).predict(segments))
         for name, corrector in OWN.items()
     }
-    learner, rows = _learner(seed), np.isin(segments.groups, car.first)
-    learner.fit(car.prepared.data_features[rows], first.observed_power_w, groups=first.groups)
-    models["own-data-only"] = car.energies(
-        np.asarray(learner.predict(car.prepared.data_features)) - segments.simulated_w
-    )
-    return models
+    return models | {"own-data-only": _without_physics(car, first, seed)}
 
 
-def _learner(seed: int) -> Any:
-    corrector = power_corrector("boosting", seed)
-    assert isinstance(corrector, LearnerCorrector)
-    return corrector.model
+def _without_physics(car: _Car, training: ForecastData, seed: int) -> FloatArray:
+    """Energy of the scored trips by boosting on measured power."""
+    learner, segments = held_out_learner("boosting", seed).model, training.segments
+    learner.fit(training.data_features, segments.observed_power_w, groups=segments.groups)
+    power_w = np.asarray(learner.predict(car.prepared.data_features))
+    return car.energies(power_w - car.prepared.segments.simulated_w)
 
 
 def _period(car: _Car, members: IntArray) -> list[str] | None:
