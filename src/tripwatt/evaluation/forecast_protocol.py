@@ -14,7 +14,7 @@ import pandas as pd
 
 from tripwatt.arrays import BoolArray, IntArray
 from tripwatt.auditing import Audit, audit
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 from tripwatt.evaluation.comparison import Comparison
 from tripwatt.evaluation.forecast_data import ForecastData
 from tripwatt.evaluation.forecast_models import DataMethod, ForecastMethod, PowerMethod
@@ -269,8 +269,8 @@ def _other_trips(
     test: Sequence[Trip] = test_fleet.reference_trips() or test_audited.trips
     _require(len(train), fleet)
     if not test:
-        raise InvalidInput(
-            Fault("no trip to score", f"--test {test_fleet.name}", "0", "at least 1 after the audit")
+        raise InvalidInput.of(
+            "no trip to score", f"--test {test_fleet.name}", "0", "at least 1 after the audit"
         )
     data = ForecastData.from_trips([*test, *train], vehicle)
     folds = np.repeat([0, TRAINING_ONLY], [len(test), len(train)])
@@ -281,6 +281,5 @@ def _other_trips(
 def _require(training: int, fleet: Fleet) -> None:
     if training < MIN_TRIPS:
         got = f"{training} to train on, of {len(fleet.trips)}"
-        raise InvalidInput(
-            Fault("too few trips after the audit", fleet.name, got, f"at least {MIN_TRIPS} to train on")
-        )
+        least = f"at least {MIN_TRIPS} to train on"
+        raise InvalidInput.of("too few trips after the audit", fleet.name, got, least)
