@@ -149,14 +149,14 @@ class ForecastProtocol:
     def prepare(self, fleet: Fleet, test_fleet: Fleet | None, car: CarChoice) -> Prepared[ForecastData]:
         """Leave one trip and one day out, or fit on one fleet and score another."""
         vehicle = load_vehicle(car.name, "default", car.overrides)
-        audited = audit(fleet)
+        scored = audited = audit(fleet)
         notes = [*map(message, fleet.notes)]
         if test_fleet is None:
             hold_outs, more = _held_out(fleet, audited, vehicle)
-            return Prepared(hold_outs, fleet, None, audited, {"physics": vehicle}, (*notes, *more))
-        scored = audit(test_fleet)
-        hold_outs, more = _other_trips(fleet, audited, test_fleet, scored, vehicle)
-        notes += map(message, test_fleet.notes)
+        else:
+            scored = audit(test_fleet)
+            hold_outs, more = _other_trips(fleet, audited, test_fleet, scored, vehicle)
+            notes += map(message, test_fleet.notes)
         return Prepared(hold_outs, fleet, test_fleet, scored, {"physics": vehicle}, (*notes, *more))
 
     def assemble(
