@@ -60,13 +60,13 @@ def audit(
     from tripwatt.auditing import audit as run_audit
 
     fleet = read_logs(data, dataset, mapping, built_in_faults=True)
-    found = run_audit(fleet)
+    result = run_audit(fleet)
     if as_json:
         from tripwatt.trips.messages import flag_to_dict  # pandas is slow to import
 
-        frame = found.frame()
+        frame = result.frame()
         records = frame.astype(object).where(frame.notna(), None).to_dict("records")
-        used = [t.trip_id for t in found.trips]
+        used = [t.trip_id for t in result.trips]
         print_json(
             {
                 "read": len(fleet.trips),
@@ -76,10 +76,10 @@ def audit(
             }
         )
         return
-    title = f"{len(fleet.trips)} trips read, {len(found.trips)} drives used ({fleet.name})"
-    if found.findings:
+    title = f"{len(fleet.trips)} trips read, {len(result.trips)} drives used ({fleet.name})"
+    if result.findings:
         columns = ("trip", "from [s]", "to [s]", "consequence", "finding")
-        rows = ((f.trip, f"{f.from_s:.1f}", f"{f.to_s:.1f}", f.consequence, f.what) for f in found.findings)
+        rows = ((f.trip, f"{f.from_s:.1f}", f"{f.to_s:.1f}", f.consequence, f.what) for f in result.findings)
         print_table(title, columns, rows, numbers=columns[1:3], folding=("finding",))
     else:
         console(sys.stdout).print(f"{title}: no findings")
@@ -232,11 +232,11 @@ def apply(
     if out.suffix.lower() != ".csv":
         raise InvalidInput(Fault("unknown file format", "--out", str(out), "a .csv file"))
     fleet = read_logs(data, "table", mapping)
-    found = run_audit(fleet)
-    wanted = [t for t in found.trips if trip in (None, t.trip_id)]
+    result = run_audit(fleet)
+    wanted = [t for t in result.trips if trip in (None, t.trip_id)]
     if len(wanted) != 1:
-        ids = [t.trip_id for t in found.trips]
-        aside = found.set_aside.get(trip or fleet.trips[0].trip_id, "")
+        ids = [t.trip_id for t in result.trips]
+        aside = result.set_aside.get(trip or fleet.trips[0].trip_id, "")
         allowed = ", ".join(ids[:12]) + (f" and {len(ids) - 12} more" if len(ids) > 12 else "")
         got = f"set aside by the audit: {aside}" if aside else trip or f"{len(ids)} drives"
         raise InvalidInput(Fault("no single trip", "--trip", got, allowed or "a drive that the audit uses"))
@@ -244,7 +244,7 @@ def apply(
     table = samples[[c for c in COLUMNS if c in samples.columns]].copy()
     table["time_s"] -= table["time_s"].iloc[0]
     write_text(table.to_csv(index=False, lineterminator="\n"), out)
-    notes = [f"{f.trip}: {f.what} ({f.consequence})" for f in found.findings if f.trip == wanted[0].trip_id]
+    notes = [f"{f.trip}: {f.what} ({f.consequence})" for f in result.findings if f.trip == wanted[0].trip_id]
     if as_json:
         print_json({"trip": wanted[0].trip_id, "out": str(out), "samples": len(table), "notes": notes})
         return

@@ -55,8 +55,8 @@ class Reach:
     --------
     >>> start = Place(47.0, 9.0)
     >>> corners = tuple(start.moved(bearing, 80_000.0) for bearing in (0.0, 120.0, 240.0))
-    >>> found = Reach(start, {0.9: corners}, map_ends=False).to_dict()
-    >>> found["areas"][0]["polygon"]["type"], len(found["areas"][0]["polygon"]["coordinates"][0])
+    >>> area = Reach(start, {0.9: corners}, map_ends=False).to_dict()
+    >>> area["areas"][0]["polygon"]["type"], len(area["areas"][0]["polygon"]["coordinates"][0])
     ('Polygon', 4)
     """
 

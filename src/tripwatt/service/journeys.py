@@ -69,8 +69,8 @@ class JourneyJobs:
             raise InvalidInput(
                 Fault("names of places are not known", "q", text[:60], "latitude and longitude")
             )
-        found = atlas.places.search(text, limit=limit)
-        return {"places": [place.to_dict() for place in found], "attribution": atlas.attribution}
+        matches = atlas.places.search(text, limit=limit)
+        return {"places": [place.to_dict() for place in matches], "attribution": atlas.attribution}
 
     def tile(self, zoom: int, column: int, row: int) -> bytes:
         """Return a vector tile of the roads; empty where there are none."""

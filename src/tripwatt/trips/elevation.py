@@ -45,9 +45,9 @@ def elevation_over_distance(time_s: FloatArray, speed_m_s: FloatArray, elevation
         return elevation_m
     speed = np.nan_to_num(speed_m_s)
     driven = np.concatenate(([0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(time_s))))[known]
-    found = elevation_m.copy()
-    found[known] = np.interp(driven, driven[fixes], height[fixes])
-    return found
+    filled = elevation_m.copy()
+    filled[known] = np.interp(driven, driven[fixes], height[fixes])
+    return filled
 
 
 def _fixes(time: FloatArray, height: FloatArray, most: int) -> IntArray | None:
