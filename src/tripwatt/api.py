@@ -7,9 +7,9 @@ from pathlib import Path
 
 from tripwatt.auditing import audit
 from tripwatt.errors import Fault, InvalidInput
+from tripwatt.forecasting.fitting import CarOfTrips
 from tripwatt.forecasting.forecast import Forecast
 from tripwatt.forecasting.model import DEFAULT_CORRECTOR, ForecastModel
-from tripwatt.forecasting.training import CarOfTrips
 from tripwatt.physics import Simulation, simulate_trip
 from tripwatt.population import adaptation, for_car
 from tripwatt.routes import (

@@ -302,10 +302,6 @@ def _mapbox(curve: ConsumptionCurve) -> dict[str, str]:
     }
 
 
-def _abrp(curve: ConsumptionCurve) -> dict[str, str]:
-    return {"ref_consumption": f"{curve.reference_wh_km:.0f}"}
-
-
 def _pairs(speed_km_h: IntArray, energy: FloatArray, digits: int) -> list[str]:
     least = np.maximum(energy, 0.01).tolist()
     return [f"{v},{e:.{digits}f}" for v, e in zip(speed_km_h.tolist(), least, strict=True)]
@@ -320,7 +316,12 @@ def _rising_end(speed: IntArray, energy: FloatArray) -> tuple[IntArray, FloatArr
 
 
 EXPORTS: Final[Mapping[str, Callable[[ConsumptionCurve], dict[str, str]]]] = MappingProxyType(
-    {"here": _here, "tomtom": _tomtom, "mapbox": _mapbox, "abrp": _abrp}
+    {
+        "here": _here,
+        "tomtom": _tomtom,
+        "mapbox": _mapbox,
+        "abrp": lambda c: {"ref_consumption": f"{c.reference_wh_km:.0f}"},
+    }
 )
 """The services that a curve can be exported to."""
 

@@ -36,14 +36,7 @@ MOST_CONTENT_BYTES: Final = 1 << 28
 _EXCHANGE: Final = 2
 """Flag of `renameat2`, see renameat2(2)."""
 _AT_FDCWD: Final = -100
-_NO_EXCHANGE: Final = (
-    errno.EINVAL,
-    errno.ENOSYS,
-    errno.EXDEV,
-    errno.EBUSY,
-    errno.EOPNOTSUPP,
-    errno.EPERM,
-)
+_NO_EXCHANGE: Final = (errno.EINVAL, errno.ENOSYS, errno.EXDEV, errno.EBUSY, errno.EOPNOTSUPP, errno.EPERM)
 """Errors of a file system that cannot exchange two names, and of a mount point."""
 
 

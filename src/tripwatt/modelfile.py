@@ -13,8 +13,6 @@ import io
 import json
 import os
 import time
-import zipfile
-import zlib
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -24,7 +22,7 @@ from typing import Any, Final, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from tripwatt.errors import Fault, InvalidInput, excerpt
+from tripwatt.errors import Fault, InvalidInput, excerpt, raise_faults
 from tripwatt.files import read_file, replace_folder, require_small_content
 
 Arrays = Mapping[str, npt.NDArray[Any]]
@@ -247,65 +245,41 @@ def require_place(folder: Path) -> None:
 
 
 def _read_parts(path: Path, listed: Mapping[str, Any]) -> dict[str, Part]:
-    parts: dict[str, Part] = {}
-    faults = []
     content = {  # read in one go, so that a model that is replaced all the time is whole for long enough
         name: _bytes(path / name) if Path(name).name == name and Path(name).suffix in _SUFFIXES else None
         for name in listed
     }
+    parts: dict[str, Part] = {}
+    faults: list[Fault] = []
     for name, raw in content.items():
-        about, place = listed[name], path / name
-        if raw is None:
-            faults.append(
-                Fault(
-                    "part of the model is missing",
-                    f"{place}",
-                    "nothing",
-                    "the file that `tripwatt fit` wrote",
-                )
-            )
-            continue
-        actual = hashlib.sha256(raw).hexdigest()
-        if actual != about["sha256"]:
-            got = f"{len(raw)} bytes, SHA-256 {actual}"
-            faults.append(_damage_fault(place, got, f"{about['bytes']} bytes, SHA-256 {about['sha256']}"))
-            continue
         try:
-            parts[name] = _decode(place, raw)
+            parts[name] = _checked_part(path / name, raw, listed[name])
         except InvalidInput as error:
-            faults.extend(error.faults)
-        except _DAMAGE as error:
-            faults.append(_damage_fault(place, str(error)[:120], "arrays without pickled objects, or JSON"))
-    if faults:
-        raise InvalidInput(faults)
+            faults += error.faults
+    raise_faults(faults)
     return parts
 
 
-_DAMAGE: Final = (
-    ValueError,
-    OSError,
-    EOFError,
-    zipfile.BadZipFile,
-    zlib.error,
-    MemoryError,
-    RecursionError,
-    NotImplementedError,
-    RuntimeError,
-    KeyError,
-    TypeError,
-    SyntaxError,
-)
-"""What NumPy and zipfile raise for damaged archives and headers."""
+def _checked_part(place: Path, raw: bytes | None, about: Mapping[str, Any]) -> Part:
+    if raw is None:
+        allowed = "the file that `tripwatt fit` wrote"
+        raise InvalidInput.of("part of the model is missing", f"{place}", "nothing", allowed)
+    actual = hashlib.sha256(raw).hexdigest()
+    if actual != about["sha256"]:
+        got = f"{len(raw)} bytes, SHA-256 {actual}"
+        raise InvalidInput(_damage_fault(place, got, f"{about['bytes']} bytes, SHA-256 {about['sha256']}"))
+    try:
+        return _decode(place, raw)
+    except InvalidInput:
+        raise
+    except Exception as error:  # damaged archives and headers make NumPy and zipfile raise a dozen types
+        allowed = "arrays without pickled objects, or JSON"
+        raise InvalidInput(_damage_fault(place, str(error)[:120], allowed)) from error
 
 
 def _damage_fault(place: Path, got: str, allowed: str) -> Fault:
-    return Fault(
-        "part of the model is damaged or altered",
-        f"{place}",
-        got,
-        allowed,
-        "copy the model again, or fit it again",
-    )
+    fix = "copy the model again, or fit it again"
+    return Fault("part of the model is damaged or altered", f"{place}", got, allowed, fix)
 
 
 def _bytes(path: Path) -> bytes | None:

@@ -15,7 +15,7 @@ from tools.docs import write_transfer
 
 from tripwatt.cli import main
 from tripwatt.forecasting import load_metadata, load_model, save_model
-from tripwatt.forecasting.training import train_model
+from tripwatt.forecasting.fitting import fit_with_provenance
 from tripwatt.physics import simulate_trip
 from tripwatt.synthetic import synthetic_fleet
 from tripwatt.trips import plan_from_trip
@@ -70,7 +70,7 @@ def test_fit_on_a_base_with_one_trip_of_a_table(
     logs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     base = tmp_path / "base"
-    model, provenance, figures = train_model(
+    model, provenance, figures = fit_with_provenance(
         synthetic_fleet(9, seed=12), load_vehicle("bmw_i3_60ah"), corrector="linear"
     )
     save_model(model, base, provenance=provenance, evaluation=figures)

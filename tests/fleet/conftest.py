@@ -19,3 +19,24 @@ def fleet(tmp_path_factory):
         store.add(block_of_logs(plan, model, block), car_model=plan.car_models[model])
     model = fit_fleet(store, folder / "work", InProcess(), sampling=Sampling(per_vehicle=5))
     return plan, store, model, folder
+
+
+@pytest.fixture(scope="module")
+def sample(fleet):
+    from tripwatt.fleet.executors import InProcess
+    from tripwatt.fleet.mapping import SampledTrips, map_store, sample_of, tasks_of
+
+    _, store, _, folder = fleet
+    rows = store.trip_rows()
+    chosen = sample_of(rows, 2, 9, seed=7)
+    results = map_store(tasks_of(store, rows, folder / "life", chosen), InProcess(), 1)
+    return SampledTrips.read([r.segments for r in results if r.segments])
+
+
+@pytest.fixture(scope="module")
+def rows(fleet):
+    from tripwatt.fleet.executors import InProcess
+    from tripwatt.fleet.mapping import map_store, read_rows, tasks_of
+
+    _, store, _, folder = fleet
+    return read_rows(map_store(tasks_of(store, store.trip_rows(), folder / "rows"), InProcess(), 1))

@@ -8,8 +8,8 @@ import pytest
 from tests.hybrid.test_identification import as_logged
 
 from tripwatt.forecasting import ForecastModel
+from tripwatt.forecasting.fitting import CarOfTrips
 from tripwatt.forecasting.inner import INNER_FOLDS, inner_fits, inner_folds
-from tripwatt.forecasting.training import CarOfTrips
 from tripwatt.hybrid import power_corrector, segment_trips
 from tripwatt.synthetic import VEHICLE, synthetic_fleet
 from tripwatt.vehicles import load_vehicle

@@ -1,14 +1,17 @@
 """Calibration finds a car's values on its trips and stays with the book where they say nothing."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.optimize import minimize
+from tests.hybrid.tables import EXACT, table
 
 from tripwatt.errors import InvalidInput
-from tripwatt.hybrid.calibrate import _most_probable, calibrate
-from tripwatt.hybrid.parameters import PARAMETERS, changed
+from tripwatt.hybrid import calibrate as room
+from tripwatt.hybrid.calibrate import calibrate, most_probable
+from tripwatt.hybrid.parameters import PARAMETERS, Parameter, changed
 from tripwatt.physics import simulate_trip
 from tripwatt.synthetic import synthetic_fleet
 from tripwatt.trips import Trip
@@ -77,7 +80,7 @@ def test_calibration_is_the_mode_of_the_errors_t_distribution():
         return float(trips + usual + 0.5 * np.sum((mean / width) ** 2))
 
     best = minimize(cost, [0.0, 0.0, 8.0], method="Nelder-Mead", options={"xatol": 1e-9, "fatol": 1e-11})
-    mean, covariance = _most_probable(X, residual, width, usual_wh)
+    mean, covariance = most_probable(X, residual, width, usual_wh)
     assert mean == pytest.approx(best.x[:2], rel=2e-3)
     # the outlier weighs (4 + 1) / (4 + r^2 / s^2), the others about 5 / 4 at most
     left = residual - X @ mean
@@ -85,3 +88,46 @@ def test_calibration_is_the_mode_of_the_errors_t_distribution():
     assert weight[3] < 0.1
     precision = (X.T * weight) @ X / np.exp(best.x[2]) + np.diag(1.0 / width**2)
     np.testing.assert_allclose(covariance, np.linalg.inv(precision), rtol=0.02)
+
+
+class TestCalibration:
+    def test_the_usual_error_is_five_percent_of_the_usual_trip(self, monkeypatch) -> None:
+        """Trips of 1, 3 and 8 kWh: 150 Wh."""
+        seen = {}
+
+        def solved(X, residual, width, usual_wh):
+            seen.update(X=X, residual=residual, width=width, usual_wh=usual_wh)
+            return np.array([0.1, -0.2]), np.diag([0.04, 0.09])
+
+        trips = [SimpleNamespace(trip_id=f"t{i}", observed_energy_wh=1.0) for i in range(3)]
+        simulated, observed = [1000.0, 6000.0, -4000.0], [1100.0, 6000.0, -4000.0]
+        own = table([1, 1, 1], [1.0, 0.5, 2.0], simulated=simulated, observed=observed)
+        two = tuple(Parameter(name, width, "", (), ("hvac",)) for name, width in (("a", 0.3), ("b", 0.1)))
+        monkeypatch.setattr(room, "PARAMETERS", two)
+        monkeypatch.setattr(room, "plan_from_trip", lambda trip: trip)
+        monkeypatch.setattr(room, "segment_trips", lambda trips, car: own)
+        slopes = np.array([[10.0, 1.0], [20.0, 2.0], [30.0, 3.0]])
+        monkeypatch.setattr(room, "sensitivities", lambda *_: slopes)
+        monkeypatch.setattr(room, "most_probable", solved)
+        found = calibrate(trips, None)
+        assert seen["usual_wh"] == pytest.approx(150.0, **EXACT)
+        assert seen["X"] == pytest.approx(np.array([[10.0, 1.0], [10.0, 1.0], [60.0, 6.0]]), **EXACT)
+        assert seen["residual"].tolist() == [100.0, 0.0, 0.0]
+        assert seen["width"].tolist() == [0.3, 0.1]
+        assert found.changes == {"a": 0.1, "b": -0.2}
+        assert found.sd == pytest.approx({"a": 0.2, "b": 0.3})
+        assert str(found) == "calibrated on 3 trips: a +10% (± 20%), b -20% (± 30%)"
+        with pytest.raises(InvalidInput, match=r"too few trips.*got 2; allowed: at least 3"):
+            calibrate(trips[:2], None)
+
+    def test_one_trip_and_one_value(self) -> None:
+        """The fixed point: weight 5 / (4 + r²/s²), and a scale of the trip and of four that err by 150 Wh."""
+        mean, covariance = most_probable(np.array([[1000.0]]), np.array([400.0]), np.array([0.3]), 150.0)
+        left = 400.0 - 1000.0 * mean[0]
+        scale2 = 150.0**2
+        for _ in range(500):
+            scale2 = (left**2 * 5.0 / (4.0 + left**2 / scale2) + 4.0 * 150.0**2) / 5.0
+        weight = 5.0 / (4.0 + left**2 / scale2)
+        precision = weight * 1000.0**2 / scale2 + 1.0 / 0.3**2
+        assert covariance[0, 0] == pytest.approx(1.0 / precision, rel=1e-6)
+        assert mean[0] == pytest.approx(weight * 1000.0 * 400.0 / scale2 / precision, rel=1e-6)

@@ -10,7 +10,7 @@ from scipy.linalg import block_diag
 
 from tripwatt.errors import InvalidInput
 from tripwatt.hybrid import SegmentTable
-from tripwatt.hybrid.car_corrector import HierarchicalCorrector, _factor
+from tripwatt.hybrid.car_corrector import HierarchicalCorrector, factor_of
 from tripwatt.hybrid.familiarity import FADING, Familiarity, Range
 from tripwatt.hybrid.hierarchy import (
     OWN_SCALES,
@@ -151,7 +151,7 @@ def before(option: Option) -> tuple[np.ndarray, np.ndarray]:
         share[:, None] * COVARIANCE * share,
         np.diag(own),
         np.diag(share**2 * VARIANCES),
-        np.diag(option.book**2 * np.array([0.01, 0.16])),
+        np.diag(option.published**2 * np.array([0.01, 0.16])),
     )
     return mean, covariance
 
@@ -185,16 +185,16 @@ def test_grid() -> None:
     both = grid()
     assert len(set(both)) == len(both) == 5 * 5 * 3 * 5
     assert {o.share for o in both} == {o.own for o in both} == quarters
-    assert {o.book for o in both} == {0.5, 1.0, 1.5}
+    assert {o.published for o in both} == {0.5, 1.0, 1.5}
     assert {o.noise for o in both} == {0.25, 0.5, 1.0, 2.0, 4.0}
-    assert {o.book for o in grid("effects")} == {0.0}
+    assert {o.published for o in grid("effects")} == {0.0}
     assert {o.own for o in grid("effects")} == quarters
     apart = grid(stages=2)
     assert len(set(apart)) == len(apart) == 3 * 3 * 5 * 3 * 5
     assert {o.shares for o in apart} == {(a, b) for a in (0.0, 0.5, 1.0) for b in (0.0, 0.5, 1.0)}
     assert Option((0.0, 1.0), 1.0, 1.0, 1.0).share == 0.5
     assert {o.own for o in grid("parameters")} == {0.0}
-    assert {o.book for o in grid("parameters")} == {0.5, 1.0, 1.5}
+    assert {o.published for o in grid("parameters")} == {0.5, 1.0, 1.5}
     require_mode("both")
     with pytest.raises(InvalidInput, match="unknown adaptation mode"):
         require_mode("all")
@@ -418,8 +418,21 @@ def test_independent_weights_are_factorised_on_their_own(scale) -> None:
     covariance = np.zeros((5, 5))
     covariance[np.ix_([0, 3], [0, 3])] = [[2.0, 1.0], [1.0, 2.0]]
     covariance[2, 2], covariance[4, 4] = 1e-6, 1e-9  # of the largest variance, 3: more and less than 1e-8
-    factor = _factor(scale * covariance)
+    factor = factor_of(scale * covariance)
     covariance[4, 4] = 0.0
     assert factor.shape == (5, 3)
     np.testing.assert_allclose(factor @ factor.T, scale * covariance, atol=1e-15 * scale)
     assert np.count_nonzero(factor[:, np.abs(factor[2]) > 0.0]) == 1
+
+
+def test_the_error_of_a_measurement_does_not_scale_with_that_of_the_model():
+    flat = np.ones((3, 2))
+    noise, measured = np.array([100.0, 400.0, 900.0]), np.array([0.0, 50.0, 70.0])
+    told = Evidence(flat, flat, flat, flat, noise, np.zeros(3), measured)
+    exact = Evidence(flat, flat, flat, flat, noise, np.zeros(3))
+    for scale in (0.25, 1.0, 4.0):
+        assert told.error_wh2(scale) == pytest.approx(exact.error_wh2(scale) + measured)
+        assert exact.error_wh2(scale) == pytest.approx(scale * noise)
+    part = told.take([2, 0])
+    assert part.error_wh2(2.0) == pytest.approx([1870.0, 200.0])
+    assert exact.take([1]).measured.tolist() == [0.0]

@@ -5,45 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from tests.hybrid.tables import NO, Fixed, table
 
 from tripwatt.hybrid import SegmentTable, power_corrector
-from tripwatt.hybrid.climate_log import logged_climate
 from tripwatt.hybrid.segments import LINE_CAUSES
-from tripwatt.hybrid.split import climate_logged
+from tripwatt.hybrid.split import (
+    SplitCorrector,
+    climate_logged,
+)
 from tripwatt.trips import TEMPERATURES
 
 
-def test_logged_climate_adds_up_over_blocks_and_leaves_gaps_open():
-    rng = np.random.default_rng(0)
-    time = np.sort(rng.uniform(0.0, 300.0, 900))
-    heater, cooler = rng.uniform(0, 4000, 900), rng.uniform(0, 900, 900)
-    log = pd.DataFrame({"time_s": time, "heating_power_w": heater, "aircon_power_w": cooler})
-    edges = np.array([0.0, 60.0, 150.0, 300.0])
-    found = logged_climate(log, edges)
-    whole = logged_climate(log, np.array([0.0, 300.0]))
-    assert found is not None
-    assert whole is not None
-    np.testing.assert_allclose(found @ np.diff(edges) / 300.0, whole[0], rtol=0.01)
-    assert whole[0] == pytest.approx(np.mean(heater + cooler), rel=0.05)
-    part = logged_climate(log[log["time_s"] < 70.0], edges)
-    assert part is not None
-    assert np.isfinite(part[0])
-    assert np.isnan(part[1:]).all()
-
-
-def test_one_of_the_two_or_a_stuck_heater_says_nothing():
-    time = np.arange(0.0, 1200.0)
-    both = pd.DataFrame({"time_s": time, "heating_power_w": 1500.0, "aircon_power_w": 200.0})
-    both["heating_power_w"] += 1000.0 * (time % 400 == 7)  # pulses on a value that never moves
-    edges = np.array([0.0, 600.0, 1200.0])
-    stuck = both.assign(requested_heating_power_w=0.0)
-    assert logged_climate(stuck, edges) is None
-    assert logged_climate(both.drop(columns="aircon_power_w"), edges) is None
-    assert logged_climate(both.assign(aircon_power_w=np.nan), edges) is None
-
-
 @pytest.fixture
-def table() -> SegmentTable:
+def logged_fleet() -> SegmentTable:
     """Trips whose climate residual goes with the ambient temperature and whose driving residual with air drag."""
     rng = np.random.default_rng(1)
     trips, segments = 40, 20
@@ -75,8 +49,8 @@ def table() -> SegmentTable:
     )
 
 
-def test_each_channel_learns_its_own_and_the_parts_add_up(table: SegmentTable):
-    train, test = table.take(range(30)), table.take(range(30, 40))
+def test_each_channel_learns_its_own_and_the_parts_add_up(logged_fleet: SegmentTable):
+    train, test = logged_fleet.take(range(30)), logged_fleet.take(range(30, 40))
     corrector = power_corrector("split").fit(train)
     climate = corrector.predict_climate(test)
     assert climate is not None
@@ -93,12 +67,68 @@ def test_each_channel_learns_its_own_and_the_parts_add_up(table: SegmentTable):
     )
 
 
-def test_without_enough_logged_climate_one_corrector_learns_both(table: SegmentTable):
-    known = table.observed_hvac_w
+def test_without_enough_logged_climate_one_corrector_learns_both(logged_fleet: SegmentTable):
+    known = logged_fleet.observed_hvac_w
     assert known is not None
-    sparse = replace(table, observed_hvac_w=np.where(table.groups < 15, known, np.nan))
+    sparse = replace(logged_fleet, observed_hvac_w=np.where(logged_fleet.groups < 15, known, np.nan))
     assert climate_logged(sparse).sum() == 15
     corrector = power_corrector("split").fit(sparse)
     assert corrector.predict_climate(sparse) is None
     whole = power_corrector("ensemble").fit(sparse)
     np.testing.assert_allclose(corrector.predict(sparse), whole.predict(sparse))
+
+
+class TestSplit:
+    def logged(self, n, known) -> SegmentTable:
+        """Trips of two rows; the last one of an unknown trip has no climate control."""
+        climate = np.full(2 * n, 350.0)
+        climate[2 * known + 1 :: 2] = NO
+        return table(
+            [2] * n,
+            np.full(2 * n, 0.1),
+            simulated=np.full(2 * n, 5000.0),
+            observed=np.full(2 * n, 5300.0),
+            climate=climate,
+            hvac=np.full(2 * n, 300.0),
+        )
+
+    @pytest.mark.parametrize(
+        ("n", "known", "split"), [(8, 8, True), (7, 7, False), (16, 8, True), (17, 8, False), (20, 9, False)]
+    )
+    def test_climate_control_needs_eight_trips_and_half_of_them(self, n, known, split) -> None:
+        own = self.logged(n, known)
+        assert climate_logged(own).tolist() == [True] * known + [False] * (n - known)
+        parts = Fixed(20.0, 1.0), Fixed(7.0, 2.0), Fixed(99.0, 4.0)
+        found = SplitCorrector(*parts).fit(own)
+        assert found.split_ is split
+        climate, drive, joint = parts
+        if not split:
+            assert joint.seen is own
+            assert climate.seen is drive.seen is None
+            assert found.predict(own)[0] == 99.0
+            assert found.predict_climate(own) is None
+            assert found.outside_factor(own)[0].tolist() == [40.0]
+            assert found.predict_with_uncertainty(own)[1][0].tolist() == [4.0]
+            again = found.clone_tuned()
+            assert again.joint.watts == 99.5
+            assert again.split is False
+            return
+        # climate control took 50 W more than simulated, of the 300 W of the residual
+        assert len(climate.seen) == known
+        assert climate.seen.residual_w.tolist() == [50.0] * (2 * known)
+        assert drive.seen.residual_w.tolist() == [250.0] * (2 * known) + [280.0] * (2 * (n - known))
+        assert joint.seen is None
+        assert found.predict(own)[0] == 27.0
+        assert found.predict_climate(own)[0] == 20.0
+        assert found.outside_factor(own)[0].tolist() == [10.0, 20.0]
+        mean, factor = found.predict_with_uncertainty(own)
+        assert mean[0] == 27.0
+        assert factor[0].tolist() == [1.0, 2.0]
+        again = found.clone_tuned()
+        assert (again.climate.watts, again.drive.watts) == (20.5, 7.5)
+        assert again.split is True
+
+    def test_the_choice_can_be_given(self) -> None:
+        parts = Fixed(), Fixed(), Fixed()
+        assert not SplitCorrector(*parts, False).fit(self.logged(8, 8)).split_
+        assert SplitCorrector(*parts, True).split_

@@ -10,9 +10,9 @@ from tests.live.driving import LINKS, MODEL, NOW_S, ended, fed
 from tests.live.messages import NOON_S, samples_of
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.live import LivePlan, RoadCar, Sample
+from tripwatt.live import RoadCar, Sample
 from tripwatt.live.live_trip import SILENCE_S, STANDING_S
-from tripwatt.live.plan import request_of_samples
+from tripwatt.live.plan import LivePlan, request_of_samples
 from tripwatt.synthetic import example_trip
 from tripwatt.trips import Log
 

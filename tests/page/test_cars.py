@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tests.service.test_cars import archive, logs_of
+from tests.service.test_car_operations import archive, logs_of
 from tests.sources.test_loggers import EXPORTS, WITHOUT_BMS, WITHOUT_DISPLAY, written
 from tests.support.service_process import Service, serving
 from tools.quality.page import SHOWN, context_of

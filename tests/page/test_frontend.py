@@ -81,10 +81,11 @@ def test_types_lint_format_and_unit_tests(web: Path) -> None:
 
 def test_types_are_written_from_the_document_of_the_service(web: Path, tmp_path: Path) -> None:
     document = json.dumps(Api(Settings(), lambda **record: None).app.openapi())
-    found = run(web, "node", "types.mjs", str(tmp_path / "types.ts"), given=document)
+    found = run(web, "node", "types.mjs", str(tmp_path), given=document)
     assert found.returncode == 0, found.stderr[-2000:]
-    written, committed = ((folder / "types.ts").read_text() for folder in (tmp_path, WEB / "src" / "api"))
-    assert written == committed, "the service has changed: run `make types`"
+    for name in ("types.ts", "fields.ts"):
+        written, committed = ((folder / name).read_text() for folder in (tmp_path, WEB / "src" / "api"))
+        assert written == committed, f"the service has changed {name}: run `make types`"
 
 
 def test_rebuild_has_the_bytes_of_the_bundle(web: Path, tmp_path: Path) -> None:

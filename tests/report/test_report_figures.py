@@ -3,6 +3,7 @@
 import io
 import re
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from itertools import pairwise
 from types import SimpleNamespace
 
@@ -22,6 +23,7 @@ from tripwatt.report import render_table
 from tripwatt.report.model_styles import MODELS as STYLES
 from tripwatt.report.panel import Panel
 from tripwatt.report.panels import (
+    PANELS,
     correctors,
     error_distribution,
     mean_errors,
@@ -75,7 +77,7 @@ def test_main_evaluation_is_one_trip_out_on_the_reference_trips(view: View) -> N
 
 
 def test_distribution_shows_the_signed_error_of_every_trip(folds: pd.DataFrame) -> None:
-    figure = error_distribution.plot_error_distribution(folds)
+    figure = error_distribution.plot_error_distribution(View({}), folds)
     for number, model in enumerate(MODELS):
         rows = folds[folds["model"] == model]
         expected = rows["predicted_energy_wh"] / rows["observed_energy_wh"] - 1
@@ -86,7 +88,7 @@ def test_distribution_shows_the_signed_error_of_every_trip(folds: pd.DataFrame) 
 def test_box_plot_shows_every_trip_or_counts_it(folds: pd.DataFrame) -> None:
     far = folds.copy()
     far.loc[(far["model"] == "boosting-only") & (far["trip"] == "A01"), "ape"] = 9.0
-    figure = error_distribution.plot_error_boxes(far)
+    figure = error_distribution.plot_error_boxes(View({}), far)
     for number, model in enumerate(MODELS):
         expected = far.loc[far["model"] == model, "ape"].to_numpy()
         shown = np.asarray(by_gid(figure, f"trips-{number}").get_offsets())[:, 0]
@@ -95,12 +97,12 @@ def test_box_plot_shows_every_trip_or_counts_it(folds: pd.DataFrame) -> None:
 
 
 def test_means_and_paired_differences_are_those_of_the_results(view: View) -> None:
-    means = mean_errors.plot_mean_errors(view.evaluations, paper=view.published)
+    means = mean_errors.plot_mean_errors(view)
     for number, evaluation in enumerate(view.evaluations):
         for row, model in enumerate(MODELS):
             assert by_gid(means, f"mean-{number}-{row}").get_xdata()[0] == evaluation["models"][model]["mape"]
     pairs = view.paired_of(view.main)
-    differences = paired.plot_paired_differences(pairs)
+    differences = paired.plot_paired_differences(view, pairs)
     assert [by_gid(differences, f"pair-{i}").get_xdata()[0] for i in range(len(pairs))] == [
         p["diff"] for p in pairs
     ]
@@ -113,7 +115,7 @@ def test_energy_along_the_trip_ends_where_the_fold_says(view: View, folds: pd.Da
     assert selected[0][2] == errors.min()
     assert selected[2][2] == errors.max()
     assert abs((errors < selected[1][2]).sum() - (errors > selected[1][2]).sum()) <= 1
-    figure = trips.plot_trip_energy(view.series, selected, str(view.best), simulated="physics-paper")
+    figure = trips.plot_trip_energy(view, selected, str(view.best))
     for number, (_, trip, _) in enumerate(selected):
         rows = folds[folds["trip"] == trip].set_index("model")
         ends = {
@@ -127,8 +129,8 @@ def test_energy_along_the_trip_ends_where_the_fold_says(view: View, folds: pd.Da
             assert line.get_xdata()[-1] == pytest.approx((len(view.series[trip]) - 1) / 60)
 
 
-def test_errors_by_trip_are_sorted_and_complete(folds: pd.DataFrame) -> None:
-    figure = trips.plot_trip_errors(folds, "boosting", "physics-paper")
+def test_errors_by_trip_are_sorted_and_complete(view: View, folds: pd.DataFrame) -> None:
+    figure = trips.plot_trip_errors(view, "boosting", "physics-paper")
     expected = folds[folds["model"] == "boosting"].set_index("trip")["ape"].sort_values(ascending=False)
     np.testing.assert_allclose(by_gid(figure, "own").get_xdata(), expected)
     other = folds[folds["model"] == "physics-paper"].set_index("trip")["ape"]
@@ -138,11 +140,11 @@ def test_errors_by_trip_are_sorted_and_complete(folds: pd.DataFrame) -> None:
 
 def test_learning_curve_and_importances(view: View) -> None:
     curves = view.learning_curves
-    drawn = correctors.plot_learning_curves(curves)
+    drawn = correctors.plot_learning_curves(view, curves)
     for number, model in enumerate(("boosting", "boosting-only")):
         mean = curves[curves["model"] == model].groupby("rounds")["error"].mean()
         np.testing.assert_allclose(by_gid(drawn, f"mean-{number}").get_ydata(), mean)
-    figure = correctors.plot_importances(view.importances)
+    figure = correctors.plot_importances(view, view.importances)
     bars = figure.findobj(lambda a: (a.get_gid() or "").startswith("importance-0-"))
     forest = view.importances[view.importances["model"] == "forest"]["importance"]
     assert [b.get_width() for b in bars] == sorted(forest, reverse=True)
@@ -151,19 +153,21 @@ def test_learning_curve_and_importances(view: View) -> None:
 def test_no_text_of_a_figure_leaves_it_or_covers_its_neighbour(
     view: View, folds: pd.DataFrame, panels: dict[str, Panel]
 ) -> None:
-    selected = view.selected_trips()
-    drawn = [
-        mean_errors.plot_mean_errors(view.evaluations, paper=view.published, synthetic=True),
-        error_distribution.plot_error_distribution(folds, note="note", synthetic=True),
-        error_distribution.plot_error_boxes(folds, paper=view.published, synthetic=True),
-        trips.plot_trip_energy(view.series, selected, "boosting", simulated="physics-paper", synthetic=True),
-        trips.plot_trip_errors(folds, "boosting", "physics-paper", synthetic=True),
-        paired.plot_paired_differences(view.paired_of(view.main)[:9], synthetic=True),
-        paired.plot_paired_differences(
-            paired.paired_with(view.paired_of(view.main), view.best), synthetic=True
-        ),
-        correctors.plot_learning_curves(view.learning_curves, synthetic=True),
-        correctors.plot_importances(view.importances, synthetic=True),
+    made_up = replace(view, results={**view.results, "synthetic": True})
+    pairs = view.paired_of(view.main)
+    with style_context():
+        drawn = [
+            mean_errors.plot_mean_errors(made_up),
+            error_distribution.plot_error_distribution(made_up, folds),
+            error_distribution.plot_error_boxes(made_up, folds),
+            trips.plot_trip_energy(made_up, view.selected_trips(), "boosting"),
+            trips.plot_trip_errors(made_up, "boosting", "physics-paper"),
+            paired.plot_paired_differences(made_up, pairs[:9]),
+            paired.plot_paired_differences(made_up, paired.paired_with(pairs, view.best)),
+            correctors.plot_learning_curves(made_up, view.learning_curves),
+            correctors.plot_importances(made_up, view.importances),
+        ]
+    drawn += [
         *(
             panels[name].figure
             for s in PROTOCOLS["paper"].sections
@@ -186,9 +190,9 @@ def test_no_text_of_a_figure_leaves_it_or_covers_its_neighbour(
         assert figure.get_size_inches()[0] == WIDTH_IN
 
 
-def test_plots_leave_the_settings_of_the_process_alone(folds: pd.DataFrame) -> None:
+def test_panels_leave_the_settings_of_the_process_alone(view: View) -> None:
     before = dict(matplotlib.rcParams)
-    error_distribution.plot_error_boxes(folds)
+    assert PANELS["error-boxes"].content(view).figure is not None
     assert dict(matplotlib.rcParams) == before
 
 
@@ -289,7 +293,7 @@ def test_readme_without_its_markers_is_refused_and_left_alone(
 def test_turning_a_pair_round_keeps_its_verdict(diff: float, low: float, high: float) -> None:
     pair = {"a": "boosting", "b": "forest", "diff": diff, "ci95": [diff - low, diff + high]}
     (turned,) = paired.paired_with([pair], "boosting")
-    assert paired.in_words(turned) == paired.in_words(pair)
+    assert paired.result_of(turned) == paired.result_of(pair)
     assert turned["ci95"][0] <= turned["diff"] <= turned["ci95"][1]
 
 

@@ -16,6 +16,7 @@ from tripwatt.report.panels import build_sections, gamm_effects, gamm_summary, r
 from tripwatt.report.panels.results_table import on_physics_gap
 from tripwatt.report.view import View
 
+VIEW = View({})
 MakeRun = Callable[..., SimpleNamespace]
 
 
@@ -43,7 +44,7 @@ def plain_cell(text: str) -> str:
 
 
 def test_summary_table_is_the_summary_and_shows_a_level_without_data(found: GammInsight) -> None:
-    table = gamm_summary.summary_table(found, paper=False)
+    table = gamm_summary.summary_table(VIEW, found, paper=False)
     cells = [plain_cell(row[1]) for row in table.rows]
     assert cells.count("reference") == 1
     cells.remove("reference")
@@ -55,7 +56,7 @@ def test_summary_table_is_the_summary_and_shows_a_level_without_data(found: Gamm
 
 
 def test_the_papers_own_table_stands_beside_ours_whole(found: GammInsight) -> None:
-    table = gamm_summary.summary_table(found, paper=True)
+    table = gamm_summary.summary_table(VIEW, found, paper=True)
     assert gamm_summary.PAPER_TABLE2_SOURCE in table.columns[-1]
     rows = {row[0]: plain_cell(row[-1]) for row in table.rows}
     assert {name: rows[name] for name in gamm_summary.PAPER_TABLE2} == dict(gamm_summary.PAPER_TABLE2)
@@ -72,7 +73,7 @@ def test_the_papers_own_table_stands_beside_ours_whole(found: GammInsight) -> No
 
 def test_smooths_are_drawn_in_the_units_of_their_axes(found: GammInsight) -> None:
     curves = only(found, CurveEffect)
-    figure = gamm_effects.plot_curves(curves)
+    figure = gamm_effects.plot_curves(VIEW, curves)
     factors = {"time_s": 1 / 60, "speed_m_s": 3.6}
     assert len(curves) == 6
     for place, curve in enumerate(curves):
@@ -94,7 +95,7 @@ def test_a_smooth_whose_band_exceeds_the_observed_range_gives_its_reason_instead
     assert gamm_effects.is_determined(clear, observed)
 
     shown = [curves[0], vague, curves[2]]
-    figure = gamm_effects.plot_curves(shown, observed)
+    figure = gamm_effects.plot_curves(VIEW, shown, observed)
     reason = drawn(figure, "reason-1").get_text().replace("\n", " ")
     assert reason == gamm_effects.not_determined(vague, observed)
     assert f"{1.01 * observed:,.0f} Wh wide" in reason
@@ -108,7 +109,7 @@ def test_the_axis_of_a_smooth_is_that_of_its_data_not_of_a_runaway_end(found: Ga
     curve = next(c for c in only(found, CurveEffect) if c.covariate == "speed_m_s" and ":" not in c.label)
     wild = curve.std_error.copy()
     wild[-1] = 1e5
-    axes = drawn(gamm_effects.plot_curves([replace(curve, std_error=wild)]), "smooth-0").axes
+    axes = drawn(gamm_effects.plot_curves(VIEW, [replace(curve, std_error=wild)]), "smooth-0").axes
     low, high = axes.get_ylim()
     assert high - low < 1e4
     assert low <= curve.effect.min()
@@ -116,7 +117,7 @@ def test_the_axis_of_a_smooth_is_that_of_its_data_not_of_a_runaway_end(found: Ga
 
 
 def test_an_odd_number_of_smooths_leaves_no_empty_half(found: GammInsight) -> None:
-    figure = gamm_effects.plot_curves(only(found, CurveEffect)[:3])
+    figure = gamm_effects.plot_curves(VIEW, only(found, CurveEffect)[:3])
     first, _, last = (axes.get_subplotspec().colspan for axes in figure.axes)
     assert (len(first), len(last)) == (1, 2)
 
@@ -135,7 +136,7 @@ def test_qq_plot_keeps_the_extremes_and_its_line_is_the_fitted_distribution(foun
     qq = found.diagnosis.qq
     many = np.linspace(-4.0, 4.0, 5000) ** 3
     figure = gamm_summary.plot_diagnosis(
-        replace(found.diagnosis, qq=type(qq).from_residuals(many, qq.distribution))
+        VIEW, replace(found.diagnosis, qq=type(qq).from_residuals(many, qq.distribution))
     )
     shown = np.asarray(drawn(figure, "qq").get_offsets())
     assert len(shown) < 1000
@@ -146,10 +147,10 @@ def test_qq_plot_keeps_the_extremes_and_its_line_is_the_fitted_distribution(foun
 
 def test_random_effects_and_autocorrelation_are_those_of_the_fit(found: GammInsight) -> None:
     (effect,) = only(found, RandomEffects)
-    points = drawn(gamm_effects.plot_random(effect), "random")
+    points = drawn(gamm_effects.plot_random(VIEW, effect), "random")
     np.testing.assert_array_equal(points.get_xdata(), effect.theoretical)
     np.testing.assert_array_equal(points.get_ydata(), effect.effect)
-    points = drawn(gamm_summary.plot_dependence(found.autocorrelation, 30.0), "autocorrelation")
+    points = drawn(gamm_summary.plot_dependence(VIEW, found.autocorrelation, 30.0), "autocorrelation")
     np.testing.assert_array_equal(points.get_ydata(), found.autocorrelation.correlation)
     np.testing.assert_allclose(points.get_xdata(), found.autocorrelation.lag / 2)
 
@@ -174,7 +175,7 @@ def test_a_fit_that_did_not_converge_says_so_first(found: GammInsight) -> None:
 def test_surface_that_is_flat_or_has_no_data_is_drawn(found: GammInsight) -> None:
     (surface,) = only(found, SurfaceEffect)
     flat = replace(surface, effect=np.zeros_like(surface.effect), points=np.zeros((0, 2)))
-    gamm_effects.plot_surface(flat)
+    gamm_effects.plot_surface(VIEW, flat)
 
 
 def test_panels_name_the_rule_and_the_trips_it_concerns(

@@ -14,15 +14,13 @@ from tripwatt.errors import InvalidInput
 from tripwatt.physics import simulate_trip
 from tripwatt.routes import (
     LinkRoute,
-    fields_of_route,
     link_objects,
     parse_route,
     plan_from_links,
     plan_from_route,
     route_from_links,
-    route_with_elevation,
 )
-from tripwatt.routes.link_objects import LINK_KEYS, columns_of_links
+from tripwatt.routes.link_objects import LINK_KEYS, columns_of_links, fields_of_route, route_with_elevation
 from tripwatt.trips import Flag
 from tripwatt.units import GRAVITY_M_S2, WH_PER_J
 from tripwatt.vehicles import load_vehicle

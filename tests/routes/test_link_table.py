@@ -23,6 +23,7 @@ def test_links_come_as_csv_too(tmp_path):
         TABLE,
         TABLE.replace(",", ".").replace(";", ","),
         TABLE.replace(";", "\t").replace("\n", "\r\n"),
+        TABLE.replace(";", "|"),
     ):
         (tmp_path / "route.csv").write_bytes(b"\xef\xbb\xbf" + text.encode())
         route = parse_route(tmp_path / "route.csv")

@@ -286,7 +286,7 @@ def test_a_forecast_that_is_not_finite_is_refused(field: str, wrong: float) -> N
         "p_arrive": {"0": 1.0},
         "series": {"time_s": [0.0, 1.0]},
     }
-    assert require_finite(answer) is answer
+    assert require_finite(answer) == answer
     spoiled = {"energy_wh": wrong, "quantiles_wh": {"0.5": wrong}, "series": {"time_s": [0.0, wrong, 1.0]}}
     with pytest.raises(InvalidInput, match="no forecast"):
         require_finite(answer | {field: spoiled[field]})

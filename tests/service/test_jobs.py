@@ -14,7 +14,7 @@ from tripwatt.forecasting import ForecastModel
 from tripwatt.forecasting.storage import DEFAULT_MODEL
 from tripwatt.service import jobs as room
 from tripwatt.service.jobs import JOB_KINDS, Check, Jobs, require_finite
-from tripwatt.service.schemas import NotJson
+from tripwatt.service.problems import Problem
 from tripwatt.service.settings import Limits
 from tripwatt.service.worker import run_job
 
@@ -71,8 +71,9 @@ def test_what_is_wrong_is_named_once_and_together(jobs: Jobs) -> None:
 def test_a_body_that_is_no_object_is_one_fault(jobs: Jobs) -> None:
     for call in (jobs.forecast, jobs.update, jobs.plan, jobs.reach):
         assert [fault.where for fault in faults_of(call, b"[]")] == ["body"]
-    with pytest.raises(NotJson):
+    with pytest.raises(Problem) as caught:
         jobs.forecast(b"{")
+    assert caught.value.kind == "not-json"
 
 
 def test_a_trip_has_samples_or_links(jobs: Jobs) -> None:

@@ -593,6 +593,28 @@ def test_the_head_of_a_stream_ends(served: Served) -> None:
     assert _cars(served).listeners == 0
 
 
+def test_a_bug_of_one_car_does_not_end_the_watch_of_the_others(
+    served: Served, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cars = _cars(served)
+    seen: list[str] = []
+
+    def broken(_: float) -> bool:
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(cars.by_name("leaf"), "end_when_silent", broken)
+    monkeypatch.setattr(cars.by_name("zoe"), "end_when_silent", lambda _: bool(seen.append("zoe")))
+
+    async def run() -> None:
+        watch = asyncio.ensure_future(cars.watch())
+        while not seen:
+            await asyncio.sleep(0.01)
+        watch.cancel()
+
+    asyncio.run(run())
+    assert {"event": "bug", "vehicle": "leaf", "error": "ZeroDivisionError()"} in served.logged
+
+
 def test_silent_cars_are_looked_for_while_the_service_runs(
     served: Served, drive: pd.DataFrame, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -14,6 +14,7 @@ import tripwatt as tw
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecasting.document import ForecastResponse
 from tripwatt.service.journey_schemas import ReachRequest
+from tripwatt.service.problems import Problem
 from tripwatt.service.schemas import (
     MIN_DURATION_S,
     MIN_OBSERVED,
@@ -21,7 +22,6 @@ from tripwatt.service.schemas import (
     Elevation,
     ForecastRequest,
     Link,
-    NotJson,
     UpdateRequest,
     VehicleFigures,
     check_request,
@@ -218,8 +218,9 @@ def test_the_schema_has_one_of_two_fields() -> None:
 def test_what_is_no_json_is_said() -> None:
     assert parse_json(b'{"a": [1, null]}') == {"a": [1, None]}
     for body in (b"", b"NaN", b"1e999", b"{"):
-        with pytest.raises(NotJson):
+        with pytest.raises(Problem) as caught:
             parse_json(body)
+        assert caught.value.kind == "not-json"
 
 
 def test_a_body_that_is_no_object_is_a_fault_of_the_body() -> None:

@@ -16,7 +16,6 @@ from tripwatt.journey import AtlasSettings
 from tripwatt.service import worker
 from tripwatt.service.frames import encode_frame, read_frame
 from tripwatt.service.problems import Problem, invalid_input
-from tripwatt.service.schemas import NotJson
 from tripwatt.service.settings import Limits
 
 FAULT = Fault("wrong", "there")
@@ -42,7 +41,7 @@ class Jobs:
     [
         ({"a": 1}, 200, b'{"a":1}'),
         (b"\x00tile", 200, b"\x00tile"),
-        (NotJson("line 1"), 400, orjson.dumps(Problem("not-json", "line 1").document())),
+        (Problem("not-json", "line 1"), 400, orjson.dumps(Problem("not-json", "line 1").document())),
         (InvalidInput(FAULT), 422, orjson.dumps(invalid_input([FAULT]).document())),
         (RemoteError(FAULT), 502, orjson.dumps(Problem("remote", faults=(FAULT,)).document())),
     ],

@@ -6,6 +6,7 @@ source of bytes gets a line here; the gate runs a small number of mutants of eac
 
 from __future__ import annotations
 
+import contextlib
 import io
 import json
 import math
@@ -35,7 +36,7 @@ from tripwatt.live.journal import line_of
 from tripwatt.live.tokens import token_digest
 from tripwatt.routes import parse_route
 from tripwatt.service.jobs import Jobs
-from tripwatt.service.schemas import NotJson
+from tripwatt.service.problems import Problem
 from tripwatt.service.settings import Limits
 from tripwatt.sources.canonical import read_canonical
 from tripwatt.sources.mapping import parse_mapping
@@ -300,6 +301,9 @@ def _live_file(name: str) -> Read:
         (place / "live" / name).write_bytes(content)
         with RoadCar(place) as car:
             token_digest(place)
+            if car.plan is not None:
+                with contextlib.suppress(InvalidInput):
+                    assert car.plan.road.duration_s > 0.0
             car.usual_trip_at(LIVE_S + 86_400.0)
             car.logs()
 
@@ -364,7 +368,7 @@ def _read_one(read: Callable[[], Any], found: Found, what: str) -> None:
         if forecast is not None and (fault := absurd(forecast)):
             found.wrong.append(f"{fault}: {what}")
         found.read += 1
-    except (InvalidInput, NotJson):
+    except (InvalidInput, Problem):
         pass
     except Exception:
         found.wrong.append(f"{traceback.format_exc()[-600:]}: {what}")

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from tripwatt.forecasting import save_model
+from tripwatt.forecasting.fitting import fit_with_provenance
 from tripwatt.forecasting.storage import model_folder
-from tripwatt.forecasting.training import train_model
 from tripwatt.sources import read_logs
 from tripwatt.vehicles import load_vehicle
 
@@ -36,7 +36,7 @@ def published(results: Path) -> list[dict[str, Any]]:
 
 def make(data: Path, results: Path | None = None) -> Path:
     """Fit and write; gives the model's folder."""
-    model, provenance, figures = train_model(read_logs(data, "tum"), load_vehicle("bmw_i3_60ah"))
+    model, provenance, figures = fit_with_provenance(read_logs(data, "tum"), load_vehicle("bmw_i3_60ah"))
     if results is not None:
         figures["held_out_of_everything"] = published(results)
     provenance["data"]["licence"] = "CC BY 4.0"

@@ -188,7 +188,8 @@ def _legs(trip: Recorded, samples: pd.DataFrame, cuts: Sequence[Cut]) -> tuple[l
     findings = [finding_of_cut(trip.trip_id, samples, cut, driven) for cut in ordered]
     if cuts and driven:
         short = [piece for piece in pieces if len(piece) > 1 and driven_m(piece) < DRIVEN_M]
-        findings += [_too_short_finding(trip.trip_id, piece) for piece in short]
+        what = "{:.0f} m beside a cut are too short for a drive"
+        findings += [between(p, trip.trip_id, 0, -1, what.format(driven_m(p)), "trimmed") for p in short]
     if not driven:
         what = "the car did not move" if not cuts else "no part of the log with a moving car is left"
         findings.append(whole(samples, trip.trip_id, what, "set aside"))
@@ -197,11 +198,6 @@ def _legs(trip: Recorded, samples: pd.DataFrame, cuts: Sequence[Cut]) -> tuple[l
         name = trip.trip_id if len(driven) == 1 else f"{trip.trip_id}-{number}"
         legs.append(_leg(trip, piece, name, follows=first > 0 and number > 1))
     return legs, findings
-
-
-def _too_short_finding(trip_id: str, piece: pd.DataFrame) -> Finding:
-    what = f"{driven_m(piece):.0f} m beside a cut are too short for a drive"
-    return between(piece, trip_id, 0, -1, what, "trimmed")
 
 
 def driven_m(samples: pd.DataFrame) -> float:
@@ -248,11 +244,8 @@ def _judge_leg(leg: Recorded) -> tuple[Recorded, list[Finding]]:
     for rule in (consistency.unit_findings, consistency.offset_findings, consistency.energy_error_findings):
         findings += rule(mended)
     if mended.distance_m < SHORTEST_LEG_M or mended.duration_s < SHORTEST_LEG_S:
-        driven, allowed = (
-            f"{mended.distance_m:.0f} m in {mended.duration_s:.0f} s",
-            f"{SHORTEST_LEG_M:g} m or {SHORTEST_LEG_S:g} s",
-        )
-        what = f"{driven}: shorter than {allowed}"
+        what = f"{mended.distance_m:.0f} m in {mended.duration_s:.0f} s: shorter than "
+        what += f"{SHORTEST_LEG_M:g} m or {SHORTEST_LEG_S:g} s"
         findings.append(whole(samples, name, what, "set aside"))
     faults = (*structure_faults(samples, name), *value_faults(samples, name))
     findings += [whole(samples, name, f"{f.what}: {f.got}", "set aside") for f in faults]

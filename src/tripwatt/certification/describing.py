@@ -1,4 +1,4 @@
-"""A car from a few figures of its papers, and how well these fix its consumption."""
+"""A car from a few published figures, and how well these fix its consumption."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from tripwatt.certification.consumption import (
     wltp_test_mass,
 )
 from tripwatt.certification.schedules import schedule
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, InvalidInput, raise_faults
 from tripwatt.trips.columns import Column, number_faults, require_fraction
 from tripwatt.vehicles import Vehicle, vehicle_from_document
 from tripwatt.vehicles.anchors import CLASS, Anchor, anchors, with_anchor
@@ -205,8 +205,7 @@ def _checked(given: Mapping[str, float | None], body: str | None, heat_pump: obj
         faults.append(Fault("not a truth value", "heat_pump", repr(heat_pump)[:40], "true or false"))
     if procedure not in PROCEDURES:
         faults.append(Fault("unknown procedure", "procedure", repr(procedure)[:40], ", ".join(PROCEDURES)))
-    if faults:
-        raise InvalidInput(faults)
+    raise_faults(faults)
     return kind
 
 

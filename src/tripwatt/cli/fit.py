@@ -126,8 +126,8 @@ def fit(
     )
     fleet = replace(fleets[0], notes=(*fleets[0].notes, *note))
     shown.print(f"{len(fleet.trips)} trips read ({fleet.name})")
+    from tripwatt.forecasting.fitting import fit_with_provenance
     from tripwatt.forecasting.storage import save_model
-    from tripwatt.forecasting.training import train_model
 
     if bases:
         from tripwatt.population.adapting import adapt_model
@@ -136,7 +136,7 @@ def fit(
             model, provenance, figures = adapt_model(fleet, cars[0], *bases[0])
     else:
         with progress(shown) as advance:
-            model, provenance, figures = train_model(
+            model, provenance, figures = fit_with_provenance(
                 fleet,
                 cars[0],
                 corrector=corrector,

@@ -17,7 +17,7 @@ from tripwatt.errors import Fault, InvalidInput
 
 if TYPE_CHECKING:
     from tripwatt.forecasting import ForecastModel
-    from tripwatt.live import LiveDocument
+    from tripwatt.live.documents import LiveDocument
 
 PASSWORD_VARIABLE: Final = "TRIPWATT_MQTT_PASSWORD"
 """Environment variable of the broker's password."""
@@ -146,7 +146,8 @@ def _request(path: Path) -> dict[str, Any]:
     """The road of a file as the fields of a request."""
     from tripwatt.api import read_route
     from tripwatt.live.plan import request_of_samples
-    from tripwatt.routes import Track, fields_of_route, is_route, parse_route, route_from_track
+    from tripwatt.routes import Track, is_route, parse_route, route_from_track
+    from tripwatt.routes.link_objects import fields_of_route
     from tripwatt.sources.canonical import read_canonical
     from tripwatt.sources.tum import is_tum_log, read_tum_file
 

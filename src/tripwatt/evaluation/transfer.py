@@ -26,8 +26,8 @@ from tripwatt.evaluation.transfer_scores import (
     scored,
 )
 from tripwatt.forecasting.donor import DonorModel, unknown_inputs, without_inputs
+from tripwatt.forecasting.fitting import donor_model, versions
 from tripwatt.forecasting.model import MIN_TRIPS
-from tripwatt.forecasting.training import donor_model, versions
 from tripwatt.hybrid import identify_trips, power_corrector
 from tripwatt.hybrid.hierarchy import MODES, CarTransfer, DrawsForecast, Evidence, term_scales
 from tripwatt.hybrid.parameters import PARAMETERS, sensitivities

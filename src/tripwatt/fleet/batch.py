@@ -120,10 +120,10 @@ def forecast_batch(
             for rows in _parts(file, columns)
         ]
     load_fleet(model)  # a model that cannot be read is one fault, not one for each trip
-    found = [row for rows in map_bounded(executor, workers, forecast_part, parts) for row in rows]
-    found.sort(key=lambda row: (row["vehicle_id"], row["trip"]))
-    write_whole(pa.Table.from_pylist(found, schema=schema_of(quantiles)), Path(out))
-    return len(found)
+    forecasts = [row for rows in map_bounded(executor, workers, forecast_part, parts) for row in rows]
+    forecasts.sort(key=lambda row: (row["vehicle_id"], row["trip"]))
+    write_whole(pa.Table.from_pylist(forecasts, schema=schema_of(quantiles)), Path(out))
+    return len(forecasts)
 
 
 def schema_of(quantiles: Sequence[float]) -> pa.Schema:
@@ -133,7 +133,7 @@ def schema_of(quantiles: Sequence[float]) -> pa.Schema:
         "duration_s",
         "energy_wh",
         "sd_wh",
-        *map(_name, quantiles),
+        *map(quantile_column, quantiles),
         "soc_arrival",
         "p_arrive",
     ]
@@ -147,12 +147,12 @@ def schema_of(quantiles: Sequence[float]) -> pa.Schema:
     )
 
 
-def _name(quantile: float) -> str:
+def quantile_column(quantile: float) -> str:
     """Column of a quantile.
 
     Examples
     --------
-    >>> _name(0.05), _name(0.975)
+    >>> quantile_column(0.05), quantile_column(0.975)
     ('energy_wh_q05', 'energy_wh_q97_5')
     """
     percent = f"{100.0 * quantile:g}"
@@ -219,7 +219,7 @@ def _row(model: FleetModel, links: Sequence[Mapping[str, Any]], part: BatchPart)
         "duration_s": plan.duration_s,
         "energy_wh": forecast.energy_wh,
         "sd_wh": forecast.sd_wh,
-        **{_name(q): forecast.quantile(q) for q in part.quantiles},
+        **{quantile_column(q): forecast.quantile(q) for q in part.quantiles},
         "soc_arrival": forecast.soc_arrival,
         "p_arrive": forecast.p_arrive(part.reserve),
         "assumed": ", ".join(dict.fromkeys(f.subject for f in forecast.flags if f.code in ASSUMED)) or None,

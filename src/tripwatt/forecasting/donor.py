@@ -27,7 +27,7 @@ MASKABLE: Final = ("cabin_temperature_degc", "cabin_setpoint_degc", "battery_tem
 
 @dataclass(frozen=True, eq=False)
 class DonorModel:
-    """What was fitted to one car, for use on others, with its uncertainty on held-out trips of its own.
+    """What was fitted on one car, for use on others, with its uncertainty on held-out trips of its own.
 
     Attributes
     ----------

@@ -37,12 +37,7 @@ from tripwatt.trips import Departure, Flag, Plan, raise_faults
 from tripwatt.trips.columns import require_fraction, require_number
 from tripwatt.trips.messages import flag_to_dict, leave_in_words, message
 from tripwatt.trips.showing import html_table
-from tripwatt.uncertainty import (
-    ChargeScale,
-    ResidualPower,
-    RouteUncertainty,
-    UncertaintyModel,
-)
+from tripwatt.uncertainty import ChargeScale, ResidualPower, RouteUncertainty, UncertaintyModel
 from tripwatt.uncertainty.charge import FULL
 from tripwatt.uncertainty.climb import ClimbingEnergy, Excess, UnknownClimb
 from tripwatt.uncertainty.free_flow import FreeFlowUncertainty
@@ -256,9 +251,8 @@ class Forecast:
 
     @cached_property
     def charge(self) -> ChargeScale:
-        """Energy by displayed charge: fitted to the car's trips, else from its published values."""
-        learned = self.uncertainty.charge
-        return learned or ChargeScale.from_book(self.vehicle.battery, self.drive.wh_per_soc)
+        """Energy by displayed charge: as fitted to the car's trips, else of its published values."""
+        return self.uncertainty.charge or ChargeScale.from_published(self.vehicle.battery, self.drive.wh_per_soc)
 
     @property
     def soc_arrival(self) -> float:
@@ -575,7 +569,7 @@ class Forecast:
         Parameters
         ----------
         route : RouteUncertainty or None
-            Error of speed profiles that are made from links, by their length; None where it was not fitted.
+            Error of speed profiles that are made from links, by their length; None where it was not estimated.
         free_flow : FreeFlowUncertainty, optional
             Error of the travel times of an empty road.
 

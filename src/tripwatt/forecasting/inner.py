@@ -1,6 +1,6 @@
 """Fits without some of the training trips: what a model would have said of each trip if it had never seen it.
 
-Whatever is fitted to a trip is fitted again without it: the values of the car that its signals show, the corrector, and the settings
+Whatever is estimated from a trip is estimated again without it: the values of the car that its signals show, the corrector, and the settings
 of the corrector. The settings are chosen once for each third of the folds, on the trips of the other two thirds.
 """
 

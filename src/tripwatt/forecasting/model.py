@@ -29,13 +29,7 @@ from tripwatt.forecasting.ranges import (
     unknown_state_sd_wh,
     unknown_wind_sd_wh,
 )
-from tripwatt.hybrid import (
-    PowerCorrector,
-    SegmentTable,
-    power_corrector,
-    segment_table,
-    segment_trips,
-)
+from tripwatt.hybrid import PowerCorrector, SegmentTable, power_corrector, segment_table, segment_trips
 from tripwatt.hybrid.familiarity import Range
 from tripwatt.hybrid.hierarchy import Members
 from tripwatt.parallel import one_blas_thread
@@ -44,13 +38,7 @@ from tripwatt.routes.terrain import net_climbs
 from tripwatt.trips import Departure, Flag, Plan, Trip, plan_from_trip, raise_faults
 from tripwatt.trips.messages import name_of
 from tripwatt.trips.showing import html_table
-from tripwatt.uncertainty import (
-    ChargeScale,
-    LinkedTrips,
-    RouteUncertainty,
-    UncertaintyModel,
-    linked_trips,
-)
+from tripwatt.uncertainty import ChargeScale, LinkedTrips, RouteUncertainty, UncertaintyModel, linked_trips
 from tripwatt.uncertainty.free_flow import FreeFlowTrips
 from tripwatt.uncertainty.held_out import held_out_residual, process_segments
 from tripwatt.uncertainty.model import scale_wh
@@ -79,7 +67,7 @@ class HeldOut:
 
 @dataclass(eq=False, repr=False)
 class ForecastModel:
-    """Physics, correction and their uncertainty.
+    """Physics, a correction and their uncertainty.
 
     Parameters
     ----------
@@ -134,7 +122,7 @@ class ForecastModel:
         car_of: Callable[[IntArray], Vehicle] | None = None,
         progress: Callable[[int, int], None] | None = None,
     ) -> ForecastModel:
-        """Learn from raw trips with measured energy. See `fit_segments`.
+        """Fit to raw trips with measured energy. See `fit_segments`.
 
         Parameters
         ----------
@@ -184,7 +172,7 @@ class ForecastModel:
         again: Again | None = None,
         progress: Callable[[int, int], None] | None = None,
     ) -> ForecastModel:
-        """Learn corrector, process and scores. One fit of the corrector, one for each inner fold, and a few for its settings.
+        """Fit corrector, process and scores. One fit of the corrector, one for each inner fold, and a few for its settings.
 
         Parameters
         ----------
@@ -458,8 +446,10 @@ class ForecastModel:
         return plot_model(self.forecast, self.vehicle.title)
 
     def _title(self) -> str:
-        learned = f"{self.corrector} corrector, {len(self.trip_ids_)} trips" if self.trip_ids_ else "no trips"
-        return f"{self.vehicle.title}, {learned}"
+        corrector = (
+            f"{self.corrector} corrector, {len(self.trip_ids_)} trips" if self.trip_ids_ else "no trips"
+        )
+        return f"{self.vehicle.title}, {corrector}"
 
     def __repr__(self) -> str:
         return f"<ForecastModel {self._title()}>"

@@ -24,14 +24,7 @@ from tripwatt.forecasting.upgrading import version_1_tree
 from tripwatt.hybrid.segments import SEGMENT_S
 from tripwatt.hybrid.stored import REFIT, new_converter, parts_tree, structured, tree_parts
 from tripwatt.modelfile import FORMAT_VERSION, Part, read_metadata, read_model, write_model
-from tripwatt.trips import (
-    COLUMNS,
-    QUANTITIES,
-    REQUIRED_COLUMNS,
-    ROUTE_COLUMNS,
-    SIGNALS,
-    plan_from_samples,
-)
+from tripwatt.trips import COLUMNS, QUANTITIES, REQUIRED_COLUMNS, ROUTE_COLUMNS, SIGNALS, plan_from_samples
 from tripwatt.vehicles import Vehicle, vehicle_document, vehicle_from_document
 
 if TYPE_CHECKING:
@@ -126,7 +119,7 @@ def save_model(
     folder : path
         A new or empty folder, or one that holds a model, which is replaced.
     provenance : mapping, optional
-        Where it comes from, such as `trained` gives: data, audit, trips, versions.
+        Where it comes from, such as `fitting.fit_with_provenance` gives: data, audit, trips, versions.
     evaluation : mapping, optional
         Its figures.
 
@@ -261,6 +254,11 @@ def upgrade_model(folder: Path | str) -> bool:
     ------
     InvalidInput
         As `load_model`, and when the folder cannot be written. The model is as it was then.
+
+    Examples
+    --------
+    >>> upgrade_model(model_folder())
+    False
     """
     about = load_metadata(folder)
     if about["format_version"] == FORMAT_VERSION:
@@ -299,7 +297,23 @@ def load_metadata(folder: Path | str | None = None, *, check_parts: bool = True)
 
 
 def model_folder(folder: Path | str | None = None) -> Path:
-    """The folder itself, or that of the model that comes with the package: without a folder, or by its name."""
+    """Find the folder of a model.
+
+    Parameters
+    ----------
+    folder : path, optional
+        Of a stored model, or the name of the one that comes with the package.
+
+    Returns
+    -------
+    Path
+        The folder itself, or that of the model that comes with the package where none is given.
+
+    Examples
+    --------
+    >>> model_folder().name
+    'bmw_i3_tum'
+    """
     packaged = Path(__file__).parents[1] / "models" / DEFAULT_MODEL
     if folder is None or (str(folder) == DEFAULT_MODEL and not Path(folder).exists()):
         return packaged

@@ -15,12 +15,7 @@ from tripwatt.hybrid.familiarity import FADING
 from tripwatt.modelfile import Part
 
 _NAMES: Final = MappingProxyType(
-    {
-        "apart": "split",
-        "whole": "joint",
-        "apart_spread": "split_sd_factor",
-        "whole_spread": "joint_sd_factor",
-    }
+    {"apart": "split", "whole": "joint", "apart_spread": "split_sd_factor", "whole_spread": "joint_sd_factor"}
 )
 """Name in version 1 -> name of the field."""
 

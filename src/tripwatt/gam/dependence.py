@@ -120,10 +120,10 @@ class Autocorrelation:
 
     Examples
     --------
-    >>> found = autocorrelation([1.0, -1.0, 1.0, -1.0], ["a", "a", "b", "b"], max_lag=1)
-    >>> list(found.frame().columns)
+    >>> result = autocorrelation([1.0, -1.0, 1.0, -1.0], ["a", "a", "b", "b"], max_lag=1)
+    >>> list(result.frame().columns)
     ['lag', 'correlation', 'pairs', 'bound']
-    >>> found.plot().get_xlabel()
+    >>> result.plot().get_xlabel()
     'Lag (rows)'
     """
 

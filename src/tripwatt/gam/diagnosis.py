@@ -304,10 +304,10 @@ class Diagnosis:
     >>> from tripwatt.gam.model import GAMM
     >>> x = np.linspace(0, 1, 60)
     >>> frame = pd.DataFrame({"x": x, "y": np.sin(6 * x) + 0.2 * np.cos(90 * x)})
-    >>> found = diagnosis(GAMM("y ~ s(x, k=8)").fit(frame))
-    >>> found.frame().shape
+    >>> result = diagnosis(GAMM("y ~ s(x, k=8)").fit(frame))
+    >>> result.frame().shape
     (60, 5)
-    >>> len(found.plot().axes)
+    >>> len(result.plot().axes)
     4
     """
 

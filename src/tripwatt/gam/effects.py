@@ -145,10 +145,10 @@ class SurfaceEffect:
     Examples
     --------
     >>> grid = np.linspace(0.0, 1.0, 5)
-    >>> found = SurfaceEffect("te(x,z)", ("x", "z"), grid, grid, np.outer(grid, grid), np.ones((5, 5)), edf=3.0)
-    >>> found.frame().shape
+    >>> effect = SurfaceEffect("te(x,z)", ("x", "z"), grid, grid, np.outer(grid, grid), np.ones((5, 5)), edf=3.0)
+    >>> effect.frame().shape
     (25, 4)
-    >>> found.plot().get_ylabel()
+    >>> effect.plot().get_ylabel()
     'z'
     """
 
@@ -231,12 +231,12 @@ class RandomEffects:
 
     Examples
     --------
-    >>> found = RandomEffects(
+    >>> effect = RandomEffects(
     ...     "s(trip)", ("b", "a"), np.array([-1.0, 1.0]), np.array([0.2, 0.2]), np.array([-0.9, 0.9]), edf=1.8, sd=1.3
     ... )
-    >>> found.frame().shape
+    >>> effect.frame().shape
     (2, 4)
-    >>> found.plot().get_ylabel()
+    >>> effect.plot().get_ylabel()
     'Random effect'
     """
 
@@ -311,10 +311,10 @@ class FactorEffect:
 
     Examples
     --------
-    >>> found = FactorEffect("season", ("winter",), np.array([2.0]), np.array([0.5]), 1.96, reference="summer")
-    >>> found.frame()[["lower", "upper"]].round(2).to_numpy().tolist()
+    >>> effect = FactorEffect("season", ("winter",), np.array([2.0]), np.array([0.5]), 1.96, reference="summer")
+    >>> effect.frame()[["lower", "upper"]].round(2).to_numpy().tolist()
     [[1.02, 2.98]]
-    >>> found.plot().get_xlabel()
+    >>> effect.plot().get_xlabel()
     'Difference from summer'
     """
 
@@ -427,19 +427,19 @@ def effects(
 
         validate_columns(model.formula_, frame.columns)
     multiplier = float(stats.norm.ppf((1 + level) / 2))
-    found: dict[str, Effect] = {}
+    by_term: dict[str, Effect] = {}
     for fitted in model.terms_:
         if fitted.term is None:
             continue
         if isinstance(fitted.term, RandomEffect):
-            found[fitted.label] = _random(model, fitted)
+            by_term[fitted.label] = _random(model, fitted)
         elif not isinstance(fitted.term, Smooth | Tensor):
-            found[fitted.label] = _factor(model, fitted, multiplier)
+            by_term[fitted.label] = _factor(model, fitted, multiplier)
         elif len(fitted.term.names) == 1:
-            found[fitted.label] = _curve(model, fitted, frame, multiplier, points or 200)
+            by_term[fitted.label] = _curve(model, fitted, frame, multiplier, points or 200)
         else:
-            found[fitted.label] = _surface(model, fitted, frame, points or 60)
-    return found
+            by_term[fitted.label] = _surface(model, fitted, frame, points or 60)
+    return by_term
 
 
 def _evaluate(

@@ -347,22 +347,22 @@ def fit_gaussian(
     else:
 
         def score(x: FloatArray) -> Value | None:
-            found = gaussian_score(data, stack, x, scale)
-            return None if found is None else (found.value, found.gradient, found.hessian)
+            scored = gaussian_score(data, stack, x, scale)
+            return None if scored is None else (scored.value, scored.gradient, scored.hessian)
 
         x, _, n_iter, converged, message = minimise(score, start, lower, upper, tolerance, max_iter)
-    found = gaussian_score(data, stack, x, scale)
-    if found is None:
+    scored = gaussian_score(data, stack, x, scale)
+    if scored is None:
         return None
     return Solution(
-        beta=stack.restore(found.beta),
+        beta=stack.restore(scored.beta),
         rho=x,
-        scale=found.scale,
-        score=found.value,
-        covariance=stack.restored_both(found.factor.inverse) * found.scale,
-        information=stack.restored_both(data.gram) / found.scale,
+        scale=scored.scale,
+        score=scored.value,
+        covariance=stack.restored_both(scored.factor.inverse) * scored.scale,
+        information=stack.restored_both(data.gram) / scored.scale,
         converged=converged,
         n_iter=n_iter,
         message=message,
-        gradient=found.gradient,
+        gradient=scored.gradient,
     )

@@ -94,10 +94,10 @@ class LaplaceModel:
 
     def value(self, rho: FloatArray, theta: Theta) -> Value | None:
         """Score with exact gradient and Hessian in (rho, log(nu - min_df), log sigma)."""
-        found = self.score(rho, theta)
-        if found is None:
+        scored = self.score(rho, theta)
+        if scored is None:
             return None
-        value, mode = found
+        value, mode = scored
         return value, *self._derivatives(rho, mode)
 
     def _derivatives(self, rho: FloatArray, mode: Mode) -> tuple[FloatArray, FloatArray]:
@@ -208,8 +208,8 @@ def fit_laplace(
         return full[:M], Theta(float(full[M]), float(full[M + 1]), family.min_df)
 
     def score(x: FloatArray) -> Value | None:
-        found = model.value(*whole(x))
-        return None if found is None else (found[0], found[1][free], found[2][np.ix_(free, free)])
+        scored = model.value(*whole(x))
+        return None if scored is None else (scored[0], scored[1][free], scored[2][np.ix_(free, free)])
 
     x, n_iter, converged, message = x0[free], 0, True, "all parameters were given"
     gradient = np.zeros(0)
@@ -219,10 +219,10 @@ def fit_laplace(
         )
         gradient = last[1]
     best_rho, best = whole(x)
-    found = model.score(best_rho, best)
-    if found is None:
+    scored = model.score(best_rho, best)
+    if scored is None:
         return None
-    value, mode = found
+    value, mode = scored
     information = family.expected_weight(best.nu, best.sigma) * gram
     expected = Factor.from_matrix(stack.add_to(information, best_rho))
     return Solution(

@@ -376,8 +376,8 @@ class GAMM(RegressorMixin, BaseEstimator):
         which: list[int],
     ) -> None:
         """Set the fitted attributes."""
-        found: Results = results(design, y, family, solution, active)
-        for name, value in vars(found).items():
+        outcome: Results = results(design, y, family, solution, active)
+        for name, value in vars(outcome).items():
             setattr(self, name + "_", value)
         names = design.penalty_names
         logs = np.full(len(names), math.nan)

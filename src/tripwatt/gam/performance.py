@@ -137,9 +137,11 @@ class PerformanceIteration:
         if self.fixed or not self.stack.size:
             weights = np.concatenate([diagonal, np.zeros(self.stack.size), ends])
             return Pass(State(here.beta, state.rho, theta), here, weights, normal)
-        found, rho = self._smooth(normal, here, state.rho, lower, upper, near)
+        working, rho = self._smooth(normal, here, state.rho, lower, upper, near)
         curvature = np.sqrt(np.maximum(np.diag(here.hessian), 1e-8))
-        return Pass(State(found.beta, rho, theta), found, np.concatenate([diagonal, curvature, ends]), normal)
+        return Pass(
+            State(working.beta, rho, theta), working, np.concatenate([diagonal, curvature, ends]), normal
+        )
 
     def _smooth(
         self,
@@ -202,18 +204,18 @@ class PerformanceIteration:
             else f"{iterations} accelerated passes did not settle; a larger max_iter or method='REML' may"
         )
         final = gaussian_score(last.data, self.stack, last.state.rho, 1.0)
-        found = last.working if final is None else final
+        working = last.working if final is None else final
         return Solution(
-            beta=self.stack.restore(found.beta),
+            beta=self.stack.restore(working.beta),
             rho=last.state.rho,
             scale=1.0,
-            score=found.value,
-            covariance=self.stack.restored_both(found.factor.inverse),
+            score=working.value,
+            covariance=self.stack.restored_both(working.factor.inverse),
             information=self.stack.restored_both(last.data.gram),
             converged=done,
             n_iter=iterations,
             message=message,
-            gradient=found.gradient,
+            gradient=working.gradient,
             nu=last.state.theta.nu if self.family.nu is None else self.family.nu,
             sigma=last.state.theta.sigma,
         )

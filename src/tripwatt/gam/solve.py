@@ -61,14 +61,16 @@ def _gaussian(
 ) -> Solution | None:
     if settings.rho is not None:
         return fit_gaussian(data, stack, settings.rho, True, scale)
-    found = [
+    solutions = [
         solution
         for shift in (0.0, -8.0)  # the score may have two optima; the lower one counts
         if (
             solution := fit_gaussian(data, stack, None, False, scale, max_iter=settings.max_iter, shift=shift)
         )
     ]
-    return min(found, key=lambda solution: (not solution.converged, solution.score)) if found else None
+    return (
+        min(solutions, key=lambda solution: (not solution.converged, solution.score)) if solutions else None
+    )
 
 
 def _autoregressive(
@@ -76,8 +78,8 @@ def _autoregressive(
 ) -> Solution | None:
     if not isinstance(settings.ar1_rho, str):
         rho = float(settings.ar1_rho or 0.0)
-        found = _gaussian(sums.normal(stack, active, rho), stack, settings, scale)
-        return None if found is None else replace(found, ar1_rho=rho)
+        fitted = _gaussian(sums.normal(stack, active, rho), stack, settings, scale)
+        return None if fitted is None else replace(fitted, ar1_rho=rho)
     last: dict[str, FloatArray] = {}
 
     def score(z: float) -> float:
@@ -114,11 +116,11 @@ def _subset_start(rows: Rows, y: FloatArray, stack: PenaltyStack, settings: FitS
     data = TData(few, some, stack.rotate_both(few.gram()), stack.rotate(few.transpose(some)))
     iteration = PerformanceIteration(data, stack, family, settings.rho is not None)
     start = iteration.start(settings.rho)
-    found = None if start is None else iteration.run(start, 100 * settings.tolerance, settings.max_iter)
-    if found is None:
+    iterated = None if start is None else iteration.run(start, 100 * settings.tolerance, settings.max_iter)
+    if iterated is None:
         return None
-    theta = Theta.from_estimates(found.nu, found.sigma, family.min_df)
-    return State(stack.rotate(found.beta), found.rho, theta)
+    theta = Theta.from_estimates(iterated.nu, iterated.sigma, family.min_df)
+    return State(stack.rotate(iterated.beta), iterated.rho, theta)
 
 
 def _scaled_t(
@@ -165,10 +167,10 @@ def solve(
     """
     family = settings.family
     if isinstance(family, Gaussian):
-        found = _autoregressive(sums, stack, active, settings, family.scale)
-        if found is not None or len(sums.gram) > 1:
-            return found
+        solution = _autoregressive(sums, stack, active, settings, family.scale)
+        if solution is not None or len(sums.gram) > 1:
+            return solution
         return _gaussian(_with_ridge(sums.normal(stack, active)), stack, settings, family.scale)
     data = sums.normal(stack, active)
-    found = _scaled_t(rows, y, data, stack, settings)
-    return found if found is not None else _scaled_t(rows, y, _with_ridge(data), stack, settings)
+    solution = _scaled_t(rows, y, data, stack, settings)
+    return solution if solution is not None else _scaled_t(rows, y, _with_ridge(data), stack, settings)

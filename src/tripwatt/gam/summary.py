@@ -72,14 +72,14 @@ class Summary:
     >>> from tripwatt.gam.model import GAMM
     >>> x = np.linspace(0, 1, 60)
     >>> frame = pd.DataFrame({"x": x, "y": np.sin(6 * x) + 0.2 * np.cos(90 * x)})
-    >>> found = summary(GAMM("y ~ s(x, k=8)").fit(frame))
-    >>> list(found.frame()["kind"]), [label for label, _, _ in found.rows()]
+    >>> result = summary(GAMM("y ~ s(x, k=8)").fit(frame))
+    >>> list(result.frame()["kind"]), [label for label, _, _ in result.rows()]
     (['parametric', 'smooth'], ['(Intercept)', 'EDF: s(x)'])
-    >>> list(found.scores())
+    >>> list(result.scores())
     ['R2 (adjusted)', 'Deviance explained', 'REML', 'Log-likelihood', 'AIC', 'n']
-    >>> found.distribution() in found.text()
+    >>> result.distribution() in result.text()
     True
-    >>> found.html()[:6], found.latex().splitlines()[0]
+    >>> result.html()[:6], result.latex().splitlines()[0]
     ('<table', '\\begin{tabular}{l c}')
     """
 

@@ -72,8 +72,8 @@ def calibrate(trips: Sequence[Trip], vehicle: Vehicle) -> Calibration:
     --------
     >>> from tripwatt.synthetic import synthetic_fleet
     >>> from tripwatt.vehicles import load_vehicle
-    >>> found = calibrate(synthetic_fleet(8).trips, load_vehicle("bmw_i3_60ah"))
-    >>> sorted(found.changes) == sorted(p.name for p in PARAMETERS)
+    >>> calibration = calibrate(synthetic_fleet(8).trips, load_vehicle("bmw_i3_60ah"))
+    >>> sorted(calibration.changes) == sorted(p.name for p in PARAMETERS)
     True
     """
     require_measured(trips, LEAST_TRIPS)
@@ -83,7 +83,7 @@ def calibrate(trips: Sequence[Trip], vehicle: Vehicle) -> Calibration:
     totals = np.column_stack([table.totals_wh(column) for column in by_change.T])
     width = np.array([parameter.width for parameter in PARAMETERS])
     usual_wh = USUAL_ERROR * float(np.median(np.abs(table.totals_wh(table.simulated_w))))
-    mean, covariance = _most_probable(totals, table.totals_wh(table.residual_w), width, usual_wh)
+    mean, covariance = most_probable(totals, table.totals_wh(table.residual_w), width, usual_wh)
     names = [parameter.name for parameter in PARAMETERS]
     sd = np.sqrt(np.diag(covariance))
     return Calibration(
@@ -91,7 +91,7 @@ def calibrate(trips: Sequence[Trip], vehicle: Vehicle) -> Calibration:
     )
 
 
-def _most_probable(
+def most_probable(
     X: FloatArray, residual: FloatArray, width: FloatArray, usual_wh: float
 ) -> tuple[FloatArray, FloatArray]:
     """Posterior mode and covariance of a regression with t errors, by iterated weights (Lange et al. 1989).

@@ -72,7 +72,7 @@ class HierarchicalCorrector(PowerCorrector):
         for parameter, cause, _ in onto:
             covariance[:, cause] += covariance[:, parameter]
         mean, covariance = mean[:n], covariance[:n, :n]
-        factor = _factor(0.5 * (covariance + covariance.T))
+        factor = factor_of(0.5 * (covariance + covariance.T))
         factor = np.asarray(factor, dtype=np.float32).astype(np.float64)  # as it is stored: half the size
         return cls(transfer.members, transfer.scales, mean, factor, posterior.shares)
 
@@ -85,7 +85,7 @@ class HierarchicalCorrector(PowerCorrector):
         return rows @ self.mean + shape, rows @ self.factor
 
 
-def _factor(covariance: FloatArray) -> FloatArray:
+def factor_of(covariance: FloatArray) -> FloatArray:
     """`L` with ``L @ L.T`` a covariance, without what is negligible.
 
     Weights that are independent of each other, as all causes and terms are before the first trip, are factorised on their own:

@@ -1,11 +1,9 @@
 """One car: its trips in a store, the model adapted to them, its diary, and what it sends while it drives."""
 
 from tripwatt.live.diary import Diary, Score
-from tripwatt.live.documents import LiveDocument
 from tripwatt.live.following import Broker, Follower
 from tripwatt.live.live_trip import LiveTrip, TripFinder
 from tripwatt.live.own_car import Car, Learned, create_car, forget_car, is_car, open_car
-from tripwatt.live.plan import LivePlan
 from tripwatt.live.road_car import RoadCar
 from tripwatt.live.teaching import has_news, learn_finished
 from tripwatt.live.telemetry import Sample, sample_from_abrp
@@ -18,8 +16,6 @@ __all__ = [
     "Diary",
     "Follower",
     "Learned",
-    "LiveDocument",
-    "LivePlan",
     "LiveTrip",
     "RoadCar",
     "Sample",

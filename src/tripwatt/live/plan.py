@@ -14,13 +14,8 @@ import pandas as pd
 
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.files import read_file, write_text
-from tripwatt.routes import (
-    fields_of_route,
-    links_of_trip,
-    plan_from_links,
-    route_from_links,
-    route_with_elevation,
-)
+from tripwatt.routes import links_of_trip, plan_from_links, route_from_links
+from tripwatt.routes.link_objects import fields_of_route, route_with_elevation
 from tripwatt.sources.canonical import canonical_samples
 from tripwatt.trips import ASKED, SIGNALS, Departure, Plan, Recorded, plan_from_samples
 from tripwatt.trips.plan import ROUTE_COLUMNS

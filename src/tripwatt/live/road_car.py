@@ -58,12 +58,12 @@ class RoadCar(Recorder):
     ...     print(car.observed().shape, car.departure().soc, car.about(1.7e9 + 60.0)["seconds_since_message"] is None)
     ...     print(car.usual_trip(), car.usual_trip_at(1.7e9))
     ...     car.set_plan({"links": []})
-    ...     print(car.plan.request)
+    ...     print(car.plan.request, car.at_departure(), car.document(1.7e9)["forecast"])
     ...     print(car.end_when_silent(1.7e9), car.logs())
     ['new', 'new', 'new', 'new']
     (4, 3) 0.8 False
     None None
-    {'links': []}
+    {'links': []} None None
     False ()
     >>> car.update(model.forecast(plan)).soc_interval(0.9)  # doctest: +SKIP
     (0.51, 0.56)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from tripwatt.report.style import style_context
 from tripwatt.report.tables import Table
 from tripwatt.report.view import View
 
@@ -112,4 +114,13 @@ def panel(
     errors: bool = True,
 ) -> Callable[[Callable[[View], Content | None]], PanelSpec]:
     """Make a function from a `View` to a `Content` a `PanelSpec`; the parameters are its attributes."""
-    return lambda content: PanelSpec(key, title, content, draws, folded, wide, errors)
+
+    def specified(content: Callable[[View], Content | None]) -> PanelSpec:
+        @functools.wraps(content)
+        def drawn(view: View) -> Content | None:
+            with style_context():
+                return content(view)
+
+        return PanelSpec(key, title, drawn, draws, folded, wide, errors)
+
+    return specified

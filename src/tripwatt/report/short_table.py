@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from tripwatt.report.model_styles import model_style
-from tripwatt.report.tables import Table, number, span
+from tripwatt.report.tables import DASH, Column, Table, in_percent, tabulated
 from tripwatt.report.view import Record, View, named_evaluation
 from tripwatt.report.words import label
 
@@ -19,6 +19,7 @@ SHORT_ROWS: Final = 5
 """Rows of the short table; a run with no more models than this shows them all."""
 
 
+_INSIDE: Final = "Inside the 90 % interval [% of trips]"
 _KINDS: Final = ("constant", "baseline", "physics", "data", "hybrid")
 """Kinds of models in the order of the short table."""
 
@@ -55,28 +56,17 @@ def _error(score: Record) -> float:
 
 def short_table(view: View) -> Table:
     """The models of `short_list`: mean error with its interval and, for a forecast, how often its interval holds."""
-    models: Mapping[str, Record] = view.main.get("models") or {}
-    names = short_list(view)
-    coverage = {m: (models[m].get("coverage") or {}).get("0.9") for m in names}
-    known = any(value is not None for value in coverage.values())
-    rows = tuple(
-        (
-            label(m),
-            number(models[m].get("mape"), 100, 1),
-            span(models[m].get("mape_ci95")),
-            *((number(coverage[m], 100, 0),) if known else ()),
-        )
-        for m in names
+    rows = [{**view.scores[m], "name": m} for m in short_list(view)]
+    inside = in_percent(_INSIDE, lambda row: (row.get("coverage") or {}).get("0.9"), 0)
+    return tabulated(
+        view.captioned(f"Error of a trip's energy: {named_evaluation(view.main)}"),
+        rows,
+        Column("Model", lambda row: label(row["name"])),
+        in_percent("Mean error [%]", "mape"),
+        in_percent("95 % interval", "mape_ci95"),
+        *([inside] if any(inside.cell(row) != DASH for row in rows) else []),
+        strong=frozenset(i for i, row in enumerate(rows) if row["name"] == view.best),
     )
-    columns = (
-        "Model",
-        "Mean error [%]",
-        "95 % interval",
-        *(("Inside the 90 % interval [% of trips]",) if known else ()),
-    )
-    head = f"Error of a trip's energy: {named_evaluation(view.main)}"
-    best = frozenset(i for i, m in enumerate(names) if m == view.best)
-    return Table(view.captioned(head), columns, rows, strong=best)
 
 
 def render_table(results: Mapping[str, Any]) -> rich.console.Group:
@@ -109,14 +99,10 @@ def render_table(results: Mapping[str, Any]) -> rich.console.Group:
     source = short_table(view)
     left_out = len(view.models) - len(source.rows)
     more = f" The best model of each kind; {left_out} more are in the report." if left_out else ""
-    table = rich.table.Table(
-        box=rich.box.SIMPLE,
-        padding=(0, 1, 0, 0),
-        pad_edge=False,
-    )
+    table = rich.table.Table(box=rich.box.SIMPLE, padding=(0, 1, 0, 0), pad_edge=False)
     for place, head in enumerate(source.columns):
         table.add_column(
-            head.replace("Inside the 90 % interval [% of trips]", "Inside its\n90 % interval [%]"),
+            head.replace(_INSIDE, "Inside its\n90 % interval [%]"),
             justify="left" if place in source.text_columns else "right",
             no_wrap=True,
         )

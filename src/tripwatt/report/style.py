@@ -16,7 +16,7 @@ import pandas as pd
 
 from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.report.model_styles import model_style
-from tripwatt.report.view import plain
+from tripwatt.report.view import View, plain
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -97,6 +97,54 @@ def new_figure(height_in: float, title: str, note: str, synthetic: bool) -> Figu
     return figure
 
 
+def plotted(view: View, height_in: float, title: str, note: str = "") -> tuple[Figure, Axes]:
+    """A figure of a run with one pair of axes.
+
+    Parameters
+    ----------
+    view : View
+        Of which it is marked whether the trips are made up.
+    height_in : float
+    title, note : str
+        Its head.
+    """
+    figure = new_figure(height_in, title, note, view.synthetic)
+    return figure, figure.add_subplot()
+
+
+def stacked(
+    view: View, height_in: float, head: tuple[str, str], rows: int, **settings: Any
+) -> tuple[Figure, list[Axes]]:
+    """The same with a title and a note in `head` and several pairs of axes, one below the other."""
+    figure = new_figure(height_in, *head, view.synthetic)
+    return figure, list(figure.subplots(rows, 1, squeeze=False, **settings)[:, 0])
+
+
+def legend_below(figure: Figure, columns: int = 1, **settings: Any) -> Figure:
+    """The figure with its legend below the axes."""
+    figure.legend(loc="outside lower left", ncols=columns, **settings)
+    return figure
+
+
+def diagonal(axes: Axes, low: float, inside: str, stated: str) -> None:
+    """Axes for shares that should be as stated: a diagonal from `low` to 1, and percent on both axes."""
+    axes.plot([low, 1.0], [low, 1.0], color=RULE, lw=1.5, label="exactly as stated")
+    axes.yaxis.set_major_formatter(lambda value, _: f"{100 * value:.0f}")
+    axes.set_ylabel(inside)
+    percent_axis(axes, stated)
+    axes.grid(axis="y")
+
+
+def size_axes(axes: Axes, sizes: Sequence[float]) -> None:
+    """Axes for an error against a number of training trips."""
+    axes.set_xscale("log")
+    axes.set_xticks(sizes, [f"{size:g}" for size in sizes])
+    axes.minorticks_off()
+    axes.set_ylim(bottom=0)
+    axes.set(xlabel="training trips", ylabel="mean error [%]")
+    axes.grid(axis="y")
+
+
 def percent_axis(axes: Axes, label: str) -> None:
     """An x axis that shows fractions as percent."""
     from matplotlib.ticker import FuncFormatter
@@ -106,9 +154,9 @@ def percent_axis(axes: Axes, label: str) -> None:
     axes.grid(axis="x")
 
 
-def row_names(axes: Axes, names: Sequence[str]) -> None:
+def row_names(axes: Axes, names: Sequence[str], **text: Any) -> None:
     """One named row each, the first on top."""
-    axes.set_yticks(range(len(names)), names)
+    axes.set_yticks(range(len(names)), names, **text)
     axes.set_ylim(len(names) - 0.4, -0.6)
     axes.tick_params(axis="y", length=0)
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -31,6 +31,73 @@ class Table:
     rows: tuple[tuple[str, ...], ...]
     text_columns: frozenset[int] = frozenset({0})
     strong: frozenset[int] = frozenset()
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """A column of a table of records.
+
+    Attributes
+    ----------
+    head : str
+    value : str or callable
+        A key of the record, or a function of it. In its cell a text stands as it is, a number times `factor` with `digits`, a
+        pair of fractions as `span`, and a dash for what is missing.
+    factor : float
+    digits : int
+    text : bool
+        Whether the column is one of words; the first one always is.
+
+    Examples
+    --------
+    >>> in_percent("Error [%]", "mape").cell({"mape": 0.125}), Column("Trips", "n").cell({})
+    ('12.5', '–')
+    """
+
+    head: str
+    value: str | Callable[[Any], object]
+    factor: float = 1.0
+    digits: int = 2
+    text: bool = False
+
+    def cell(self, record: Any) -> str:
+        """The cell of a record."""
+        value = self.value(record) if callable(self.value) else record.get(self.value)
+        if isinstance(value, str):
+            return value
+        if isinstance(value, list | tuple):
+            return span(value, self.digits)
+        return number(value, self.factor, self.digits)
+
+
+def in_percent(head: str, value: str | Callable[[Any], object], digits: int = 1) -> Column:
+    """A column of fractions, or of intervals of them, in percent."""
+    return Column(head, value, 100.0, digits)
+
+
+def in_kwh(head: str, value: str | Callable[[Any], object], digits: int = 2) -> Column:
+    """A column of energies [Wh] in kWh."""
+    return Column(head, value, 1e-3, digits)
+
+
+def in_words(head: str, value: str | Callable[[Any], object]) -> Column:
+    """A column of words."""
+    return Column(head, value, text=True)
+
+
+def tabulated(
+    caption: str, records: Iterable[Any], *columns: Column, strong: frozenset[int] = frozenset()
+) -> Table:
+    """A row for each record.
+
+    Examples
+    --------
+    >>> tabulated("Trips", [{"trip": "a", "wh": 1200.0}], Column("Trip", "trip"), in_kwh("Energy [kWh]", "wh")).rows
+    (('a', '1.20'),)
+    """
+    rows = tuple(tuple(column.cell(record) for column in columns) for record in records)
+    words = frozenset(i for i, column in enumerate(columns) if column.text or i == 0)
+    return Table(caption, tuple(column.head for column in columns), rows, words, strong)
 
 
 def number(value: object, factor: float = 1.0, digits: int = 2) -> str:

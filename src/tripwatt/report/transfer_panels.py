@@ -5,22 +5,28 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Final, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
 
+from tripwatt.evaluation.transfer import TransferRun
 from tripwatt.forecasting import GIVEN
 from tripwatt.report.intervals import energy_rows, intervals_table
 from tripwatt.report.panel import Panel
-from tripwatt.report.style import INK, RULE, annotate, new_figure, percent_axis, row_names, styled
-from tripwatt.report.tables import Table, number, span
+from tripwatt.report.style import (
+    INK,
+    RULE,
+    annotate,
+    legend_below,
+    new_figure,
+    percent_axis,
+    row_names,
+    style_context,
+)
+from tripwatt.report.tables import Column, Table, in_percent, in_words, number, tabulated
 from tripwatt.report.words import listed, percent
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from tripwatt.evaluation.transfer import TransferRun
 
 Record = Mapping[str, Any]
 
@@ -102,7 +108,8 @@ def best_own(car: Record) -> str | None:
 
 def transfer_panels(run: TransferRun) -> list[Panel]:
     """Every panel of the page: for each car its models, its curve, its trips and its parameters."""
-    return [panel for car in run.results["cars"] for panel in _car_panels(run, car)]
+    with style_context():
+        return [panel for car in run.results["cars"] for panel in _car_panels(run, car)]
 
 
 def _car_panels(run: TransferRun, car: Record) -> Iterator[Panel]:
@@ -113,7 +120,7 @@ def _car_panels(run: TransferRun, car: Record) -> Iterator[Panel]:
         f"{stem}models",
         f"{name}: models on its second half of trips",
         said_of_models(car),
-        plot_models(car, note=note),
+        plot_models(car, note),
         (models_table(results, car),),
     )
     if not car["trips_first"]:
@@ -122,7 +129,7 @@ def _car_panels(run: TransferRun, car: Record) -> Iterator[Panel]:
         f"{stem}curve",
         f"{name}: error by the number of own trips",
         said_of_curve(car),
-        plot_curve(car, note=note),
+        plot_curve(car, note),
         (curve_table(results, car), coverage_table(results, car)),
     )
     shown = ("physics", "zero-shot", adapted_name(car))
@@ -130,7 +137,7 @@ def _car_panels(run: TransferRun, car: Record) -> Iterator[Panel]:
         f"{stem}trips",
         f"{name}: trip by trip",
         _said_of_trips(car, shown),
-        plot_trips(run.trips[run.trips["car"] == car["car"]], car, shown, note=note),
+        plot_trips(run.trips[run.trips["car"] == car["car"]], car, shown, note),
     )
     yield Panel(
         f"{stem}parameters",
@@ -177,22 +184,18 @@ def said_of_models(car: Record) -> str:
 
 def models_table(results: Record, car: Record) -> Table:
     """Every model with error and bias."""
-    rows = tuple(
-        (
-            model.label,
-            number(car["models"][name]["error"], 100, 1),
-            span(car["models"][name]["error_ci95"]),
-            number(car["models"][name]["bias"], 100, 1),
-            span(car["models"][name]["bias_ci95"]),
-        )
-        for name, model in models_of(car).items()
+    return tabulated(
+        _captioned("Errors", results, car),
+        [{**car["models"][name], "label": model.label} for name, model in models_of(car).items()],
+        Column("Model", "label"),
+        in_percent("Error [%]", "error"),
+        in_percent("95 % interval", "error_ci95"),
+        in_percent("Bias [%]", "bias"),
+        in_percent("95 % interval of the bias", "bias_ci95"),
     )
-    columns = ("Model", "Error [%]", "95 % interval", "Bias [%]", "95 % interval of the bias")
-    return Table(_captioned("Errors", results, car), columns, rows)
 
 
-@styled
-def plot_models(car: Record, *, note: str = "") -> Figure:
+def plot_models(car: Record, note: str) -> Figure:
     """Error of every model with its interval over trips."""
     models = models_of(car)
     figure = new_figure(1.5 + 0.3 * len(models), "Error on held-out trips", f"{note}\n{GIVEN}", False)
@@ -230,34 +233,24 @@ def said_of_curve(car: Record) -> str:
 def curve_table(results: Record, car: Record) -> Table:
     """Error by the number of own trips."""
     curves = car["curves"]
-    rows = tuple(
-        (
-            str(row["k"]),
-            str(row["draws"]),
-            number(row["error"], 100, 1),
-            span(row["error_ci95"]),
-            number(row["bias"], 100, 1),
-            number(row["share_in_common"]),
-            number(row["inside_90"], 100, 0),
-            number(terms["error"], 100, 1),
-            number(parameters["error"], 100, 1),
-        )
-        for row, terms, parameters in zip(
-            curves["both"], curves["effects"], curves["parameters"], strict=True
-        )
+    alone = zip(curves["effects"], curves["parameters"], strict=True)
+    rows = [
+        {**row, "terms": terms["error"], "parameters": parameters["error"]}
+        for row, (terms, parameters) in zip(curves["both"], alone, strict=True)
+    ]
+    return tabulated(
+        _captioned("Error by own trips", results, car),
+        rows,
+        Column("Own trips", "k", digits=0),
+        Column("Draws", "draws", digits=0),
+        in_percent("Error [%]", "error"),
+        in_percent("95 % interval", "error_ci95"),
+        in_percent("Bias [%]", "bias"),
+        Column("In common", "share_in_common"),
+        in_percent("Inside 90 % [%]", "inside_90", 0),
+        in_percent("Terms alone [%]", "terms"),
+        in_percent("Parameters alone [%]", "parameters"),
     )
-    columns = (
-        "Own trips",
-        "Draws",
-        "Error [%]",
-        "95 % interval",
-        "Bias [%]",
-        "In common",
-        "Inside 90 % [%]",
-        "Terms alone [%]",
-        "Parameters alone [%]",
-    )
-    return Table(_captioned("Error by own trips", results, car), columns, rows)
 
 
 def coverage_table(results: Record, car: Record) -> Table:
@@ -270,52 +263,30 @@ def coverage_table(results: Record, car: Record) -> Table:
     return intervals_table(_captioned("Intervals by own trips", results, car), rows)
 
 
-@styled
-def plot_curve(car: Record, *, note: str = "") -> Figure:
+def plot_curve(car: Record, note: str) -> Figure:
     """Error against the number of own trips, with the models that need none or all of them as lines."""
     figure = new_figure(4.9, "How many trips of its own a car needs", f"{note}\n{GIVEN}", False)
     axes, models = figure.add_subplot(), models_of(car)
     main = car["curves"]["both"]
     place = {row["k"]: i for i, row in enumerate(main)}
     band = np.array([row["error_ci95"] for row in main]) * 100.0
-    axes.fill_between(
-        range(len(main)),
-        band[:, 0],
-        band[:, 1],
-        color=COLOUR["transfer"],
-        alpha=0.15,
-        lw=0,
-        label="95 % interval over draws and trips",
-    )
+    colour, words = COLOUR["transfer"], "95 % interval over draws and trips"
+    axes.fill_between(range(len(main)), *band.T, color=colour, alpha=0.15, lw=0, label=words)
     for mode, (line, marker, width) in _MODE_STYLE.items():
-        rows = car["curves"][mode]
-        axes.plot(
-            [place[row["k"]] for row in rows],
-            [100.0 * row["error"] for row in rows],
-            linestyle=line,
-            marker=marker,
-            ms=5,
-            lw=width,
-            color=COLOUR["transfer"],
-            label=f"transfer: {MODE_LABELS[mode]}",
-            gid=f"curve-{mode}",
-        )
+        rows, label = car["curves"][mode], f"transfer: {MODE_LABELS[mode]}"
+        at, errors = [place[row["k"]] for row in rows], [100.0 * row["error"] for row in rows]
+        look: dict[str, Any] = {"linestyle": line, "marker": marker, "lw": width, "ms": 5}
+        axes.plot(at, errors, color=colour, label=label, gid=f"curve-{mode}", **look)
     for name, line in (("physics", "-"), (best_own(car), "--"), ("data-only", "-")):
         if name in models:
-            axes.axhline(
-                100.0 * car["models"][name]["error"],
-                color=COLOUR[models[name].kind],
-                lw=1.6,
-                ls=line,
-                label=models[name].label,
-                gid=f"line-{name}",
-            )
+            error, model = 100.0 * car["models"][name]["error"], models[name]
+            look = {"color": COLOUR[model.kind], "lw": 1.6, "ls": line}
+            axes.axhline(error, label=model.label, gid=f"line-{name}", **look)
     axes.set_xticks(range(len(main)), [str(row["k"]) for row in main])
     axes.set(xlabel="trips of its own", ylabel="error of the energy [%]")
     axes.set_ylim(bottom=0.0)
     axes.grid(axis="y")
-    figure.legend(loc="outside lower left", ncols=1)
-    return figure
+    return legend_below(figure)
 
 
 def _said_of_trips(car: Record, names: Sequence[str]) -> str:
@@ -324,8 +295,7 @@ def _said_of_trips(car: Record, names: Sequence[str]) -> str:
     return f"Bias {listed(biases)}; {GIVEN}."
 
 
-@styled
-def plot_trips(trips: pd.DataFrame, car: Record, names: Sequence[str], *, note: str = "") -> Figure:
+def plot_trips(trips: pd.DataFrame, car: Record, names: Sequence[str], note: str) -> Figure:
     """Forecast against measured energy, one panel a model."""
     figure = new_figure(3.0, "Trip by trip", f"{note}\n{GIVEN}", False)
     panels = figure.subplots(1, len(names), sharex=True, sharey=True, squeeze=False)[0]
@@ -334,15 +304,8 @@ def plot_trips(trips: pd.DataFrame, car: Record, names: Sequence[str], *, note: 
     for axes, name in zip(panels, names, strict=True):
         own = trips[trips["model"] == name]
         axes.plot([0, most], [0, most], color=RULE, lw=1.2)
-        axes.plot(
-            own["observed_energy_wh"] / 1e3,
-            own["predicted_energy_wh"] / 1e3,
-            "o",
-            ms=3.2,
-            alpha=0.75,
-            color=COLOUR[models[name].kind],
-            mec="none",
-        )
+        look: dict[str, Any] = {"ms": 3.2, "alpha": 0.75, "color": COLOUR[models[name].kind], "mec": "none"}
+        axes.plot(own["observed_energy_wh"] / 1e3, own["predicted_energy_wh"] / 1e3, "o", **look)
         axes.set_title(models[name].label, color=INK, fontsize=8.5)
         axes.set(xlim=(0, most), ylim=(0, most), xlabel="measured [kWh]", aspect="equal")
     panels[0].set_ylabel("forecast [kWh]")
@@ -350,8 +313,8 @@ def plot_trips(trips: pd.DataFrame, car: Record, names: Sequence[str], *, note: 
 
 
 def _said_of_parameters(car: Record) -> str:
-    found = car["calibrated"] or {}
-    moved = [name.replace("_", " ") for name, value in found.items() if abs(value["change"]) > value["sd"]]
+    calibrated = (car["calibrated"] or {}).items()
+    moved = [name.replace("_", " ") for name, value in calibrated if abs(value["change"]) > value["sd"]]
     return (
         "With the whole first half, further from their book value than one standard deviation: "
         f"{listed(moved)}. Widths are published spreads and not fitted; modes: {listed(list(MODE_LABELS.values()))}."
@@ -360,16 +323,13 @@ def _said_of_parameters(car: Record) -> str:
 
 def parameters_table(results: Record, car: Record) -> Table:
     """Prior and calibrated change of every physical parameter."""
-    found = car["calibrated"] or {}
-    rows = tuple(
-        (
-            p["name"].replace("_", " "),
-            number(p["width"], 100, 0),
-            number(found.get(p["name"], {}).get("change"), 100, 1),
-            number(found.get(p["name"], {}).get("sd"), 100, 1),
-            p["source"],
-        )
-        for p in results["parameters"]
+    calibrated = car["calibrated"] or {}
+    return tabulated(
+        "Physical parameters of the car",
+        [{**p, **calibrated.get(p["name"], {})} for p in results["parameters"]],
+        Column("Parameter", lambda p: p["name"].replace("_", " ")),
+        in_percent("Prior width [%]", "width", 0),
+        in_percent("Change [%]", "change"),
+        in_percent("± [%]", "sd"),
+        in_words("Source of the width", "source"),
     )
-    columns = ("Parameter", "Prior width [%]", "Change [%]", "± [%]", "Source of the width")
-    return Table("Physical parameters of the car", columns, rows, text_columns=frozenset({0, 4}))

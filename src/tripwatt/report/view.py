@@ -13,6 +13,7 @@ import pandas as pd
 
 from tripwatt.arrays import FloatArray
 from tripwatt.evaluation import DEFAULT_PROTOCOL, PROTOCOLS, EvaluationProtocol
+from tripwatt.evaluation.comparison import FOLD_COLUMNS
 from tripwatt.report.model_styles import model_style, ordered
 
 if TYPE_CHECKING:
@@ -33,17 +34,6 @@ TRIP_SETS: Final = {
     "audited": "trips the audit keeps",
     "all": "all trips, unaudited",
 }
-_FOLD_COLUMNS: Final = (
-    "scheme",
-    "trips",
-    "trip",
-    "model",
-    "observed_energy_wh",
-    "simulated_energy_wh",
-    "correction_wh",
-    "predicted_energy_wh",
-    "ape",
-)
 
 
 def plain(text: object, longest: int = 48) -> str:
@@ -186,7 +176,7 @@ class View:
     """
 
     results: Record
-    folds: pd.DataFrame = field(default_factory=lambda: pd.DataFrame(columns=list(_FOLD_COLUMNS)))
+    folds: pd.DataFrame = field(default_factory=lambda: pd.DataFrame(columns=list(FOLD_COLUMNS)))
     series: Mapping[str, pd.DataFrame] = field(default_factory=dict)
     signals: pd.DataFrame | None = None
     learning_curves: pd.DataFrame | None = None
@@ -201,7 +191,7 @@ class View:
         series = getattr(run, "series", None) or {}
         return cls(
             results=getattr(run, "results", None) or {},
-            folds=folds if folds is not None else pd.DataFrame(columns=list(_FOLD_COLUMNS)),
+            folds=folds if folds is not None else pd.DataFrame(columns=list(FOLD_COLUMNS)),
             series={str(trip): frame for trip, frame in dict(series).items()},
             signals=_frame(run, "signals"),
             learning_curves=_frame(run, "learning_curves"),

@@ -4,7 +4,7 @@ from tripwatt.routes.calibrate import calibrate_style, road_work
 from tripwatt.routes.geojson import ROAD_SPEED_M_S, read_geojson
 from tripwatt.routes.gpx import read_gpx
 from tripwatt.routes.kml import read_kml
-from tripwatt.routes.link_objects import fields_of_route, route_from_links, route_with_elevation
+from tripwatt.routes.link_objects import route_from_links
 from tripwatt.routes.link_table import is_links_table, route_from_table
 from tripwatt.routes.links import (
     LinkRoute,
@@ -29,7 +29,6 @@ __all__ = [
     "LinkStyle",
     "Track",
     "calibrate_style",
-    "fields_of_route",
     "is_links_table",
     "is_route",
     "join_routes",
@@ -49,5 +48,4 @@ __all__ = [
     "route_from_links",
     "route_from_table",
     "route_from_track",
-    "route_with_elevation",
 ]

@@ -5,14 +5,11 @@ from __future__ import annotations
 import csv
 import io
 import itertools
-from typing import Final
 
 from tripwatt.errors import Fault, InvalidInput, first_faults, raise_faults
 from tripwatt.routes.link_objects import LINK_KEYS, columns_of_links, key_hint, route_of_columns
 from tripwatt.routes.links import MOST_LINKS, LinkRoute
-from tripwatt.trips.headers import header_faults
-
-DELIMITERS: Final = (";", "\t", ",")
+from tripwatt.trips.headers import DELIMITERS, header_faults
 
 
 def is_links_table(data: bytes) -> bool:
@@ -38,9 +35,9 @@ def is_links_table(data: bytes) -> bool:
 
 
 def route_from_table(data: bytes, where: str = "links") -> LinkRoute:
-    r"""Read links from a CSV table with a header: comma, semicolon or tab between cells. O(bytes).
+    r"""Read links from a CSV table with a header: comma, semicolon, tab or bar between cells. O(bytes).
 
-    Columns are those of `route_from_links`; an empty cell is not given. With semicolons or tabs a decimal comma is read.
+    Columns are those of `route_from_links`; an empty cell is not given. A decimal comma is read where no comma is between cells.
 
     Parameters
     ----------

@@ -32,9 +32,8 @@ from tripwatt.routes.polyline import decode_polyline
 from tripwatt.routes.tracks import Track
 from tripwatt.routes.xml_events import root_of
 from tripwatt.trips import Flag
-from tripwatt.units import M_PER_MILE
+from tripwatt.units import M_PER_FOOT, M_PER_MILE
 
-M_PER_FOOT: Final = 0.3048
 ORS_UNITS_M: Final[Mapping[str, float]] = MappingProxyType({"m": 1.0, "km": 1000.0, "mi": M_PER_MILE})
 ZIP: Final = b"PK\x03\x04"
 """First bytes of a ZIP archive."""

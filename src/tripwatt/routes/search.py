@@ -6,7 +6,7 @@ import difflib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, ClassVar, Final, Protocol, Self
+from typing import ClassVar, Final, Protocol, Self
 
 from tripwatt.errors import InvalidInput, RemoteError
 from tripwatt.routes.documents import Node
@@ -43,6 +43,9 @@ class ServerSearch:
     client: WebClient
 
     key_place: ClassVar[str]
+    path: ClassVar[str]
+    more: ClassVar[Mapping[str, str]] = MappingProxyType({})
+    """What the question has beside a text and a number of places."""
 
     @classmethod
     def from_url(cls, url: str) -> Self:
@@ -57,13 +60,10 @@ class ServerSearch:
         RemoteError
             When the server does not answer, or not with places.
         """
-        answer = self.ask({"q": text[:LONGEST_TEXT], "limit": str(limit)})
+        query = {"q": text[:LONGEST_TEXT], "limit": str(limit), **self.more}
+        answer = self.client.get_json(self.path, query)
         with as_remote():
             return without_twins(self.places(Node(answer, self.client.host)))[: min(limit, MOST_FOUND)]
-
-    def ask(self, query: dict[str, str]) -> Any:
-        """The answer to a text and a number of places."""
-        raise NotImplementedError
 
     @staticmethod
     def places(answer: Node) -> list[Place]:
@@ -75,10 +75,7 @@ class PhotonSearch(ServerSearch):
     """Places of a Photon server."""
 
     key_place = "query:api_key"
-
-    def ask(self, query: dict[str, str]) -> Any:
-        """See `ServerSearch.ask`."""
-        return self.client.get_json("/api", query)
+    path = "/api"
 
     @staticmethod
     def places(answer: Node) -> list[Place]:
@@ -100,10 +97,8 @@ class NominatimSearch(ServerSearch):
     """Places of a Nominatim server."""
 
     key_place = "query:key"
-
-    def ask(self, query: dict[str, str]) -> Any:
-        """See `ServerSearch.ask`."""
-        return self.client.get_json("/search", {**query, "format": "jsonv2"})
+    path = "/search"
+    more = MappingProxyType({"format": "jsonv2"})
 
     @staticmethod
     def places(answer: Node) -> list[Place]:

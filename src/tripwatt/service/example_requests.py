@@ -50,8 +50,9 @@ EXAMPLES: Final[Mapping[str, Mapping[str, Any]]] = {
             ],
             "soc": 0.8,
             "ambient_temperature_degc": -5.0,
-            "depart": "2026-02-01T07:30:00+01:00",
-            "weather": {"wind_speed_m_s": 6.0, "wind_from_deg": 350.0},
+            "departure_utc": "2026-02-01T07:30:00+01:00",
+            "wind_speed_m_s": 6.0,
+            "wind_from_deg": 350.0,
         }
     },
     "ReachRequest": {"a start": {"start": {"latitude_deg": 47.141, "longitude_deg": 9.5209}, "soc": 0.2}},

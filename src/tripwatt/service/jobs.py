@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -24,14 +23,8 @@ from tripwatt.forecasting import (
 )
 from tripwatt.forecasting.storage import DEFAULT_MODEL
 from tripwatt.population.cars import for_car
-from tripwatt.routes import (
-    Track,
-    fields_of_route,
-    is_links_table,
-    parse_route,
-    plan_from_route,
-    route_from_track,
-)
+from tripwatt.routes import Track, is_links_table, parse_route, plan_from_route, route_from_track
+from tripwatt.routes.link_objects import fields_of_route
 from tripwatt.service.car_jobs import CarJobs
 from tripwatt.service.car_schemas import LogsRequest, NewCarRequest
 from tripwatt.service.journey_schemas import PlanRequest, ReachRequest
@@ -45,6 +38,7 @@ from tripwatt.service.schemas import (
     VehicleFigures,
     check_request,
     departure_of,
+    did_you_mean,
     parse_json,
     parse_links,
     parse_observed,
@@ -144,7 +138,7 @@ class Jobs:
 
         Raises
         ------
-        NotJson, InvalidInput
+        InvalidInput, Problem
             When the body is wrong.
         """
         return JOB_KINDS[job["kind"]](self, job, body)
@@ -385,9 +379,7 @@ def _no_single_car(got: str) -> InvalidInput:
 
 
 def _unknown(what: str, name: str, known: Sequence[str]) -> Fault:
-    near = difflib.get_close_matches(name[:60], known, n=1)
-    fix = f"did you mean {near[0]}?" if near else ""
-    return Fault(f"unknown {what}", what, excerpt(name), ", ".join(known), fix)
+    return Fault(f"unknown {what}", what, excerpt(name), ", ".join(known), did_you_mean(name, known))
 
 
 def _figures(value: Any) -> VehicleFigures:

@@ -45,11 +45,8 @@ class _Departs(DepartureRequest, CarRequest):
     """The car, and what is known at departure."""
 
     departs_at: AwareDatetime | None = asked("departs_at", ASKED["departs_at"])[1]
-    weather: WeatherRequest | None = Field(
-        None,
-        json_schema_extra={"deprecated": True},
-        description="old form of wind_speed_m_s, wind_from_deg, rain_mm_h and pressure_pa",
-    )
+    weather: WeatherRequest | None = Field(None, json_schema_extra={"deprecated": True})
+    """old form of wind_speed_m_s, wind_from_deg, rain_mm_h and pressure_pa"""
 
 
 class PlanRequest(_Departs):
@@ -57,9 +54,12 @@ class PlanRequest(_Departs):
 
     stops: list[Stop] = Field(min_length=2, max_length=20)
     reserve: float = reserved(0.1)
-    alternatives: int = Field(0, ge=0, le=3, description="other roads beside the fastest")
-    round_trip: bool = Field(False, description="back to the start")
-    answers: bool = Field(True, description="whether costs, speed and charging are worked out")
+    alternatives: int = Field(0, ge=0, le=3)
+    """other roads beside the fastest"""
+    round_trip: bool = False
+    """back to the start"""
+    answers: bool = True
+    """whether costs, speed and charging are worked out"""
 
 
 class ReachRequest(_Departs):
@@ -73,7 +73,8 @@ class PlaceDocument(ResponseModel):
     """A place."""
 
     name: str
-    kind: str = Field(description="what it is on the map; empty when unknown")
+    kind: str
+    """what it is on the map; empty when unknown"""
     latitude_deg: float
     longitude_deg: float
 
@@ -90,7 +91,8 @@ class LineDocument(ResponseModel):
 
     latitude_deg: list[float]
     longitude_deg: list[float]
-    position_m: list[float] = Field(description="distance of each point from the start [m]")
+    position_m: list[float]
+    """distance of each point from the start [m]"""
 
 
 class RoadLinks(ResponseModel):
@@ -105,7 +107,8 @@ class StopDocument(ResponseModel):
     """An intermediate stop."""
 
     position_m: float
-    displayed_soc: float = Field(description="expected displayed state of charge there")
+    displayed_soc: float
+    """expected displayed state of charge there"""
 
 
 class RoadDocument(ResponseModel):
@@ -117,9 +120,8 @@ class RoadDocument(ResponseModel):
     line: LineDocument
     links: RoadLinks
     stops: list[StopDocument]
-    samples: dict[str, list[float | None]] = Field(
-        description="speed and elevation that the driver model gives"
-    )
+    samples: dict[str, list[float | None]]
+    """speed and elevation that the driver model gives"""
     forecast: ForecastResponse
 
 
@@ -131,50 +133,63 @@ class StationDocument(ResponseModel):
     name: str
     power_w: float
     direct_current: bool
-    power_known: bool = Field(description="whether the map gives the power; else it is assumed")
+    power_known: bool
+    """whether the map gives the power; else it is assumed"""
 
 
 class ChargingDocument(ResponseModel):
     """A journey with one stop to charge."""
 
     station: StationDocument
-    soc_arrival: float = Field(description="expected displayed state of charge at the station")
-    soc_leave: float = Field(description="displayed state of charge to leave the station with")
-    charging_s: float = Field(description="time at the station [s]")
-    duration_s: float = Field(description="of the whole journey with the stop [s]")
-    p_station: float = Field(description="probability to reach the station")
-    p_arrive: float = Field(description="probability to reach the destination with the reserve after it")
+    soc_arrival: float
+    """expected displayed state of charge at the station"""
+    soc_leave: float
+    """displayed state of charge to leave the station with"""
+    charging_s: float
+    """time at the station [s]"""
+    duration_s: float
+    """of the whole journey with the stop [s]"""
+    p_station: float
+    """probability to reach the station"""
+    p_arrive: float
+    """probability to reach the destination with the reserve after it"""
 
 
 class PlanResponse(ResponseModel):
     """A journey, as `tripwatt plan --json` prints it."""
 
-    stops: list[PlaceDocument] = Field(description="the places as they were understood")
+    stops: list[PlaceDocument]
+    """the places as they were understood"""
     reserve: float
-    arrives: bool = Field(description="whether at least 19 of 20 trips arrive with the reserve")
-    p_arrive: float = Field(description="probability to arrive with the reserve")
-    soc_needed: float = Field(
-        description="displayed state of charge to leave with, to arrive with the reserve in 19 of 20 trips; above 1: a full "
-        "battery does not suffice; 0: any charge does"
-    )
-    leave: str = Field(description="`soc_needed` as an English sentence")
-    costs_wh: dict[str, float] = Field(description="energy that the journey takes less without each [Wh]")
-    needs_motorway_speed: bool = Field(description="whether a lower speed on motorways was looked for")
-    motorway_speed_m_s: float | None = Field(
-        description="speed on motorways with which it arrives; null: none does"
-    )
+    arrives: bool
+    """whether at least 19 of 20 trips arrive with the reserve"""
+    p_arrive: float
+    """probability to arrive with the reserve"""
+    soc_needed: float
+    """displayed state of charge to leave with, to arrive with the reserve in 19 of 20 trips; above 1: a full battery does not suffice; 0: any charge does"""
+    leave: str
+    """`soc_needed` as an English sentence"""
+    costs_wh: dict[str, float]
+    """energy that the journey takes less without each [Wh]"""
+    needs_motorway_speed: bool
+    """whether a lower speed on motorways was looked for"""
+    motorway_speed_m_s: float | None
+    """speed on motorways with which it arrives; null: none does"""
     motorway_duration_s: float | None
     charging: ChargingDocument | None
-    roads: list[RoadDocument] = Field(description="the fastest first")
+    roads: list[RoadDocument]
+    """the fastest first"""
     flags: list[FlagDocument]
-    attribution: str = Field(description="to be shown beside roads and places")
+    attribution: str
+    """to be shown beside roads and places"""
 
 
 class PolygonDocument(ResponseModel):
     """A polygon of GeoJSON."""
 
     type: Literal["Polygon"]
-    coordinates: list[list[list[float]]] = Field(description="longitude and latitude [°]")
+    coordinates: list[list[list[float]]]
+    """longitude and latitude [°]"""
 
 
 class AreaDocument(ResponseModel):
@@ -189,7 +204,8 @@ class ReachResponse(ResponseModel):
 
     start: PlaceDocument
     areas: list[AreaDocument]
-    map_ends: bool = Field(description="whether the map ends before the charge in at least one direction")
+    map_ends: bool
+    """whether the map ends before the charge in at least one direction"""
     flags: list[FlagDocument]
     attribution: str
 
@@ -197,18 +213,26 @@ class ReachResponse(ResponseModel):
 class ViewResponse(ResponseModel):
     """What is named in a part of the map."""
 
-    settlements: list[PlaceDocument] = Field(description="the most important first")
-    stations: list[StationDocument] = Field(description="charging stations, those with the most power first")
+    settlements: list[PlaceDocument]
+    """the most important first"""
+    stations: list[StationDocument]
+    """charging stations, those with the most power first"""
     attribution: str
 
 
 class MapResponse(ResponseModel):
     """Roads, places and weather of this service."""
 
-    roads: bool = Field(description="whether /v1/journeys and /v1/reachable are served")
-    places: bool = Field(description="whether places are found by name")
-    weather: bool = Field(description="whether a weather server is asked")
-    tiles: bool = Field(description="whether /v1/tiles has the roads as vector tiles")
-    stations: int = Field(description="number of charging stations")
-    bounds_deg: list[float] | None = Field(description="south, west, north and east of the map")
+    roads: bool
+    """whether /v1/journeys and /v1/reachable are served"""
+    places: bool
+    """whether places are found by name"""
+    weather: bool
+    """whether a weather server is asked"""
+    tiles: bool
+    """whether /v1/tiles has the roads as vector tiles"""
+    stations: int
+    """number of charging stations"""
+    bounds_deg: list[float] | None
+    """south, west, north and east of the map"""
     attribution: str

@@ -11,9 +11,8 @@ from tripwatt.certification import certified_interval
 from tripwatt.forecasting import load_model
 from tripwatt.physics.battery import open_circuit_voltage
 from tripwatt.service.problems import Problem
-from tripwatt.service.schemas import ExampleSummary
+from tripwatt.service.schemas import ExampleSummary, ForecastRequest
 from tripwatt.synthetic import synthetic_fleet
-from tripwatt.trips import ASKED
 from tripwatt.trips.samples import columns_of
 from tripwatt.vehicles import Vehicle, load_vehicle, vehicle_names
 
@@ -63,7 +62,9 @@ def examples() -> dict[str, dict[str, Any]]:
     by_trip = {}
     for trip in synthetic_fleet(EXAMPLE_COUNT).trips:
         known = trip.departure.to_dict()
-        at_departure: dict[str, Any] = {name: known[name] for name in ASKED if name in known}
+        at_departure: dict[str, Any] = {
+            name: known[name] for name in ForecastRequest.model_fields if name in known
+        }
         managed = float(trip.array("soc")[0])
         # as the bundled model reads the samples on the way, so that the curve starts where the departure does
         shown = battery.displayed_from_soc(managed) if charge is None else charge.displayed(managed)

@@ -22,7 +22,8 @@ from sse_starlette import EventSourceResponse, ServerSentEvent
 
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecasting import ForecastModel
-from tripwatt.live import LiveDocument, RoadCar, Sample, has_token, is_car
+from tripwatt.live import RoadCar, Sample, has_token, is_car
+from tripwatt.live.documents import LiveDocument
 from tripwatt.live.tokens import digest_of, token_digest
 from tripwatt.service.car_jobs import CarJobs
 from tripwatt.service.jobs import Jobs
@@ -311,10 +312,12 @@ class LiveCars:
             for car in [*self.cars.values()]:
                 try:
                     await self.run(car.end_when_silent, time.time())
+                    if car.wants_forecast:
+                        await self.document(car)
                 except OSError as error:
                     self._not_stored("trip", car, error)
-                if car.wants_forecast:
-                    await self.document(car)
+                except Exception as error:  # the other cars are watched all the same
+                    self.log(event="bug", vehicle=car.name, error=repr(error)[:200])
             await asyncio.sleep(SILENCE_CHECK_S)
 
     @contextlib.asynccontextmanager

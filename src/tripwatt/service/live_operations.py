@@ -40,7 +40,7 @@ from tripwatt.service.openapi import (
 from tripwatt.service.pool import WorkerPool
 from tripwatt.service.problems import Problem, invalid_input, refusal
 from tripwatt.service.receiving import media_type, request_id, require_accepts
-from tripwatt.service.schemas import NotJson, check_request, parse_json
+from tripwatt.service.schemas import check_request, parse_json
 from tripwatt.service.settings import Settings
 
 MOST_MESSAGE_BYTES: Final = 65_536
@@ -231,17 +231,11 @@ def telemetry_of(message: Mapping[str, Any]) -> Any:
         `not-json` for a text that is none.
     """
     given = message.get("tlm", message if "utc" in message else None)
-    try:
-        return parse_json(given.encode()) if isinstance(given, str) else given
-    except NotJson as error:
-        raise Problem("not-json", f"tlm: {error}") from error
+    return parse_json(given.encode(), "tlm: ") if isinstance(given, str) else given
 
 
 def _parsed(body: bytes) -> dict[str, Any]:
-    try:
-        document = parse_json(body)
-    except NotJson as error:
-        raise Problem("not-json", str(error)) from error
+    document = parse_json(body)
     if not isinstance(document, dict):
         raise invalid_input([Fault("not an object", "body", excerpt(document), "an object")])
     return document

@@ -19,14 +19,12 @@ from tripwatt.service.schemas import ForecastRequest, ProblemFault, ResponseMode
 class TelemetryRequest(BaseModel):
     """A message of a car in the format of A Better Routeplanner's live data; other fields are allowed."""
 
-    model_config = ConfigDict(extra="allow")
+    model_config = ConfigDict(extra="allow", use_attribute_docstrings=True)
 
-    tlm: dict[str, Any] | str = Field(
-        description="the message as an object, or as its JSON text: utc [s since 1970] is required; speed [km/h], "
-        "power [kW, output is positive], soc [%], voltage, current, elevation, ext_temp, batt_temp, cabin_temp, "
-        "hvac_power [kW], hvac_setpoint, is_charging, is_parked"
-    )
-    token: str | None = Field(None, max_length=200, description="token of the car; or as a bearer token")
+    tlm: dict[str, Any] | str
+    """the message as an object, or as its JSON text: utc [s since 1970] is required; speed [km/h], power [kW, output is positive], soc [%], voltage, current, elevation, ext_temp, batt_temp, cabin_temp, hvac_power [kW], hvac_setpoint, is_charging, is_parked"""
+    token: str | None = Field(None, max_length=200)
+    """token of the car; or as a bearer token"""
 
 
 class TelemetryResponse(ResponseModel):
@@ -34,19 +32,17 @@ class TelemetryResponse(ResponseModel):
 
     status: Literal["ok"]
     vehicle: str
-    arrival: Literal["new", "doubled", "late"] = Field(description="only a new message counts")
-    ignored: list[ProblemFault] = Field(description="values that cannot be one")
+    arrival: Literal["new", "doubled", "late"]
+    """only a new message counts"""
+    ignored: list[ProblemFault]
+    """values that cannot be one"""
 
 
 class LiveDeparture(StrictModel):
     """When a car leaves."""
 
-    departure_utc: float | None = Field(
-        None,
-        ge=FIRST_TIME_S,
-        le=LAST_TIME_S,
-        description="departure [s since 1970]; default: the start of the trip. Earlier messages do not count",
-    )
+    departure_utc: float | None = Field(None, ge=FIRST_TIME_S, le=LAST_TIME_S)
+    """departure [s since 1970]; default: the start of the trip. Earlier messages do not count"""
 
 
 class LivePlanRequest(LiveDeparture, ForecastRequest):
@@ -57,26 +53,28 @@ class NeedResponse(ResponseModel):
     """What the next trip of a car needs, for charge planning."""
 
     vehicle: str
-    plan: Literal["given", "usual"] = Field(
-        description="the plan that was given, or the road of an earlier trip that began at about this time of day"
-    )
-    usual_trip: str | None = Field(description="name of that trip")
-    probability: float = Field(description="with which energy and charge suffice")
-    reserve: float = Field(description="displayed state of charge to arrive with")
-    expected_wh: float = Field(description="expected energy of the trip [Wh]")
-    energy_wh: float = Field(description="quantile of the energy at the probability [Wh]")
-    soc_needed: float = Field(
-        description="displayed state of charge to leave with; above 1 where a full battery does not suffice, 0 where any "
-        "charge does"
-    )
-    message: str = Field(description="`soc_needed` as an English sentence")
-    wh_per_display: float = Field(description="energy of a whole display [Wh]")
-    soc: float | None = Field(
-        description="displayed state of charge of the last messages; null where unknown or on a trip"
-    )
-    charge_wh: float | None = Field(
-        description="energy that is missing in the battery, up to a full one [Wh]"
-    )
+    plan: Literal["given", "usual"]
+    """the plan that was given, or the road of an earlier trip that began at about this time of day"""
+    usual_trip: str | None
+    """name of that trip"""
+    probability: float
+    """with which energy and charge suffice"""
+    reserve: float
+    """displayed state of charge to arrive with"""
+    expected_wh: float
+    """expected energy of the trip [Wh]"""
+    energy_wh: float
+    """quantile of the energy at the probability [Wh]"""
+    soc_needed: float
+    """displayed state of charge to leave with; above 1 where a full battery does not suffice, 0 where any charge does"""
+    message: str
+    """`soc_needed` as an English sentence"""
+    wh_per_display: float
+    """energy of a whole display [Wh]"""
+    soc: float | None
+    """displayed state of charge of the last messages; null where unknown or on a trip"""
+    charge_wh: float | None
+    """energy that is missing in the battery, up to a full one [Wh]"""
 
 
 _documents: list[Any] = [LiveForecastDocument, LiveTripDocument, LiveMessages, LiveDocument]
@@ -95,7 +93,8 @@ class LiveCarSummary(ResponseModel):
     """A car that the service follows."""
 
     vehicle: str
-    seconds_since_message: float | None = Field(description="null before the first message")
+    seconds_since_message: float | None
+    """null before the first message"""
     on_trip: bool
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from types import NoneType
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, TypeVar
 
@@ -26,7 +26,9 @@ from pydantic import (
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import MOST_HINTS, Fault, InvalidInput, excerpt
 from tripwatt.forecasting.document import FlagDocument
-from tripwatt.routes import LinkRoute, route_from_links, route_with_elevation
+from tripwatt.routes import LinkRoute, route_from_links
+from tripwatt.routes.link_objects import route_with_elevation
+from tripwatt.service.problems import Problem
 from tripwatt.service.settings import Limits
 from tripwatt.sources.canonical import LEAST_SAMPLES, canonical_samples
 from tripwatt.trips import ASKED, COLUMNS, LINK_COLUMNS, QUANTITIES, Column, Departure
@@ -158,12 +160,10 @@ class StrictModel(BaseModel):
 class Elevation(StrictModel):
     """Elevation along a route of links; in a request it replaces grades and elevations of the links."""
 
-    position_m: list[float] = Field(
-        min_length=1, description="distances from the start, never decreasing [m]"
-    )
-    elevation_m: list[float] = Field(
-        min_length=1, description="elevation above sea level at each position [m]"
-    )
+    position_m: list[float] = Field(min_length=1)
+    """distances from the start, never decreasing [m]"""
+    elevation_m: list[float] = Field(min_length=1)
+    """elevation above sea level at each position [m]"""
 
 
 Links = Annotated[
@@ -176,38 +176,33 @@ Links = Annotated[
 class VehicleFigures(StrictModel):
     """A car that the library does not have, by up to six figures; what is missing is that of a usual car of its body."""
 
-    mass_kg: float | None = Field(
-        None, ge=400.0, le=6000.0, description="mass ready to drive, nobody inside [kg]"
-    )
-    usable_battery_kwh: float | None = Field(
-        None, ge=4.0, le=300.0, description="usable energy of the battery [kWh]"
-    )
-    consumption_kwh_per_100km: float | None = Field(
-        None, ge=6.0, le=60.0, description="published consumption at the wall [kWh/100 km]"
-    )
-    motor_power_kw: float | None = Field(
-        None, ge=5.0, le=1500.0, description="largest power of all motors together [kW]"
-    )
-    body: Literal["small", "hatchback", "sedan", "estate", "suv", "van", "pickup"] | None = Field(
-        None, description="kind of body; default: suv"
-    )
-    heat_pump: bool | None = Field(None, description="default: false")
-    procedure: Literal["wltp", "epa"] = Field(
-        "wltp", description="where the consumption comes from; epa is the combined figure of the label"
-    )
-    title: str | None = Field(None, min_length=1, max_length=100, description="name for people")
+    mass_kg: float | None = Field(None, ge=400.0, le=6000.0)
+    """mass ready to drive, nobody inside [kg]"""
+    usable_battery_kwh: float | None = Field(None, ge=4.0, le=300.0)
+    """usable energy of the battery [kWh]"""
+    consumption_kwh_per_100km: float | None = Field(None, ge=6.0, le=60.0)
+    """published consumption at the wall [kWh/100 km]"""
+    motor_power_kw: float | None = Field(None, ge=5.0, le=1500.0)
+    """largest power of all motors together [kW]"""
+    body: Literal["small", "hatchback", "sedan", "estate", "suv", "van", "pickup"] | None = None
+    """kind of body; default: suv"""
+    heat_pump: bool | None = None
+    """default: false"""
+    procedure: Literal["wltp", "epa"] = "wltp"
+    """where the consumption comes from; epa is the combined figure of the label"""
+    title: str | None = Field(None, min_length=1, max_length=100)
+    """name for people"""
 
 
 class CarRequest(StrictModel):
     """The car of a request."""
 
-    model: str | None = Field(None, max_length=100, description="one of /v1/models; default: the first one")
-    vehicle: str | None = Field(
-        None, max_length=100, description="one of /v1/vehicles; default: the car of the model"
-    )
-    vehicle_figures: VehicleFigures | None = Field(
-        None, description="a car of your own in place of `vehicle`"
-    )
+    model: str | None = Field(None, max_length=100)
+    """one of /v1/models; default: the first one"""
+    vehicle: str | None = Field(None, max_length=100)
+    """one of /v1/vehicles; default: the car of the model"""
+    vehicle_figures: VehicleFigures | None = None
+    """a car of your own in place of `vehicle`"""
 
 
 def asked(name: str, field: DepartureField) -> tuple[Any, Any]:
@@ -253,18 +248,14 @@ class ForecastRequest(DepartureRequest, CarRequest):
 
     model_config = ConfigDict(json_schema_extra=_one_of(samples="object", links="array"))
 
-    trip: str = Field("trip", min_length=1, max_length=100, description="name of the trip in the response")
+    trip: str = Field("trip", min_length=1, max_length=100)
+    """name of the trip in the response"""
     samples: Samples | None = None
     links: Links | None = None
     elevation: Elevation | None = None
     reserve: float = reserved(0.1)
-    probability: float | None = Field(
-        None,
-        ge=0.5,
-        le=0.999,
-        description="with which the trip has to arrive with the reserve: the response has the charge to leave with; default: "
-        "none is worked out",
-    )
+    probability: float | None = Field(None, ge=0.5, le=0.999)
+    """with which the trip has to arrive with the reserve: the response has the charge to leave with; default: none is worked out"""
 
 
 class UpdateRequest(ForecastRequest):
@@ -283,7 +274,8 @@ class ProblemFault(ResponseModel):
     """One thing that is wrong with an input."""
 
     what: str
-    where: str = Field(description="field, or position in an upload")
+    where: str
+    """field, or position in an upload"""
     got: str | None = None
     allowed: str | None = None
     fix: str | None = None
@@ -292,13 +284,17 @@ class ProblemFault(ResponseModel):
 class ProblemDocument(ResponseModel):
     """Problem document of RFC 9457."""
 
-    type: str = Field(description="kind of problem, as a path")
+    type: str
+    """kind of problem, as a path"""
     title: str
     status: int
     detail: str | None = None
-    instance: str | None = Field(None, description="X-Request-ID of the request")
-    faults: list[ProblemFault] | None = Field(None, description="all faults of the input")
-    more_faults: int | None = Field(None, description="number of faults that are not listed")
+    instance: str | None = None
+    """X-Request-ID of the request"""
+    faults: list[ProblemFault] | None = None
+    """all faults of the input"""
+    more_faults: int | None = None
+    """number of faults that are not listed"""
 
 
 class VehicleSummary(ResponseModel):
@@ -307,29 +303,31 @@ class VehicleSummary(ResponseModel):
     name: str
     title: str
     test_mass_kg: float
-    usable_energy_wh: float = Field(
-        description="energy between 0 and 1 of the displayed state of charge [Wh]"
-    )
-    has_climate: bool = Field(description="whether heating and cooling are simulated")
-    anchor: str = Field(
-        description="what the values were held against: road_load (measured coast-down and certified consumption), "
-        "certification, class, or published (published values alone)"
-    )
-    models: list[str] = Field(
-        description="models fitted on this car; other models forecast it with much wider intervals"
-    )
+    usable_energy_wh: float
+    """energy between 0 and 1 of the displayed state of charge [Wh]"""
+    has_climate: bool
+    """whether heating and cooling are simulated"""
+    anchor: str
+    """what the values were held against: road_load (measured coast-down and certified consumption), certification, class, or published (published values alone)"""
+    models: list[str]
+    """models fitted on this car; other models forecast it with much wider intervals"""
 
 
 class DescribedVehicle(ResponseModel):
     """A car from a few figures."""
 
     title: str
-    test_mass_kg: float = Field(description="mass with a driver [kg]")
+    test_mass_kg: float
+    """mass with a driver [kg]"""
     usable_energy_wh: float
-    anchor: str = Field(description="certification where a consumption was given, else class")
-    wltp_kwh_per_100km: float = Field(description="consumption on the WLTP at the wall [kWh/100 km]")
-    wltp_low_kwh_per_100km: float = Field(description="lower end of the 90 % interval")
-    wltp_high_kwh_per_100km: float = Field(description="upper end of the 90 % interval")
+    anchor: str
+    """certification where a consumption was given, else class"""
+    wltp_kwh_per_100km: float
+    """consumption on the WLTP at the wall [kWh/100 km]"""
+    wltp_low_kwh_per_100km: float
+    """lower end of the 90 % interval"""
+    wltp_high_kwh_per_100km: float
+    """upper end of the 90 % interval"""
 
 
 class VehiclesResponse(ResponseModel):
@@ -341,7 +339,7 @@ class VehiclesResponse(ResponseModel):
 class FittedModel(BaseModel):
     """What a model was fitted on; other fields describe the model itself."""
 
-    model_config = ConfigDict(extra="allow")
+    model_config = ConfigDict(extra="allow", use_attribute_docstrings=True)
 
     vehicle: str
     vehicle_title: str
@@ -381,7 +379,8 @@ class ExampleResponse(ExampleSummary):
     """A synthetic trip with its samples."""
 
     request: ForecastRequest
-    observed: dict[str, list[float | None]] = Field(description="simulated measurements of the whole trip")
+    observed: dict[str, list[float | None]]
+    """simulated measurements of the whole trip"""
 
 
 class ExamplesResponse(ResponseModel):
@@ -393,42 +392,40 @@ class ExamplesResponse(ResponseModel):
 class RouteResponse(ResponseModel):
     """An uploaded route or trip. Send `links` with `elevation`, or `samples`, in a ForecastRequest."""
 
-    samples: dict[str, list[float | None]] = Field(
-        description="speed trace; for a planned route, that of the driver model"
-    )
-    links: list[Link] | None = Field(description="links of the planned route; null for a logged trip")
+    samples: dict[str, list[float | None]]
+    """speed trace; for a planned route, that of the driver model"""
+    links: list[Link] | None
+    """links of the planned route; null for a logged trip"""
     elevation: Elevation | None
     duration_s: float
     distance_m: float
-    notes: list[FlagDocument] = Field(description="assumptions")
+    notes: list[FlagDocument]
+    """assumptions"""
 
 
 class HealthResponse(ResponseModel):
     """State of the service."""
 
     status: str
-    workers: int = Field(description="number of worker processes that are ready")
+    workers: int
+    """number of worker processes that are ready"""
 
 
 RequestModel = TypeVar("RequestModel", bound=BaseModel)
 
 
-class NotJson(Exception):
-    """The body of a request is not a JSON document."""
-
-
-def parse_json(body: bytes) -> Any:
-    """Parse the body of a request.
+def parse_json(body: bytes, where: str = "") -> Any:
+    """Parse the body of a request, or a part of it with the prefix `where` of what is wrong.
 
     Raises
     ------
-    NotJson
-        When the body is not JSON. NaN, infinities and numbers beyond the range of a float are not JSON.
+    Problem
+        `not-json`. NaN, infinities and numbers beyond the range of a float are not JSON.
     """
     try:
         return orjson.loads(body)
     except orjson.JSONDecodeError as error:
-        raise NotJson(str(error)) from error
+        raise Problem("not-json", f"{where}{error}") from error
 
 
 def check_request(document: Any, model: type[RequestModel]) -> RequestModel:
@@ -450,22 +447,23 @@ def check_request(document: Any, model: type[RequestModel]) -> RequestModel:
         return model.model_validate(document)
     except ValidationError as error:
         errors = error.errors(include_url=False, include_context=False)
-    faults = [
-        Fault(
-            e["msg"],
-            ".".join(map(str, e["loc"]))[:80] or "body",
-            excerpt(e["input"], 80),
-            fix=_did_you_mean(str(e["loc"][-1]), model)
-            if e["type"] == "extra_forbidden" and k < MOST_HINTS
-            else "",
-        )
-        for k, e in enumerate(errors)
-    ]
-    raise InvalidInput(faults)
+    known = [*model.model_fields, "displayed_soc"]
+    hinted = [k < MOST_HINTS and e["type"] == "extra_forbidden" for k, e in enumerate(errors)]
+    raise InvalidInput(
+        fault_of(e, did_you_mean(str(e["loc"][-1]), known) if has_hint else "")
+        for e, has_hint in zip(errors, hinted, strict=True)
+    )
 
 
-def _did_you_mean(name: str, model: type[BaseModel]) -> str:
-    near = difflib.get_close_matches(name[:60], [*model.model_fields, "displayed_soc"], n=1)
+def fault_of(error: Mapping[str, Any], fix: str = "") -> Fault:
+    """The fault of an error of pydantic."""
+    where = ".".join(map(str, error["loc"]))[:80] or "body"
+    return Fault(error["msg"], where, excerpt(error.get("input"), 80), fix=fix)
+
+
+def did_you_mean(name: str, known: Sequence[str]) -> str:
+    """The most similar of the known names as a question; empty without one."""
+    near = difflib.get_close_matches(name[:60], known, n=1)
     return f"did you mean {near[0]}?" if near else ""
 
 

@@ -22,7 +22,6 @@ from tripwatt.service.frames import encode_frame, read_frame
 from tripwatt.service.jobs import Jobs
 from tripwatt.service.journeys import JourneyJobs
 from tripwatt.service.problems import Problem, invalid_input
-from tripwatt.service.schemas import NotJson
 from tripwatt.service.serving import log_json
 from tripwatt.service.settings import Limits
 
@@ -50,8 +49,6 @@ def run_job(jobs: Jobs, job: dict[str, Any], body: bytes) -> tuple[int, bytes]:
     try:
         document = jobs.run(job, body)
         return 200, document if isinstance(document, bytes) else orjson.dumps(document)
-    except NotJson as error:
-        problem = Problem("not-json", str(error))
     except RemoteError as error:
         problem = Problem("remote", faults=error.faults)
     except InvalidInput as error:

@@ -20,8 +20,8 @@ import pyarrow.csv as pa_csv
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import Fault, InvalidInput, and_more
 from tripwatt.files import read_file
+from tripwatt.trips.headers import DELIMITERS
 
-DELIMITERS: Final = ";,\t|"
 LARGEST_NUMBER: Final = 1e15
 """No measurement in any unit is larger; time stamps in milliseconds since 1970 are about 2e12."""
 MOST_HEADER_BYTES: Final = 1_000_000

@@ -32,13 +32,12 @@ from tripwatt.errors import Fault, InvalidInput, excerpt
 from tripwatt.files import MOST_TEXT_BYTES, read_text_file
 from tripwatt.trips import COLUMNS, raise_faults
 from tripwatt.trips.columns import is_number
-from tripwatt.units import M_S_PER_KM_H, SECONDS_PER_HOUR, ZERO_CELSIUS_K
+from tripwatt.units import M_PER_FOOT, M_S_PER_KM_H, SECONDS_PER_HOUR, ZERO_CELSIUS_K
 from tripwatt.vehicles import vehicle_names
 
 POWER: Final = "battery_power_w"
 """Power at the battery's terminals [W], for loggers that give it in place of voltage and current."""
 
-M_PER_FOOT: Final = 0.3048
 M_S_PER_MPH: Final = 0.44704
 
 

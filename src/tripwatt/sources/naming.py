@@ -148,13 +148,9 @@ def words(name: str) -> str:
     bare = re.sub(r"[\[({][^\])}]*[\])}]*", " ", name) or name
     if not bare.strip():
         bare = name
-    split = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", " ", re.sub(r"\bSoC\b", "SOC", _ascii(bare)))
+    folded = unicodedata.normalize("NFKD", bare.replace("ß", "ss")).encode("ascii", "ignore").decode()
+    split = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", " ", re.sub(r"\bSoC\b", "SOC", folded))
     return " ".join(re.sub(r"[^a-z0-9]+", " ", split.casefold()).split())
-
-
-def _ascii(text: str) -> str:
-    folded = unicodedata.normalize("NFKD", text.replace("ß", "ss"))
-    return folded.encode("ascii", "ignore").decode()
 
 
 def units_in(name: str) -> tuple[str, ...]:

@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
-from tripwatt.arrays import FloatArray, IntArray
+from tripwatt.arrays import FloatArray, IntArray, running_sum
 from tripwatt.errors import Fault, InvalidInput, and_more
 from tripwatt.sources.columnar import TableFile, open_table, read_all, table_files
 from tripwatt.sources.delimited import column_key
@@ -80,7 +80,9 @@ def read_table(path: Path | str, mapping: Path | str | ColumnMapping | None = No
         try:
             return _read_file(file, checked)
         except InvalidInput as error:
-            raise InvalidInput([_with_decimal_hint(fault, checked) for fault in error.faults]) from error
+            fix = f'add [file] decimal = "," to {checked.source}'
+            commas = (replace(f, fix=fix) if f.what == "decimal comma" else f for f in error.faults)
+            raise InvalidInput(commas) from error
 
     read, errors = read_all(read_one, files)
     raise_faults(_merge_alike(path, [error.faults for error in errors]))
@@ -107,12 +109,6 @@ def _merge_alike(path: Path, faults: Sequence[Sequence[Fault]]) -> Iterator[Faul
         column = alike[0].where.partition(" column ")[2]
         place = f"{path} column {column}" if column else f"{path}"
         yield replace(alike[0], where=place, got=f"{len(alike) - SHOWN_ALIKE} more of this kind")
-
-
-def _with_decimal_hint(fault: Fault, mapping: ColumnMapping) -> Fault:
-    if fault.what != "decimal comma":
-        return fault
-    return replace(fault, fix=f'add [file] decimal = "," to {mapping.source}')
 
 
 def _mapping_for(mapping: Path | str | ColumnMapping | None, first: Path) -> ColumnMapping:
@@ -202,7 +198,7 @@ def _stamps(table: TableFile, entry: MappedColumn) -> tuple[FloatArray, bool]:
     seconds = (stamps - pd.Timestamp(0, tz="UTC")).dt.total_seconds()
     values = np.asarray(seconds, dtype=np.float64)
     if clock_only:
-        midnight = np.concatenate(([0.0], np.cumsum(np.diff(values) < -0.5 * SECONDS_PER_DAY)))
+        midnight = running_sum(np.diff(values) < -0.5 * SECONDS_PER_DAY)
         return values - values[0] + SECONDS_PER_DAY * midnight, False
     return values, True
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, InvalidInput, raise_faults
 from tripwatt.sources import read_logs
 from tripwatt.sources.columnar import table_files
 from tripwatt.store.store import Added, TripStore
@@ -90,6 +90,5 @@ def add_files(
             total += store.add(logs_of_files, car_model=car_model, vehicle_id=vehicle_id, progress=report)
         except InvalidInput as error:
             faults += error.faults
-    if faults:
-        raise InvalidInput(faults)
+    raise_faults(faults)
     return total

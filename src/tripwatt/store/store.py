@@ -1,7 +1,7 @@
 """A trip store: logs of many vehicles in two Delta tables, added by many writers at once.
 
 `samples` holds what was logged, `trips` one row for each log with its audit. A log is in the store from the commit of its
-row of `trips` on: its samples are written before, and samples without such a row belong to no trip.
+row of `trips` on: its samples are written before, and samples without such a row are left over from a writer that was killed.
 """
 
 from __future__ import annotations

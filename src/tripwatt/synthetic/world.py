@@ -122,10 +122,12 @@ def simulate_truth(scenario: Scenario, drive: RoadDrive, vehicle: Vehicle, seed:
     climate = replace(climate, aircon_power_w=climate.aircon_power_w * compressor_hunting(time, air))
     wind_n, headwind, rolling_n, rolling_share = hidden_forces(scenario, drive, ambient, vehicle, rng)
     weight_n = (vehicle.body.test_mass_kg + scenario.payload_mass_kg) * GRAVITY_M_S2
+    rested_degc = 0.5 * (float(ambient[0]) + scenario.day.mean_temperature_degc) + rng.uniform(0.0, 3.0)
     conditions = DriveConditions(
         ambient_temperature_degc=float(ambient.mean()),
         initial_soc=scenario.soc,
-        initial_battery_temperature_degc=_battery_temperature(scenario, float(ambient[0]), rng),
+        # a pack of its mass follows the weather of days, and each trip of the day has warmed it
+        initial_battery_temperature_degc=float(rested_degc + 2.0 * scenario.trips_before),
         payload_mass_kg=scenario.payload_mass_kg,
     )
     driven = simulate(
@@ -140,14 +142,9 @@ def simulate_truth(scenario: Scenario, drive: RoadDrive, vehicle: Vehicle, seed:
     trip_share = TRIP_SHARE_SCALE * float(rng.standard_t(TRIP_SHARE_DF))
     noise = stream(seed, NOISE, *scenario.key)
     loads = battery_loads(scenario, drive, climate, at_samples(driven.battery_power_w), trip_share, noise)
-    battery = discharge(
-        age_battery(vehicle.battery),
-        np.sum(list(loads.values()), axis=0),
-        np.diff(time, prepend=time[0]),
-        conditions.ambient_temperature_degc,
-        scenario.soc,
-        conditions.battery_start_degc,
-    )
+    total_w, step_s = np.sum(list(loads.values()), axis=0), np.diff(time, prepend=time[0])
+    start = conditions.ambient_temperature_degc, scenario.soc, conditions.battery_start_degc
+    battery = discharge(age_battery(vehicle.battery), total_w, step_s, *start)
     effects = {f"{name}_energy_wh": _energy_wh(power, time) for name, power in loads.items()}
     effects |= {
         "energy_wh": _energy_wh(battery.power_w, time),
@@ -225,12 +222,6 @@ def compressor_hunting(time_s: FloatArray, rng: np.random.Generator) -> FloatArr
     """Factor around 1 by which a compressor takes more or less than its cooling needs."""
     wave = np.interp(time_s, *smooth_field(float(time_s[-1]), HUNTING_TIME_S, rng))
     return np.maximum(1.0 + HUNTING_SHARE * wave, 0.5)
-
-
-def _battery_temperature(scenario: Scenario, ambient_degc: float, rng: np.random.Generator) -> float:
-    """At departure [°C]: a pack of its mass follows the weather of days, and each trip of the day has warmed it."""
-    rested = 0.5 * (ambient_degc + scenario.day.mean_temperature_degc) + rng.uniform(0.0, 3.0)
-    return float(rested + 2.0 * scenario.trips_before)
 
 
 def heat_balance(

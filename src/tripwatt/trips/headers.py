@@ -10,6 +10,9 @@ from typing import Final
 
 from tripwatt.errors import MOST_FAULTS, MOST_HINTS, Fault
 
+DELIMITERS: Final = ";,\t|"
+"""What may be between the cells of a text table."""
+
 LONGEST_NAME: Final = 60
 """Characters of a name that are compared and shown."""
 

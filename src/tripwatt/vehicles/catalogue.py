@@ -212,7 +212,7 @@ def class_values(without: Collection[str] = ()) -> ClassValues:
     Parameters
     ----------
     without : collection of str
-        Cars that take no part, to check the class against them.
+        Cars that take no part, to hold the class values against them.
 
     Notes
     -----

@@ -7,7 +7,7 @@ import types
 from collections.abc import Iterable, Mapping
 from typing import Final
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, raise_faults
 
 ALIASES: Final[Mapping[str, str]] = types.MappingProxyType(
     {
@@ -72,8 +72,7 @@ def parse_overrides(texts: Iterable[str]) -> dict[str, float | str]:
                 result[key] = float(value)
             except ValueError:
                 result[key] = value
-    if faults:
-        raise InvalidInput(faults)
+    raise_faults(faults)
     return result
 
 

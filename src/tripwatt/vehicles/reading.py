@@ -17,7 +17,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from typing import Any, Final
 
-from tripwatt.errors import Fault, InvalidInput, excerpt
+from tripwatt.errors import Fault, excerpt, raise_faults
 from tripwatt.vehicles.inheriting import data_folder, inherit
 from tripwatt.vehicles.licences import licence_faults, with_licences
 from tripwatt.vehicles.overriding import spelled_out
@@ -39,8 +39,7 @@ def _shared_presets() -> dict[str, dict[str, Any]]:
         for f in files
         if f.name.endswith(".toml")
     }
-    if faults:
-        raise InvalidInput(faults)
+    raise_faults(faults)
     return presets
 
 
@@ -110,8 +109,7 @@ def vehicle_from_document(
         faults += table_faults(parts, where)
     if not faults:
         faults += relation_faults(parts, where)
-    if faults:
-        raise InvalidInput(faults)
+    raise_faults(faults)
     title = str(document.get("name", name))
     return Vehicle(name, title, preset, entries=entries, anchor=anchor, **parts)
 

@@ -173,12 +173,7 @@ def _battery_faults(battery: Battery, body: Body, where: str) -> Iterator[Fault]
     resistance = cells * float(np.mean(battery.resistance_ohm))
     # no load takes more from a voltage behind a resistance than U²/(4 R)
     if voltage**2 < 4.0 * resistance * LEAST_POWER_W_KG * body.test_mass_kg:
-        fields = (
-            "battery.cells_in_series",
-            "battery.ocv_v",
-            "battery.resistance_ohm",
-            "body.curb_mass_kg",
-        )
+        fields = ("battery.cells_in_series", "battery.ocv_v", "battery.resistance_ohm", "body.curb_mass_kg")
         got = f"at most {voltage**2 / (4.0 * resistance) / 1000.0:.3g} kW from the battery for {body.test_mass_kg:g} kg"
         yield _impossible(where, fields, got, f"{LEAST_POWER_W_KG:g} kW/t or more")
 

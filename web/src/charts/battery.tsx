@@ -136,31 +136,31 @@ function marks(now: Forecast, carM: number | null, heightPx: number): Mark[] {
   const reserve = PERCENT.from(conditions.value.reserve);
   const { result } = text.value;
   const [low, high] = span.value;
-  const found: Mark[] = [];
+  const marks: Mark[] = [];
   if (reserve >= low && reserve > 0) {
-    found.push({
+    marks.push({
       kind: "reserve",
       text: result.reserve(format.value.shown(conditions.value.reserve, PERCENT)),
       y: reserve,
     });
   }
-  if (low < 0) found.push({ kind: "empty", text: result.empty, y: 0, at: "below" });
+  if (low < 0) marks.push({ kind: "empty", text: result.empty, y: 0, at: "below" });
   const own = endMark("arrival", now);
-  found.push(own);
+  marks.push(own);
   if (alternative.value) {
     const theirs = endMark("other", alternative.value);
     const spacing = ((high - low) / heightPx) * LABEL_PX;
     if (own.x === theirs.x && Math.abs(theirs.y - own.y) < spacing) {
       theirs.y = own.y + (theirs.y >= own.y ? spacing : -spacing);
     }
-    found.push(theirs);
+    marks.push(theirs);
   }
   if (carM !== null) {
     const y = interpolate(carM, now.series.distance_m, now.series.displayed_soc);
     const x = units.value.distance.from(carM);
-    found.push({ kind: "car", text: "", x, y: PERCENT.from(y) });
+    marks.push({ kind: "car", text: "", x, y: PERCENT.from(y) });
   }
-  return found;
+  return marks;
 }
 
 export function BatteryChart({ height, label }: { height: number; label: string }) {

@@ -32,20 +32,22 @@ export function equallyLikely(forecast: Forecast): number[] {
   return Array.from({ length: DOTS }, (_, k) => interpolate((k + 0.5) / DOTS, ps, socs));
 }
 
+/** The value at a charge that the service computed; null when there is none for it. */
+function valueAt<T>(bySoc: Record<string, T>, soc: number): T | null {
+  const level = Object.keys(bySoc).find((name) => Math.abs(Number(name) - soc) < 1e-9);
+  return level === undefined ? null : (bySoc[level] as T);
+}
+
 /** Probability to arrive with the reserve, as computed by the service; null when the forecast has none for it. */
 export function chanceOf(forecast: Forecast, reserve: number): number | null {
-  const found = Object.entries(forecast.p_arrive).find(([level]) => Math.abs(Number(level) - reserve) < 1e-9);
-  return found ? found[1] : null;
+  return valueAt(forecast.p_arrive, reserve);
 }
 
 export type Verdict = "good" | "open" | "bad";
 
 /** Climb of an unknown road with which the expected charge on arrival falls to the reserve [m]; null where none does. */
 export function decisiveClimbM({ climb }: Forecast, reserve: number): number | null {
-  const found = Object.entries(climb?.changes_at_m ?? {}).find(
-    ([level]) => Math.abs(Number(level) - reserve) < 1e-9,
-  );
-  return found ? found[1] : null;
+  return valueAt(climb?.changes_at_m ?? {}, reserve);
 }
 
 export function verdictOf(chance: number): Verdict {

@@ -62,14 +62,14 @@ function levelOf(whM: number, meanWhM: number): Level {
 }
 
 export function boundsOf(points: readonly Point[]): Bounds {
-  const found: Bounds = [90, 180, -90, -180];
+  const bounds: Bounds = [90, 180, -90, -180];
   for (const [longitude, latitude] of points) {
-    found[0] = Math.min(found[0], latitude);
-    found[1] = Math.min(found[1], longitude);
-    found[2] = Math.max(found[2], latitude);
-    found[3] = Math.max(found[3], longitude);
+    bounds[0] = Math.min(bounds[0], latitude);
+    bounds[1] = Math.min(bounds[1], longitude);
+    bounds[2] = Math.max(bounds[2], latitude);
+    bounds[3] = Math.max(bounds[3], longitude);
   }
-  return found;
+  return bounds;
 }
 
 /** The point at a distance along the forecast [m]. */
@@ -110,9 +110,9 @@ export function distanceNear(road: Line, [longitude, latitude]: Point): number {
 
 /** Latitude and longitude as a person writes them; null for any other text. */
 export function readCoordinates(text: string): { latitude_deg: number; longitude_deg: number } | null {
-  const found = /^\s*(-?\d{1,3}(?:\.\d+)?)\s*[,; ]\s*(-?\d{1,3}(?:\.\d+)?)\s*$/.exec(text);
-  if (!found) return null;
-  const [latitude, longitude] = [Number(found[1]), Number(found[2])];
+  const match = /^\s*(-?\d{1,3}(?:\.\d+)?)\s*[,; ]\s*(-?\d{1,3}(?:\.\d+)?)\s*$/.exec(text);
+  if (!match) return null;
+  const [latitude, longitude] = [Number(match[1]), Number(match[2])];
   if (Math.abs(latitude) > 90 || Math.abs(longitude) > 180) return null;
   return { latitude_deg: latitude, longitude_deg: longitude };
 }

@@ -53,8 +53,8 @@ async function whileLoading<T>(what: Loading, load: () => Promise<T>): Promise<T
 }
 
 export async function chooseExample(name: string): Promise<void> {
-  const found = await whileLoading({ what: "trip" }, () => loadExample(name));
-  if (found) show(tripFromExample(found));
+  const example = await whileLoading({ what: "trip" }, () => loadExample(name));
+  if (example) show(tripFromExample(example));
 }
 
 /** Plan the journey between its two ends, if both are chosen. `isDraft` while one of them is dragged. */
@@ -80,8 +80,8 @@ export async function chooseRoute(
   speedMS: number,
 ): Promise<void> {
   const what: Loading = name ? { what: "file", name } : { what: "trip" };
-  const found = await whileLoading(what, () => readRoute(content, speedMS));
-  if (found) show(tripFromRoute(found, name, from));
+  const route = await whileLoading(what, () => readRoute(content, speedMS));
+  if (route) show(tripFromRoute(route, name, from));
 }
 
 /** The file that was read last, to be read again at another speed. */
@@ -126,11 +126,11 @@ export async function startPage(): Promise<void> {
   }
   const known = examples.value.find((row) => row.trip === last.example) ?? longest(examples.value);
   if (known) {
-    const found = await whileLoading({ what: "trip" }, () => loadExample(known.trip));
-    if (!found) return;
+    const example = await whileLoading({ what: "trip" }, () => loadExample(known.trip));
+    if (!example) return;
     const same = known.trip === last.example && last.conditions !== undefined;
     if (same) conditions.value = { ...USUAL, ...last.conditions };
-    const next = tripFromExample(found);
+    const next = tripFromExample(example);
     show(next, same ? { ...next.start, ...last.conditions } : next.start);
   }
 }

@@ -73,7 +73,7 @@ async function renewProfile({ trip, at: { motorwayMS } }: ForecastJob): Promise<
 }
 
 /** The journey that was last shown with all answers. */
-let whole: { of: Trip; found: Journey } | null = null;
+let whole: { of: Trip; answer: Journey } | null = null;
 
 function roadOf({ roads }: Journey): Journey["roads"][number] {
   return roads[chosenRoad.value] ?? (roads[0] as Journey["roads"][number]);
@@ -104,9 +104,9 @@ async function runJourney(
   const body = journeyRequest(stops, job.at, job.car);
   const askOther = async (at: Conditions) =>
     roadOf(await askJourney(journeyRequest(stops, at, job.car), chosenRoad.value > 0, signal)).forecast;
-  const show = (found: Journey, isWhole: boolean, second: Forecast | null) =>
+  const show = (answer: Journey, isWhole: boolean, second: Forecast | null) =>
     batch(() => {
-      journey.value = isWhole ? found : mergedJourney(job.trip, found, whole);
+      journey.value = isWhole ? answer : mergedJourney(job.trip, answer, whole);
       answersAreOld.value = !isWhole;
       alternative.value = second;
       requested.value = { at: job.at, other: job.other };
@@ -117,9 +117,9 @@ async function runJourney(
   if (whole?.of !== job.trip) chosenRoad.value = 0;
   if (chosenRoad.value === 0) show(await askJourney(body, false, signal), false, second);
   if (job.trip.isDraft || runner.isWaiting) return;
-  const found = await askJourney(body, true, signal);
-  whole = { of: job.trip, found };
-  show(found, true, second);
+  const answer = await askJourney(body, true, signal);
+  whole = { of: job.trip, answer };
+  show(answer, true, second);
 }
 
 const runner = new Latest<ForecastJob>(async (job, signal) => {
@@ -145,8 +145,8 @@ const runner = new Latest<ForecastJob>(async (job, signal) => {
       leavingIsOld.value = false;
     });
   } catch (error) {
-    const found = problemFrom(error);
-    if (found) problem.value = found;
+    const failure = problemFrom(error);
+    if (failure) problem.value = failure;
   }
 }, MIN_INTERVAL_MS);
 

@@ -31,8 +31,8 @@ export const isFindingReach = signal(false);
 
 /** Ask once whether the service has a map. */
 export async function loadMap(): Promise<MapInfo | null> {
-  const found = await getMap();
-  map.value = found.roads ? found : null;
+  const world = await getMap();
+  map.value = world.roads ? world : null;
   return map.value;
 }
 
@@ -58,19 +58,19 @@ export async function askJourney(
   signal?: AbortSignal,
 ): Promise<Journey> {
   const more = whole ? { alternatives: ALTERNATIVES } : { answers: false };
-  const found = await planJourney({ ...body, ...more }, signal);
-  if (found.roads.length === 0) throw new TypeError(JSON.stringify(body));
-  return found;
+  const answer = await planJourney({ ...body, ...more }, signal);
+  if (answer.roads.length === 0) throw new TypeError(JSON.stringify(body));
+  return answer;
 }
 
 /** What is shown after a quick answer: alternatives and other answers are those of before, if the places are the same. */
 export function mergedJourney(
   of: Trip,
   quick: Journey,
-  before: { of: Trip; found: Journey } | null,
+  before: { of: Trip; answer: Journey } | null,
 ): Journey {
   if (before?.of !== of) return quick;
-  const { charging, motorway_speed_m_s, roads } = before.found;
+  const { charging, motorway_speed_m_s, roads } = before.answer;
   return { ...quick, charging, motorway_speed_m_s, roads: [...quick.roads, ...roads.slice(1)] };
 }
 

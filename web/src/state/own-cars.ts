@@ -23,7 +23,7 @@ export const ownCars = signal<OwnCarSummary[] | null>(null);
 /** The car that is shown, with its diary. */
 export const shownCar = signal<OwnCar | null>(null);
 /** Logs that were sent and are not learned yet. */
-export const reading = signal<{ upload: string; changes: LogsChanges; found: LogsReading } | null>(null);
+export const reading = signal<{ upload: string; changes: LogsChanges; logs: LogsReading } | null>(null);
 /** A file that is on its way, or whose columns are being read. */
 export const sending = signal<string | null>(null);
 export const faultsOfCars = signal<Fault[]>([]);
@@ -55,11 +55,11 @@ export async function loadOwnCars(): Promise<void> {
   ownCars.value = await listCars();
 }
 
-function keep(found: OwnCar): void {
+function keep(own: OwnCar): void {
   batch(() => {
-    shownCar.value = found;
-    const others = (ownCars.value ?? []).filter(({ name }) => name !== found.name);
-    ownCars.value = [...others, found].sort((a, b) => a.name.localeCompare(b.name));
+    shownCar.value = own;
+    const others = (ownCars.value ?? []).filter(({ name }) => name !== own.name);
+    ownCars.value = [...others, own].sort((a, b) => a.name.localeCompare(b.name));
   });
 }
 
@@ -76,10 +76,10 @@ export async function addCar(name: string): Promise<void> {
 
 export async function showCar(name: string): Promise<void> {
   reading.value = null;
-  const found = await asked(() => getCar(name));
-  if (!found) return;
-  keep(found);
-  if (found.learning?.state === "running") void follow(name);
+  const own = await asked(() => getCar(name));
+  if (!own) return;
+  keep(own);
+  if (own.learning?.state === "running") void follow(name);
 }
 
 export async function dropCar(name: string): Promise<void> {
@@ -121,8 +121,8 @@ export async function sendFiles(name: string, files: readonly File[]): Promise<v
 }
 
 async function read(name: string, upload: string, changes: LogsChanges): Promise<void> {
-  const found = await asked(() => readLogs(name, upload, changes));
-  if (found) reading.value = { upload, changes, found };
+  const logs = await asked(() => readLogs(name, upload, changes));
+  if (logs) reading.value = { upload, changes, logs };
 }
 
 /** Read the sent logs again with changed columns. */
@@ -141,19 +141,19 @@ export async function changeReading(name: string, more: LogsChanges): Promise<vo
 export async function learn(name: string): Promise<void> {
   const now = reading.value;
   if (!now) return;
-  const found = await asked(() => learnLogs(name, now.upload, now.changes));
-  if (!found) return;
+  const own = await asked(() => learnLogs(name, now.upload, now.changes));
+  if (!own) return;
   reading.value = null;
-  keep(found);
+  keep(own);
   await follow(name);
 }
 
 async function follow(name: string): Promise<void> {
   while (shownCar.value?.name === name && learns.value) {
     await new Promise((resolve) => setTimeout(resolve, LOOK_AGAIN_MS));
-    const found = await asked(() => getCar(name));
-    if (!found) return;
-    if (shownCar.value?.name === name) keep(found);
+    const own = await asked(() => getCar(name));
+    if (!own) return;
+    if (shownCar.value?.name === name) keep(own);
   }
   // forecasts of the page by this car are those of what it has learned
   if (car.value?.own === name) car.value = { ...car.value };

@@ -16,8 +16,8 @@ const road = computed(() => {
   if (now?.links) {
     return { ...now.fixed, links: atMotorwaySpeed(now.links, conditions.value.motorwayMS) };
   }
-  const found = now?.stops ? journey.value?.roads[chosenRoad.value] : undefined;
-  return found ? linksOfProfile(profileFromSamples(found.samples)) : null;
+  const shown = now?.stops ? journey.value?.roads[chosenRoad.value] : undefined;
+  return shown ? linksOfProfile(profileFromSamples(shown.samples)) : null;
 });
 
 export const canPlan = computed(() => road.value !== null);
@@ -31,9 +31,9 @@ export async function planFromPage(): Promise<void> {
   if (road.value === null || !car) return;
   planFailed.value = false;
   try {
-    const found = await putPlan(car, { ...road.value, ...more });
+    const state = await putPlan(car, { ...road.value, ...more });
     batch(() => {
-      if (followed.value === car) live.value = found;
+      if (followed.value === car) live.value = state;
     });
   } catch (error) {
     if (!(error instanceof RequestFailed)) throw error;

@@ -19,8 +19,8 @@ function sentence(): string {
     emptyM === null
       ? result.announced(soc, bandText(now))
       : result.announcedEmpty(format.value.shown(emptyM, units.value.distance, 0));
-  const found = chanceOf(now, requested.value.at.reserve);
-  return found === null ? forecast : `${forecast} ${chance.announced(chance.words[likelihoodOf(found)])}`;
+  const kept = chanceOf(now, requested.value.at.reserve);
+  return kept === null ? forecast : `${forecast} ${chance.announced(chance.words[likelihoodOf(kept)])}`;
 }
 
 /** The result in a live region, after it has been stable for `SETTLED_MS`. */

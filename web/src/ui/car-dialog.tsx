@@ -47,16 +47,16 @@ const BODIES = ["small", "hatchback", "sedan", "estate", "suv", "van", "pickup"]
 function figuresFrom(form: HTMLFormElement): Figures {
   const data = new FormData(form);
   const body = BODIES.find((name) => name === data.get("body")) ?? "hatchback";
-  const found: Figures = {
+  const figures: Figures = {
     body,
     heat_pump: data.get("heat_pump") !== null,
     procedure: data.get("procedure") === "epa" ? "epa" : "wltp",
   };
   for (const { name, quantity, scale } of NUMBERS) {
     const value = Number(data.get(name));
-    if (value > 0) found[name] = Number((quantity().to(value) / scale).toPrecision(9));
+    if (value > 0) figures[name] = Number((quantity().to(value) / scale).toPrecision(9));
   }
-  return found;
+  return figures;
 }
 
 /** Apart from the form, whose fields keep what was typed when the faults change. */
@@ -65,7 +65,7 @@ function Faults() {
 }
 
 const MIN_INTERVAL_MS = 120;
-const found = signal<Vehicle[] | null>(null);
+const matches = signal<Vehicle[] | null>(null);
 
 /** Cars with a word that begins with each of the words, for what is still being typed. */
 function beginning(words: string): Vehicle[] {
@@ -78,17 +78,17 @@ function beginning(words: string): Vehicle[] {
 
 const search = new Latest<string>(async (words, signal) => {
   try {
-    found.value = words ? await findVehicles(words, signal) : null;
-    if (found.value?.length === 0) found.value = beginning(words);
+    matches.value = words ? await findVehicles(words, signal) : null;
+    if (matches.value?.length === 0) matches.value = beginning(words);
   } catch {
-    found.value = null; // the form below works all the same
+    matches.value = null; // the form below works all the same
   }
 }, MIN_INTERVAL_MS);
 
 /** Search over the library; a car that is found is chosen with its button. */
 function Search() {
   const { ownCar: words } = text.value;
-  const rows = found.value;
+  const rows = matches.value;
   return (
     <div class="car-search">
       <label class="field">
@@ -138,12 +138,12 @@ export function CarDialog() {
   const submit = async (form: HTMLFormElement) => {
     const figures = figuresFrom(form);
     try {
-      const found = await describeCar(figures);
+      const described = await describeCar(figures);
       const { consumption } = units.value;
       const shown = (value: number) => format.value.plain(consumption.from(value * WH_M), 1);
-      const ends = [found.wltp_low_kwh_per_100km, found.wltp_high_kwh_per_100km];
+      const ends = [described.wltp_low_kwh_per_100km, described.wltp_high_kwh_per_100km];
       const [low = 0, high = 0] = ends.sort((a, b) => consumption.from(a) - consumption.from(b));
-      const { wltp_kwh_per_100km: middle } = found;
+      const { wltp_kwh_per_100km: middle } = described;
       chooseDescribed(figures, words.described(shown(middle), shown(low), shown(high), consumption.unit));
       faults.value = [];
       open.value = false;

@@ -54,22 +54,22 @@ function leaveText(needed: number): string {
 
 /** The charge to leave with on a trip that is no journey. */
 export function LeaveAnswer() {
-  const found = leaving.value;
-  if (!found || trip.value?.stops) return null;
+  const leave = leaving.value;
+  if (!leave || trip.value?.stops) return null;
   return (
     <div class={`journey-answer${leavingIsOld.value ? " old" : ""}`} aria-busy={leavingIsOld.value}>
-      <p>{leaveText(found.soc_needed)}</p>
+      <p>{leaveText(leave.soc_needed)}</p>
     </div>
   );
 }
 
 /** What a driver asks of a journey. */
 export function JourneyAnswer() {
-  const found = journey.value;
-  if (!found || !trip.value?.stops) return null;
+  const answer = journey.value;
+  if (!answer || !trip.value?.stops) return null;
   const { shown, span } = format.value;
   const { journey: words } = text.value;
-  const { charging: stop, soc_needed: needed, motorway_speed_m_s: speed } = found;
+  const { charging: stop, soc_needed: needed, motorway_speed_m_s: speed } = answer;
   return (
     <div class={`journey-answer${answersAreOld.value ? " old" : ""}`} aria-busy={answersAreOld.value}>
       <p>{leaveText(needed)}</p>
@@ -84,7 +84,7 @@ export function JourneyAnswer() {
           )}
         </p>
       )}
-      <Roads of={found} />
+      <Roads of={answer} />
     </div>
   );
 }

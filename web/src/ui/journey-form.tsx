@@ -87,14 +87,14 @@ async function plan(): Promise<void> {
 function PlaceField({ label, end }: { label: string; end: End }) {
   const id = useId();
   const chosen = ends.value[end];
-  const found = suggested.value[end];
+  const places = suggested.value[end];
   const setFound = (places: Place[]) => {
     suggest(end, places);
   };
   const wrong = faults.value.get(STOP_FIELDS[end]) ?? [];
   const [active, setActive] = useState(0);
   const pending = useRef<{ timer: number; request: AbortController } | null>(null);
-  const open = found.length > 0;
+  const open = places.length > 0;
   const { journey: words } = text.value;
 
   const take = (place: Place) => {
@@ -130,10 +130,10 @@ function PlaceField({ label, end }: { label: string; end: End }) {
     pending.current = { timer: window.setTimeout(() => void ask(), PAUSE_MS), request };
   };
   const press = (event: KeyboardEvent) => {
-    const place = found[active];
+    const place = places[active];
     if (!open || !place) return;
-    if (event.key === "ArrowDown") setActive((active + 1) % found.length);
-    else if (event.key === "ArrowUp") setActive((active + found.length - 1) % found.length);
+    if (event.key === "ArrowDown") setActive((active + 1) % places.length);
+    else if (event.key === "ArrowUp") setActive((active + places.length - 1) % places.length);
     else if (event.key === ENTER) take(place);
     else if (event.key === ESCAPE) setFound([]);
     else return;
@@ -171,7 +171,7 @@ function PlaceField({ label, end }: { label: string; end: End }) {
       </p>
       <FaultList faults={wrong} />
       <ul id={`${id}-list`} role="listbox" aria-label={label} hidden={!open}>
-        {found.map((place, k) => (
+        {places.map((place, k) => (
           <li
             key={`${place.name}${place.latitude_deg}`}
             id={`${id}-${k}`}

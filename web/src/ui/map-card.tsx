@@ -114,8 +114,8 @@ function MapCanvas({
       const { signal } = request;
       timer = window.setTimeout(() => {
         viewMap(inWorld, signal).then(
-          (found) => {
-            view.value = found;
+          (part) => {
+            view.value = part;
           },
           () => undefined, // names are an addition: the map is complete without them
         );

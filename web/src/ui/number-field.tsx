@@ -29,8 +29,8 @@ export function NumberField({ label, value, quantity, digits = 0, isInTable = fa
           step="any"
           inputMode="decimal"
           value={shown}
-          onChange={({ currentTarget: { valueAsNumber: found } }) =>
-            onChange(Number.isFinite(found) ? quantity.to(found) : null)
+          onChange={({ currentTarget: { valueAsNumber: typed } }) =>
+            onChange(Number.isFinite(typed) ? quantity.to(typed) : null)
           }
         />
         {!isInTable && <span>{`\u00a0${quantity.unit}`}</span>}

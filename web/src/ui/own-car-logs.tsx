@@ -40,10 +40,10 @@ function fieldName(ours: string): string {
 }
 
 /** The column and the unit of one of our columns; both can be corrected. */
-function MappingRow({ of, car, found }: { of: string; car: string; found: LogsReading }) {
+function MappingRow({ of, car, logs }: { of: string; car: string; logs: LogsReading }) {
   const { ownCars: words } = text.value;
-  const now = found.mapping.find(({ ours }) => ours === of);
-  const units = found.fields.find(({ ours }) => ours === of)?.units ?? [];
+  const now = logs.mapping.find(({ ours }) => ours === of);
+  const units = logs.fields.find(({ ours }) => ours === of)?.units ?? [];
   const name = fieldName(of);
   const change = (column: string, unit?: string) =>
     void changeReading(car, { changes: { [of]: column ? { column, ...(unit && { unit }) } : null } });
@@ -57,7 +57,7 @@ function MappingRow({ of, car, found }: { of: string; car: string; found: LogsRe
           onChange={(event) => change(event.currentTarget.value)}
         >
           <option value="">{words.noColumn}</option>
-          {found.columns.map((column) => (
+          {logs.columns.map((column) => (
             <option key={column} value={column}>
               {column}
             </option>
@@ -86,24 +86,24 @@ function MappingRow({ of, car, found }: { of: string; car: string; found: LogsRe
   );
 }
 
-function Mapping({ car, found }: { car: string; found: LogsReading }) {
+function Mapping({ car, logs }: { car: string; logs: LogsReading }) {
   const { ownCars: words } = text.value;
   const [all, setAll] = useState(false);
-  const mapped = found.mapping.map(({ ours }) => ours);
-  const rows = found.fields
+  const mapped = logs.mapping.map(({ ours }) => ours);
+  const rows = logs.fields
     .map(({ ours }) => ours)
     .filter((ours) => all || mapped.includes(ours) || NEEDED.includes(ours));
-  const unused = found.unused.slice(0, MAX_UNUSED);
+  const unused = logs.unused.slice(0, MAX_UNUSED);
   return (
     <>
-      <p class="note">{found.shipped ? words.knownLogger(found.shipped) : words.proposed}</p>
+      <p class="note">{logs.shipped ? words.knownLogger(logs.shipped) : words.proposed}</p>
       <DataTable
         label={words.mapping}
         class="mapping"
         heads={[words.what, words.column, words.unit, words.reason]}
       >
         {rows.map((ours) => (
-          <MappingRow key={ours} of={ours} car={car} found={found} />
+          <MappingRow key={ours} of={ours} car={car} logs={logs} />
         ))}
       </DataTable>
       <button type="button" class="link" aria-expanded={all} onClick={() => setAll(!all)}>
@@ -111,19 +111,19 @@ function Mapping({ car, found }: { car: string; found: LogsReading }) {
       </button>
       <Select
         label={words.positive}
-        value={found.current_positive}
+        value={logs.current_positive}
         options={[
           ["discharge", words.discharge],
           ["charge", words.charge],
         ]}
         onChoose={(current_positive) => void changeReading(car, { current_positive })}
       />
-      {found.assumed.usable_capacity_kwh !== undefined && (
-        <p class="note">{words.bySoc(format.value.figure(found.assumed.usable_capacity_kwh, 1))}</p>
+      {logs.assumed.usable_capacity_kwh !== undefined && (
+        <p class="note">{words.bySoc(format.value.figure(logs.assumed.usable_capacity_kwh, 1))}</p>
       )}
       {unused.length > 0 && (
         <details class="as-table">
-          <summary>{words.unused(found.unused.length)}</summary>
+          <summary>{words.unused(logs.unused.length)}</summary>
           <p class="note">{format.value.list(unused)}</p>
         </details>
       )}
@@ -162,7 +162,7 @@ function Audit({ preview }: { preview: NonNullable<LogsReading["preview"]> }) {
 export function OwnCarLogs({ car }: { car: string }) {
   const { ownCars: words } = text.value;
   const now = reading.value;
-  const drives = now?.found.preview?.drives ?? 0;
+  const drives = now?.logs.preview?.drives ?? 0;
   return (
     <section aria-labelledby="own-car-logs">
       <h3 id="own-car-logs">{words.logs}</h3>
@@ -180,9 +180,9 @@ export function OwnCarLogs({ car }: { car: string }) {
       <FaultList faults={faultsOfCars.value} />
       {now && (
         <div class="reading">
-          <Mapping car={car} found={now.found} />
-          {now.found.preview && <Audit preview={now.found.preview} />}
-          <FaultList faults={now.found.faults} />
+          <Mapping car={car} logs={now.logs} />
+          {now.logs.preview && <Audit preview={now.logs.preview} />}
+          <FaultList faults={now.logs.faults} />
           <div class="actions">
             <button
               type="button"

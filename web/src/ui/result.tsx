@@ -167,19 +167,23 @@ function problemText({ type, title, detail: given }: Problem): {
 }
 
 function Failure() {
-  const found = problem.value;
-  if (!found) return null;
+  const failure = problem.value;
+  if (!failure) return null;
   const { problems } = text.value;
-  const { title, detail, isRaw } = problemText(found);
+  const { title, detail, isRaw } = problemText(failure);
   return (
     <div class="failure" role="alert">
       <Icon name="warning" />
       <div>
         <strong>{title}</strong>
-        {found.faults?.length ? <p>{problems.seeFields}</p> : <p {...(isRaw && { lang: "en" })}>{detail}</p>}
+        {failure.faults?.length ? (
+          <p>{problems.seeFields}</p>
+        ) : (
+          <p {...(isRaw && { lang: "en" })}>{detail}</p>
+        )}
       </div>
       <button type="button" onClick={retry}>
-        {found.faults?.length ? problems.close : problems.retry}
+        {failure.faults?.length ? problems.close : problems.retry}
       </button>
     </div>
   );

@@ -5,7 +5,9 @@ A protocol of `tripwatt.evaluation` names the panels of its sections; `PANELS` h
 
 from __future__ import annotations
 
+import importlib
 import itertools
+import pkgutil
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
@@ -13,51 +15,17 @@ from typing import Final
 
 from tripwatt.evaluation import EvaluationProtocol
 from tripwatt.report.panel import Panel, PanelSpec, Section
-from tripwatt.report.panels import (
-    arrival,
-    audit,
-    correctors,
-    error_distribution,
-    gamm_effects,
-    gamm_summary,
-    mean_errors,
-    paired,
-    paper_studies,
-    results_table,
-    running_time,
-    signals,
-    trips,
-    uncertainty,
-    updates,
-    waterfall,
-    without_physics,
-)
 from tripwatt.report.view import View
 
-_MODULES: Final = (
-    results_table,
-    mean_errors,
-    error_distribution,
-    trips,
-    paired,
-    paper_studies,
-    audit,
-    gamm_summary,
-    gamm_effects,
-    correctors,
-    signals,
-    running_time,
-    uncertainty,
-    arrival,
-    updates,
-    without_physics,
-    waterfall,
-)
-
 PANELS: Final[Mapping[str, PanelSpec]] = MappingProxyType(
-    {spec.key: spec for module in _MODULES for spec in module.PANELS}
+    {
+        spec.key: spec
+        for module in pkgutil.iter_modules(__path__, f"{__name__}.")
+        for spec in vars(importlib.import_module(module.name)).values()
+        if isinstance(spec, PanelSpec)
+    }
 )
-"""Panels by name."""
+"""Panels of every module of this folder, by name."""
 
 
 def figure_keys(protocol: EvaluationProtocol | None = None) -> tuple[str, ...]:

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Final
+from typing import Final
+
+from matplotlib.figure import Figure
 
 from tripwatt.report.panel import Content, panel
-from tripwatt.report.style import FORECAST_COLOUR, RULE, WARM_COLOUR, new_figure, percent_axis, styled
-from tripwatt.report.tables import Table, number, span
+from tripwatt.report.style import FORECAST_COLOUR, WARM_COLOUR, diagonal, legend_below, plotted
+from tripwatt.report.tables import Column, Table, in_percent, tabulated
 from tripwatt.report.view import Record, View
 from tripwatt.report.words import percent
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 STARTS: Final[Mapping[str, tuple[str, str, str]]] = {
     "soc": ("the display was known at departure", FORECAST_COLOUR, "o"),
@@ -24,99 +23,61 @@ STARTS: Final[Mapping[str, tuple[str, str, str]]] = {
 @panel("arrival", "Displayed charge at arrival", draws=True, wide=True)
 def arrival(view: View) -> Content:
     """Error and interval of the charge at arrival, and how often a stated probability to arrive came true."""
-    scores = {key: found for key, found in (view.focus.get("arrival") or {}).items() if found}
+    scores = {key: score for key, score in (view.focus.get("arrival") or {}).items() if score}
     if not scores:
         return Content("No trip has readings of the displayed charge.")
-    drawn = plot_reliability(scores, note=view.note_given, synthetic=view.synthetic)
-    return Content(
-        on_arrival(view, scores), drawn, (arrival_table(view, scores), reliability_table(view, scores))
-    )
+    tables = (arrival_table(view, scores), reliability_table(view, scores))
+    return Content(on_arrival(view, scores), plot_reliability(view, scores), tables)
 
 
 def on_arrival(view: View, scores: Mapping[str, Record]) -> str:
     """The mean error and the coverage from each start."""
     parts = [
-        f"{100 * found['mae']:.1f} percentage points where {STARTS[key][0]} "
-        f"(the 90 % interval holds {percent(found['coverage'], 0)} of {found['n_trips']} trips)"
-        for key, found in scores.items()
+        f"{100 * score['mae']:.1f} percentage points where {STARTS[key][0]} "
+        f"(the 90 % interval holds {percent(score['coverage'], 0)} of {score['n_trips']} trips)"
+        for key, score in scores.items()
     ]
     return f"The displayed charge at arrival errs by {'; and by '.join(parts)}, {view.given}."
 
 
 def arrival_table(view: View, scores: Mapping[str, Record]) -> Table:
     """A row for each thing that was known at departure."""
-    columns = (
-        "Known at departure",
-        "Trips",
-        "Mean error [points]",
-        "Bias [points]",
-        "Inside 90 % [%]",
-        "Clopper-Pearson 95 %",
-        "Its width [points]",
+    return tabulated(
+        view.captioned(f"Displayed charge at arrival, {view.given}"),
+        [{**score, "start": STARTS[key][0]} for key, score in scores.items()],
+        Column("Known at departure", "start"),
+        Column("Trips", "n_trips", digits=0),
+        in_percent("Mean error [points]", "mae", 2),
+        in_percent("Bias [points]", "bias", 2),
+        in_percent("Inside 90 % [%]", "coverage"),
+        in_percent("Clopper-Pearson 95 %", "coverage_ci95"),
+        in_percent("Its width [points]", "interval_width"),
     )
-    rows = tuple(
-        (
-            STARTS[key][0],
-            str(found["n_trips"]),
-            number(found["mae"], 100, 2),
-            number(found["bias"], 100, 2),
-            number(found["coverage"], 100, 1),
-            span(found["coverage_ci95"]),
-            number(found["interval_width"], 100, 1),
-        )
-        for key, found in scores.items()
-    )
-    return Table(view.captioned(f"Displayed charge at arrival, {view.given}"), columns, rows)
 
 
 def reliability_table(view: View, scores: Mapping[str, Record]) -> Table:
     """A row for each tenth of the stated probability."""
-    columns = (
-        "Known at departure",
-        "Stated [%]",
-        "Came true [%]",
-        "95 % interval over trips",
-        "Of all pairs [%]",
-    )
-    rows = tuple(
-        (
-            STARTS[key][0],
-            number(row["stated"], 100, 1),
-            number(row["observed"], 100, 1),
-            span(row["observed_ci95"]),
-            number(row["share"], 100, 1),
-        )
-        for key, found in scores.items()
-        for row in found["reliability"]
-    )
-    return Table(
+    return tabulated(
         view.captioned("Probability to arrive with reserves within 6 points of the forecast charge"),
-        columns,
-        rows,
+        [{**row, "start": STARTS[key][0]} for key, score in scores.items() for row in score["reliability"]],
+        Column("Known at departure", "start"),
+        in_percent("Stated [%]", "stated"),
+        in_percent("Came true [%]", "observed"),
+        in_percent("95 % interval over trips", "observed_ci95"),
+        in_percent("Of all pairs [%]", "share"),
     )
 
 
-@styled
-def plot_reliability(scores: Mapping[str, Record], *, note: str = "", synthetic: bool = False) -> Figure:
+def plot_reliability(view: View, scores: Mapping[str, Record]) -> Figure:
     """Share of pairs of trip and reserve that came true against the stated probability to arrive."""
-    figure = new_figure(3.9, "How often a stated probability to arrive came true", note, synthetic)
-    axes = figure.add_subplot()
-    axes.plot([0.0, 1.0], [0.0, 1.0], color=RULE, lw=1.5, label="exactly as stated")
-    for place, (key, found) in enumerate(scores.items()):
+    figure, axes = plotted(view, 3.9, "How often a stated probability to arrive came true", view.note_given)
+    diagonal(axes, 0.0, "came true [% of pairs]", "stated probability to arrive [%]")
+    for place, (key, score) in enumerate(scores.items()):
         words, colour, marker = STARTS[key]
-        shift = 0.008 * (2 * place - 1)
-        for row in found["reliability"]:
-            at = row["stated"] + shift
+        for row in score["reliability"]:
+            at = row["stated"] + 0.008 * (2 * place - 1)
             axes.plot([at, at], row["observed_ci95"], color=colour, lw=1.8, solid_capstyle="butt")
             axes.plot(at, row["observed"], marker, color=colour, ms=5.5)
         axes.plot([], [], marker=marker, color=colour, label=f"{words}, 95 % bootstrap interval over trips")
     axes.set(xlim=(-0.03, 1.03), ylim=(-0.03, 1.03))
-    axes.yaxis.set_major_formatter(lambda value, _: f"{100 * value:.0f}")
-    axes.set_ylabel("came true [% of pairs]")
-    percent_axis(axes, "stated probability to arrive [%]")
-    axes.grid(axis="y")
-    figure.legend(loc="outside lower left", ncols=1)
-    return figure
-
-
-PANELS = (arrival,)
+    return legend_below(figure)

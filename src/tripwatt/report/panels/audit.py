@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from tripwatt.report.panel import Content, panel
-from tripwatt.report.tables import Table, number
+from tripwatt.report.tables import Column, Table, in_words, tabulated
 from tripwatt.report.view import TRIP_SETS, View, natural_key, plain
 from tripwatt.report.words import listed
 
@@ -48,40 +48,35 @@ def on_audit(view: View) -> str:
 
 def audit_table(view: View) -> Table:
     """Every finding of the audit and what it led to."""
-    findings = sorted(
-        view.results.get("audit") or (), key=lambda f: (natural_key(f.get("trip")), f.get("from_s") or 0.0)
+    findings = view.results.get("audit") or ()
+    return tabulated(
+        view.captioned("Findings of the audit"),
+        sorted(findings, key=lambda f: (natural_key(f.get("trip")), f.get("from_s") or 0.0)),
+        Column("Trip", lambda f: plain(f.get("trip"))),
+        Column("From [s]", "from_s", digits=1),
+        Column("To [s]", "to_s", digits=1),
+        in_words("What was found", lambda f: plain(f.get("what", ""), 400)),
+        in_words("Consequence", lambda f: plain(f.get("consequence", ""), 200)),
     )
-    rows = [
-        (
-            plain(f.get("trip")),
-            number(f.get("from_s"), 1.0, 1),
-            number(f.get("to_s"), 1.0, 1),
-            plain(f.get("what", ""), 400),
-            plain(f.get("consequence", ""), 200),
-        )
-        for f in findings
-    ]
-    columns = ("Trip", "From [s]", "To [s]", "What was found", "Consequence")
-    return Table(view.captioned("Findings of the audit"), columns, tuple(rows), frozenset({0, 3, 4}))
 
 
 def used_table(view: View) -> Table:
     """The trips of each set, and those that were read but are not in it, with the reason."""
-    used = _sets(view)
     read = [str(trip) for trip in view.results.get("trips_read") or ()]
-    rows = []
-    for name, ids in used.items():
-        absent = sorted(set(read) - set(map(str, ids)), key=natural_key)
-        rows.append(
-            (
-                TRIP_SETS.get(name, name),
-                str(len(ids)),
-                ", ".join(plain(i) for i in sorted(ids, key=natural_key)),
-                "; ".join(f"{plain(trip)}: {_why_absent(view, name, trip)}" for trip in absent) or "none",
-            )
-        )
-    columns = ("Set", "Number", "Trips", "Read, but not in it")
-    return Table(view.captioned("Trips of each set"), columns, tuple(rows), frozenset({0, 2, 3}))
+
+    def absent(row: tuple[str, Sequence[str]]) -> str:
+        name, ids = row
+        left_out = sorted(set(read) - set(map(str, ids)), key=natural_key)
+        return "; ".join(f"{plain(trip)}: {_why_absent(view, name, trip)}" for trip in left_out) or "none"
+
+    return tabulated(
+        view.captioned("Trips of each set"),
+        _sets(view).items(),
+        Column("Set", lambda row: TRIP_SETS.get(row[0], row[0])),
+        Column("Number", lambda row: str(len(row[1]))),
+        in_words("Trips", lambda row: ", ".join(plain(i) for i in sorted(row[1], key=natural_key))),
+        in_words("Read, but not in it", absent),
+    )
 
 
 def _sets(view: View) -> Mapping[str, Sequence[str]]:
@@ -91,8 +86,8 @@ def _sets(view: View) -> Mapping[str, Sequence[str]]:
 
 
 def _why_absent(view: View, name: str, trip: str) -> str:
-    found = [f for f in view.results.get("audit") or () if str(f.get("trip")) == trip]
-    reasons = [plain(f.get("what", ""), 200) for f in found if f.get("consequence") in ("set aside", "split")]
+    own = [f for f in view.results.get("audit") or () if str(f.get("trip")) == trip]
+    reasons = [plain(f.get("what", ""), 200) for f in own if f.get("consequence") in ("set aside", "split")]
     if name == "reference":
         return "; ".join(
             ["not a reference trip of the data set", *(f"audit: {reason}" for reason in reasons)]
@@ -101,6 +96,3 @@ def _why_absent(view: View, name: str, trip: str) -> str:
         noted = [plain(n, 200) for n in view.results.get("notes") or () if trip in str(n)]
         return "; ".join(noted) or "could not be simulated or scored"
     return "; ".join(reasons) or "see the audit"
-
-
-PANELS = (audit_findings, trips_used)

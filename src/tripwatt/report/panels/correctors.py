@@ -2,29 +2,24 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
 
 from tripwatt.report.covariates import covariate_words
 from tripwatt.report.model_styles import model_style, ordered
 from tripwatt.report.panel import Content, panel
-from tripwatt.report.style import INK, PAPER_COLOUR, annotate, new_figure, styled, thinned
+from tripwatt.report.style import INK, PAPER_COLOUR, annotate, stacked, thinned
 from tripwatt.report.view import View, plain
 from tripwatt.report.words import label, listed
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 @panel("importances", "Importance of the covariates", draws=True)
 def importances(view: View) -> Content:
     """The most important covariates of each corrector."""
-    found = view.importances
-    if found is None:
+    if view.importances is None:
         return Content("No importances: this run has no corrector that reports them.")
-    return Content(on_importances(found), plot_importances(found, synthetic=view.synthetic))
+    return Content(on_importances(view.importances), plot_importances(view, view.importances))
 
 
 def on_importances(importances: pd.DataFrame) -> str:
@@ -37,30 +32,27 @@ def on_importances(importances: pd.DataFrame) -> str:
     return f"The most important covariates are {'; '.join(parts)}."
 
 
-@styled
-def plot_importances(importances: pd.DataFrame, *, synthetic: bool = False) -> Figure:
+def plot_importances(view: View, importances: pd.DataFrame) -> Figure:
     """Importance of each covariate, one panel per model; the bar is the mean over what the table holds.
 
     Parameters
     ----------
+    view : View
     importances : DataFrame
         Columns `model, covariate, importance`.
-    synthetic : bool
-        Whether the trips are made up.
     """
     mean = mean_importances(importances)
     models = ordered(map(str, mean["model"].unique()))
     counts = [int((mean["model"] == m).sum()) for m in models]
-    figure = new_figure(
-        1.2 + 0.4 * len(models) + 0.25 * sum(counts), "What the correctors use", "", synthetic
-    )
-    panels = figure.subplots(len(models), 1, sharex=False, squeeze=False, height_ratios=counts)[:, 0]
-    for axes, model in zip(panels, models, strict=True):
+    height = 1.2 + 0.4 * len(models) + 0.25 * sum(counts)
+    head = ("What the correctors use", "")
+    figure, panels = stacked(view, height, head, len(models), height_ratios=counts)
+    for number, (axes, model) in enumerate(zip(panels, models, strict=True)):
         rows = mean[mean["model"] == model].sort_values("importance", ascending=False, kind="stable")
         places = np.arange(len(rows))
         bars = axes.barh(places, rows["importance"], color=model_style(model).colour, height=0.65)
         for place, bar in enumerate(bars):
-            bar.set_gid(f"importance-{models.index(model)}-{place}")
+            bar.set_gid(f"importance-{number}-{place}")
         axes.set_yticks(places, [plain(covariate_words(str(c)), 30) for c in rows["covariate"]])
         axes.invert_yaxis()
         axes.tick_params(axis="y", length=0)
@@ -84,7 +76,7 @@ def learning_curve(view: View) -> Content:
     curves = view.learning_curves
     if curves is None:
         return Content("No learning curve: this run has no boosting with a curve.")
-    return Content(on_learning_curves(curves), plot_learning_curves(curves, synthetic=view.synthetic))
+    return Content(on_learning_curves(curves), plot_learning_curves(view, curves))
 
 
 def on_learning_curves(curves: pd.DataFrame) -> str:
@@ -100,21 +92,17 @@ def on_learning_curves(curves: pd.DataFrame) -> str:
     return f"The error on left-out training trips is lowest {' and '.join(parts)}."
 
 
-@styled
-def plot_learning_curves(curves: pd.DataFrame, *, synthetic: bool = False) -> Figure:
+def plot_learning_curves(view: View, curves: pd.DataFrame) -> Figure:
     """Error against boosting rounds, one panel per model: each fold thin, their mean thick, its lowest point marked.
 
     Parameters
     ----------
+    view : View
     curves : DataFrame
         Columns `model, fold, rounds, error`.
-    synthetic : bool
-        Whether the trips are made up.
     """
-    models = curve_models(curves)
-    height = 1.0 + 2.3 * len(models)
-    figure = new_figure(height, "Learning curves", "thin: each fold; thick: their mean", synthetic)
-    panels = figure.subplots(len(models), 1, squeeze=False)[:, 0]
+    models, head = curve_models(curves), ("Learning curves", "thin: each fold; thick: their mean")
+    figure, panels = stacked(view, 1.0 + 2.3 * len(models), head, len(models))
     for number, (axes, (model, part)) in enumerate(zip(panels, models.items(), strict=True)):
         colour = model_style(model).colour
         for _, fold in part.groupby("fold", sort=False, observed=True):
@@ -150,9 +138,3 @@ def lowest_round(curves: pd.DataFrame) -> int:
     """The number of rounds at which the mean curve of one model is lowest."""
     mean = mean_learning_curve(curves)
     return int(mean.index.to_numpy()[int(np.argmin(mean.to_numpy()))])
-
-
-PANELS = (
-    importances,
-    learning_curve,
-)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from tripwatt.arrays import FloatArray
 from tripwatt.report.model_styles import model_style, ordered
@@ -15,18 +17,15 @@ from tripwatt.report.style import (
     INK,
     PAPER_COLOUR,
     cut_at,
+    legend_below,
     mark_beyond,
     model_rows,
-    new_figure,
     percent_axis,
-    styled,
+    plotted,
+    stacked,
 )
 from tripwatt.report.view import View, plain, signed_errors
 from tripwatt.report.words import label, listed, percent
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 
 @panel("error-distribution", "Error distribution over the folds", draws=True)
@@ -35,9 +34,7 @@ def error_distribution(view: View) -> Content:
     folds = view.main_folds
     if folds.empty:
         return Content("No fold is known, so there is no distribution.")
-    return Content(
-        on_distribution(view), plot_error_distribution(folds, note=view.note, synthetic=view.synthetic)
-    )
+    return Content(on_distribution(view), plot_error_distribution(view, folds))
 
 
 @panel("error-boxes", "Box plot of all models", draws=True)
@@ -46,10 +43,7 @@ def error_boxes(view: View) -> Content | None:
     folds = view.main_folds
     if folds.empty:
         return None
-    return Content(
-        on_boxes(view),
-        plot_error_boxes(folds, paper=view.published, note=view.note, synthetic=view.synthetic),
-    )
+    return Content(on_boxes(view), plot_error_boxes(view, folds))
 
 
 @panel("benchmark-boxes", "Physics alone, hybrid, and boosting alone", draws=True)
@@ -63,15 +57,9 @@ def benchmark_boxes(view: View) -> Content | None:
     pair = next(((m, alone) for m, alone in pairs if alone is not None and {m, alone} <= present), None)
     if pair is None:
         return Content("The benchmark needs boosting with and without physics; this run lacks one of them.")
-    drawn = plot_error_boxes(
-        folds,
-        models=[m for m in (model_style(pair[0]).stands_on, *pair) if m is not None and m in present],
-        paper=view.published,
-        title="Physics, hybrid boosting, boosting without physics",
-        note=view.note,
-        synthetic=view.synthetic,
-    )
-    return Content(on_benchmark(view, *pair), drawn)
+    shown = [m for m in (model_style(pair[0]).stands_on, *pair) if m is not None and m in present]
+    title = "Physics, hybrid boosting, boosting without physics"
+    return Content(on_benchmark(view, *pair), plot_error_boxes(view, folds, shown, title))
 
 
 def on_distribution(view: View) -> str:
@@ -115,34 +103,29 @@ def on_benchmark(view: View, hybrid: str, alone: str) -> str:
     )
 
 
-@styled
-def plot_error_distribution(folds: pd.DataFrame, *, note: str = "", synthetic: bool = False) -> Figure:
+def plot_error_distribution(view: View, folds: pd.DataFrame) -> Figure:
     """Histogram and rug of the signed error of every model over the folds, on one common axis.
 
     Parameters
     ----------
+    view : View
     folds : DataFrame
         Columns `trip, model, observed_energy_wh, predicted_energy_wh`.
-    note : str
-        Which evaluation it is, for the title.
-    synthetic : bool
-        Whether the trips are made up.
     """
     models = ordered(map(str, folds["model"].unique()))
-    errors = {m: found for m in models if len(found := signed_errors(folds, m))}
+    errors = {m: values for m in models if len(values := signed_errors(folds, m))}
     models = list(errors)
     every = np.concatenate(list(errors.values())) if errors else np.empty(0)
     limit = max(0.2, np.ceil(10 * cut_at(every)) / 10)
     bins = np.linspace(-limit, limit, 41)
-    head = "\n".join(filter(None, [note, "height: number of trips, every row to its own scale"]))
-    figure = new_figure(1.5 + 0.72 * len(models), "Error of every trip, by model", head, synthetic)
-    panels = figure.subplots(max(len(models), 1), 1, sharex=True, squeeze=False)[:, 0]
+    note = "\n".join(filter(None, [view.note, "height: number of trips, every row to its own scale"]))
+    head, height = ("Error of every trip, by model", note), 1.5 + 0.72 * len(models)
+    figure, panels = stacked(view, height, head, max(len(models), 1), sharex=True)
     for axes, model in zip(panels, models, strict=False):
         values, colour = errors[model], model_style(model).colour
-        axes.hist(np.clip(values, -limit, limit), bins=bins.tolist(), color=colour, alpha=0.75, lw=0)
-        rug = axes.plot(
-            np.clip(values, -limit, limit), np.full(len(values), -0.09), "|", color=colour, ms=6, mew=0.9
-        )[0]
+        clipped, below = np.clip(values, -limit, limit), np.full(len(values), -0.09)
+        axes.hist(clipped, bins=bins.tolist(), color=colour, alpha=0.75, lw=0)
+        rug = axes.plot(clipped, below, "|", color=colour, ms=6, mew=0.9)[0]
         rug.set(transform=axes.get_xaxis_transform(), clip_on=False, gid=f"rug-{models.index(model)}")
         axes.axvline(0.0, color=INK, lw=0.9)
         axes.axvline(float(np.median(values)), color=INK, lw=1.1, ls=(0, (2, 2)))
@@ -175,69 +158,49 @@ def _box(axes: Axes, row: float, values: FloatArray, colour: str, limit: float, 
     axes.plot(min(float(values.mean()), limit), row, "D", color=PAPER_COLOUR, mec=INK, ms=4.5, zorder=5)
 
 
-@styled
 def plot_error_boxes(
+    view: View,
     folds: pd.DataFrame,
-    *,
     models: Sequence[str] | None = None,
-    paper: Mapping[str, float] | None = None,
     title: str = "Errors of all models",
-    note: str = "",
-    synthetic: bool = False,
 ) -> Figure:
-    """Box plot of the APE of each model over the folds, every trip as a point.
+    """Box plot of the APE of each model over the folds, every trip as a point; the paper's means as crosses.
 
     Parameters
     ----------
+    view : View
     folds : DataFrame
         Columns `trip, model, ape`.
     models : sequence of str, optional
         Which models, in this order; all in table order by default.
-    paper : mapping of str to float, optional
-        Published mean errors, drawn as crosses.
-    title, note : str
-        Head of the figure.
-    synthetic : bool
-        Whether the trips are made up.
+    title : str
+        Of the figure.
     """
     models = list(models) if models is not None else ordered(map(str, folds["model"].unique()))
     known = folds[np.isfinite(folds["ape"].to_numpy(dtype=np.float64))]
     values = {m: known.loc[known["model"] == m, "ape"].to_numpy(dtype=np.float64) for m in models}
     every = np.concatenate(list(values.values())) if values else np.empty(0)
     limit = cut_at(every)
-    figure = new_figure(1.55 + 0.52 * len(models), title, note, synthetic)
-    axes = figure.add_subplot()
+    figure, axes = plotted(view, 1.55 + 0.52 * len(models), title, view.note)
+    paper = view.published
     for row, model in enumerate(models):
-        found, colour = values[model], model_style(model).colour
-        if not len(found):
+        errors, colour = values[model], model_style(model).colour
+        if not len(errors):
             continue
         # a fixed low-discrepancy jitter: points of one row stay apart without a random state
-        shift = 0.3 * (((np.arange(len(found)) * 0.618034) % 1.0) - 0.5)
-        inside = found <= limit
-        axes.scatter(
-            found[inside],
-            row + shift[inside],
-            s=7,
-            color=colour,
-            alpha=0.7,
-            lw=0,
-            gid=f"trips-{row}",
-            zorder=3,
-            clip_on=False,
-        )
-        mark_beyond(axes, found, limit, row, colour)
-        _box(axes, row, found, colour, limit)
-        if paper and model in paper:
+        shift = 0.3 * (((np.arange(len(errors)) * 0.618034) % 1.0) - 0.5)
+        inside = errors <= limit
+        look: dict[str, Any] = {"s": 7, "color": colour, "alpha": 0.7, "lw": 0, "zorder": 3}
+        axes.scatter(errors[inside], row + shift[inside], gid=f"trips-{row}", clip_on=False, **look)
+        mark_beyond(axes, errors, limit, row, colour)
+        _box(axes, row, errors, colour, limit)
+        if model in paper:
             axes.plot(paper[model], row - 0.38, "x", color=INK, ms=5, mew=1.3)
     axes.plot([], [], "D", color=PAPER_COLOUR, mec=INK, ms=4.5, label="mean")
     axes.plot([], [], color=INK, lw=1.8, label="median")
-    if paper and set(paper) & set(models):
+    if set(paper) & set(models):
         axes.plot([], [], "x", color=INK, ms=5, mew=1.3, ls="", label="the paper's mean")
     model_rows(axes, models)
     axes.set_xlim(0, limit)
     percent_axis(axes, "absolute percentage error [%]")
-    figure.legend(loc="outside lower left", ncols=3)
-    return figure
-
-
-PANELS = (error_distribution, error_boxes, benchmark_boxes)
+    return legend_below(figure, 3)

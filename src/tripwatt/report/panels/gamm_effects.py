@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Final, TypeVar
+from typing import Any, Final, TypeVar
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from tripwatt.arrays import BoolArray, FloatArray
 from tripwatt.gam.effects import CurveEffect, RandomEffects, SurfaceEffect
@@ -14,14 +17,10 @@ from tripwatt.gam.figures import RED
 from tripwatt.report.covariates import axis_of, term_in_words
 from tripwatt.report.model_styles import model_style
 from tripwatt.report.panel import Content, panel
-from tripwatt.report.style import INK, RULE, annotate, few_ticks, kept_points, new_figure, padded, styled
-from tripwatt.report.tables import Table, number
+from tripwatt.report.style import INK, RULE, annotate, few_ticks, kept_points, new_figure, padded, plotted
+from tripwatt.report.tables import Column, Table, tabulated
 from tripwatt.report.view import View, plain
 from tripwatt.report.words import listed, percent
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 E = TypeVar("E")
 
@@ -37,16 +36,14 @@ def gamm_smooths(view: View) -> Content | None:
     if not curves:
         return None
     observed_wh = _observed_wh(view)
-    drawn = plot_curves(curves, observed_wh, synthetic=view.synthetic)
-    return Content(on_curves(curves, observed_wh), drawn)
+    return Content(on_curves(curves, observed_wh), plot_curves(view, curves, observed_wh))
 
 
 @panel("gamm-surface", "Joint effect of two covariates", draws=True)
 def gamm_surface(view: View) -> Content | None:
     """The smooth of two covariates, of which the formula has at most one."""
     for surface in _effects(view, SurfaceEffect):
-        drawn = plot_surface(surface, synthetic=view.synthetic)
-        return Content(on_surface(surface, _observed_wh(view)), drawn)
+        return Content(on_surface(surface, _observed_wh(view)), plot_surface(view, surface))
     return None
 
 
@@ -54,8 +51,7 @@ def gamm_surface(view: View) -> Content | None:
 def gamm_random(view: View) -> Content | None:
     """The random effect of every trip, of which the formula has at most one."""
     for effect in _effects(view, RandomEffects):
-        drawn = plot_random(effect, synthetic=view.synthetic)
-        return Content(on_random(effect), drawn, (random_table(effect, label=view.captioned("")),))
+        return Content(on_random(effect), plot_random(view, effect), (random_table(view, effect),))
     return None
 
 
@@ -158,20 +154,18 @@ def on_random(effect: RandomEffects) -> str:
     )
 
 
-def random_table(effect: RandomEffects, *, label: str = "") -> Table:
+def random_table(view: View, effect: RandomEffects) -> Table:
     """The random effect of every trip, the smallest first."""
-    rows = [
-        (plain(level), number(float(value), 1.0, 0), number(float(error), 1.0, 0))
-        for level, value, error in zip(effect.level, effect.effect, effect.std_error, strict=True)
-    ]
-    caption = f"Random effect of every trip{label}"
-    return Table(caption, ("Trip", "Random effect [Wh]", "Std. error [Wh]"), tuple(rows))
+    return tabulated(
+        view.captioned("Random effect of every trip"),
+        zip(effect.level, effect.effect.tolist(), effect.std_error.tolist(), strict=True),
+        Column("Trip", lambda row: plain(row[0])),
+        Column("Random effect [Wh]", lambda row: row[1], digits=0),
+        Column("Std. error [Wh]", lambda row: row[2], digits=0),
+    )
 
 
-@styled
-def plot_curves(
-    curves: Sequence[CurveEffect], observed_wh: float = np.inf, *, synthetic: bool = False
-) -> Figure:
+def plot_curves(view: View, curves: Sequence[CurveEffect], observed_wh: float = np.inf) -> Figure:
     """Every smooth of one covariate with its band and the rug of the data, two in a row.
 
     The axis shows the whole effect and the band where the middle nine tenths of the data are; a band that runs away at the
@@ -179,18 +173,16 @@ def plot_curves(
 
     Parameters
     ----------
+    view : View
     curves : sequence of CurveEffect
         In Wh.
     observed_wh : float
         Largest less smallest observed value of the response [Wh]; with the default every smooth is drawn.
-    synthetic : bool
-        Whether the trips are made up.
     """
     drawn = [is_determined(curve, observed_wh) for curve in curves]
     heights = [2.1 if any(drawn[row : row + 2]) else 1.0 for row in range(0, len(curves), 2)]
-    figure = new_figure(
-        0.9 + sum(heights), "Smooth effects of the GAMM", "band: 95 %, pointwise; ticks: data", synthetic
-    )
+    head = ("Smooth effects of the GAMM", "band: 95 %, pointwise; ticks: data")
+    figure = new_figure(0.9 + sum(heights), *head, view.synthetic)
     grid = figure.add_gridspec(len(heights), 2, height_ratios=heights)
     for place, curve in enumerate(curves):
         last_alone = place == len(curves) - 1 and place % 2 == 0
@@ -212,9 +204,8 @@ def _draw_curve(one: Axes, curve: CurveEffect, place: int) -> None:
     one.plot(x, curve.effect, color=colour, lw=1.8, gid=f"smooth-{place}")
     rug = np.unique(curve.rug) * factor
     rug = rug[np.unique(np.linspace(0, len(rug) - 1, min(len(rug), 250)).round().astype(np.int64))]
-    one.plot(
-        rug, np.zeros(len(rug)), "|", color=INK, ms=5, mew=0.5, alpha=0.6, transform=one.get_xaxis_transform()
-    )
+    look: dict[str, Any] = {"ms": 5, "mew": 0.5, "alpha": 0.6, "transform": one.get_xaxis_transform()}
+    one.plot(rug, np.zeros(len(rug)), "|", color=INK, **look)
     one.set_ylim(*padded(_in_view(curve)))
     one.set_xlabel(label)
     if place % 2 == 0:
@@ -234,34 +225,14 @@ def _say_why(one: Axes, reason: str, place: int) -> None:
     """The reason in place of a smooth."""
     one.set_axis_off()
     one.set(xticks=[], yticks=[])
-    one.text(
-        0.0,
-        0.95,
-        textwrap.fill(reason, 34),
-        transform=one.transAxes,
-        va="top",
-        fontsize=8,
-        gid=f"reason-{place}",
-    )
+    look: dict[str, Any] = {"transform": one.transAxes, "va": "top", "fontsize": 8}
+    one.text(0.0, 0.95, textwrap.fill(reason, 34), gid=f"reason-{place}", **look)
 
 
-@styled
-def plot_surface(surface: SurfaceEffect, *, synthetic: bool = False) -> Figure:
-    """The smooth of two covariates as a map, blank far from all data.
-
-    Parameters
-    ----------
-    surface : SurfaceEffect
-        In Wh.
-    synthetic : bool
-        Whether the trips are made up.
-    """
-    from matplotlib.ticker import MaxNLocator
-
-    figure = new_figure(
-        4.3, "Surface of the GAMM", f"{term_in_words(surface.label)}, EDF {surface.edf:.2f}", synthetic
-    )
-    axes = figure.add_subplot()
+def plot_surface(view: View, surface: SurfaceEffect) -> Figure:
+    """The smooth of two covariates [Wh] as a map, blank far from all data."""
+    note = f"{term_in_words(surface.label)}, EDF {surface.edf:.2f}"
+    figure, axes = plotted(view, 4.3, "Surface of the GAMM", note)
     (across, first), (along, second) = (axis_of(name) for name in surface.covariates)
     x, y, shown = surface.x * first, surface.y * second, np.ma.masked_invalid(surface.effect)
     if shown.count() and float(np.ma.ptp(shown)) > 0:
@@ -271,42 +242,20 @@ def plot_surface(surface: SurfaceEffect, *, synthetic: bool = False) -> Figure:
         filled = axes.contourf(x, y, shown, levels=levels.tolist(), cmap="cividis", extend="both")
         figure.colorbar(filled, ax=axes, label="effect [Wh]")
     kept = kept_points(surface.points[:, 0]) if len(surface.points) else np.zeros(0, np.int64)
-    points = surface.points[kept]
-    axes.scatter(
-        points[:, 0] * first, points[:, 1] * second, s=2, color=RED, alpha=0.6, lw=0, gid="surface-data"
-    )
+    across_points, along_points = (surface.points[kept] * (first, second)).T
+    axes.scatter(across_points, along_points, s=2, color=RED, alpha=0.6, lw=0, gid="surface-data")
     axes.set(xlabel=across, ylabel=along)
     return figure
 
 
-@styled
-def plot_random(effect: RandomEffects, *, synthetic: bool = False) -> Figure:
-    """Random effects of the trips against Gaussian quantiles, with the line on which they lie if they are normal.
-
-    Parameters
-    ----------
-    effect : RandomEffects
-        In Wh.
-    synthetic : bool
-        Whether the trips are made up.
-    """
-    figure = new_figure(
-        3.6,
-        "Random effects of the trips",
-        f"EDF {effect.edf:.2f}, standard deviation {effect.sd:,.0f} Wh",
-        synthetic,
-    )
-    axes, colour = figure.add_subplot(), model_style("gamm").colour
-    ends = effect.theoretical[[0, -1]]
+def plot_random(view: View, effect: RandomEffects) -> Figure:
+    """Random effects of the trips [Wh] against Gaussian quantiles, with the line on which they lie if they are normal."""
+    note = f"EDF {effect.edf:.2f}, standard deviation {effect.sd:,.0f} Wh"
+    figure, axes = plotted(view, 3.6, "Random effects of the trips", note)
+    colour, ends, half = model_style("gamm").colour, effect.theoretical[[0, -1]], 1.96 * effect.std_error
     axes.plot(ends, ends, color=RED, lw=1.4)
-    axes.vlines(
-        effect.theoretical,
-        effect.effect - 1.96 * effect.std_error,
-        effect.effect + 1.96 * effect.std_error,
-        color=RULE,
-        lw=1.0,
-        zorder=1,
-    )
+    bars = effect.effect - half, effect.effect + half
+    axes.vlines(effect.theoretical, *bars, color=RULE, lw=1.0, zorder=1)
     axes.plot(effect.theoretical, effect.effect, "o", color=colour, ms=4, gid="random")
     axes.margins(0.08)
     for place, (offset, side) in ((0, ((6, -14), "left")), (-1, ((-6, 5), "right"))):
@@ -314,6 +263,3 @@ def plot_random(effect: RandomEffects, *, synthetic: bool = False) -> Figure:
         annotate(axes, plain(effect.level[place], 18), at, offset, ha=side)
     axes.set(xlabel="Gaussian quantiles [Wh]", ylabel="random effect [Wh];  bars: 95 %")
     return figure
-
-
-PANELS = (gamm_smooths, gamm_surface, gamm_random)

@@ -4,32 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from tripwatt.arrays import FloatArray
 from tripwatt.gam.covariates import REACH
-from tripwatt.gam.effects import FactorEffect
+from tripwatt.gam.dependence import Autocorrelation
+from tripwatt.gam.diagnosis import Diagnosis
+from tripwatt.gam.effects import Effect, FactorEffect
 from tripwatt.gam.figures import RED
+from tripwatt.paper.insight import GammInsight
 from tripwatt.report.covariates import term_in_words
 from tripwatt.report.model_styles import model_style
 from tripwatt.report.panel import Content, panel
-from tripwatt.report.style import INK, few_ticks, kept_points, new_figure, padded, styled
-from tripwatt.report.tables import DASH, Table, number
+from tripwatt.report.style import INK, few_ticks, kept_points, new_figure, padded, plotted
+from tripwatt.report.tables import DASH, Column, Table, in_percent, in_words, tabulated
 from tripwatt.report.view import View, natural_key, plain
 from tripwatt.report.words import percent
 from tripwatt.units import SECONDS_PER_MINUTE
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from tripwatt.gam.dependence import Autocorrelation
-    from tripwatt.gam.diagnosis import Diagnosis
-    from tripwatt.gam.effects import Effect
-    from tripwatt.paper.insight import GammInsight
-
 
 PAPER_TABLE2_SOURCE: Final = "arXiv:2405.10984, Table 2"
 
@@ -61,26 +56,22 @@ PAPER_TABLE2: Final[Mapping[str, str]] = MappingProxyType(
 @panel("gamm-summary", "Summary of the GAMM", wide=True)
 def gamm_summary(view: View) -> Content:
     """Terms and scores of the fit."""
-    found, paper = view.gamm, bool(view.published)
-    if found is None:
+    gamm, paper = view.gamm, bool(view.published)
+    if gamm is None:
         return Content(
             "The model gamm was not among the models of this run, so there is no table and no figure of it."
         )
-    tables = (
-        summary_table(found, paper=paper, label=view.captioned("")),
-        scores_table(found, label=view.captioned("")),
-    )
-    return Content(on_summary(found, paper=paper), tables=tables)
+    tables = (summary_table(view, gamm, paper=paper), scores_table(view, gamm))
+    return Content(on_summary(gamm, paper=paper), tables=tables)
 
 
 @panel("gamm-extrapolation", "Outside of the training data", folded=True)
 def gamm_extrapolation(view: View) -> Content | None:
     """The rule outside of the training data, and the trips to which it applies."""
-    found = view.gamm
-    if found is None:
+    if view.gamm is None:
         return None
-    table = outside_table(found, label=view.captioned(""))
-    said = on_extrapolation(found, view.main.get("n_trips"))
+    table = outside_table(view, view.gamm)
+    said = on_extrapolation(view.gamm, view.main.get("n_trips"))
     return Content(said, tables=(table,) if table.rows else ())
 
 
@@ -103,27 +94,26 @@ def on_summary(gamm: GammInsight, *, paper: bool) -> str:
 
 def on_extrapolation(gamm: GammInsight, trips: int | None) -> str:
     """The rule outside of the training data, and for how many held-out trips it matters."""
-    found = gamm.outside["trip"].nunique()
+    outside = gamm.outside["trip"].nunique()
     of = f" of {trips}" if trips else ""
     return (
         "Outside of the training data no effect grows: a row is moved to where training rows lie before any term is evaluated, each "
         "covariate to the nearer end of its range (in winter, that of the winter trips), those of a surface to within "
         f"{percent(REACH, 0)} of their ranges from the nearest training point. A weather that no training trip had counts as the mean "
-        f"over the training rows; a new trip's random effect is 0. Held out, {found}{of} trips leave, in some row, the range that the "
+        f"over the training rows; a new trip's random effect is 0. Held out, {outside}{of} trips leave, in some row, the range that the "
         "others have shown, or have a weather of their own."
     )
 
 
-def summary_table(gamm: GammInsight, *, paper: bool, label: str = "") -> Table:
+def summary_table(view: View, gamm: GammInsight, *, paper: bool) -> Table:
     """Every coefficient with its standard error and every smooth with its EDF, as the paper prints them.
 
     Parameters
     ----------
+    view : View
     gamm : GammInsight
     paper : bool
         Whether the paper's own table may stand beside it.
-    label : str
-        End of the caption, e.g. that the trips are made up.
     """
     coefficients = _coefficient_names(gamm.effects)
     tests = gamm.summary.frame()["p_value"].tolist()
@@ -145,7 +135,7 @@ def summary_table(gamm: GammInsight, *, paper: bool, label: str = "") -> Table:
         cells = [(*row, printed.get(row[0], DASH)) for row in rows]
         cells += [(name, DASH, DASH, printed[name]) for name in absent]
     caption = (
-        f"Terms of the GAMM{label}: estimate (standard error) in Wh, EDF (reference df) of a smooth s(); "
+        f"{view.captioned('Terms of the GAMM')}: estimate (standard error) in Wh, EDF (reference df) of a smooth s(); "
         "*** p < 0.001, ** p < 0.01, * p < 0.05"
     )
     return Table(caption, tuple(columns), tuple(cells))
@@ -167,51 +157,44 @@ def _p_text(p_value: float) -> str:
     return "<\u00a00.0001" if p_value < 1e-4 else f"{p_value:.4f}"
 
 
-def scores_table(gamm: GammInsight, *, label: str = "") -> Table:
+def scores_table(view: View, gamm: GammInsight) -> Table:
     """Scores of the fit, and the reductions that the data forced."""
     page = gamm.summary
     scores = [(name, value.replace("-", "−")) for name, value in page.scores().items()]
     rows = [("Errors", page.distribution()), ("Formula", term_in_words(page.formula)), *scores]
     rows += [("Note", plain(term_in_words(note), 400)) for note in page.notes]
-    rows += [
-        ("Term left out", f"{term_in_words(term)}: its covariates never vary here") for term in gamm.left_out
-    ]
-    return Table(f"The fit of the GAMM{label}", ("What", "Value"), tuple(rows), frozenset({0, 1}))
+    left_out = [f"{term_in_words(term)}: its covariates never vary here" for term in gamm.left_out]
+    rows += [("Term left out", reason) for reason in left_out]
+    caption = view.captioned("The fit of the GAMM")
+    return Table(caption, ("What", "Value"), tuple(rows), frozenset({0, 1}))
 
 
-def outside_table(gamm: GammInsight, *, label: str = "") -> Table:
+def outside_table(view: View, gamm: GammInsight) -> Table:
     """Trips that leave what all other trips have shown, with the share of their rows."""
-    records = sorted(gamm.outside.to_dict("records"), key=lambda r: natural_key(r["trip"]))
-    rows = [
-        (
-            plain(record["trip"]),
-            term_in_words(str(record["covariate"])),
-            number(float(record["share"]), 100, 1),
-        )
-        for record in records
-    ]
-    columns = ("Trip", "What no other trip has shown", "Share of its rows [%]")
-    caption = f"Where the extrapolation rule applies to a held-out trip{label}"
-    return Table(caption, columns, tuple(rows), frozenset({0, 1}))
+    return tabulated(
+        view.captioned("Where the extrapolation rule applies to a held-out trip"),
+        sorted(gamm.outside.to_dict("records"), key=lambda row: natural_key(row["trip"])),
+        Column("Trip", lambda row: plain(row["trip"])),
+        in_words("What no other trip has shown", lambda row: term_in_words(str(row["covariate"]))),
+        in_percent("Share of its rows [%]", "share"),
+    )
 
 
 @panel("gamm-diagnosis", "Residuals against the fitted distribution", draws=True)
 def gamm_diagnosis(view: View) -> Content | None:
     """Whether the residuals follow the fitted distribution."""
-    found = view.gamm
-    if found is None:
+    if view.gamm is None:
         return None
-    return Content(on_diagnosis(found), plot_diagnosis(found.diagnosis, synthetic=view.synthetic))
+    return Content(on_diagnosis(view.gamm), plot_diagnosis(view, view.gamm.diagnosis))
 
 
 @panel("gamm-autocorrelation", "Autocorrelation of the residuals", draws=True)
 def gamm_autocorrelation(view: View) -> Content | None:
     """Whether neighbouring rows of a trip are independent."""
-    found = view.gamm
-    if found is None:
+    if view.gamm is None:
         return None
-    drawn = plot_dependence(found.autocorrelation, found.row_step_s, synthetic=view.synthetic)
-    return Content(on_dependence(found), drawn)
+    drawn = plot_dependence(view, view.gamm.autocorrelation, view.gamm.row_step_s)
+    return Content(on_dependence(view.gamm), drawn)
 
 
 def on_diagnosis(gamm: GammInsight) -> str:
@@ -242,20 +225,10 @@ def on_dependence(gamm: GammInsight) -> str:
     )
 
 
-@styled
-def plot_diagnosis(diagnosis: Diagnosis, *, synthetic: bool = False) -> Figure:
-    """Q-Q plot against the fitted distribution with its line, residuals, histogram, response against fitted.
-
-    Parameters
-    ----------
-    diagnosis : Diagnosis
-        In Wh.
-    synthetic : bool
-        Whether the trips are made up.
-    """
-    figure = new_figure(
-        5.6, "Residuals of the GAMM [Wh]", "solid line: what the fitted model expects", synthetic
-    )
+def plot_diagnosis(view: View, diagnosis: Diagnosis) -> Figure:
+    """Q-Q plot against the fitted distribution with its line, residuals, histogram, response against fitted, in Wh."""
+    head = ("Residuals of the GAMM [Wh]", "solid line: what the fitted model expects")
+    figure = new_figure(5.6, *head, view.synthetic)
     axes = figure.subplots(2, 2)
     qq, colour = diagnosis.qq, model_style("gamm").colour
     kept = kept_points(qq.residual)
@@ -291,39 +264,18 @@ def _dots(axes: Axes, x: FloatArray, y: FloatArray, gid: str) -> None:
     axes.scatter(x[kept], y[kept], s=5, color=model_style("gamm").colour, alpha=0.45, lw=0, gid=gid)
 
 
-@styled
-def plot_dependence(found: Autocorrelation, step_s: float, *, synthetic: bool = False) -> Figure:
-    """Autocorrelation of the residuals within trips, with the band of independent rows.
-
-    Parameters
-    ----------
-    found : Autocorrelation
-    step_s : float
-        Time between neighbouring rows [s].
-    synthetic : bool
-        Whether the trips are made up.
-    """
-    figure = new_figure(
-        2.9,
-        "Autocorrelation of the residuals within trips",
-        "grey band: 95 % for independent rows",
-        synthetic,
+def plot_dependence(view: View, residuals: Autocorrelation, step_s: float) -> Figure:
+    """Autocorrelation of the residuals within trips, with the band of independent rows; `step_s` between two rows."""
+    title, note = "Autocorrelation of the residuals within trips", "grey band: 95 % for independent rows"
+    figure, axes = plotted(view, 2.9, title, note)
+    minutes = residuals.lag * step_s / SECONDS_PER_MINUTE
+    axes.fill_between(minutes, -residuals.bound, residuals.bound, color=INK, alpha=0.15, lw=0)
+    axes.vlines(minutes, 0.0, residuals.correlation, color=model_style("gamm").colour, lw=2.2)
+    axes.plot(
+        minutes, residuals.correlation, "o", color=model_style("gamm").colour, ms=3, gid="autocorrelation"
     )
-    axes = figure.add_subplot()
-    minutes = found.lag * step_s / SECONDS_PER_MINUTE
-    axes.fill_between(minutes, -found.bound, found.bound, color=INK, alpha=0.15, lw=0)
-    axes.vlines(minutes, 0.0, found.correlation, color=model_style("gamm").colour, lw=2.2)
-    axes.plot(minutes, found.correlation, "o", color=model_style("gamm").colour, ms=3, gid="autocorrelation")
     axes.axhline(0.0, color=INK, lw=0.9)
-    axes.set_ylim(max(-1.02, min(-0.2, 1.1 * float(found.correlation.min()))), 1.02)
+    axes.set_ylim(max(-1.02, min(-0.2, 1.1 * float(residuals.correlation.min()))), 1.02)
     axes.set(xlabel="lag [min]", ylabel="correlation")
     axes.grid(axis="y")
     return figure
-
-
-PANELS = (
-    gamm_summary,
-    gamm_extrapolation,
-    gamm_diagnosis,
-    gamm_autocorrelation,
-)

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+
+from matplotlib.figure import Figure
 
 from tripwatt.report.model_styles import model_style
 from tripwatt.report.panel import Content, panel
-from tripwatt.report.style import INK, PAPER_COLOUR, new_figure, percent_axis, row_names, styled
-from tripwatt.report.tables import Table
+from tripwatt.report.style import INK, PAPER_COLOUR, percent_axis, plotted, row_names
+from tripwatt.report.tables import Column, Table, in_words, tabulated
 from tripwatt.report.view import Record, View, of_evaluation, plain
 from tripwatt.report.words import is_significant, label, listed, points
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 @panel("paired-differences", "Paired differences", draws=True, folded=True)
@@ -27,7 +25,7 @@ def paired_differences(view: View) -> Content:
         f"{on_paired(pairs, best)} A difference is significant if its interval does not contain 0 for any of 40 seeds of "
         f"the bootstrap; the table has all {len(table.rows)} pairs."
     )
-    return Content(said, plot_paired_differences(shown, note=view.note, synthetic=view.synthetic), (table,))
+    return Content(said, plot_paired_differences(view, shown), (table,))
 
 
 def paired_with(pairs: Sequence[Record], best: str | None) -> list[Record]:
@@ -48,12 +46,12 @@ def paired_with(pairs: Sequence[Record], best: str | None) -> list[Record]:
     return turned
 
 
-def in_words(pair: Record) -> str:
+def result_of(pair: Record) -> str:
     """The result of one paired comparison.
 
     Examples
     --------
-    >>> in_words({"a": "forest", "b": "boosting", "diff": 0.01, "ci95": [-0.01, 0.02]})
+    >>> result_of({"a": "forest", "b": "boosting", "diff": 0.01, "ci95": [-0.01, 0.02]})
     'no significant difference'
     """
     if is_significant(pair):
@@ -88,39 +86,33 @@ def on_paired(pairs: Sequence[Record], best: str | None) -> str:
 
 def paired_table(view: View) -> Table:
     """Every pair of models of every evaluation, with its interval and the result in words."""
-    rows = []
-    for evaluation in view.evaluations:
-        for pair in view.paired_of(evaluation):
-            low, high = pair["ci95"]
-            rows.append(
-                (
-                    f"{label(str(pair['a']))} − {label(str(pair['b']))}",
-                    points(float(pair["diff"])),
-                    f"{points(float(low))} to {points(float(high))}".replace(" points to", " to"),
-                    in_words(pair),
-                    of_evaluation(evaluation),
-                )
-            )
-    columns = ("Pair", "Difference of mean errors", "95 % interval", "Result", "Evaluation")
-    caption = view.captioned("Paired differences over the same trips")
-    return Table(caption, columns, tuple(rows), frozenset({0, 3, 4}))
+
+    def bounds(pair: Record) -> str:
+        low, high = pair["ci95"]
+        return f"{points(float(low))} to {points(float(high))}".replace(" points to", " to")
+
+    return tabulated(
+        view.captioned("Paired differences over the same trips"),
+        [{**pair, "of": of_evaluation(e)} for e in view.evaluations for pair in view.paired_of(e)],
+        Column("Pair", lambda pair: f"{label(str(pair['a']))} − {label(str(pair['b']))}"),
+        Column("Difference of mean errors", lambda pair: points(float(pair["diff"]))),
+        Column("95 % interval", bounds),
+        in_words("Result", result_of),
+        in_words("Evaluation", "of"),
+    )
 
 
-@styled
-def plot_paired_differences(paired: Sequence[Record], *, note: str = "", synthetic: bool = False) -> Figure:
+def plot_paired_differences(view: View, paired: Sequence[Record]) -> Figure:
     """Forest plot of paired differences of the mean APE: a significant difference is drawn solid.
 
     Parameters
     ----------
+    view : View
     paired : sequence of mapping
         `{a, b, diff, ci95}` as in `results.json`, `diff` = mean APE of `a` minus that of `b`.
-    note : str
-        Which evaluation it is, for the title.
-    synthetic : bool
-        Whether the trips are made up.
     """
-    figure = new_figure(1.5 + 0.34 * len(paired), "Paired differences over the same trips", note, synthetic)
-    axes = figure.add_subplot()
+    height = 1.5 + 0.34 * len(paired)
+    figure, axes = plotted(view, height, "Paired differences over the same trips", view.note)
     seconds = {str(pair["b"]) for pair in paired}
     common = model_style(seconds.pop()).label if len(seconds) == 1 else ""
     labels = []
@@ -128,18 +120,9 @@ def plot_paired_differences(paired: Sequence[Record], *, note: str = "", synthet
         low, high = pair["ci95"]
         apart = is_significant(pair)
         colour = model_style(str(pair["a"])).colour
-        axes.plot(
-            [low, high], [row, row], color=colour, lw=2.0 if apart else 1.2, ls="-" if apart else (0, (3, 2))
-        )
-        axes.plot(
-            pair["diff"],
-            row,
-            "o",
-            color=colour if apart else PAPER_COLOUR,
-            mec=colour,
-            ms=5.5,
-            gid=f"pair-{row}",
-        )
+        width, dash, fill = (2.0, "-", colour) if apart else (1.2, (0, (3, 2)), PAPER_COLOUR)
+        axes.plot([low, high], [row, row], color=colour, lw=width, ls=dash)
+        axes.plot(pair["diff"], row, "o", color=fill, mec=colour, ms=5.5, gid=f"pair-{row}")
         first = plain(model_style(str(pair["a"])).label, 28)
         labels.append(first if common else f"{first}\n− {plain(model_style(str(pair['b'])).label, 28)}")
     axes.axvline(0.0, color=INK, lw=0.9)
@@ -148,6 +131,3 @@ def plot_paired_differences(paired: Sequence[Record], *, note: str = "", synthet
     difference = f"mean error minus that of {common}" if common else "difference of mean errors"
     percent_axis(axes, f"{difference}\n[percentage points];  solid: significant")
     return figure
-
-
-PANELS = (paired_differences,)

@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+from matplotlib.figure import Figure
 
 from tripwatt.evaluation.paper_studies import CORRELATIONS, CURVE_MODELS, FORMS, GAMM_ERRORS, NEAREST
 from tripwatt.paper.correctors import SIMULATION
 from tripwatt.report.model_styles import PAPER_IMPROVED, model_style
 from tripwatt.report.panel import Content, panel
-from tripwatt.report.style import INK, new_figure, styled
-from tripwatt.report.tables import DASH, Table, number, span
+from tripwatt.report.style import INK, legend_below, plotted, size_axes
+from tripwatt.report.tables import DASH, Column, Table, in_percent, in_words, tabulated
 from tripwatt.report.view import Record, View
 from tripwatt.report.words import label, listed, percent, points
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 ABSENT = (
     "Measured on the reference trips of the TUM data set alone, with the models that it varies in the run."
@@ -28,8 +27,7 @@ CORRECTORS = ("gamm", "forest", "boosting")
 
 def study_scores(view: View) -> Mapping[str, Record]:
     """Scores of the models beside the table, and of those of the table on the same trips, by name."""
-    found = view.results.get("studies") or {}
-    return found.get("models") or {}
+    return (view.results.get("studies") or {}).get("models") or {}
 
 
 def forms(view: View) -> list[str]:
@@ -84,40 +82,37 @@ def on_forms(view: View) -> str:
 def forms_table(view: View) -> Table:
     """Errors of every form of the simulation beside the paper's."""
     scores, target = study_scores(view), view.published.get(SIMULATION)
-    rows = [
-        (
-            scores[name]["title"],
-            number(scores[name]["mape"], 100, 1),
-            span(scores[name]["mape_ci95"]),
-            number(scores[name]["bias"], 100, 1),
-            number(scores[name]["max_ape"], 100, 1),
-            DASH if target is None else points(float(scores[name]["mape"]) - target),
-        )
-        for name in forms(view)
-    ]
-    if target is not None:
-        rows.append(("the paper's simulation", number(target, 100, 1), DASH, DASH, DASH, DASH))
-    columns = ("Simulation", "Mean error [%]", "95 % interval", "Bias [%]", "Max [%]", "To the paper")
-    return Table(view.captioned("Simulation alone, without climate control"), columns, tuple(rows))
+    rows = [scores[name] for name in forms(view)]
+
+    def to_the_paper(row: Record) -> str:
+        return DASH if target is None or row is paper else points(float(row["mape"]) - target)
+
+    paper = {"title": "the paper's simulation", "mape": target}
+    return tabulated(
+        view.captioned("Simulation alone, without climate control"),
+        [*rows, paper] if target is not None else rows,
+        Column("Simulation", "title"),
+        in_percent("Mean error [%]", "mape"),
+        in_percent("95 % interval", "mape_ci95"),
+        in_percent("Bias [%]", "bias"),
+        in_percent("Max [%]", "max_ape"),
+        Column("To the paper", to_the_paper),
+    )
 
 
 def improved_table(view: View) -> Table:
     """The correctors on the table's simulation and on the nearest form, with the share of trips that they improve."""
     scores = study_scores(view)
     names = shown([*CORRECTORS, *(f"{name}-brochure" for name in CORRECTORS)], scores)
-    rows = tuple(
-        (
-            scores[name]["title"],
-            scores[scores[name]["simulation"]]["title"],
-            number(scores[name]["mape"], 100, 1),
-            span(scores[name]["mape_ci95"]),
-            number(scores[name]["improved_share"], 100, 0),
-        )
-        for name in names
+    return tabulated(
+        view.captioned("Correctors, and the share of trips that they improve over their simulation"),
+        [scores[name] for name in names],
+        Column("Corrector", "title"),
+        in_words("Simulation", lambda row: scores[row["simulation"]]["title"]),
+        in_percent("Mean error [%]", "mape"),
+        in_percent("95 % interval", "mape_ci95"),
+        in_percent("Trips improved [%]", "improved_share", 0),
     )
-    columns = ("Corrector", "Simulation", "Mean error [%]", "95 % interval", "Trips improved [%]")
-    caption = view.captioned("Correctors, and the share of trips that they improve over their simulation")
-    return Table(caption, columns, rows, frozenset({0, 1}))
 
 
 @panel("working-correlations", "Working correlation of the boosting")
@@ -172,66 +167,58 @@ def _on_choice(view: View, name: str) -> str:
     return f" Chosen inside the fold: {listed(parts)} folds; mean error {percent(scores[name]['mape'])}."
 
 
-def _options(view: View, names: Sequence[str], say: Any, caption: str) -> Content:
+def _options(view: View, names: Sequence[str], say: Callable[[View], str], caption: str) -> Content:
     scores = study_scores(view)
     if not all(name in scores for name in names):
         return Content(ABSENT)
-    paper = view.published.get(names[0])
-    rows = tuple(
-        (
-            scores[name]["title"],
-            number(scores[name]["mape"], 100, 1),
-            span(scores[name]["mape_ci95"]),
-            number(scores[name]["median_ape"], 100, 1),
-            number(scores[name]["max_ape"], 100, 1),
-            number(scores[name]["fit_s"], 1.0, 2),
-        )
-        for name in names
+    rows, paper = [scores[name] for name in names], view.published.get(names[0])
+    best = min(range(len(names)), key=lambda i: float(rows[i]["mape"]))
+    table = tabulated(
+        view.captioned(caption),
+        rows if paper is None else [*rows, {"title": "the paper", "mape": paper}],
+        Column("Model", "title"),
+        in_percent("Mean error [%]", "mape"),
+        in_percent("95 % interval", "mape_ci95"),
+        in_percent("Median [%]", "median_ape"),
+        in_percent("Max [%]", "max_ape"),
+        Column("Fit [s]", "fit_s"),
+        strong=frozenset({best}),
     )
-    if paper is not None:
-        rows = (*rows, ("the paper", number(paper, 100, 1), DASH, DASH, DASH, DASH))
-    columns = ("Model", "Mean error [%]", "95 % interval", "Median [%]", "Max [%]", "Fit [s]")
-    best = min(range(len(names)), key=lambda i: float(scores[names[i]]["mape"]))
-    return Content(
-        say(view), tables=(Table(view.captioned(caption), columns, rows, strong=frozenset({best})),)
-    )
+    return Content(say(view), tables=(table,))
 
 
 @panel("trips-needed", "How many trips the hybrid needs", draws=True)
 def trips_needed(view: View) -> Content:
     """The learning curves of the hybrid and of the data-driven boosting, with their crossing."""
-    found = (view.results.get("studies") or {}).get("trips_needed")
-    if not found:
+    needed = (view.results.get("studies") or {}).get("trips_needed")
+    if not needed:
         return Content(ABSENT)
-    return Content(
-        on_trips_needed(found, view.scores),
-        plot_trips_needed(found, note=view.note, synthetic=view.synthetic),
-    )
+    return Content(on_trips_needed(needed, view.scores), plot_trips_needed(view, needed))
 
 
-def on_trips_needed(found: Record, scores: Mapping[str, Record] = MappingProxyType({})) -> str:
+def on_trips_needed(needed: Record, scores: Mapping[str, Record] = MappingProxyType({})) -> str:
     """The number of trips with which the hybrid has the error that the data-driven model has with the most trips.
 
     `scores` of the main evaluation show how strong the data-driven model is beside a regression of a few coefficients.
     """
     hybrid, alone = CURVE_MODELS
-    most = found["curve"][-1]
-    least = found["curve"][0]
+    most = needed["curve"][-1]
+    least = needed["curve"][0]
     said = (
         f"With {most['n_trips']} training trips the mean error of {label(alone)} is {percent(most[alone])}, that of {label(hybrid)} "
         f"{percent(most[hybrid])}"
     )
-    if found["crossing"] is None:
+    if needed["crossing"] is None:
         return f"{said}. At no number of trips is the hybrid's error as low as {percent(most[alone])}."
-    low, high = found["crossing_ci95"]
+    low, high = needed["crossing_ci95"]
     reach = f"{low:.1f} to {'beyond the curve' if high is None else f'{high:.1f}'}"
     floor = (
         f", the fewest that were tried ({percent(least[hybrid])} with them)"
-        if found["crossing"] <= least["n_trips"]
+        if needed["crossing"] <= least["n_trips"]
         else ""
     )
     return (
-        f"{said}. The hybrid has the former error with {found['crossing']:.1f} trips (95 % interval {reach}){floor}: it needs less "
+        f"{said}. The hybrid has the former error with {needed['crossing']:.1f} trips (95 % interval {reach}){floor}: it needs less "
         f"data than the data-driven model, as the paper states without a figure. Means over {most['draws']} random draws of each "
         f"number, scored on all other trips; the interval is a bootstrap over draws and trips.{_weakness(most[alone], scores)}"
     )
@@ -255,44 +242,22 @@ def _weakness(error: float, scores: Mapping[str, Record]) -> str:
     )
 
 
-@styled
-def plot_trips_needed(found: Record, *, note: str = "", synthetic: bool = False) -> Figure:
+def plot_trips_needed(view: View, needed: Record) -> Figure:
     """Mean error against the number of training trips, with the crossing and its interval."""
-    figure = new_figure(3.7, "How many training trips it takes", note, synthetic)
-    axes = figure.add_subplot()
-    curve: Sequence[Record] = found["curve"]
+    figure, axes = plotted(view, 3.7, "How many training trips it takes", view.note)
+    curve: Sequence[Record] = needed["curve"]
     sizes = [float(row["n_trips"]) for row in curve]
     hybrid, alone = CURVE_MODELS
     for name, marker in ((alone, "s"), (hybrid, "o")):
-        means = [100.0 * float(row[name]) for row in curve]
-        style = model_style(name)
-        axes.plot(
-            sizes,
-            means,
-            marker,
-            ls="-",
-            color=style.colour,
-            ms=6,
-            lw=2,
-            label=style.label,
-            gid=f"curve-{name}",
-        )
+        means, style = [100.0 * float(row[name]) for row in curve], model_style(name)
+        look: dict[str, Any] = {"color": style.colour, "ms": 6, "lw": 2, "ls": "-"}
+        axes.plot(sizes, means, marker, label=style.label, gid=f"curve-{name}", **look)
     target = 100.0 * float(curve[-1][alone])
     axes.axhline(target, color=INK, lw=0.8, ls=":")
-    if found["crossing"] is not None:
-        low, high = (sizes[-1] if end is None else float(end) for end in found["crossing_ci95"])
-        axes.plot([low, high], [target, target], color=INK, lw=3.0, solid_capstyle="butt", gid="interval")
-        axes.plot(
-            found["crossing"], target, "D", color=INK, ms=5, gid="crossing", label="crossing, 95 % interval"
-        )
-    axes.set_xscale("log")
-    axes.set_xticks(sizes, [f"{size:g}" for size in sizes])
-    axes.minorticks_off()
-    axes.set_ylim(bottom=0)
-    axes.set(xlabel="training trips", ylabel="mean error [%]")
-    axes.grid(axis="y")
-    figure.legend(loc="outside lower left", ncols=3)
-    return figure
-
-
-PANELS = (simulation_forms, working_correlations, gamm_errors, trips_needed)
+    if needed["crossing"] is not None:
+        bounds = [sizes[-1] if end is None else float(end) for end in needed["crossing_ci95"]]
+        axes.plot(bounds, [target, target], color=INK, lw=3.0, solid_capstyle="butt", gid="interval")
+        words = "crossing, 95 % interval"
+        axes.plot(needed["crossing"], target, "D", color=INK, ms=5, gid="crossing", label=words)
+    size_axes(axes, sizes)
+    return legend_below(figure, 3)

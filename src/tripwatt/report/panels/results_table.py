@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 
 import numpy as np
 
 from tripwatt.report.model_styles import PAPER, PAPER_CAR, PAPER_IMPROVED, PAPER_TRIPS, model_style, ordered
 from tripwatt.report.panel import Content, panel
-from tripwatt.report.tables import DASH, Table, number, span
+from tripwatt.report.tables import Column, Table, in_kwh, in_percent, in_words, number, span, tabulated
 from tripwatt.report.view import Record, View, named_evaluation, of_evaluation
 from tripwatt.report.words import compared, interval, label, listed, percent, points
 
@@ -26,8 +27,13 @@ def legend(view: View) -> Content | None:
     """The models of the run."""
     if not view.evaluations:
         return None
-    rows = tuple((label(m), m, model_style(m).meaning) for m in view.models)
-    table = Table("The models", ("Model", "Name in the files", "What it is"), rows, frozenset({0, 1, 2}))
+    table = tabulated(
+        "The models",
+        view.models,
+        Column("Model", label),
+        in_words("Name in the files", str),
+        in_words("What it is", lambda name: model_style(name).meaning),
+    )
     return Content(f"{len(view.models)} models, the same trips for each.", tables=(table,))
 
 
@@ -157,61 +163,53 @@ def without_days(view: View) -> str:
 def results_table(view: View, evaluation: Record) -> Table:
     """One evaluation: a row per model, errors in percent, RMSE in kWh, the paper's mean beside ours."""
     models: Mapping[str, Record] = evaluation.get("models") or {}
-    names = ordered(map(str, models))
+    names, head = ordered(map(str, models)), named_evaluation(evaluation)
     paper = view.published if evaluation.get("scheme") == "leave_one_trip_out" else {}
-    presets = [m.name for m in view.protocol.models if model_style(m.name).preset]
-    columns = (
-        "Model",
-        "Mean error [%]",
-        "95 % interval",
-        *(["The paper [%]"] if paper else []),
-        "Median [%]",
-        "Max [%]",
-        "Bias [%]",
-        "RMSE [kWh]",
-        *(f"Beats {model_style(preset).preset} [% of trips]" for preset in presets),
-        "Fit [s]",
-        "Predict [ms]",
+
+    def beaten(preset: str) -> Column:
+        heading = f"Beats {model_style(preset).preset} [% of trips]"
+        return in_percent(heading, lambda row: (row.get("improved_share") or {}).get(preset), 0)
+
+    return tabulated(
+        view.captioned(head[:1].upper() + head[1:]),
+        [{**models[name], "name": name} for name in names],
+        Column("Model", lambda row: label(row["name"])),
+        in_percent("Mean error [%]", "mape"),
+        in_percent("95 % interval", "mape_ci95"),
+        *([in_percent("The paper [%]", lambda row: paper.get(row["name"]))] if paper else []),
+        in_percent("Median [%]", "median_ape"),
+        in_percent("Max [%]", "max_ape"),
+        in_percent("Bias [%]", "bias"),
+        in_kwh("RMSE [kWh]", "rmse_wh"),
+        *(beaten(m.name) for m in view.protocol.models if model_style(m.name).preset),
+        Column("Fit [s]", "fit_s"),
+        Column("Predict [ms]", "predict_ms", digits=1),
+        strong=frozenset(i for i, name in enumerate(names) if name == view.best),
     )
-    rows = []
-    for name in names:
-        score = models[name]
-        share = score.get("improved_share") or {}
-        rows.append(
-            (
-                label(name),
-                number(score.get("mape"), 100, 1),
-                span(score.get("mape_ci95")),
-                *([number(paper.get(name), 100, 1)] if paper else []),
-                *(number(score.get(key), 100, 1) for key in ("median_ape", "max_ape", "bias")),
-                number(score.get("rmse_wh"), 1e-3, 2),
-                *(number(share.get(preset), 100, 0) for preset in presets),
-                number(score.get("fit_s"), 1.0, 2),
-                number(score.get("predict_ms"), 1.0, 1),
-            )
-        )
-    best = frozenset(i for i, name in enumerate(names) if name == view.best)
-    head = named_evaluation(evaluation)
-    return Table(view.captioned(head[:1].upper() + head[1:]), columns, tuple(rows), strong=best)
 
 
 def sets_table(view: View) -> Table:
     """Mean error of each model (columns) in each evaluation (rows)."""
-    rows = []
+    rows: list[tuple[str, Mapping[str, str]]] = []
     for evaluation in view.evaluations:
         scores = evaluation.get("models") or {}
-        cells = [_mean_and_interval(scores[m]) if m in scores else DASH for m in view.models]
-        rows.append((named_evaluation(evaluation), *cells))
+        cells = {m: _mean_and_interval(score) for m, score in scores.items()}
+        rows.append((named_evaluation(evaluation), cells))
     if view.published:
-        cells = [number(view.published.get(m), 100, 1) for m in view.models]
-        rows.append((f"the paper ({PAPER})", *cells))
-    caption = view.captioned("Mean error [%] with its 95 % interval, by the trips that were used")
-    return Table(caption, ("Trips", *map(label, view.models)), tuple(rows))
+        means = {m: number(view.published.get(m), 100, 1) for m in view.models}
+        rows.append((f"the paper ({PAPER})", means))
+    return tabulated(
+        view.captioned("Mean error [%] with its 95 % interval, by the trips that were used"),
+        rows,
+        Column("Trips", lambda row: row[0]),
+        *(Column(label(model), partial(_cell_of, model)) for model in view.models),
+    )
+
+
+def _cell_of(model: str, row: tuple[str, Mapping[str, str]]) -> str | None:
+    return row[1].get(model)
 
 
 def _mean_and_interval(score: Record) -> str:
     bounds = score.get("mape_ci95")
     return f"{number(score.get('mape'), 100, 1)} {f'({span(bounds)})' if bounds else ''}"
-
-
-PANELS = (main_table, legend, sets, full_tables)

@@ -4,19 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter
 
 from tripwatt.report.model_styles import model_style
 from tripwatt.report.panel import Content, panel
-from tripwatt.report.style import annotate, model_rows, new_figure, styled
-from tripwatt.report.tables import Table, number
+from tripwatt.report.style import annotate, model_rows, new_figure
+from tripwatt.report.tables import Column, Table, tabulated
 from tripwatt.report.view import View
 from tripwatt.report.words import label
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 PAPER_SAYS: Final[Mapping[str, str]] = MappingProxyType(
     {"gamm": "GAMMs have a longer running time compared to the others"}
@@ -91,15 +90,12 @@ def _beside_others(model: str, fit: Mapping[str, float], predict: Mapping[str, f
 
 def running_time_table(view: View) -> Table:
     """Fit and prediction time of every model that is fitted."""
-    models = view.scores
-    rows = [
-        (label(m), number(models[m]["fit_s"], 1.0, 3), number(models[m]["predict_ms"], 1.0, 2))
-        for m in timed_models(view)
-    ]
-    return Table(
+    return tabulated(
         view.captioned("Wall time on one core of this machine"),
-        ("Model", "One fit on the training trips [s]", "Predicting one trip [ms]"),
-        tuple(rows),
+        timed_models(view),
+        Column("Model", label),
+        Column("One fit on the training trips [s]", lambda m: view.scores[m]["fit_s"], digits=3),
+        Column("Predicting one trip [ms]", lambda m: view.scores[m]["predict_ms"]),
     )
 
 
@@ -108,17 +104,8 @@ def _short(value: float) -> str:
     return f"{value:,.0f}" if value >= 10 else f"{float(f'{value:.2g}'):.12g}"
 
 
-@styled
 def plot_running_time(view: View) -> Figure:
-    """Fit and prediction time of every model that is fitted, on logarithmic axes.
-
-    Parameters
-    ----------
-    view : View
-        Its main evaluation is shown.
-    """
-    from matplotlib.ticker import FuncFormatter
-
+    """Fit and prediction time in the main evaluation of every model that is fitted, on logarithmic axes."""
     names, models = timed_models(view), view.scores
     figure = new_figure(1.6 + 0.27 * len(names), "Running time", view.note, view.synthetic)
     panels = figure.subplots(1, 2, sharey=True)
@@ -139,6 +126,3 @@ def plot_running_time(view: View) -> Figure:
         model_rows(axes, names)
     panels[1].tick_params(labelleft=False)
     return figure
-
-
-PANELS = (running_time,)

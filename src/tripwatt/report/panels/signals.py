@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Final
 
 import pandas as pd
 
 from tripwatt.report.panel import Content, panel
-from tripwatt.report.tables import Table, number
+from tripwatt.report.tables import Column, Table, tabulated
 from tripwatt.report.view import View, natural_key, plain
 from tripwatt.report.words import listed
 
@@ -23,12 +23,12 @@ SIGNALS: Final = {
 @panel("signals", "Simulated signals against measured ones (default preset)", folded=True)
 def signals(view: View) -> Content:
     """Root mean square errors of the simulated signals."""
-    found = view.signals
-    if found is None:
+    errors = view.signals
+    if errors is None:
         return Content(
             "No comparison of signals: none of these trips has a measured current, voltage, battery temperature or SoC."
         )
-    return Content(on_signals(found), tables=(signals_table(view, found),))
+    return Content(on_signals(errors), tables=(signals_table(view, errors),))
 
 
 def on_signals(signals: pd.DataFrame) -> str:
@@ -42,18 +42,18 @@ def on_signals(signals: pd.DataFrame) -> str:
 
 def signals_table(view: View, signals: pd.DataFrame) -> Table:
     """RMSE of simulated against measured signals: median, largest, and every trip."""
-    shown = {c: found for c, found in SIGNALS.items() if c in signals}
-
-    def row(head: str, values: pd.Series[Any]) -> tuple[str, ...]:
-        return (head, *(number(float(values[c]), factor, n) for c, (_, _, factor, n) in shown.items()))
-
-    columns = list(shown)
-    rows = [row("Median of all trips", signals[columns].median()), row("Largest", signals[columns].max())]
+    known = [column for column in SIGNALS if column in signals]
     by_trip = signals.sort_values("trip", key=lambda names: names.map(natural_key))
-    rows += [row(plain(line["trip"]), line) for _, line in by_trip.iterrows()]
-    heads = ("Trip", *(f"{name[:1].upper()}{name[1:]} [{unit}]" for name, unit, _, _ in shown.values()))
-    caption = view.captioned("RMSE of the simulated signals, by trip")
-    return Table(caption, heads, tuple(rows), strong=frozenset({0, 1}))
-
-
-PANELS = (signals,)
+    middle, largest = signals[known].median().to_dict(), signals[known].max().to_dict()
+    rows = [{**middle, "trip": "Median of all trips"}, {**largest, "trip": "Largest"}]
+    return tabulated(
+        view.captioned("RMSE of the simulated signals, by trip"),
+        [*rows, *by_trip.to_dict("records")],
+        Column("Trip", lambda row: plain(row["trip"])),
+        *(
+            Column(f"{name[:1].upper()}{name[1:]} [{unit}]", column, factor, digits)
+            for column, (name, unit, factor, digits) in SIGNALS.items()
+            if column in known
+        ),
+        strong=frozenset({0, 1}),
+    )

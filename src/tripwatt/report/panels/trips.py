@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Final
+from collections.abc import Sequence
+from typing import Any, Final
 
 import numpy as np
-import pandas as pd
+from matplotlib.figure import Figure
 
 from tripwatt.arrays import FloatArray
 from tripwatt.report.model_styles import model_style
@@ -16,18 +16,17 @@ from tripwatt.report.style import (
     PAPER_COLOUR,
     RULE,
     cut_at,
+    legend_below,
     new_figure,
     percent_axis,
-    styled,
+    plotted,
+    row_names,
     thinned,
 )
-from tripwatt.report.tables import Table, number
-from tripwatt.report.view import View, absolute_errors, plain
+from tripwatt.report.tables import Column, Table, in_kwh, in_percent, tabulated
+from tripwatt.report.view import View, plain
 from tripwatt.report.words import label, listed, percent
-from tripwatt.units import M_S_PER_KM_H
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from tripwatt.units import M_S_PER_KM_H, SECONDS_PER_MINUTE
 
 MOST_TRIPS: Final = 60
 """Trips that the figure of errors by trip shows; the table beside it always holds them all."""
@@ -41,11 +40,7 @@ def trip_energy(view: View) -> Content | None:
         return None
     if not selected:
         return Content("No predictions along the trips were kept.")
-    simulated = model_style(best).stands_on
-    if any(simulated not in view.series[trip] for _, trip, _ in selected):
-        simulated = None
-    drawn = plot_trip_energy(view.series, selected, best, simulated=simulated, synthetic=view.synthetic)
-    return Content(on_trip_energy(selected, best), drawn)
+    return Content(on_trip_energy(selected, best), plot_trip_energy(view, selected, best))
 
 
 @panel("trip-errors", "Error by trip", draws=True)
@@ -55,8 +50,7 @@ def trip_errors(view: View) -> Content:
     if best is None or not _known(view):
         return Content("No fold is known, so there is nothing to show by trip.")
     against = view.physics if view.physics != best else None
-    drawn = plot_trip_errors(view.main_folds, best, against, note=view.note, synthetic=view.synthetic)
-    return Content(on_trip_errors(view), drawn)
+    return Content(on_trip_errors(view), plot_trip_errors(view, best, against))
 
 
 @panel("all-trips", "Every trip and model", folded=True, wide=True)
@@ -98,64 +92,46 @@ def on_trip_errors(view: View) -> str:
 
 def trips_table(view: View) -> Table:
     """Every trip of the main evaluation: measured energy and the error of every model."""
-    folds = view.main_folds
-    wide = absolute_errors(folds)
-    observed = folds.groupby("trip", observed=True)["observed_energy_wh"].first()
-    rows = [
-        (
-            plain(trip),
-            number(float(observed.loc[trip]), 1e-3, 2),
-            *(number(float(e), 100, 1) for e in wide.loc[trip]),
-        )
-        for trip in wide.index
-    ]
-    columns = ("Trip", "Measured [kWh]", *(label(str(m)) for m in wide.columns))
-    return Table(view.captioned("Absolute error [%] of every trip and model"), columns, tuple(rows))
+    wide = view.main_errors
+    observed = view.main_folds.groupby("trip", observed=True)["observed_energy_wh"].first()
+    return tabulated(
+        view.captioned("Absolute error [%] of every trip and model"),
+        wide.index,
+        Column("Trip", plain),
+        in_kwh("Measured [kWh]", observed.loc.__getitem__),
+        *(in_percent(label(str(model)), wide[model].loc.__getitem__) for model in wide.columns),
+    )
 
 
-@styled
-def plot_trip_energy(
-    series: Mapping[str, pd.DataFrame],
-    selected: Sequence[tuple[str, str, float]],
-    model: str,
-    *,
-    simulated: str | None,
-    synthetic: bool = False,
-) -> Figure:
+def plot_trip_energy(view: View, selected: Sequence[tuple[str, str, float]], model: str) -> Figure:
     """Cumulative energy along trips: measured, simulated and corrected, with the speed below.
 
     Parameters
     ----------
-    series : mapping of str to DataFrame
-        By trip: `time_s, speed_m_s, observed_energy_wh` and a cumulative energy [Wh] per model.
+    view : View
+        Its `series` have the trips.
     selected : sequence of (role, trip, ape)
         Which trips, e.g. `("Worst", "B28", 0.31)`.
     model : str
-        The corrected prediction.
-    simulated : str or None
-        The simulation that it corrects.
-    synthetic : bool
-        Whether the trips are made up.
+        The corrected prediction; beside it the simulation that it corrects, where each of the trips has it.
     """
-    figure = new_figure(
-        1.0 + 2.55 * len(selected), f"Energy along the trip: {model_style(model).label}", "", synthetic
-    )
+    height, title = 1.0 + 2.55 * len(selected), f"Energy along the trip: {model_style(model).label}"
+    figure = new_figure(height, title, "", view.synthetic)
     grid = figure.add_gridspec(2 * len(selected), 1, height_ratios=[3.2, 1.0] * len(selected))
+    simulated = model_style(model).stands_on
     curves: list[tuple[str, str, str, Any, float]] = [("observed_energy_wh", "measured", INK, "-", 1.8)]
-    if simulated:
+    if simulated and all(simulated in view.series[trip] for _, trip, _ in selected):
         curves.append((simulated, "simulated", model_style(simulated).colour, (0, (5, 2)), 1.6))
     curves.append((model, "corrected", model_style(model).colour, "-", 1.6))
     for place, (role, trip, ape) in enumerate(selected):
-        frame = thinned(series[trip])
-        minutes = (frame["time_s"] - series[trip]["time_s"].iloc[0]) / 60.0
+        frame = thinned(view.series[trip])
+        minutes = (frame["time_s"] - view.series[trip]["time_s"].iloc[0]) / SECONDS_PER_MINUTE
         top = figure.add_subplot(grid[2 * place])
         below = figure.add_subplot(grid[2 * place + 1], sharex=top)
         for column, words, colour, dash, width in curves:
             if column in frame:
-                line = top.plot(
-                    minutes, frame[column] / 1000.0, color=colour, ls=dash, lw=width, label=words
-                )[0]
-                line.set_gid(f"energy-{place}-{words}")
+                look: dict[str, Any] = {"color": colour, "ls": dash, "lw": width}
+                top.plot(minutes, frame[column] / 1e3, label=words, gid=f"energy-{place}-{words}", **look)
         top.axhline(0.0, color=RULE, lw=0.8, zorder=0)
         top.set_title(f"{role} trip: {plain(trip, 34)}, error {100 * ape:.1f} %")
         top.set_ylabel("energy [kWh]")
@@ -165,38 +141,27 @@ def plot_trip_energy(
         below.set_ylabel("km/h")
         below.set_ylim(bottom=0)
         below.set_xlim(0, float(minutes.iloc[-1]) or 1.0)
-        if place == len(selected) - 1:
-            below.set_xlabel("time since departure [min]")
-        if place == 0:
-            figure.legend(*top.get_legend_handles_labels(), loc="outside lower left", ncols=3)
+    figure.axes[-1].set_xlabel("time since departure [min]")
+    figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside lower left", ncols=3)
     return figure
 
 
-@styled
-def plot_trip_errors(
-    folds: pd.DataFrame, model: str, against: str | None = None, *, note: str = "", synthetic: bool = False
-) -> Figure:
+def plot_trip_errors(view: View, model: str, against: str | None = None) -> Figure:
     """APE of a model on each trip, with a line to the error of another model on the same trip.
 
     Parameters
     ----------
-    folds : DataFrame
-        Columns `trip, model, ape`.
+    view : View
     model : str
         Sorted by this model's error; the `MOST_TRIPS` with the largest are shown.
     against : str or None
         The model to compare with.
-    note : str
-        Which evaluation it is, for the title.
-    synthetic : bool
-        Whether the trips are made up.
     """
-    wide = absolute_errors(folds).dropna(subset=model).sort_values(model, kind="stable", ascending=False)
+    wide = view.main_errors.dropna(subset=model).sort_values(model, kind="stable", ascending=False)
     total = len(wide)
     wide = wide.head(MOST_TRIPS)
     shown = f"the {len(wide)} largest of {total}" if total > len(wide) else f"all {total} trips"
-    figure = new_figure(1.5 + 0.165 * len(wide), f"Error by trip, {shown}", note, synthetic)
-    axes = figure.add_subplot()
+    figure, axes = plotted(view, 1.5 + 0.165 * len(wide), f"Error by trip, {shown}", view.note)
     rows = np.arange(len(wide))
     own = wide[model].to_numpy(dtype=np.float64)
     others = [wide[against].to_numpy(dtype=np.float64)] if against in wide.columns else []
@@ -211,14 +176,9 @@ def plot_trip_errors(
     for other in others:
         dots(other, str(against), "other", mfc=PAPER_COLOUR, mec=model_style(str(against)).colour, ms=4)
     dots(own, model, "own", color=model_style(model).colour, ms=4.5)
-    axes.set_yticks(rows, [plain(trip, 18) for trip in wide.index], fontsize=7.5)
-    axes.tick_params(axis="y", length=0)
+    row_names(axes, [plain(trip, 18) for trip in wide.index], fontsize=7.5)
     axes.set_ylim(len(wide) - 0.3, -0.7)
     axes.set_xlim(0, limit)
     axes.spines["left"].set_visible(False)
     percent_axis(axes, "absolute percentage error [%]")
-    figure.legend(loc="outside lower left", ncols=2)
-    return figure
-
-
-PANELS = (trip_energy, trip_errors, all_trips)
+    return legend_below(figure, 2)

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
 
 from tripwatt.arrays import FloatArray
 from tripwatt.evaluation.forecast_scores import UPDATE_LEVEL
@@ -19,29 +20,22 @@ from tripwatt.report.style import (
     RULE,
     WARM_COLOUR,
     annotate,
-    new_figure,
-    percent_axis,
+    diagonal,
+    legend_below,
+    plotted,
     row_names,
-    styled,
 )
-from tripwatt.report.tables import Table, number, span
+from tripwatt.report.tables import Column, Table, in_kwh, in_percent, number, tabulated
 from tripwatt.report.view import Record, View, named_evaluation
 from tripwatt.report.words import label, listed, percent
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from matplotlib.figure import Figure
 
 
 @panel("coverage", "Coverage of the intervals", draws=True)
 def coverage(view: View) -> Content:
     """Share of the trips in each interval."""
-    score = view.focus
-    if "coverage" not in score:
+    if "coverage" not in view.focus:
         return Content(view.no_focus)
-    drawn = plot_coverage(score, note=view.note_given, synthetic=view.synthetic)
-    return Content(on_coverage(view), drawn, (coverage_table(view),))
+    return Content(on_coverage(view), plot_coverage(view), (coverage_table(view),))
 
 
 def on_coverage(view: View) -> str:
@@ -68,71 +62,58 @@ def on_coverage(view: View) -> str:
 def coverage_table(view: View) -> Table:
     """Share of the trips in each interval, with its confidence intervals, and the interval's mean width."""
     score = view.focus
-    rows = tuple(
-        (
-            f"{100 * float(key):g} %",
-            number(covered, 100, 1),
-            span(score["coverage_ci95"][key]),
-            span(score["coverage_bootstrap95"][key]),
-            number(score["interval_width_wh"][key], 1e-3),
-        )
-        for key, covered in score["coverage"].items()
+    return tabulated(
+        view.captioned(f"Intervals of held-out trips, {view.given}"),
+        score["coverage"],
+        Column("Level", lambda key: f"{100 * float(key):g} %"),
+        in_percent("Inside [%]", score["coverage"].get),
+        in_percent("Clopper-Pearson 95 %", score["coverage_ci95"].get),
+        in_percent("Bootstrap 95 %", score["coverage_bootstrap95"].get),
+        in_kwh("Mean width [kWh]", score["interval_width_wh"].get),
     )
-    columns = ("Level", "Inside [%]", "Clopper-Pearson 95 %", "Bootstrap 95 %", "Mean width [kWh]")
-    return Table(view.captioned(f"Intervals of held-out trips, {view.given}"), columns, rows)
 
 
-@styled
-def plot_coverage(score: Record, *, note: str = "", synthetic: bool = False) -> Figure:
+def plot_coverage(view: View) -> Figure:
     """Share of trips inside the interval against its nominal level, with Clopper-Pearson intervals."""
-    figure = new_figure(3.9, "How often the interval holds the measured energy", note, synthetic)
-    axes = figure.add_subplot()
-    axes.plot([0.4, 1.0], [0.4, 1.0], color=RULE, lw=1.5, label="exactly as stated")
-    for place, (key, covered) in enumerate(score["coverage"].items()):
-        level, (low, high) = float(key), score["coverage_ci95"][key]
-        axes.plot([level, level], [low, high], color=FORECAST_COLOUR, lw=2.2, solid_capstyle="butt")
+    figure, axes = plotted(view, 3.9, "How often the interval holds the measured energy", view.note_given)
+    diagonal(axes, 0.4, "inside [% of trips]", "nominal level [%]")
+    for place, (key, covered) in enumerate(view.focus["coverage"].items()):
+        level, bounds = float(key), view.focus["coverage_ci95"][key]
+        axes.plot([level, level], bounds, color=FORECAST_COLOUR, lw=2.2, solid_capstyle="butt")
         axes.plot(level, covered, "o", color=FORECAST_COLOUR, ms=7, gid=f"coverage-{place}")
         offset, side = ((-8, 4), "right") if level < 0.93 else ((10, -14), "left")
         annotate(axes, f"{100 * covered:.0f} %", (level, covered), offset, size=8.5, ha=side)
     axes.plot([], [], "-o", color=FORECAST_COLOUR, label="held-out trips, 95 % Clopper-Pearson interval")
     axes.set(xlim=(0.4, 1.0), ylim=(0.25, 1.02))
-    axes.yaxis.set_major_formatter(lambda value, _: f"{100 * value:.0f}")
-    axes.set_ylabel("inside [% of trips]")
-    percent_axis(axes, "nominal level [%]")
-    axes.grid(axis="y")
-    figure.legend(loc="outside lower left", ncols=1)
-    return figure
+    return legend_below(figure)
+
+
+def _scored_sets(view: View) -> list[tuple[str, Record, int]]:
+    """Name, scores of the forecast and number of trips of every set of trips with forecasts."""
+    scored = [(e, (e.get("models") or {}).get(view.protocol.focus, {})) for e in view.evaluations]
+    return [(named_evaluation(e), score, int(e["n_trips"])) for e, score in scored if "coverage" in score]
 
 
 @panel("regimes", "Trips unlike those that were learned from", wide=True)
 def regimes(view: View) -> Content:
     """Error, coverage and width where the scored trips are of another kind, beside leave-one-trip-out."""
-    name = view.protocol.focus
-    found = [e for e in view.evaluations if "coverage" in (e.get("models") or {}).get(name, {})]
-    if len(found) < 2:
+    if len(_scored_sets(view)) < 2:
         return Content("No other kind of trips was scored.")
-    return Content(
-        f"{on_sets(view)} Nothing in the model is chosen by the kind of trip. {NOTE}",
-        tables=(regimes_table(view, found), coverage_by_set(view)),
-    )
+    said = f"{on_sets(view)} Nothing in the model is chosen by the kind of trip. {NOTE}"
+    return Content(said, tables=(regimes_table(view), coverage_by_set(view)))
 
 
 def on_sets(view: View) -> str:
     """What the intervals of 50 and 90 % hold over all sets of held-out trips, and where a share is off its level."""
-    focus = view.protocol.focus
-    scored = [
-        (e, e["models"][focus])
-        for e in view.evaluations
-        if "coverage" in (e.get("models") or {}).get(focus, {})
-    ]
-    shares = {key: [score["coverage"][key] for _, score in scored] for key in ("0.5", "0.9")}
+    scored = _scored_sets(view)
+    shares = {key: [score["coverage"][key] for _, score, _ in scored] for key in ("0.5", "0.9")}
     spans = [
-        f"{100.0 * float(key):g} % interval holds {100.0 * min(found):.0f} to {100.0 * max(found):.0f} %"
-        for key, found in shares.items()
+        f"{100.0 * float(key):g} % interval holds {100.0 * min(some):.0f} to {100.0 * max(some):.0f} %"
+        for key, some in shares.items()
     ]
     off = [
-        f"{100.0 * float(key):g} % in {named_evaluation(evaluation)}"
-        for evaluation, score in scored
+        f"{100.0 * float(key):g} % in {name}"
+        for name, score, _ in scored
         for key, (low, high) in score["coverage_ci95"].items()
         if not low <= float(key) <= high
     ]
@@ -144,30 +125,23 @@ def on_sets(view: View) -> str:
     return f"Over {len(scored)} sets of held-out trips the {' and the '.join(spans)} of the trips. {verdict}"
 
 
-def regimes_table(view: View, evaluations: Sequence[Record]) -> Table:
+def regimes_table(view: View) -> Table:
     """A row for each evaluation of the forecast."""
-    scores = [evaluation["models"][view.protocol.focus] for evaluation in evaluations]
-    rows = tuple(
-        (
-            named_evaluation(evaluation),
-            number(score["mape"], 100, 1),
-            number(score["bias"], 100, 1),
-        )
-        for evaluation, score in zip(evaluations, scores, strict=True)
+    return tabulated(
+        view.captioned(f"Held-out trips by kind, {view.given}"),
+        [{**score, "name": name} for name, score, _ in _scored_sets(view)],
+        Column("Scored", "name"),
+        in_percent("Mean error [%]", "mape"),
+        in_percent("Bias [%]", "bias"),
     )
-    columns = ("Scored", "Mean error [%]", "Bias [%]")
-    return Table(view.captioned(f"Held-out trips by kind, {view.given}"), columns, rows)
 
 
 def coverage_by_set(view: View) -> Table:
     """Coverage, width and the width that was needed, of energy and charge, for every set of held-out trips."""
     rows: list[tuple[str, ...]] = []
-    for evaluation in view.evaluations:
-        score = (evaluation.get("models") or {}).get(view.protocol.focus, {})
-        if "coverage" in score:
-            name = named_evaluation(evaluation)
-            rows += energy_rows(name, score, int(evaluation["n_trips"]))
-            rows += charge_rows(name, score.get("arrival") or {}, UPDATE_LEVEL)
+    for name, score, trips in _scored_sets(view):
+        rows += energy_rows(name, score, trips)
+        rows += charge_rows(name, score.get("arrival") or {}, UPDATE_LEVEL)
     return intervals_table(view.captioned(f"Intervals of held-out trips by kind, {view.given}"), rows)
 
 
@@ -180,9 +154,7 @@ def pit(view: View) -> Content:
     if view.forecast is None:
         return Content(view.no_focus)
     values = view.forecast.trips["pit"].to_numpy(dtype=np.float64)
-    return Content(
-        on_pit(values, view.given), plot_pit(values, note=view.note_given, synthetic=view.synthetic)
-    )
+    return Content(on_pit(values, view.given), plot_pit(view, values))
 
 
 def on_pit(pit: FloatArray, given: str) -> str:
@@ -197,13 +169,11 @@ def on_pit(pit: FloatArray, given: str) -> str:
     )
 
 
-@styled
-def plot_pit(pit: FloatArray, *, note: str = "", synthetic: bool = False) -> Figure:
+def plot_pit(view: View, pit: FloatArray) -> Figure:
     """Histogram of the probability that the forecast gave to less than was measured; flat for a calibrated forecast."""
     from scipy.stats import binom
 
-    figure = new_figure(3.2, "Where the measured energy falls in the forecast", note, synthetic)
-    axes = figure.add_subplot()
+    figure, axes = plotted(view, 3.2, "Where the measured energy falls in the forecast", view.note_given)
     n = len(pit)
     low, high = binom.ppf([0.025, 0.975], n, 1.0 / PIT_BINS)
     axes.axhspan(low, high, color=RULE, alpha=0.5, lw=0, label="95 % of the bars of a calibrated forecast")
@@ -212,8 +182,7 @@ def plot_pit(pit: FloatArray, *, note: str = "", synthetic: bool = False) -> Fig
         pit, bins=np.linspace(0, 1, PIT_BINS + 1).tolist(), color=FORECAST_COLOUR, alpha=0.8, rwidth=0.92
     )
     axes.set(xlim=(0, 1), xlabel="probability integral transform", ylabel="trips")
-    figure.legend(loc="outside lower left")
-    return figure
+    return legend_below(figure)
 
 
 @panel("widths", "Width of the intervals", draws=True)
@@ -222,9 +191,7 @@ def widths(view: View) -> Content:
     if view.forecast is None:
         return Content(view.no_focus)
     trips = view.forecast.trips
-    return Content(
-        on_widths(trips, view.given), plot_widths(trips, note=view.note_given, synthetic=view.synthetic)
-    )
+    return Content(on_widths(trips, view.given), plot_widths(view, trips))
 
 
 def on_widths(trips: pd.DataFrame, given: str) -> str:
@@ -240,11 +207,9 @@ def on_widths(trips: pd.DataFrame, given: str) -> str:
     return f"{said}, {given}."
 
 
-@styled
-def plot_widths(trips: pd.DataFrame, *, note: str = "", synthetic: bool = False) -> Figure:
+def plot_widths(view: View, trips: pd.DataFrame) -> Figure:
     """Half width of the 90 % interval and the error of each trip, against the trip's length."""
-    figure = new_figure(3.9, "Half width of the interval and error of each trip", note, synthetic)
-    axes = figure.add_subplot()
+    figure, axes = plotted(view, 3.9, "Half width of the interval and error of each trip", view.note_given)
     km = trips["distance_m"].to_numpy(dtype=np.float64) / 1e3
     half = (trips["high_90"] - trips["low_90"]).to_numpy(dtype=np.float64) / 2e3
     error = (trips["observed_energy_wh"] - trips["energy_wh"]).abs().to_numpy(dtype=np.float64) / 1e3
@@ -257,8 +222,7 @@ def plot_widths(trips: pd.DataFrame, *, note: str = "", synthetic: bool = False)
     axes.set_xlim(0, 1.03 * float(km.max()))
     axes.set_ylim(0, 1.08 * float(max(half.max(), error.max())))
     axes.grid(axis="y")
-    figure.legend(loc="outside lower left", ncols=2)
-    return figure
+    return legend_below(figure, 2)
 
 
 @panel("crps", "Gain from an interval width for each trip", draws=True)
@@ -267,8 +231,7 @@ def crps(view: View) -> Content:
     score = view.focus
     if "crps_same_width_wh" not in score:
         return Content(view.no_focus)
-    drawn = plot_crps(crps_rows(view), note=view.note_given, synthetic=view.synthetic)
-    return Content(on_crps(score, view.given), drawn)
+    return Content(on_crps(score, view.given), plot_crps(view))
 
 
 def on_crps(score: Record, given: str) -> str:
@@ -295,11 +258,11 @@ def crps_rows(view: View) -> list[tuple[str, float, str]]:
     ]
 
 
-@styled
-def plot_crps(rows: Sequence[tuple[str, float, str]], *, note: str = "", synthetic: bool = False) -> Figure:
-    """CRPS as bars; rows of (name, CRPS in Wh, colour)."""
-    figure = new_figure(1.2 + 0.3 * len(rows), "Score of the whole distribution (CRPS)", note, synthetic)
-    axes = figure.add_subplot()
+def plot_crps(view: View) -> Figure:
+    """CRPS as bars."""
+    rows = crps_rows(view)
+    height = 1.2 + 0.3 * len(rows)
+    figure, axes = plotted(view, height, "Score of the whole distribution (CRPS)", view.note_given)
     largest = max(value for _, value, _ in rows)
     for row, (_, value, colour) in enumerate(rows):
         axes.barh(row, value, color=colour, height=0.62)
@@ -307,12 +270,3 @@ def plot_crps(rows: Sequence[tuple[str, float, str]], *, note: str = "", synthet
     row_names(axes, [name for name, _, _ in rows])
     axes.set(xlim=(0, 1.12 * largest), xlabel="mean CRPS [Wh], lower is better")
     return figure
-
-
-PANELS = (
-    coverage,
-    pit,
-    widths,
-    crps,
-    regimes,
-)

@@ -2,26 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+
+from matplotlib.figure import Figure
 
 from tripwatt.evaluation.forecast_scores import FORECAST, WITHOUT_PHYSICS
 from tripwatt.report.model_styles import model_style
 from tripwatt.report.panel import Content, panel
-from tripwatt.report.style import (
-    RULE,
-    new_figure,
-    percent_axis,
-    row_names,
-    styled,
-)
-from tripwatt.report.tables import Table, number, span
+from tripwatt.report.style import RULE, legend_below, percent_axis, plotted, row_names, size_axes
+from tripwatt.report.tables import Column, Table, in_percent, tabulated
 from tripwatt.report.view import Record, View, plain
 from tripwatt.report.words import label, listed, percent
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from matplotlib.figure import Figure
 
 
 @panel("training-size", "Error by the number of training trips", draws=True)
@@ -32,8 +23,7 @@ def training_size(view: View) -> Content:
         return Content(
             f"No learning curve: too few trips, or {FORECAST} or {WITHOUT_PHYSICS} was not among the models."
         )
-    drawn = plot_training_size(curve, note=view.note_given, synthetic=view.synthetic)
-    return Content(on_training_size(curve, view.given), drawn)
+    return Content(on_training_size(curve, view.given), plot_training_size(view, curve))
 
 
 def on_training_size(curve: Sequence[Record], given: str) -> str:
@@ -58,44 +48,28 @@ def on_training_size(curve: Sequence[Record], given: str) -> str:
     return f"{said}At no number of trips is the error of the hybrid as low as that of {alone} with {most['n_trips']}."
 
 
-@styled
-def plot_training_size(curve: Sequence[Record], *, note: str = "", synthetic: bool = False) -> Figure:
+def plot_training_size(view: View, curve: Sequence[Record]) -> Figure:
     """Mean error against the number of training trips, hybrid and data-only, every draw as a point."""
-    figure = new_figure(3.9, "How many training trips it takes", note, synthetic)
-    axes = figure.add_subplot()
+    figure, axes = plotted(view, 3.9, "How many training trips it takes", view.note_given)
     sizes = [float(row["n_trips"]) for row in curve]
     for model, marker in ((WITHOUT_PHYSICS, "s"), (FORECAST, "o")):
-        colour = model_style(model).colour
+        style = model_style(model)
         for row in curve:
-            draws = row.get(f"{model}_by_draw") or []
-            axes.plot(
-                [row["n_trips"]] * len(draws),
-                [100 * d for d in draws],
-                marker,
-                color=colour,
-                ms=3,
-                alpha=0.45,
-            )
+            draws = [100 * draw for draw in row.get(f"{model}_by_draw") or []]
+            axes.plot([row["n_trips"]] * len(draws), draws, marker, color=style.colour, ms=3, alpha=0.45)
         means = [100 * float(row[model]) for row in curve]
-        axes.plot(sizes, means, marker, ls="-", color=colour, ms=6, lw=2, label=model_style(model).label)
-    axes.set_xscale("log")
-    axes.set_xticks(sizes, [f"{size:g}" for size in sizes])
-    axes.minorticks_off()
-    axes.set_ylim(bottom=0)
-    axes.set(xlabel="training trips", ylabel="mean error [%]")
-    axes.grid(axis="y")
-    figure.legend(loc="outside lower left", ncols=2)
-    return figure
+        axes.plot(sizes, means, marker, ls="-", color=style.colour, ms=6, lw=2, label=style.label)
+    size_axes(axes, sizes)
+    return legend_below(figure, 2)
 
 
 @panel("strata", "Error by kind of trip", draws=True, folded=True)
 def strata(view: View) -> Content:
     """Errors of the forecast and of the model without physics by stratum."""
-    found = view.results.get("strata") or []
-    if not found:
+    kinds = view.results.get("strata") or []
+    if not kinds:
         return Content(view.no_focus)
-    drawn = plot_strata(found, note=view.note_given, synthetic=view.synthetic)
-    return Content(on_strata(found, view.given), drawn, (strata_table(view, found),))
+    return Content(on_strata(kinds, view.given), plot_strata(view, kinds), (strata_table(view, kinds),))
 
 
 def on_strata(strata: Sequence[Record], given: str) -> str:
@@ -116,26 +90,21 @@ def on_strata(strata: Sequence[Record], given: str) -> str:
 
 def strata_table(view: View, strata: Sequence[Record]) -> Table:
     """Mean errors by stratum, and their paired difference."""
-    rows = tuple(
-        (
-            f"{s['by']}: {s['stratum']}",
-            str(s["n_trips"]),
-            number(s[FORECAST], 100, 1),
-            number(s.get(WITHOUT_PHYSICS), 100, 1),
-            number(s.get("diff"), 100, 1),
-            span(s.get("diff_ci95")),
-        )
-        for s in strata
+    return tabulated(
+        view.captioned(f"Mean error by stratum, {view.given}"),
+        strata,
+        Column("Stratum", lambda s: f"{s['by']}: {s['stratum']}"),
+        Column("Trips", "n_trips", digits=0),
+        in_percent("Hybrid [%]", FORECAST),
+        in_percent("Data only [%]", WITHOUT_PHYSICS),
+        in_percent("Difference [points]", "diff"),
+        in_percent("95 % interval", "diff_ci95"),
     )
-    columns = ("Stratum", "Trips", "Hybrid [%]", "Data only [%]", "Difference [points]", "95 % interval")
-    return Table(view.captioned(f"Mean error by stratum, {view.given}"), columns, rows)
 
 
-@styled
-def plot_strata(strata: Sequence[Record], *, note: str = "", synthetic: bool = False) -> Figure:
+def plot_strata(view: View, strata: Sequence[Record]) -> Figure:
     """Mean error by stratum, hybrid against data-only."""
-    figure = new_figure(1.7 + 0.25 * len(strata), "Rare and common cases", note, synthetic)
-    axes = figure.add_subplot()
+    figure, axes = plotted(view, 1.7 + 0.25 * len(strata), "Rare and common cases", view.note_given)
     for row, stratum in enumerate(strata):
         both = [stratum[m] for m in (FORECAST, WITHOUT_PHYSICS) if stratum.get(m) is not None]
         axes.plot([min(both), max(both)], [row, row], color=RULE, lw=2.2, zorder=1)
@@ -150,11 +119,4 @@ def plot_strata(strata: Sequence[Record], *, note: str = "", synthetic: bool = F
     axes.tick_params(axis="y", labelsize=7.5)
     axes.set_xlim(left=0)
     percent_axis(axes, "mean error [%]")
-    figure.legend(loc="outside lower left", ncols=2)
-    return figure
-
-
-PANELS = (
-    training_size,
-    strata,
-)
+    return legend_below(figure, 2)

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, InvalidInput, raise_faults
 from tripwatt.vehicles.importing.stated import Fields, Stated
 
 
@@ -49,8 +49,7 @@ def flat_yaml(text: str, where: str) -> dict[str, str]:
         path.append((indent, match[1]))
         if match[2] is not None:
             result[".".join(key for _, key in path)] = match[2].strip().strip("'\"")
-    if faults:
-        raise InvalidInput(faults)
+    raise_faults(faults)
     return result
 
 

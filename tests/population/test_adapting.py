@@ -14,7 +14,7 @@ from tripwatt.evaluation.transfer import _source, evaluate_transfer
 from tripwatt.evaluation.transfer_scores import paired_energy_error, resamples, scored
 from tripwatt.forecasting import ForecastModel, load_metadata, load_model, save_model
 from tripwatt.forecasting.donor import DonorModel, unknown_inputs, without_inputs
-from tripwatt.forecasting.training import donor_model, train_model
+from tripwatt.forecasting.fitting import donor_model, fit_with_provenance
 from tripwatt.hybrid import SegmentTable, identify_trips, power_corrector, segment_table, segment_trips
 from tripwatt.hybrid.car_corrector import HierarchicalCorrector
 from tripwatt.hybrid.hierarchy import CarTransfer, Evidence, Members, grid, term_scales
@@ -184,7 +184,7 @@ def test_leaving_out_is_forgetting(evidence) -> None:
 
 def test_grid_of_a_mode() -> None:
     assert {o.own for o in grid("parameters")} == {0.0}
-    assert {o.book for o in grid("effects")} == {0.0}
+    assert {o.published for o in grid("effects")} == {0.0}
     assert np.mean([o.share for o in grid("both")]) == pytest.approx(0.5)
 
 
@@ -289,7 +289,7 @@ def test_energy_errors() -> None:
 def base(i3, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A stored model of a car that logs cabin and battery temperature."""
     fleet = replace(synthetic_fleet(12, seed=8))
-    model, provenance, figures = train_model(fleet, i3, corrector="gp")
+    model, provenance, figures = fit_with_provenance(fleet, i3, corrector="gp")
     assert model.donor_ is not None
     place = tmp_path_factory.mktemp("base") / "model"
     save_model(model, place, provenance=provenance, evaluation=figures)

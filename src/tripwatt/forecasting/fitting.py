@@ -1,4 +1,4 @@
-"""Train a model on a fleet of logs, with its provenance."""
+"""Fit a model to a fleet of logs, with its provenance."""
 
 from __future__ import annotations
 
@@ -16,14 +16,7 @@ from tripwatt.auditing import Audit, audit
 from tripwatt.forecasting.donor import MASKABLE, DonorModel, unknown_inputs, without_inputs
 from tripwatt.forecasting.inner import shown_by
 from tripwatt.forecasting.model import DEFAULT_CORRECTOR, ForecastModel, HeldOut
-from tripwatt.hybrid import (
-    TRANSFERABLE,
-    Identified,
-    StageRecord,
-    identify,
-    segment_trips,
-    stage_record,
-)
+from tripwatt.hybrid import TRANSFERABLE, Identified, StageRecord, identify, segment_trips, stage_record
 from tripwatt.hybrid.calibrate import Calibration, calibrate
 from tripwatt.trips import COLUMNS, Fleet, Trip
 from tripwatt.trips.messages import message
@@ -84,7 +77,7 @@ class CarOfTrips:
         return self.values(members)[2]
 
 
-def train_model(
+def fit_with_provenance(
     fleet: Fleet,
     vehicle: Vehicle,
     *,
@@ -128,15 +121,15 @@ def train_model(
     --------
     >>> from tripwatt.synthetic import synthetic_fleet
     >>> from tripwatt.vehicles import load_vehicle
-    >>> trained = train_model(synthetic_fleet(9), load_vehicle("bmw_i3_60ah"), corrector="linear")
-    >>> trained[1]["data"]["name"], trained[2]["trips"]
+    >>> fitted = fit_with_provenance(synthetic_fleet(9), load_vehicle("bmw_i3_60ah"), corrector="linear")
+    >>> fitted[1]["data"]["name"], fitted[2]["trips"]
     ('synthetic', 9)
     """
     sound = audit(fleet)
     cars = CarOfTrips.from_trips(sound.trips, vehicle, identified=identified, calibrated=calibrated)
     stages, found_values, car = cars.values()
     model = ForecastModel(car, corrector, seed).fit(sound.trips, car_of=cars.car, progress=progress)
-    model.donor_ = train_donor(sound.trips, model, cars.car)
+    model.donor_ = fit_donor(sound.trips, model, cars.car)
     notes = [] if stages is None or not stages.values else [str(stages)]
     notes += [] if found_values is None else [str(found_values)]
     provenance = {
@@ -149,7 +142,7 @@ def train_model(
     return model, provenance, held_out_figures(model.held_out_)
 
 
-def train_donor(
+def fit_donor(
     trips: Sequence[Trip], model: ForecastModel, car_of: Callable[[IntArray], Vehicle] | None = None
 ) -> DonorModel | None:
     """The donor model of a fitted model; None where the trips have no input to mask or its corrector cannot donate.
@@ -214,10 +207,7 @@ def provenance_of(fleet: Fleet, found: Audit, model: ForecastModel, notes: Seque
 
 def versions() -> dict[str, Any]:
     """Python and the packages that figures depend on."""
-    return {
-        "python": platform.python_version(),
-        "packages": {name: version(name) for name in PACKAGES},
-    }
+    return {"python": platform.python_version(), "packages": {name: version(name) for name in PACKAGES}}
 
 
 def held_out_figures(trips: Sequence[HeldOut]) -> dict[str, Any]:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tripwatt.forecasting import load_metadata, save_model
-from tripwatt.forecasting.training import data_digest, train_model
+from tripwatt.forecasting.fitting import data_digest, fit_with_provenance
 from tripwatt.hybrid import segment_trips
 from tripwatt.synthetic import synthetic_fleet
 from tripwatt.trips import Fleet
@@ -30,7 +30,7 @@ def table(fleet, car):
 
 
 def test_a_model_says_where_it_comes_from(fleet, car, tmp_path: Path) -> None:
-    model, provenance, figures = train_model(fleet, car, corrector="linear", seed=2)
+    model, provenance, figures = fit_with_provenance(fleet, car, corrector="linear", seed=2)
     save_model(model, tmp_path / "model", provenance=provenance, evaluation=figures)
     about = load_metadata(tmp_path / "model")
     assert about["provenance"]["trips_used"] == list(model.trip_ids_)

@@ -1,0 +1,145 @@
+"""The map over a store."""
+
+import signal
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from benchmarks.many_vehicles import many_vehicles
+
+from tripwatt.fleet.executors import InProcess
+from tripwatt.fleet.features import FEATURES, trip_features
+from tripwatt.fleet.mapping import (
+    drives_of,
+    map_store,
+    read_rows,
+    rows_of_file,
+    sample_of,
+    segments_of,
+    tasks_of,
+)
+from tripwatt.fleet.statistics import ROWS, TripRows
+from tripwatt.hybrid import segment_trips
+from tripwatt.trips import Trip
+from tripwatt.vehicles import load_vehicle
+
+pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
+
+
+def test_the_map_sums_every_sound_drive_up_once(fleet):
+    plan, store, model, folder = fleet
+    tasks = tasks_of(store, store.trip_rows(), folder / "rows")
+    results = list(map_store(tasks, InProcess(), 1))
+    rows = read_rows(results)
+    assert len(rows) == sum(r.trips for r in results) == sum(r.drives for r in results) == model.trips
+    assert model.trips == sum(row["drives"] for row in store.trip_rows())
+    logs = {log.trip_id: log for log in many_vehicles(plan)}
+    first = dict(zip(rows.table.column_names, (c[0].as_py() for c in rows.table.columns), strict=True))
+    log = logs[first["drive"]]
+    table = segment_trips([Trip.from_log(log)], load_vehicle(first["car_model"]))
+    assert first["observed_wh"] == pytest.approx(log.observed_energy_wh, rel=1e-12)
+    assert first["simulated_wh"] == pytest.approx(table.totals_wh(table.simulated_w)[0], rel=1e-12)
+    assert [first[f"x_{name}"] for name in FEATURES] == pytest.approx(
+        trip_features(table)[0].tolist(), rel=1e-12
+    )
+    assert first["distance_m"] == pytest.approx(log.distance_m)
+    assert first["hours"] == pytest.approx(table.hours.sum())
+    assert (first["vehicle_id"], first["driver"]) == (log.context.car, log.context.driver)
+    assert first["started_at"] == log.context.started_at.isoformat()
+    again = list(map_store(tasks, InProcess(), 1))
+    assert sorted(r.rows for r in again) == sorted(r.rows for r in results)
+    assert TripRows.join([rows.table, rows.table]).table.equals(rows.table)  # a drive counts once
+    assert TripRows.join([]).table.schema.equals(ROWS)
+
+
+DRIVER = """
+import sys
+sys.path[:0] = sys.argv[3:]
+from tripwatt.fleet.executors import InProcess
+from tripwatt.fleet.mapping import map_store, tasks_of
+from tripwatt.store import open_store
+store = open_store(sys.argv[1])
+for result in map_store(tasks_of(store, store.trip_rows(), sys.argv[2]), InProcess(), 1):
+    print(result.rows, flush=True)
+"""
+
+
+def test_a_killed_driver_goes_on_where_it_was(fleet):
+    _, store, model, folder = fleet
+    out = folder / "resumed"
+    driver = subprocess.Popen(
+        [sys.executable, "-c", DRIVER, store.place, str(out), *sys.path], stdout=subprocess.PIPE, text=True
+    )
+    first = [driver.stdout.readline().strip() for _ in range(2)]
+    driver.send_signal(signal.SIGKILL)
+    driver.wait(timeout=60)
+    driver.stdout.close()
+    before = {path: Path(path).stat().st_mtime_ns for path in first}
+    tasks = tasks_of(store, store.trip_rows(), out)
+    seen = []
+    rows = read_rows(map_store(tasks, InProcess(), 1, lambda done, total: seen.append(done)))
+    assert {path: Path(path).stat().st_mtime_ns for path in first} == before
+    assert len(seen) <= len(tasks) - 2  # progress is of what was left
+    assert np.array_equal(rows.sums.xx, model.sums.xx)
+    assert not [
+        p for p in out.iterdir() if p.name.startswith(".") and p.stat().st_mtime_ns > max(before.values())
+    ]
+
+
+def test_a_task_is_named_by_all_that_its_result_depends_on(fleet):
+    _, store, _, folder = fleet
+    rows = store.trip_rows()
+    task = tasks_of(store, rows, folder / "names")[0]
+    digest = task.rows[0]["digest"]
+    names = {
+        task.name,
+        replace(task, path="other").name,
+        replace(task, rows=task.rows[1:]).name,
+        replace(task, sampled=frozenset({digest})).name,
+        replace(task, place="elsewhere").name,
+    }
+    assert len(names) == 5
+    assert (
+        replace(task, rows=tuple(reversed(task.rows)), out="x", sampled=frozenset({"not here"})).name
+        == task.name
+    )
+    unusable = [{**rows[0], "drives": 0}, {**rows[1], "energy_wh": None}]
+    assert tasks_of(store, unusable, folder) == []
+    result = rows_of_file(replace(task, sampled=frozenset({digest})))
+    assert pq.read_table(result.segments)["digest"].unique().to_pylist() == [digest]
+    assert result == rows_of_file(replace(task, sampled=frozenset({digest})))
+
+
+def test_the_sample_depends_on_names_and_digests_alone():
+    rows = [
+        {"drives": 1, "energy_wh": 1.0, "car_model": f"m{v % 2}", "vehicle_id": f"v{v}", "digest": f"{v}-{k}"}
+        for v in range(6)
+        for k in range(5)
+    ]
+    chosen = sample_of(rows, 2, 2)
+    assert len(chosen) == 8
+    assert sample_of(rows[::-1], 2, 2) == chosen
+    assert sample_of(rows, 2, 2, seed=1) != chosen
+    by_vehicle = [d.split("-")[0] for d in chosen]
+    assert {by_vehicle.count(v) for v in set(by_vehicle)} == {2}
+    assert chosen <= sample_of(rows, 3, 3)
+    assert sample_of([{**rows[0], "drives": 0}, {**rows[1], "energy_wh": None}], 9, 9) == frozenset()
+
+
+def test_drives_that_cannot_be_used_give_no_row(fleet):
+    plan, store, *_ = fleet
+    log = next(many_vehicles(plan))
+    row = next(r for r in store.trip_rows() if r["trip_id"] == log.trip_id)
+    assert [d.trip_id for d in drives_of(log, row)] == [log.trip_id]
+    short = log.between(0.0, 60.0)
+    assert list(drives_of(short, {**row, "as_logged": False})) == []
+    assert segments_of(replace(Trip.from_log(log), observed_energy_wh=None), "vw_id3") is None
+    with_charge = segments_of(Trip.from_log(log), "vw_id3")
+    without = segments_of(Trip.from_log(log), "vw_id3", charge=False)
+    assert with_charge.observed_w.tolist() == without.observed_w.tolist()
+    assert np.isfinite(with_charge.charge).all()
+    assert np.isnan(without.charge).all()

@@ -1,0 +1,50 @@
+"""Settings of the correctors."""
+
+from types import SimpleNamespace
+
+from tests.hybrid.tables import CAUSES_W
+
+from tripwatt.hybrid import power
+from tripwatt.hybrid.power import (
+    TREE_FEATURES,
+    GPCorrector,
+    boosting_corrector,
+    forest_corrector,
+)
+from tripwatt.hybrid.split import (
+    CLIMATE_TERMS,
+    DRIVE_TERMS,
+    DRIVE_TREE_FEATURES,
+)
+from tripwatt.trips import TEMPERATURES
+
+
+def test_settings_that_stored_models_were_learned_with() -> None:
+    """Terms: 10 % of each cause, 30 % of the simulated climate control; 100 and 200 W of smooth functions."""
+    lines = [t for t in power.LINES if t.kind == "line"]
+    assert [(t.columns, t.sd) for t in lines] == [((name,), 0.1) for name in CAUSES_W]
+    for terms, watts in (
+        (power._SMOOTH, 100.0),
+        (CLIMATE_TERMS[1:], 200.0),
+        (DRIVE_TERMS[len(CAUSES_W) - 1 :], 100.0),
+    ):
+        assert {(t.kind, t.sd) for t in terms} == {("smooth", watts)}
+        assert [t.length for t in terms] == [1.0] * (len(terms) - 1) + [1.5]
+    assert (CLIMATE_TERMS[0].kind, CLIMATE_TERMS[0].sd) == ("line", 0.3)
+    driven = [t.columns[0] for t in DRIVE_TERMS if t.kind == "line"]
+    assert driven == [name for name in CAUSES_W if name != "hvac_w"]
+    assert {t.sd for t in DRIVE_TERMS if t.kind == "line"} == {0.1}
+    assert set(TREE_FEATURES) - set(DRIVE_TREE_FEATURES) == {"hvac_w", *TEMPERATURES[1:3]}
+    process = GPCorrector().model
+    assert (process.effect_sd, process.share_sd) == (220.0, 0.05)
+    boosted = boosting_corrector(3).model.get_params()
+    assert {k: boosted[k] for k in ("max_leaf_nodes", "learning_rate", "max_features", "subsample")} == {
+        "max_leaf_nodes": 4,
+        "learning_rate": 0.05,
+        "max_features": 0.6,
+        "subsample": 0.7,
+    }
+    assert boosted["random_state"] == 3
+    assert boosting_corrector(3).tuned(SimpleNamespace(n_rounds_=0)) == {"n_rounds": 1, "n_folds": None}
+    assert boosting_corrector(3).tuned(SimpleNamespace(n_rounds_=7)) == {"n_rounds": 7, "n_folds": None}
+    assert forest_corrector(3).model.n_trees == 200

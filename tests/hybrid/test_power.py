@@ -1,0 +1,115 @@
+"""Correctors of power, against arithmetic that is written out here."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+from tests.hybrid.tables import EXACT, Fixed, table
+
+from tripwatt.hybrid.power import (
+    TREE_FEATURES,
+    EnsembleCorrector,
+    GPCorrector,
+    LearnerCorrector,
+    less_trip_mean,
+)
+from tripwatt.learners.gp import KernelTerm
+
+
+class TestCorrectors:
+    two = table([1, 1], [0.1, 0.1])
+
+    def test_ensemble(self) -> None:
+        members = [Fixed(10.0, 3.0), Fixed(40.0, 5.0)]
+        mean = EnsembleCorrector(members).fit(self.two)
+        assert [m.seen is self.two for m in members] == [True, True]
+        assert mean.predict(self.two).tolist() == [25.0, 25.0]
+        assert mean.outside_factor(self.two).tolist() == [[30.0], [30.0]]
+        both = mean.predict_with_uncertainty(self.two)
+        assert both[0].tolist() == [25.0, 25.0]
+        assert both[1].tolist() == [[3.0], [3.0]]
+        assert mean.clone_tuned().predict(self.two).tolist() == [25.5, 25.5]
+        assert mean.predict_climate(self.two) is None
+
+    def test_less_the_mean_over_time(self) -> None:
+        """(1 h 4 + 3 h 8) / 4 h is 7; the other trip has one row."""
+        own = table([2, 1], [1.0, 3.0, 2.0])
+        found = less_trip_mean(np.array([[4.0], [8.0], [5.0]]), own)
+        assert found[:, 0] == pytest.approx([-3.0, 1.0, 0.0], **EXACT)
+
+    def test_a_longer_drive_is_no_further_outside_than_one_of_an_hour(self) -> None:
+        rng = np.random.default_rng(4)
+        rows = pd.DataFrame({"time_s": np.tile(np.arange(10) * 200.0, 6), "simulated_w": 5000.0})
+        corrector = GPCorrector((KernelTerm(("time_s",), "smooth", 1.0),))
+        corrector.model.fit(rows, rng.normal(0.0, 300.0, 60), np.repeat(np.arange(6), 10), np.full(60, 0.05))
+
+        def outside(time_s: float) -> np.ndarray:
+            return corrector.outside_factor(SimpleNamespace(features=rows.assign(time_s=time_s)))
+
+        assert outside(1800.0).shape == (60, 0)
+        assert (outside(3500.0) < outside(3600.0)).all()
+        np.testing.assert_array_equal(outside(3600.0), outside(9000.0))
+
+    def test_shape_moves_energy_along_a_trip(self) -> None:
+        """One feature of prior variance 9: ridge on rows less their mean; the total stays that of the weights."""
+        own = table([2], [1.0, 3.0], simulated=[0.0, 0.0], observed=[10.0, 30.0])
+        column = np.array([[1.0], [2.0]])
+
+        class Model:
+            def fit(self, *given):
+                self.given = given
+
+            def features(self, features):
+                return column, np.array([9.0])
+
+            def predict(self, features):
+                return np.array([12.0, 20.0])
+
+            def mean(self, features):
+                return 100.0 * features[:, 0]
+
+            def factor(self, features):
+                return features * 2.0
+
+        corrector = GPCorrector(())
+        model = Model()
+        corrector._set_terms = lambda *given: setattr(corrector, "model", model)
+        corrector.fit(own)
+        assert model.given[1].tolist() == [10.0, 30.0]
+        # left are -2 and 10, less 7: -9 and 3; the feature less 1.75: -0.75 and 0.25
+        gram = 0.75**2 + 0.25**2 + ((81.0 + 9.0) / 2.0) / (4.0 * 9.0)
+        shape = (0.75 * 9.0 + 0.25 * 3.0) / gram
+        assert corrector.shape == pytest.approx([shape], **EXACT)
+        expected = [100.0 - 0.75 * shape, 200.0 + 0.25 * shape]
+        assert corrector.predict(own) == pytest.approx(expected, **EXACT)
+        mean, factor = corrector.predict_with_uncertainty(own)
+        assert mean == pytest.approx(expected, **EXACT)
+        assert factor.tolist() == [[2.0], [4.0]]
+
+    def test_learners_see_their_features(self) -> None:
+        seen = {}
+
+        class Learner:
+            def __init__(self, settings) -> None:
+                self.settings = settings
+
+            def fit(self, columns, target, groups) -> None:
+                seen.update(columns=list(columns), target=target, groups=groups)
+
+            def predict(self, columns):
+                return columns["row"].to_numpy() * 2.0
+
+        own = table([1, 2], [0.1] * 3, observed=[1.0, 2.0, 3.0])
+        made = LearnerCorrector(Learner, lambda model: {"tuned": 1}, features=("row",)).fit(own)
+        assert seen["columns"] == ["row"]
+        assert seen["target"].tolist() == [1.0, 2.0, 3.0]
+        assert seen["groups"].tolist() == [0, 1, 1]
+        mean, factor = made.predict_with_uncertainty(own)
+        assert mean.tolist() == [0.0, 2.0, 4.0]
+        assert factor.tolist() == [[0.0]] * 3
+        assert made.outside_factor(own).shape == (3, 0)
+        again = made.clone_tuned()
+        assert again.model.settings == {"tuned": 1}
+        assert again.features == ("row",)
+        assert LearnerCorrector(Learner, dict).features == TREE_FEATURES
