@@ -23,7 +23,7 @@ from tripwatt.cli.options import (
 )
 from tripwatt.cli.output import write_text
 from tripwatt.cli.printing import console, print_json, print_notes, print_table
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, InvalidInput, raise_faults
 
 if TYPE_CHECKING:
     from tripwatt.trips import Fleet, Trip
@@ -160,8 +160,7 @@ def _require_sense(
         sensible, partner = allowed[option]
         if value is not None and not sensible:
             faults.append(Fault("option has no effect", option, str(value), f"only together with {partner}"))
-    if faults:
-        raise InvalidInput(faults)
+    raise_faults(faults)
 
 
 FIGURES: Final = {
@@ -329,7 +328,7 @@ def _chosen(fleet: Fleet, trip: str | None, data: Path | None) -> Trip:
         ids = [t.trip_id for t in fleet.trips]
         more = f" and {len(ids) - 12} more" if len(ids) > 12 else ""
         what, got = ("unknown trip", trip) if trip is not None else ("no single trip", f"{len(ids)} trips")
-        raise InvalidInput(Fault(what, "--trip", got, ", ".join(ids[:12]) + more))
+        raise InvalidInput.of(what, "--trip", got, ", ".join(ids[:12]) + more)
     return log
 
 

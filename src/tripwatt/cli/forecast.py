@@ -12,7 +12,7 @@ from tripwatt.cli.departing import DepartureOf, departure_options
 from tripwatt.cli.options import JsonOption, add_command, gather, model_of, options_named
 from tripwatt.cli.output import write_bytes, write_text
 from tripwatt.cli.printing import print_json, print_notes, print_table
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, InvalidInput, raise_faults
 
 if TYPE_CHECKING:
     from tripwatt.forecasting import Forecast
@@ -123,8 +123,8 @@ def forecast(
 def _model_and_trip(paths: list[Path]) -> tuple[Path | None, Path]:
     if len(paths) > 2:
         got = " ".join(map(str, paths))
-        raise InvalidInput(
-            Fault("too many arguments", "MODEL TRIP", got, "a folder with a model and a file with a trip")
+        raise InvalidInput.of(
+            "too many arguments", "MODEL TRIP", got, "a folder with a model and a file with a trip"
         )
     return (None, paths[0]) if len(paths) == 1 else (paths[0], paths[1])
 
@@ -137,8 +137,7 @@ def _require_options(reserve: float, plot: Path | None) -> None:
         faults.append(Fault("unknown image format", "--plot", str(plot), ", ".join(PLOT_SUFFIXES)))
     if plot is not None and not plot.absolute().parent.is_dir():
         faults.append(Fault("no such folder", "--plot", str(plot.parent), "an existing folder"))
-    if faults:
-        raise InvalidInput(faults)
+    raise_faults(faults)
 
 
 def _measured(path: Path) -> Any:

@@ -142,11 +142,11 @@ def show_mapping(
       # save a copy to edit
       tripwatt mapping show torque > my.toml
     """
-    from tripwatt.errors import Fault, InvalidInput
+    from tripwatt.errors import InvalidInput
     from tripwatt.sources.mapping import shipped_mappings, shipped_text
 
     if name not in shipped_mappings():
-        raise InvalidInput(Fault("unknown mapping", "NAME", name, ", ".join(shipped_mappings())))
+        raise InvalidInput.of("unknown mapping", "NAME", name, ", ".join(shipped_mappings()))
     text = shipped_text(name)
     print_json({"name": name, "toml": text}) if as_json else typer.echo(text, nl=False)
 
@@ -226,11 +226,11 @@ def apply(
       tripwatt forecast my-model trip.csv
     """
     from tripwatt.auditing import audit as run_audit
-    from tripwatt.errors import Fault, InvalidInput
+    from tripwatt.errors import InvalidInput
     from tripwatt.trips import COLUMNS
 
     if out.suffix.lower() != ".csv":
-        raise InvalidInput(Fault("unknown file format", "--out", str(out), "a .csv file"))
+        raise InvalidInput.of("unknown file format", "--out", str(out), "a .csv file")
     fleet = read_logs(data, "table", mapping)
     result = run_audit(fleet)
     wanted = [t for t in result.trips if trip in (None, t.trip_id)]
@@ -239,7 +239,7 @@ def apply(
         aside = result.set_aside.get(trip or fleet.trips[0].trip_id, "")
         allowed = ", ".join(ids[:12]) + (f" and {len(ids) - 12} more" if len(ids) > 12 else "")
         got = f"set aside by the audit: {aside}" if aside else trip or f"{len(ids)} drives"
-        raise InvalidInput(Fault("no single trip", "--trip", got, allowed or "a drive that the audit uses"))
+        raise InvalidInput.of("no single trip", "--trip", got, allowed or "a drive that the audit uses")
     samples = wanted[0].samples
     table = samples[[c for c in COLUMNS if c in samples.columns]].copy()
     table["time_s"] -= table["time_s"].iloc[0]

@@ -11,7 +11,7 @@ import typer
 
 from tripwatt.cli.journey import MapOption, PlacesOption, StationsOption, WeatherOption
 from tripwatt.cli.options import add_command, gather, require_extras
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, InvalidInput, raise_faults
 
 
 def add_commands(app: typer.Typer) -> None:
@@ -138,8 +138,8 @@ def make_cars_folder(folder: Path | None) -> None:
         folder.mkdir()
     except OSError as error:
         got = error.strerror or f"{error}"
-        raise InvalidInput(
-            Fault("cannot make the folder", f"--cars, {folder}", got, "a folder of cars, or a new one")
+        raise InvalidInput.of(
+            "cannot make the folder", f"--cars, {folder}", got, "a folder of cars, or a new one"
         ) from error
 
 
@@ -162,6 +162,5 @@ def models_of(given: list[Path], folder: Path | None) -> dict[str, Path]:
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
         faults.append(Fault("duplicate model name", "MODEL", ", ".join(twice), "each name once"))
-    if faults:
-        raise InvalidInput(faults)
+    raise_faults(faults)
     return {name: place.resolve() for name, place in zip(names, folders, strict=True)}

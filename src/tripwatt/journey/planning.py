@@ -427,9 +427,7 @@ def find_stops(stops: Sequence[Place | str], atlas: Atlas, *, round_trip: bool =
     3
     """
     if not 2 <= len(stops) <= MOST_STOPS:
-        raise InvalidInput(
-            Fault("number of places out of range", "stops", f"{len(stops)}", f"2 to {MOST_STOPS}")
-        )
+        raise InvalidInput.of("number of places out of range", "stops", f"{len(stops)}", f"2 to {MOST_STOPS}")
     places: list[Place] = []
     faults: list[Fault] = []
     for k, stop in enumerate(stops):
@@ -437,8 +435,7 @@ def find_stops(stops: Sequence[Place | str], atlas: Atlas, *, round_trip: bool =
             places.append(atlas.find(stop, f"stops[{k}]"))
         except InvalidInput as error:
             faults += error.faults
-    if faults:
-        raise InvalidInput(faults)
+    raise_faults(faults)
     return (*places, places[0]) if round_trip else tuple(places)
 
 
