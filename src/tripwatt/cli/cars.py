@@ -16,6 +16,7 @@ from tripwatt.cli.options import (
     JsonOption,
     MappingOption,
     SetOption,
+    TripOption,
     VehicleOption,
     add_command,
     car_of,
@@ -260,9 +261,7 @@ def _list(names: Sequence[str] | None, as_json: bool) -> None:
 
 def simulate(
     data: DataArgument = None,
-    trip: Annotated[
-        str | None, typer.Option("--trip", metavar="ID", help="Trip to use if DATA contains several.")
-    ] = None,
+    trip: TripOption = None,
     dataset: DatasetOption = None,
     mapping: MappingOption = None,
     vehicle: VehicleOption = None,

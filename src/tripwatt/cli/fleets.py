@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from tripwatt.cli.departing import DepartureOf, departure_options
+from tripwatt.cli.forecast import forecast_rows
 from tripwatt.cli.options import JsonOption, add_command, options_named
 from tripwatt.cli.output import write_text
 from tripwatt.cli.printing import console, print_json, print_table, progress
@@ -287,25 +288,16 @@ def forecast(
       tripwatt fleet forecast models trip.csv --vehicle-id V17 --soc 0.8
     """
     import tripwatt as tw
-    from tripwatt.cli.sentences import chance_to_arrive
 
     model = _registry(registry).load()
     plan = tw.read_route(trip)
     with options_named():
         known = departure()
     expected = model.forecast(plan, known, vehicle_id=vehicle_id, car_model=car_model, driver=driver)
-    low, high = expected.interval(0.9)
     if as_json:
         print_json({"vehicle_id": vehicle_id, **expected.to_dict(reserve)})
         return
-    rows = [
-        ("vehicle", vehicle_id),
-        ("energy", f"{expected.energy_wh / 1000.0:.2f} kWh"),
-        ("90 % interval", f"{low / 1000.0:.2f} to {high / 1000.0:.2f} kWh"),
-        ("state of charge at arrival", f"{100.0 * expected.soc_arrival:.0f} %"),
-        ("probability to arrive", chance_to_arrive(expected)),
-        (f"probability to arrive with {100.0 * reserve:g} % or more", chance_to_arrive(expected, reserve)),
-    ]
+    rows = [("vehicle", vehicle_id), *forecast_rows(expected, reserve)]
     print_table("Forecast before departure", ("", "forecast"), rows)
 
 

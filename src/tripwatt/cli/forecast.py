@@ -187,20 +187,12 @@ def _unknown_climb(forecast: Forecast, reserve: float) -> list[tuple[str, str]]:
     return rows
 
 
-def _show_forecast(forecast: Forecast, reserve: float) -> None:
-    from tripwatt.cli.sentences import chance_to_arrive, forecast_in_words
-    from tripwatt.forecasting.plots import CAUSE_NAMES
-    from tripwatt.trips.messages import leave_in_words
-    from tripwatt.trips.showing import period
+def forecast_rows(forecast: Forecast, reserve: float) -> list[tuple[str, str]]:
+    """Rows of a table: energy, charge at arrival, probability to arrive, and what an unknown climb changes."""
+    from tripwatt.cli.sentences import chance_to_arrive
 
     low, high = forecast.interval(0.9)
-    when = (
-        "before departure"
-        if forecast.measured_until_s <= 0.0
-        else f"after {period(forecast.measured_until_s)}"
-    )
-    rows = [
-        ("car", forecast.vehicle.title),
+    return [
         ("energy", f"{forecast.energy_wh / 1000.0:.2f} kWh"),
         ("90 % interval", f"{low / 1000.0:.2f} to {high / 1000.0:.2f} kWh"),
         *_arrival(forecast),
@@ -209,11 +201,20 @@ def _show_forecast(forecast: Forecast, reserve: float) -> None:
         (f"probability to arrive with {100.0 * reserve:g} % or more", chance_to_arrive(forecast, reserve)),
         *_unknown_climb(forecast, reserve),
     ]
+
+
+def _show_forecast(forecast: Forecast, reserve: float) -> None:
+    from tripwatt.cli.sentences import forecast_in_words
+    from tripwatt.forecasting.plots import CAUSE_NAMES
+    from tripwatt.trips.messages import leave_in_words
+    from tripwatt.trips.showing import period
+
+    rows = [("car", forecast.vehicle.title), *forecast_rows(forecast, reserve)]
+    when = f"after {period(forecast.measured_until_s)}"
     typer.echo(forecast_in_words(forecast, forecast.plan.trip_id))
     if forecast.measured_until_s <= 0.0:
-        typer.echo(
-            leave_in_words(forecast.soc_needed(reserve, LEAVE_PROBABILITY), reserve, LEAVE_PROBABILITY)
-        )
+        when, needed = "before departure", forecast.soc_needed(reserve, LEAVE_PROBABILITY)
+        typer.echo(leave_in_words(needed, reserve, LEAVE_PROBABILITY))
     typer.echo("")
     print_table(f"Forecast {when}, given {forecast.given}", ("forecast", ""), rows, numbers=("",))
     causes = [

@@ -13,11 +13,12 @@ from tripwatt.cli.options import (
     DatasetOption,
     JsonOption,
     MappingOption,
+    TripOption,
     add_command,
     read_logs,
 )
 from tripwatt.cli.output import write_text
-from tripwatt.cli.printing import console, print_json, print_notes, print_table
+from tripwatt.cli.printing import console, print_findings, print_json, print_notes, print_table
 
 mapping_app = typer.Typer(
     help="Mappings from the columns of your tables to canonical columns: list, show, suggest and apply them.",
@@ -78,9 +79,7 @@ def audit(
         return
     title = f"{len(fleet.trips)} trips read, {len(result.trips)} drives used ({fleet.name})"
     if result.findings:
-        columns = ("trip", "from [s]", "to [s]", "consequence", "finding")
-        rows = ((f.trip, f"{f.from_s:.1f}", f"{f.to_s:.1f}", f.consequence, f.what) for f in result.findings)
-        print_table(title, columns, rows, numbers=columns[1:3], folding=("finding",))
+        print_findings(title, result.findings)
     else:
         console(sys.stdout).print(f"{title}: no findings")
     print_notes(fleet.notes)
@@ -206,9 +205,7 @@ def suggest(
 def apply(
     data: Annotated[Path, typer.Argument(metavar="DATA", help="A table of trips, or a folder of tables.")],
     mapping: MappingOption = None,
-    trip: Annotated[
-        str | None, typer.Option("--trip", metavar="ID", help="Trip to use if DATA contains several.")
-    ] = None,
+    trip: TripOption = None,
     out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="CSV file to write.")] = Path(
         "trip.csv"
     ),

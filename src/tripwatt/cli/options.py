@@ -59,6 +59,9 @@ SetOption = Annotated[
         "`tripwatt vehicles NAME` lists, or short names such as mass, payload, c_d, c_rr, base_load, setpoint.",
     ),
 ]
+TripOption = Annotated[
+    str | None, typer.Option("--trip", metavar="ID", help="Trip to use if DATA contains several.")
+]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")]
 
 CARS: Final[Mapping[str, str]] = MappingProxyType(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from tripwatt.cli.options import DatasetOption, JsonOption, MappingOption, add_command
-from tripwatt.cli.printing import console, print_json, print_notes, print_table
+from tripwatt.cli.printing import console, print_findings, print_json, print_notes, print_table
 
 if TYPE_CHECKING:
     from tripwatt.store import TripStore
@@ -256,9 +256,7 @@ def audit(
     if as_json:
         print_json(rows)
         return
-    columns = ("trip", "from [s]", "to [s]", "consequence", "finding")
-    shown = [(f.trip, f"{f.from_s:.1f}", f"{f.to_s:.1f}", f.consequence, f.what) for f in result]
-    print_table(f"{len(shown)} findings", columns, shown, numbers=columns[1:3], folding=("finding",))
+    print_findings(f"{len(rows)} findings", result)
 
 
 def compact(
