@@ -27,11 +27,11 @@ def check_writable(out: Path) -> None:
     """
     if out.is_symlink() and not out.exists():
         got = f"{out} -> {os.readlink(out)}"
-        raise InvalidInput(Fault("output is a link to nothing", "--out", got, "a new or existing folder"))
+        raise InvalidInput.of("output is a link to nothing", "--out", got, "a new or existing folder")
     if out.resolve() == Path(out.absolute().anchor):
-        raise InvalidInput(Fault("output is the root folder", "--out", str(out), "a new or existing folder"))
+        raise InvalidInput.of("output is the root folder", "--out", str(out), "a new or existing folder")
     if out.exists() and not out.is_dir():
-        raise InvalidInput(Fault("output is not a folder", "--out", str(out), "a new or existing folder"))
+        raise InvalidInput.of("output is not a folder", "--out", str(out), "a new or existing folder")
     nearest = next(place for place in (out, *out.absolute().parents) if place.exists())
     if not nearest.is_dir():
         raise InvalidInput(_unwritable(out, f"{nearest} is not a folder"))
@@ -189,7 +189,7 @@ def write_bytes(content: bytes, path: Path, option: str = "--out") -> None:
         write_file(path, lambda partial: _write(partial, content))
     except OSError as error:
         got = error.strerror or str(error)
-        raise InvalidInput(Fault("cannot write the file", option, f"{path}: {got}")) from error
+        raise InvalidInput.of("cannot write the file", option, f"{path}: {got}") from error
 
 
 def _write(path: Path, content: bytes) -> None:

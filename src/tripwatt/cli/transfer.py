@@ -20,7 +20,7 @@ from tripwatt.cli.options import (
 )
 from tripwatt.cli.output import check_writable, output_lock, unfinished_folder, write_whole
 from tripwatt.cli.printing import console, print_json, print_notes, print_table, progress
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 
 if TYPE_CHECKING:
     from tripwatt.trips import Fleet
@@ -170,10 +170,8 @@ def numbers_of(text: str) -> list[int]:
     except ValueError:
         numbers = [-1]
     if min(numbers) < 0:
-        raise InvalidInput(
-            Fault(
-                "invalid numbers of trips", "--trips", text, "whole numbers of 0 or more, separated by commas"
-            )
+        raise InvalidInput.of(
+            "invalid numbers of trips", "--trips", text, "whole numbers of 0 or more, separated by commas"
         )
     return numbers
 

@@ -148,7 +148,7 @@ class Atlas:
             inside = south - MARGIN_DEG <= place.latitude_deg <= north + MARGIN_DEG
             if not (inside and west - MARGIN_DEG <= place.longitude_deg <= east + MARGIN_DEG):
                 allowed, _, fix = self.covers.partition("; ")
-                raise InvalidInput(Fault("place outside of the map", where, place.title, allowed, fix))
+                raise InvalidInput.of("place outside of the map", where, place.title, allowed, fix)
         return place
 
     def tile(self, zoom: int, column: int, row: int) -> bytes:
@@ -275,8 +275,8 @@ def open_atlas(settings: AtlasSettings | Path | str | None = None) -> Atlas:
 def _roads(named: str) -> tuple[Router, MapFolder | None]:
     """The router, and the map folder that it comes from; `FOLDER@URL` has the map's places with a server's roads."""
     if not named:
-        raise InvalidInput(
-            Fault("no map", "--map", "none", "a folder with a map, or the URL of a router", NO_MAP)
+        raise InvalidInput.of(
+            "no map", "--map", "none", "a folder with a map, or the URL of a router", NO_MAP
         )
     if not is_server(named):
         folder = open_map(named)
