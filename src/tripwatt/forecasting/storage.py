@@ -254,6 +254,11 @@ def upgrade_model(folder: Path | str) -> bool:
     ------
     InvalidInput
         As `load_model`, and when the folder cannot be written. The model is as it was then.
+
+    Examples
+    --------
+    >>> upgrade_model(model_folder())
+    False
     """
     about = load_metadata(folder)
     if about["format_version"] == FORMAT_VERSION:
@@ -292,7 +297,23 @@ def load_metadata(folder: Path | str | None = None, *, check_parts: bool = True)
 
 
 def model_folder(folder: Path | str | None = None) -> Path:
-    """The folder itself, or that of the model that comes with the package: without a folder, or by its name."""
+    """Find the folder of a model.
+
+    Parameters
+    ----------
+    folder : path, optional
+        Of a stored model, or the name of the one that comes with the package.
+
+    Returns
+    -------
+    Path
+        The folder itself, or that of the model that comes with the package where none is given.
+
+    Examples
+    --------
+    >>> model_folder().name
+    'bmw_i3_tum'
+    """
     packaged = Path(__file__).parents[1] / "models" / DEFAULT_MODEL
     if folder is None or (str(folder) == DEFAULT_MODEL and not Path(folder).exists()):
         return packaged
