@@ -15,6 +15,28 @@ BoolArray = npt.NDArray[np.bool_]
 """Masks."""
 
 
+def running_sum(steps: npt.ArrayLike) -> FloatArray:
+    """0 and the sums of the steps up to each of them, shape (steps + 1,).
+
+    Examples
+    --------
+    >>> running_sum([1.0, 2.0]).tolist()
+    [0.0, 1.0, 3.0]
+    """
+    return np.concatenate(([0.0], np.cumsum(steps)))
+
+
+def distance_driven(time_s: FloatArray, speed_m_s: FloatArray) -> FloatArray:
+    """Distance from the first sample to each [m], with a speed that is linear between two samples. Shape of `time_s`.
+
+    Examples
+    --------
+    >>> distance_driven(np.array([0.0, 2.0, 3.0]), np.array([0.0, 4.0, 4.0])).tolist()
+    [0.0, 4.0, 8.0]
+    """
+    return running_sum(0.5 * (speed_m_s[1:] + speed_m_s[:-1]) * np.diff(time_s))
+
+
 def eigen(symmetric: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Eigenvalues, ascending, and eigenvectors of a symmetric matrix. O(n^3).
 

@@ -5,12 +5,14 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
+from tests.forecasting import test_forecast as by_hand
 
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting.measured import (
     ChargeReading,
     SegmentReadings,
     SpanReadings,
+    _from_power,
     along_the_plan,
     checked_samples,
     columns_measured,
@@ -375,3 +377,16 @@ class TestDeparture:
             departed(log, linked)
         assert len(departed(log.drop(columns="speed_m_s"), linked)["time_s"]) == 600
         assert len(departed(self.readings(700.0, 710.0), linked)["time_s"]) == 2
+
+
+@pytest.mark.parametrize(("stretch", "counts"), [(1.0, True), (1.5, True), (1.51, False), (3.0, False)])
+def test_a_segment_that_took_long_is_no_evidence_of_its_power(stretch, counts):
+    drive = by_hand.drive()
+    ends = drive.edges_s.copy()
+    ends[1:] += (stretch - 1.0) * 60.0  # the first segment took longer than planned, the others as planned
+    readings = _from_power(
+        np.array([60.0, 400.0, 300.0]), by_hand.HOURS.copy(), drive, by_hand.ONE_PROCESS, ends
+    )
+    assert (0 in readings.seen) is counts
+    assert len(readings.power_w) == 2 + counts
+    assert readings.power_w[-1] == pytest.approx(300.0 * 20)

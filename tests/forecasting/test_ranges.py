@@ -5,7 +5,9 @@ import pandas as pd
 import pytest
 
 import tripwatt as tw
+from tripwatt.forecasting.ranges import Range, unknown_state_sd_wh
 from tripwatt.trips import Plan
+from tripwatt.vehicles import load_vehicle
 
 
 @pytest.mark.parametrize(
@@ -28,3 +30,35 @@ def test_temperatures_that_a_file_keeps_are_flagged(given, flagged):
     plan = Plan.from_samples("trip", pd.DataFrame(rows), known)
     found = tw.load_model().forecast(plan, given)
     assert sorted(f.subject for f in found.flags if f.code == "file_value_kept") == flagged
+
+
+def test_distance_outside_a_range_is_in_standard_deviations():
+    seen = Range(10.0, 20.0, 4.0)
+    assert [seen.beyond(v) for v in (4.0, 10.0, 15.0, 20.0, 22.0, float("nan"))] == [1.5, 0, 0, 0, 0.5, 0]
+
+
+@pytest.mark.parametrize(
+    ("unknown", "expected_wh"),
+    [
+        ((), 0.0),
+        (("ambient_temperature_degc",), 8.0 * 70.0 * 0.5 / 0.95),
+        (("cabin_setpoint_degc",), 1.5 * 70.0 * 0.5 / 0.95),
+        # no more than the heat of 12 kJ/K of air and 90 kJ/K of seats
+        (("cabin_temperature_degc",), 6.0 * (102_000.0 / 3600.0) / 0.95),
+        (("battery_temperature_degc",), 6.0 * 10.0 * 0.5),
+    ],
+)
+def test_an_unknown_temperature_costs_heat(unknown, expected_wh):
+    car = load_vehicle("bmw_i3_60ah")
+    assert unknown_state_sd_wh(car, unknown, 0.5) == pytest.approx(expected_wh, rel=1e-9)
+
+
+def test_unknown_temperatures_are_independent_and_a_heat_pump_saves():
+    car, leaf = load_vehicle("bmw_i3_60ah"), load_vehicle("nissan_leaf_24")
+    both = ("ambient_temperature_degc", "cabin_setpoint_degc")
+    parts = [unknown_state_sd_wh(car, (name,), 0.5) for name in both]
+    assert unknown_state_sd_wh(car, both, 0.5) == pytest.approx(np.hypot(*parts))
+    climate = leaf.climate
+    heat_w_k = climate.shell_w_k + climate.fresh_air_low_w_k
+    expected = 8.0 * heat_w_k * 0.5 / climate.heat_pump_cop_at_0_degc
+    assert unknown_state_sd_wh(leaf, both[:1], 0.5) == pytest.approx(expected)

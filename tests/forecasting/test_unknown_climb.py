@@ -19,8 +19,6 @@ from tripwatt.journey.forecasting import RoadForecaster
 from tripwatt.routes import terrain
 from tripwatt.routes.terrain import net_climbs
 from tripwatt.trips import TERRAINS, Plan, plan_from_trip
-from tripwatt.uncertainty.climb import UnknownClimb
-from tripwatt.uncertainty.conformal import ConformalScores
 
 COLD = tw.Departure(
     soc=0.8,
@@ -79,22 +77,6 @@ def test_probabilities_are_the_inverse_of_quantiles(terrain_, p, soc):
     assert p_above(found, float(arrives)) == pytest.approx(p, abs=1e-6)
     assert sum(found.by_cause_wh.values()) == pytest.approx(found.energy_wh)
     assert charge > 0.0
-
-
-def test_the_sum_of_climb_and_error_is_that_of_many_draws():
-    rng = np.random.default_rng(3)
-    scores = ConformalScores.from_errors(np.abs(rng.standard_t(5, 60)).tolist())
-    net = net_climbs()
-    offsets = 4.0 * net.net_m(np.array([0.0, 15_000.0]))
-    mixture = UnknownClimb(offsets, net.weights)
-    n = 400_000
-    climb = offsets[rng.choice(len(net.weights), n, p=net.weights), -1]
-    levels = rng.uniform(0.0, 1.0, n)
-    grid = np.linspace(0.0, 0.9999, 4000)
-    error = np.interp(levels, grid, [scores.factor(p) for p in grid]) * rng.choice([-1.0, 1.0], n) * 150.0
-    for p in (0.05, 0.25, 0.5, 0.75, 0.9, 0.975, 0.995):
-        found = float(mixture.quantile(scores, p, np.array([0.0, 150.0]))[-1])
-        assert np.mean(climb + error <= found) == pytest.approx(p, abs=0.003)
 
 
 @pytest.mark.parametrize("vehicle", ["bmw_i3_60ah", "nissan_leaf_40", "tesla_model_3_lr"])

@@ -151,7 +151,7 @@ def before(option: Option) -> tuple[np.ndarray, np.ndarray]:
         share[:, None] * COVARIANCE * share,
         np.diag(own),
         np.diag(share**2 * VARIANCES),
-        np.diag(option.book**2 * np.array([0.01, 0.16])),
+        np.diag(option.published**2 * np.array([0.01, 0.16])),
     )
     return mean, covariance
 
@@ -185,16 +185,16 @@ def test_grid() -> None:
     both = grid()
     assert len(set(both)) == len(both) == 5 * 5 * 3 * 5
     assert {o.share for o in both} == {o.own for o in both} == quarters
-    assert {o.book for o in both} == {0.5, 1.0, 1.5}
+    assert {o.published for o in both} == {0.5, 1.0, 1.5}
     assert {o.noise for o in both} == {0.25, 0.5, 1.0, 2.0, 4.0}
-    assert {o.book for o in grid("effects")} == {0.0}
+    assert {o.published for o in grid("effects")} == {0.0}
     assert {o.own for o in grid("effects")} == quarters
     apart = grid(stages=2)
     assert len(set(apart)) == len(apart) == 3 * 3 * 5 * 3 * 5
     assert {o.shares for o in apart} == {(a, b) for a in (0.0, 0.5, 1.0) for b in (0.0, 0.5, 1.0)}
     assert Option((0.0, 1.0), 1.0, 1.0, 1.0).share == 0.5
     assert {o.own for o in grid("parameters")} == {0.0}
-    assert {o.book for o in grid("parameters")} == {0.5, 1.0, 1.5}
+    assert {o.published for o in grid("parameters")} == {0.5, 1.0, 1.5}
     require_mode("both")
     with pytest.raises(InvalidInput, match="unknown adaptation mode"):
         require_mode("all")

@@ -184,7 +184,7 @@ def test_leaving_out_is_forgetting(evidence) -> None:
 
 def test_grid_of_a_mode() -> None:
     assert {o.own for o in grid("parameters")} == {0.0}
-    assert {o.book for o in grid("effects")} == {0.0}
+    assert {o.published for o in grid("effects")} == {0.0}
     assert np.mean([o.share for o in grid("both")]) == pytest.approx(0.5)
 
 

@@ -28,8 +28,8 @@ def commands(command: Any, name: str = "tripwatt") -> Iterator[str]:
     if not children:
         yield f"command {name}"
         for parameter in command.params:
-            names = "/".join((*parameter.opts, *parameter.secondary_opts))
-            yield f"{parameter.param_type_name} {name} {names}"
+            for word in (*parameter.opts, *parameter.secondary_opts):
+                yield f"{parameter.param_type_name} {name} {word}"
 
 
 def routes(document: dict[str, Any]) -> Iterator[str]:

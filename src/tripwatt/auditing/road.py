@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
-from tripwatt.arrays import FloatArray
+from tripwatt.arrays import distance_driven
 from tripwatt.auditing.findings import Finding, array, has, whole
 from tripwatt.trips import STEEPEST_GRADE
 
@@ -37,7 +37,7 @@ def elevation_findings(samples: pd.DataFrame, trip_id: str) -> Iterator[Finding]
     time, speed, height = time[known], speed[known], height[known]
     if len(time) < 2:
         return
-    driven = _distance(time, speed)
+    driven = distance_driven(time, speed)
     if np.ptp(height) == 0.0 and driven[-1] > FLAT_ROAD_M:
         what = (
             f"elevation stays at {height[0]:g} m over {driven[-1] / 1000:.1f} km: the road is treated as flat"
@@ -48,11 +48,6 @@ def elevation_findings(samples: pd.DataFrame, trip_id: str) -> Iterator[Finding]
     if len(jumps):
         what = f"elevation jumps {len(jumps)} times, by up to {step[jumps].max():.1f} m"
         yield Finding(trip_id, float(time[jumps[0]]), float(time[jumps[-1] + 1]), what, "noted")
-
-
-def _distance(time: FloatArray, speed: FloatArray) -> FloatArray:
-    steps = 0.5 * (speed[1:] + speed[:-1]) * np.diff(time)
-    return np.concatenate(([0.0], np.cumsum(steps)))
 
 
 def ambient_findings(samples: pd.DataFrame, trip_id: str) -> Iterator[Finding]:

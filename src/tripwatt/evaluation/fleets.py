@@ -79,10 +79,10 @@ def classes(values: FloatArray, bounds: Sequence[tuple[float, float, str]]) -> A
     >>> classes(np.array([-1.0, 10.0, np.nan]), TEMPERATURES).tolist()
     ['below 0 °C', '10 to 20 °C', 'unknown']
     """
-    found = np.full(len(values), "unknown", dtype=object)
+    names = np.full(len(values), "unknown", dtype=object)
     for low, high, name in bounds:
-        found[(values >= low) & (values < high)] = name
-    return found
+        names[(values >= low) & (values < high)] = name
+    return names
 
 
 def evaluate_rows(rows: TripRows, scales: Scales | None = None) -> FleetEvaluation:
@@ -129,8 +129,8 @@ def _later(rows: TripRows, fold: IntArray) -> pd.DataFrame | None:
         return None
     train = rows.where(~late).sums
     test = rows.where(late)
-    found = group_posterior(train, fit_scales(train, START))
-    energy, sd = with_errors(found, test)
+    posterior = group_posterior(train, fit_scales(train, START))
+    energy, sd = with_errors(posterior, test)
     return _frame(test, energy, sd, fold[late], "later trips")
 
 
@@ -141,8 +141,8 @@ def _left_out(
     for k in np.unique(part):
         held = part == k
         test = rows.where(held)
-        found = group_posterior(_nonempty(whole - test.sums), scales)
-        energy[held], sd[held] = with_errors(found, test)
+        posterior = group_posterior(_nonempty(whole - test.sums), scales)
+        energy[held], sd[held] = with_errors(posterior, test)
     return _frame(rows, energy, sd, fold, protocol)
 
 
@@ -207,8 +207,8 @@ def own_trips(rows: TripRows, whole: Sums, scales: Scales, most_vehicles: int = 
             errors[k].append(
                 tuple(mean_error(sums, scales, test) for sums in (others + known, known, others))
             )
-    found = [(k, len(e), *np.mean(e, axis=0)) for k, e in errors.items() if e]
-    return pd.DataFrame(found, columns=["own_trips", "vehicles", "pooled", "own_only", "fleet_only"])
+    table = [(k, len(e), *np.mean(e, axis=0)) for k, e in errors.items() if e]
+    return pd.DataFrame(table, columns=["own_trips", "vehicles", "pooled", "own_only", "fleet_only"])
 
 
 def mean_error(sums: Sums, scales: Scales, test: TripRows) -> float:

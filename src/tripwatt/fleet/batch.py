@@ -120,10 +120,10 @@ def forecast_batch(
             for rows in _parts(file, columns)
         ]
     load_fleet(model)  # a model that cannot be read is one fault, not one for each trip
-    found = [row for rows in map_bounded(executor, workers, forecast_part, parts) for row in rows]
-    found.sort(key=lambda row: (row["vehicle_id"], row["trip"]))
-    write_whole(pa.Table.from_pylist(found, schema=schema_of(quantiles)), Path(out))
-    return len(found)
+    forecasts = [row for rows in map_bounded(executor, workers, forecast_part, parts) for row in rows]
+    forecasts.sort(key=lambda row: (row["vehicle_id"], row["trip"]))
+    write_whole(pa.Table.from_pylist(forecasts, schema=schema_of(quantiles)), Path(out))
+    return len(forecasts)
 
 
 def schema_of(quantiles: Sequence[float]) -> pa.Schema:

@@ -117,7 +117,7 @@ def choose_rounds(
     import lightgbm
 
     counts = list(range(step, MOST_ROUNDS + 1, step))
-    found = np.zeros((len(counts), len(residual_w)))
+    predictions = np.zeros((len(counts), len(residual_w)))
     of_row = folds[table.groups]
     X = tree_columns(table)
     weight = 1.0 / np.diff(table.offsets)[table.groups]
@@ -128,13 +128,13 @@ def choose_rounds(
         data = lightgbm.Dataset(X[train], residual_w[train], weight=weight[train] / weight[train].mean())
         booster = lightgbm.train({**TREE_SETTINGS, "seed": seed}, data, num_boost_round=MOST_ROUNDS)
         for i, count in enumerate(counts):
-            found[i, held] = booster.predict(X[held], num_iteration=count, num_threads=1)
+            predictions[i, held] = booster.predict(X[held], num_iteration=count, num_threads=1)
     before = float(np.mean(np.abs(table.totals_wh(residual_w))))
-    errors = [float(np.mean(np.abs(table.totals_wh(residual_w - prediction)))) for prediction in found]
+    errors = [float(np.mean(np.abs(table.totals_wh(residual_w - prediction)))) for prediction in predictions]
     best = int(np.argmin(errors))
     if errors[best] > (1.0 - LEAST_GAIN) * before:
         return 0, np.zeros(len(residual_w))
-    return counts[best], found[best]
+    return counts[best], predictions[best]
 
 
 @dataclass(frozen=True, eq=False)

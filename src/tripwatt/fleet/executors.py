@@ -63,8 +63,8 @@ def executor_for(n_jobs: int = 1, cluster: str | None = None) -> Iterator[tuple[
     (1, 2)
     """
     if cluster is not None:
-        with _dask(cluster) as found:
-            yield found
+        with _dask(cluster) as workers:
+            yield workers
     elif n_jobs == 1:
         yield InProcess(), 1
     elif n_jobs < 1:

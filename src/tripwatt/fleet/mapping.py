@@ -161,12 +161,12 @@ def map_store(
     open_tasks = []
     finished = 0
     for task in tasks:
-        found = _finished(task)
-        if found is None:
+        result = _finished(task)
+        if result is None:
             open_tasks.append(task)
         else:
             finished += 1
-            yield found
+            yield result
     for result in map_bounded(executor, workers, rows_of_file, open_tasks):
         finished += 1
         if progress is not None:
@@ -179,9 +179,9 @@ def rows_of_file(task: FileTask) -> FileResult:
 
     Trips whose car model cannot simulate them are left out, as are those without measured energy.
     """
-    found = _finished(task)
-    if found is not None:
-        return found
+    result = _finished(task)
+    if result is not None:
+        return result
     files = DeltaFolder(task.place, task.options).filesystem()
     rows: list[dict[str, Any]] = []
     segments: list[pa.Table] = []
@@ -220,10 +220,10 @@ def _finished(task: FileTask) -> FileResult | None:
     path = _rows_path(task)
     if not path.is_file():
         return None
-    found = pq.ParquetFile(path)
-    about = found.schema_arrow.metadata or {}
+    file = pq.ParquetFile(path)
+    about = file.schema_arrow.metadata or {}
     segments = str(_segments_path(task)) if about.get(b"segments") else None
-    return FileResult(str(path), segments, int(about[b"trips"]), found.metadata.num_rows)
+    return FileResult(str(path), segments, int(about[b"trips"]), file.metadata.num_rows)
 
 
 def write_whole(table: pa.Table, path: Path) -> None:

@@ -310,12 +310,12 @@ def held_out_correctors(
 def _residuals(
     table: SegmentTable, correctors: Sequence[FleetCorrector], held_out_w: FloatArray
 ) -> list[HeldOutResidual]:
-    found = []
+    residuals = []
     for i, corrector in enumerate(correctors):
         part = held_out_residual(corrector, table.take([i]))
         rows = slice(int(table.offsets[i]), int(table.offsets[i + 1]))
-        found.append(replace(part, residual_w=part.residual_w - held_out_w[rows]))
-    return found
+        residuals.append(replace(part, residual_w=part.residual_w - held_out_w[rows]))
+    return residuals
 
 
 def _scores(sample: SampledTrips, standardised: FloatArray) -> dict[str, ConformalScores]:
@@ -334,13 +334,13 @@ def _charges(sample: SampledTrips) -> dict[str, ChargeScale]:
     assert sample.table.charge is not None
     observed = sample.table.totals_wh(sample.table.observed_power_w)
     models = np.array([group[0] for group in sample.groups])
-    found = {}
+    scales = {}
     for name in sorted(set(models.tolist())):
         its = models == name
         scale = ChargeScale.from_readings(sample.table.charge[its], observed[its])
         if scale is not None:
-            found[name] = scale
-    return found
+            scales[name] = scale
+    return scales
 
 
 def update_fleet(

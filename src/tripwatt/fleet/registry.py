@@ -136,8 +136,10 @@ class Registry:
 
     def versions(self) -> tuple[str, ...]:
         """All versions, oldest first."""
-        found = self.folder / "versions"
-        return tuple(sorted(p.name for p in found.iterdir() if p.name.isdigit())) if found.is_dir() else ()
+        versions = self.folder / "versions"
+        return (
+            tuple(sorted(p.name for p in versions.iterdir() if p.name.isdigit())) if versions.is_dir() else ()
+        )
 
     def add(self, model: FleetModel, note: str = "") -> str:
         """Write a model as a new version; the pointer stays where it is. Several may add at once.
@@ -261,13 +263,13 @@ class Registry:
             lines = (self.folder / "history.jsonl").read_text("utf-8").splitlines()
         except OSError:
             return []
-        found = []
+        entries = []
         for line in lines:
             try:
-                found.append(json.loads(line))
+                entries.append(json.loads(line))
             except json.JSONDecodeError:
                 continue
-        return found
+        return entries
 
     def _point(self, version: str) -> None:
         partial = self.folder / f".current.{uuid.uuid4().hex}"

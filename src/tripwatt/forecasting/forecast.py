@@ -252,7 +252,9 @@ class Forecast:
     @cached_property
     def charge(self) -> ChargeScale:
         """Energy by displayed charge: as fitted to the car's trips, else of its published values."""
-        return self.uncertainty.charge or ChargeScale.from_book(self.vehicle.battery, self.drive.wh_per_soc)
+        return self.uncertainty.charge or ChargeScale.from_published(
+            self.vehicle.battery, self.drive.wh_per_soc
+        )
 
     @property
     def soc_arrival(self) -> float:

@@ -72,8 +72,8 @@ def calibrate(trips: Sequence[Trip], vehicle: Vehicle) -> Calibration:
     --------
     >>> from tripwatt.synthetic import synthetic_fleet
     >>> from tripwatt.vehicles import load_vehicle
-    >>> found = calibrate(synthetic_fleet(8).trips, load_vehicle("bmw_i3_60ah"))
-    >>> sorted(found.changes) == sorted(p.name for p in PARAMETERS)
+    >>> calibration = calibrate(synthetic_fleet(8).trips, load_vehicle("bmw_i3_60ah"))
+    >>> sorted(calibration.changes) == sorted(p.name for p in PARAMETERS)
     True
     """
     require_measured(trips, LEAST_TRIPS)

@@ -83,7 +83,7 @@ def fresh_corrector(name: str, seed: int, like: PowerCorrector) -> PowerCorrecto
     like : PowerCorrector
         A fitted one of the same name.
     """
-    found = power_corrector(name, seed)
-    if isinstance(found, SplitCorrector) and isinstance(like, SplitCorrector):
-        found.split = like.split_
-    return found
+    corrector = power_corrector(name, seed)
+    if isinstance(corrector, SplitCorrector) and isinstance(like, SplitCorrector):
+        corrector.split = like.split_
+    return corrector

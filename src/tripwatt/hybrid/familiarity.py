@@ -108,10 +108,10 @@ class Familiarity:
             What the correction depends on.
         """
         wanted = set(columns)
-        found = {
+        ranges = {
             name: Range.from_values(features[name]) for name in FADING if name in wanted and name in features
         }
-        return cls({name: seen for name, seen in found.items() if seen is not None})
+        return cls({name: seen for name, seen in ranges.items() if seen is not None})
 
     def distances(self, features: pd.DataFrame) -> dict[str, FloatArray]:
         """Distance of each row outside of each range, in standard deviations: covariate -> shape (rows,)."""

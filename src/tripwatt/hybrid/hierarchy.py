@@ -47,7 +47,7 @@ STAGE_SHARES: Final = (0.0, 0.5, 1.0)
 OWN_SCALES: Final = (0.0, 0.25, 0.5, 0.75, 1.0)
 """At 1 both cars are alike before any trip: each correction is drawn from the same prior. More would mean that the published
 values of the second car are worse than those of the first."""
-BOOK_SCALES: Final = (0.5, 1.0, 1.5)
+PUBLISHED_SCALES: Final = (0.5, 1.0, 1.5)
 """Without 0: published values of a car always have errors."""
 NOISE_SCALES: Final = (0.25, 0.5, 1.0, 2.0, 4.0)
 """Variance of a trip's error over that of the first car's: before any trip, half is as likely as double."""
@@ -64,7 +64,7 @@ class Option:
 
     shares: tuple[float, ...]
     own: float
-    book: float
+    published: float
     noise: float
 
     @property
@@ -76,7 +76,7 @@ class Option:
     def scales(self) -> tuple[float, ...]:
         """Scale of each level: in common by stage, own by stage, lost by stage, parameters."""
         own = (self.own * math.sqrt(1.0 - share**2) for share in self.shares)
-        return (*self.shares, *own, *self.shares, self.book)
+        return (*self.shares, *own, *self.shares, self.published)
 
 
 def grid(mode: str = "both", stages: int = 1) -> tuple[Option, ...]:
@@ -84,13 +84,13 @@ def grid(mode: str = "both", stages: int = 1) -> tuple[Option, ...]:
 
     Examples
     --------
-    >>> len(grid("both")), len(grid("both", stages=2)), {o.book for o in grid("effects")}
+    >>> len(grid("both")), len(grid("both", stages=2)), {o.published for o in grid("effects")}
     (375, 675, {0.0})
     """
     own = OWN_SCALES if mode != "parameters" else (0.0,)
-    book = BOOK_SCALES if mode != "effects" else (0.0,)
+    published = PUBLISHED_SCALES if mode != "effects" else (0.0,)
     shares = product(SHARES if stages == 1 else STAGE_SHARES, repeat=stages)
-    return tuple(Option(r, t, b, n) for r, t, b, n in product(shares, own, book, NOISE_SCALES))
+    return tuple(Option(r, t, b, n) for r, t, b, n in product(shares, own, published, NOISE_SCALES))
 
 
 def require_mode(mode: str) -> None:

@@ -205,8 +205,8 @@ class Identified:
         Examples
         --------
         >>> from tripwatt.vehicles import load_vehicle
-        >>> found = Identified({"auxiliaries.base_load_w": 380.0}, {"auxiliaries.base_load_w": 9})
-        >>> found.applied(load_vehicle("bmw_i3_60ah")).auxiliaries.base_load_w
+        >>> identified = Identified({"auxiliaries.base_load_w": 380.0}, {"auxiliaries.base_load_w": 9})
+        >>> identified.applied(load_vehicle("bmw_i3_60ah")).auxiliaries.base_load_w
         380.0
         """
         return with_values(
@@ -428,8 +428,8 @@ def _fade_values(records: Sequence[FloatArray], vehicle: Vehicle) -> _Values:
     zero, full = (ends.ravel() for ends in np.meshgrid(steps, steps))
     zero, full = zero[full > zero], full[full > zero]
     best = int(np.argmin(((fade(zero, full) - target) ** 2) @ weight))
-    found = {"regeneration.zero_speed_m_s": zero[best], "regeneration.full_speed_m_s": full[best]}
-    return {key: float(value) for key, value in found.items()}
+    ends = {"regeneration.zero_speed_m_s": zero[best], "regeneration.full_speed_m_s": full[best]}
+    return {key: float(value) for key, value in ends.items()}
 
 
 def published_road(vehicle: Vehicle) -> tuple[float, float, float]:
@@ -483,24 +483,24 @@ def _road_values(records: Sequence[StageRecord], vehicle: Vehicle) -> _Values:
         together = float(np.mean([len(e) * np.mean(e) ** 2 for e in np.split(error, ends)])) / variance
         scale = float(np.sqrt(variance * max(together, 1.0)))
     rolling, colder, drag_area = (float(v) for v in values)
-    found: dict[str, Any] = {}
+    identified: dict[str, Any] = {}
     if (np.abs(values - means)[[0, 2]] > FARTHEST * widths[[0, 2]]).any():
         return {}
     if free and rolling > 0.0:
-        found["tyres.temperature_coefficient_per_k"] = min(colder / rolling, STEEPEST_PER_K)
+        identified["tyres.temperature_coefficient_per_k"] = min(colder / rolling, STEEPEST_PER_K)
     if load.method == "coastdown":
         assert load.coastdown_mass_kg is not None
         assert load.coastdown_air_density_kg_m3 is not None
-        found["road_load.coastdown_a_n"] = rolling * load.coastdown_mass_kg / vehicle.body.test_mass_kg
-        found["road_load.coastdown_b_n_s_m"] = 0.0
-        found["road_load.coastdown_c_n_s2_m2"] = 0.5 * load.coastdown_air_density_kg_m3 * drag_area
+        identified["road_load.coastdown_a_n"] = rolling * load.coastdown_mass_kg / vehicle.body.test_mass_kg
+        identified["road_load.coastdown_b_n_s_m"] = 0.0
+        identified["road_load.coastdown_c_n_s2_m2"] = 0.5 * load.coastdown_air_density_kg_m3 * drag_area
     else:
         assert load.frontal_area_m2 is not None
-        found["road_load.rolling_resistance_coefficient"] = rolling / (
+        identified["road_load.rolling_resistance_coefficient"] = rolling / (
             vehicle.body.test_mass_kg * GRAVITY_M_S2
         )
-        found["road_load.drag_coefficient"] = drag_area / load.frontal_area_m2
-    return found
+        identified["road_load.drag_coefficient"] = drag_area / load.frontal_area_m2
+    return identified
 
 
 def _standing_power(samples: pd.DataFrame, climate: FloatArray | None) -> float:

@@ -117,16 +117,16 @@ def parameters_of(vehicle: Vehicle) -> tuple[Parameter, ...]:
     """
     beyond = beyond_classes(vehicle.body.curb_mass_kg) if vehicle.anchor in CLASS_ANCHORS else 0.0
     widths = spreads(vehicle.anchor, beyond)
-    found = tuple(
+    parameters = tuple(
         replace(p, width=widths[p.name], source=f"{p.source}; {_ANCHORED[vehicle.anchor]}")
         if p.name in widths
         else p
         for p in PARAMETERS
     )
     if not beyond:
-        return found
+        return parameters
     # loads of the class, on which no figure of the car depends
-    return tuple(replace(p, width=math.hypot(p.width, beyond)) if p.name in _LOADS else p for p in found)
+    return tuple(replace(p, width=math.hypot(p.width, beyond)) if p.name in _LOADS else p for p in parameters)
 
 
 _LOADS: Final = ("base_load", "hvac")

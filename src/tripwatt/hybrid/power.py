@@ -300,8 +300,8 @@ class LearnerCorrector(PowerCorrector):
 
     def predict(self, table: SegmentTable) -> FloatArray:
         """Residual power [W]."""
-        found = np.asarray(self.model.predict(self.columns(table)), dtype=np.float64)
-        return found * self.familiarity.share(table.features)
+        power = np.asarray(self.model.predict(self.columns(table)), dtype=np.float64)
+        return power * self.familiarity.share(table.features)
 
     def columns(self, table: SegmentTable) -> pd.DataFrame:
         """The learner's features of a table."""
@@ -420,8 +420,8 @@ class GammCorrector(PowerCorrector):
 
     def predict(self, table: SegmentTable) -> FloatArray:
         """Residual power [W]; the random effect of a new trip is 0."""
-        found = np.asarray(self.model.predict(self._frame(table)), dtype=np.float64)
-        return found * self.familiarity.share(table.features)
+        power = np.asarray(self.model.predict(self._frame(table)), dtype=np.float64)
+        return power * self.familiarity.share(table.features)
 
     def _frame(self, table: SegmentTable, *, trips: bool = False) -> pd.DataFrame:
         frame = table.features.fillna(self.medians_.fillna(0.0).to_dict())

@@ -381,12 +381,12 @@ def _measured_power(measured: Trip, segment: IntArray, plan: Plan, seconds: Floa
 
 def _charge_readings(measured: Trip) -> FloatArray:
     """First and last state of charge of the battery management and of the display, shape (1, 4)."""
-    found = []
+    readings = []
     for name in ("soc", "displayed_soc"):
         values = measured.array(name) if name in measured else np.empty(0)
         known = values[np.isfinite(values)]
-        found += [known[0], known[-1]] if len(known) else [np.nan, np.nan]
-    return np.array([found], dtype=np.float64)
+        readings += [known[0], known[-1]] if len(known) else [np.nan, np.nan]
+    return np.array([readings], dtype=np.float64)
 
 
 def _measured_climate(measured: Trip, seconds: FloatArray) -> FloatArray | None:

@@ -207,12 +207,9 @@ class ClusteredBoosting(ClusteredTrees):
         """F(x) after each round, shape (`n_rounds_`, rows)."""
         check_is_fitted(self, "steps_")
         rows, _ = validate_rows(self, X, None, reset=False)
-        steps = np.array(
-            [
-                np.full(len(rows), value) if tree < 0 else sum_of_trees(self.booster_, rows, int(tree), 1)
-                for tree, value in zip(self.position_, self.steps_, strict=True)
-            ]
-        ).reshape(len(self.steps_), len(rows))
+        steps = np.empty((len(self.steps_), len(rows)))
+        for k, (tree, value) in enumerate(zip(self.position_, self.steps_, strict=True)):
+            steps[k] = value if tree < 0 else sum_of_trees(self.booster_, rows, int(tree), 1)
         return np.asarray(self.start_ + np.cumsum(steps, axis=0))
 
     def leave_groups_out(self, X: Any, y: Any, groups: Any = None, folds: Any = None) -> FloatArray:

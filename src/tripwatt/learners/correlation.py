@@ -82,11 +82,8 @@ class WorkingCorrelation:
         return np.asarray(result / (1.0 - self.rho**2))
 
     def _ar1_diagonal(self) -> FloatArray:
-        return np.asarray(
-            np.select(
-                [self.neighbours == 0, self.neighbours == 1], [1.0 - self.rho**2, 1.0], 1.0 + self.rho**2
-            )
-        )
+        values = np.array([1.0 - self.rho**2, 1.0, 1.0 + self.rho**2])
+        return np.asarray(values[self.neighbours.astype(np.int64)])
 
     def normal_matrix(self, leaf: IntArray, n_leaves: int) -> FloatArray:
         """Z' V^-1 Z for the indicators Z of the leaves."""
@@ -99,9 +96,8 @@ class WorkingCorrelation:
             weight = np.zeros(n_groups)
             weight[self.codes] = self.weight
             own = np.diag((table * weight[:, None]).sum(axis=0))
-            return np.asarray(
-                (own - (table * (self._group_shrinkage() * weight)[:, None]).T @ table) / (1.0 - self.rho)
-            )
+            shared = (table * (self._group_shrinkage() * weight)[:, None]).T @ table
+            return np.asarray((own - shared) / (1.0 - self.rho))
         own = np.diag(np.bincount(leaf, self._ar1_diagonal() * self.weight, n_leaves))
         flat = leaf[1:][self.pair] * n_leaves + leaf[:-1][self.pair]
         cross = np.bincount(flat, self.weight[1:][self.pair], n_leaves**2).reshape(n_leaves, n_leaves)

@@ -131,10 +131,7 @@ class ClusteredForest(ClusteredTrees):
     stored_values = ("groups",)
     stored_arrays = ("position", "values", "counts", "oob_error")
     allowed = MappingProxyType(
-        {
-            "n_trees": ("an integer >= 1", lambda v: v >= 1),
-            "min_oob_trees": ("an integer >= 1", lambda v: v >= 1),
-        }
+        dict.fromkeys(("n_trees", "min_oob_trees"), ("an integer >= 1", lambda v: v >= 1))
     )
 
     def __init__(

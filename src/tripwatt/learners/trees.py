@@ -144,13 +144,8 @@ class Trees:
         result = np.zeros((wanted.size, len(X)), dtype=np.int64)
         split = wanted >= 0
         if split.any():
-            kept = self.booster.predict(
-                X,
-                start_iteration=int(wanted[split][0]),
-                num_iteration=int(split.sum()),
-                pred_leaf=True,
-                num_threads=1,
-            )
+            span = {"start_iteration": int(wanted[split][0]), "num_iteration": int(split.sum())}
+            kept = self.booster.predict(X, **span, pred_leaf=True, num_threads=1)
             result[split] = np.asarray(kept).reshape(len(X), -1).T
         return result
 
@@ -344,10 +339,8 @@ def sum_of_trees(booster: Any, X: FloatArray, first: int, n_trees: int) -> Float
     """Sum of `n_trees` trees of a booster from tree `first` on, shape (n_rows,)."""
     if n_trees <= 0 or booster is None:
         return np.zeros(len(X))
-    return np.asarray(
-        booster.predict(X, start_iteration=first, num_iteration=n_trees, raw_score=True, num_threads=1),
-        dtype=float,
-    )
+    options = {"start_iteration": first, "num_iteration": n_trees, "raw_score": True, "num_threads": 1}
+    return np.asarray(booster.predict(X, **options), dtype=float)
 
 
 def validate_rows(estimator: Any, X: Any, y: Any, *, reset: bool) -> tuple[FloatArray, FloatArray | None]:

@@ -50,10 +50,8 @@ def internal_resistance(soc: FloatArray, temperature_degc: FloatArray, battery: 
     table = battery.cells_in_series * np.interp(soc, battery.resistance_soc, battery.resistance_ohm)
     scale = battery.resistance_activation_energy_j_mol / MOLAR_GAS_CONSTANT_J_MOL_K
     reference = battery.resistance_temperature_degc + ZERO_CELSIUS_K
-    return np.asarray(
-        table * np.exp(scale * (1.0 / (temperature_degc + ZERO_CELSIUS_K) - 1.0 / reference)),
-        dtype=np.float64,
-    )
+    inverse_k = 1.0 / (temperature_degc + ZERO_CELSIUS_K)
+    return np.asarray(table * np.exp(scale * (inverse_k - 1.0 / reference)), dtype=np.float64)
 
 
 def battery_current(power_w: FloatArray, ocv_v: FloatArray, resistance_ohm: FloatArray) -> FloatArray:
@@ -100,9 +98,8 @@ def largest_power(ocv_v: FloatArray, resistance_ohm: FloatArray, floor_v: float)
     (array([900.]), array([2500.]))
     """
     voltage = np.minimum(np.maximum(0.5 * ocv_v, floor_v), ocv_v)
-    return np.asarray(
-        voltage * (ocv_v - voltage) / np.maximum(resistance_ohm, LEAST_RESISTANCE_OHM), dtype=np.float64
-    )
+    resistance = np.maximum(resistance_ohm, LEAST_RESISTANCE_OHM)
+    return np.asarray(voltage * (ocv_v - voltage) / resistance, dtype=np.float64)
 
 
 def shift(initial: float, values: FloatArray) -> FloatArray:
@@ -170,9 +167,8 @@ def discharge(
     if guess is None:
         nominal = battery.cells_in_series * float(np.interp(initial_soc, battery.ocv_soc, battery.ocv_v))
         drawn = (power_w * per_step).cumsum() / nominal
-        halfway = battery.cells_in_series * float(
-            np.interp(initial_soc - 0.5 * drawn[-1], battery.ocv_soc, battery.ocv_v)
-        )
+        half_soc = initial_soc - 0.5 * drawn[-1]
+        halfway = battery.cells_in_series * float(np.interp(half_soc, battery.ocv_soc, battery.ocv_v))
         soc = initial_soc - drawn * (nominal / halfway)
         temperature = np.full_like(soc, initial_temperature_degc)
     else:

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from tripwatt.arrays import BoolArray, FloatArray
+from tripwatt.arrays import BoolArray, FloatArray, running_sum
 from tripwatt.physics.relaxation import Relaxation
 from tripwatt.trips import STEEPEST_GRADE
 from tripwatt.units import (
@@ -195,7 +195,7 @@ def grade_from_elevation(time_s: FloatArray, speed_m_s: FloatArray, elevation_m:
     half = (len(GRADE_WEIGHT) + 1) // 2
     # Mirrored ends let the smoothed slopes climb exactly as high as the unsmoothed ones.
     rise = np.convolve(np.pad(np.diff(height), half - 1, mode="symmetric"), GRADE_WEIGHT, mode="valid")
-    climb = np.interp(distance, border, np.concatenate(([0.0], np.cumsum(rise))))
+    climb = np.interp(distance, border, running_sum(rise))
     piece = np.minimum((distance / border[1]).astype(np.int64), len(rise) - 1)
     slope = rise[piece] / border[1]
     # At standstill, and where rounding would show, the slope is that of the place.

@@ -464,20 +464,14 @@ def _drive_and_battery(
     """Drivetrain and battery, repeated until the regeneration that the battery accepts has settled."""
     regeneration = vehicle.regeneration
     soc, temperature = conditions.initial_soc, conditions.battery_start_degc
+    ambient = conditions.ambient_temperature_degc
     acceptance = regeneration_acceptance(np.array([soc]), np.array([temperature]), regeneration)
     hardest = -float(wheel_power.min()) * regeneration.fraction
     previous: BatteryRun | None = None
     for _ in range(MOST_ACCEPTANCE_PASSES):
         drive = propulsion(wheel_power, trace.mean_speed_m_s, acceptance, vehicle.drivetrain, regeneration)
-        run = discharge(
-            vehicle.battery,
-            drive.motor_power_w + auxiliary,
-            trace.step_s,
-            conditions.ambient_temperature_degc,
-            soc,
-            temperature,
-            guess=previous,
-        )
+        power = drive.motor_power_w + auxiliary
+        run = discharge(vehicle.battery, power, trace.step_s, ambient, soc, temperature, guess=previous)
         previous = run
         states = shift(soc, run.soc), shift(temperature, run.temperature_degc)
         settled = regeneration_acceptance(*states, regeneration)

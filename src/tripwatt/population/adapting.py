@@ -56,8 +56,8 @@ class Adaptation:
 
     Examples
     --------
-    >>> found = adaptation(base, trips, vehicle)  # doctest: +SKIP
-    >>> found.model.forecast(plan)  # doctest: +SKIP
+    >>> adapted = adaptation(base, trips, vehicle)  # doctest: +SKIP
+    >>> adapted.model.forecast(plan)  # doctest: +SKIP
     """
 
     model: ForecastModel
@@ -99,8 +99,8 @@ def adaptation(
     >>> from tripwatt.vehicles import load_vehicle
     >>> trips = synthetic_fleet(n_trips=12).trips
     >>> base = ForecastModel(load_vehicle("bmw_i3_60ah"), corrector="linear").fit(trips[:10])
-    >>> found = adaptation(base, trips[10:11], load_vehicle("nissan_leaf_24"))
-    >>> found.model.vehicle.title, len(found.model.trip_ids_)
+    >>> adapted = adaptation(base, trips[10:11], load_vehicle("nissan_leaf_24"))
+    >>> adapted.model.vehicle.title, len(adapted.model.trip_ids_)
     ('Nissan Leaf 24 kWh', 1)
     """
     require_mode(mode)
@@ -241,12 +241,12 @@ def adapt_model(
     --------
     >>> model, provenance, evaluation = adapt_model(fleet, vehicle, base, load_metadata())  # doctest: +SKIP
     """
-    found = audit(fleet)
-    done = adaptation(base, found.trips, vehicle, mode=mode)
+    sound = audit(fleet)
+    done = adaptation(base, sound.trips, vehicle, mode=mode)
     provenance = {
-        **provenance_of(fleet, found, done.model, _cars(found.trips)),
+        **provenance_of(fleet, sound, done.model, _cars(sound.trips)),
         "adapted": {
-            "trips": len(found.trips),
+            "trips": len(sound.trips),
             "mode": mode,
             "hidden": list(done.masked_inputs),
             "share_in_common": done.posterior.share,

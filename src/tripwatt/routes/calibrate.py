@@ -132,12 +132,8 @@ def calibrate_style(
 
     first = np.array([getattr(start, name) for name in names])
     simplex = np.vstack([first, first * (1.0 + 0.25 * np.eye(len(names)))])
-    result = minimize(
-        loss,
-        first,
-        method="Nelder-Mead",
-        options={"maxfev": most_evaluations, "initial_simplex": simplex, "xatol": 5e-3, "fatol": 2e-5},
-    )
+    options = {"maxfev": most_evaluations, "initial_simplex": simplex, "xatol": 5e-3, "fatol": 2e-5}
+    result = minimize(loss, first, method="Nelder-Mead", options=options)
     return _with(start, names, np.clip(result.x, low, high))
 
 

@@ -18,7 +18,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from tripwatt.arrays import BoolArray, FloatArray, IntArray
+from tripwatt.arrays import BoolArray, FloatArray, IntArray, running_sum
 from tripwatt.errors import Fault, InvalidInput, and_more, raise_faults
 
 GRID_SPACING_M: Final = 4.0
@@ -210,11 +210,11 @@ def speed_profile(
     # two cells at least: a link between two stops needs a point at which the car moves
     cells = np.maximum(np.ceil(length / GRID_SPACING_M), 2).astype(np.int64)
     ends = np.cumsum(cells)
-    position = np.concatenate(([0.0], np.cumsum(np.repeat(length / cells, cells))))
+    position = running_sum(np.repeat(length / cells, cells))
     cell_speed = np.repeat(speed, cells)
     # where two cells meet the slower one rules, so that neither's limit is broken
     allowed = np.minimum(np.append(cell_speed[0], cell_speed), np.append(cell_speed, cell_speed[-1]))
-    at_speed_s = np.concatenate(([0.0], np.cumsum(np.repeat(length / cells / speed, cells))))
+    at_speed_s = running_sum(np.repeat(length / cells / speed, cells))
     if rng is not None:
         steadiness = np.exp(style.fluctuation * _smooth_noise(at_speed_s, style.fluctuation_time_s, rng))
         pressure = 1.0 - 2.0 * style.fluctuation * (1.0 + _smooth_noise(at_speed_s, PEDAL_TIME_S, rng))
@@ -422,7 +422,7 @@ def profile_over_time(
     >>> profile_over_time(at, speed, np.array([2.0, 2.0]), np.array([1.0, 0.0, 0.0]), np.array([2]), 1.0).speed_m_s
     array([0., 0., 2., 4., 2., 0.])
     """
-    arrival = np.concatenate(([0.0], np.cumsum(driving_s + waiting_s[:-1])))
+    arrival = running_sum(driving_s + waiting_s[:-1])
     departure = arrival + waiting_s
     n_steps = math.ceil(float(departure[-1]) / step_s - 1e-9)
     time = np.arange(n_steps + 1, dtype=np.float64) * step_s

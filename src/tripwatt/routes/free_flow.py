@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from tripwatt.arrays import FloatArray
+from tripwatt.arrays import FloatArray, distance_driven
 from tripwatt.routes.links import LinkRoute, links_of_trip
 from tripwatt.trips import Recorded
 from tripwatt.units import M_S_PER_KM_H
@@ -77,9 +77,8 @@ class TravelTimeFactors:
         """Free-flow links with the times that are expected on them; a router's own delays are not lost. O(links)."""
         moving = np.where(np.isnan(route.moving_speed_m_s), route.speed_m_s, route.moving_speed_m_s)
         expected_s = route.length_m / moving * self.at(moving)
-        return replace(
-            route, travel_time_s=np.maximum(expected_s, route.travel_time_s), moving_speed_m_s=moving
-        )
+        travel_time_s = np.maximum(expected_s, route.travel_time_s)
+        return replace(route, travel_time_s=travel_time_s, moving_speed_m_s=moving)
 
 
 def free_flow_links(trip: Recorded, length_m: float = LINK_M) -> tuple[LinkRoute, FloatArray]:
@@ -101,14 +100,13 @@ def free_flow_links(trip: Recorded, length_m: float = LINK_M) -> tuple[LinkRoute
     """
     driven = links_of_trip(trip, length_m)
     time, speed = trip.array("time_s"), trip.array("speed_m_s")
-    position = np.concatenate(([0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(time))))
+    position = distance_driven(time, speed)
     border = np.cumsum(driven.length_m)
     link = np.clip(np.searchsorted(border, position, side="right"), 0, len(border) - 1)
     free = np.array([_class_speed(speed[link == k]) for k in range(len(border))])
-    return (
-        replace(driven, travel_time_s=driven.length_m / free, moving_speed_m_s=free, free_flow=True),
-        driven.travel_time_s,
-    )
+    empty_road_s = driven.length_m / free
+    route = replace(driven, travel_time_s=empty_road_s, moving_speed_m_s=free, free_flow=True)
+    return route, driven.travel_time_s
 
 
 def _class_speed(speed_m_s: FloatArray) -> float:

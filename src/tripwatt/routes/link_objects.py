@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from tripwatt.arrays import BoolArray, FloatArray
+from tripwatt.arrays import BoolArray, FloatArray, running_sum
 from tripwatt.errors import (
     MOST_FAULTS,
     MOST_HINTS,
@@ -90,23 +90,13 @@ def route_from_links(links: Iterable[Mapping[str, float | None]] | pd.DataFrame)
 
 def route_of_columns(columns: Mapping[str, FloatArray]) -> LinkRoute:
     """A route from columns without a fault, as `columns_of_links` gives them."""
-    length = columns["length_m"]
+    length, time, limit = (columns[key] for key in ("length_m", "travel_time_s", "speed_limit_m_s"))
     with np.errstate(over="ignore"):  # what is beyond all bounds is named below
-        time = np.where(
-            np.isnan(columns["travel_time_s"]), length / columns["speed_m_s"], columns["travel_time_s"]
-        )
+        time = np.where(np.isnan(time), length / columns["speed_m_s"], time)
     position, height, flags = _elevation(columns)
-    limit = columns["speed_limit_m_s"]
-    return LinkRoute(
-        length,
-        time,
-        columns["stop_s"],
-        columns["moving_speed_m_s"],
-        position,
-        height,
-        flags,
-        limit if np.isfinite(limit).any() else None,
-    )
+    limits = limit if np.isfinite(limit).any() else None
+    stop, moving = columns["stop_s"], columns["moving_speed_m_s"]
+    return LinkRoute(length, time, stop, moving, position, height, flags, limits)
 
 
 def route_with_elevation(
@@ -279,7 +269,7 @@ def _elevation(
     columns: Mapping[str, FloatArray],
 ) -> tuple[FloatArray | None, FloatArray | None, tuple[Flag, ...]]:
     """Heights at the ends of the links, from grades or from heights; a link without either is level or joins its neighbours."""
-    border = np.concatenate(([0.0], np.cumsum(columns["length_m"])))
+    border = running_sum(columns["length_m"])
     start, end, grade = columns["start_elevation_m"], columns["end_elevation_m"], columns["grade"]
     known = np.isfinite(start)
     if known.any():
@@ -287,16 +277,14 @@ def _elevation(
         position = np.column_stack((border[:-1], border[1:])).ravel()
         height = np.column_stack((start, end)).ravel()
         if np.isfinite(grade).any():
-            got, allowed = (
-                "grade on some links and elevation on others",
-                "the same one of the two on all links",
-            )
+            got = "grade on some links and elevation on others"
+            allowed = "the same one of the two on all links"
             raise InvalidInput.of("grade and elevation mixed", "links", got, allowed)
         there = np.isfinite(height)
         flags = () if there.all() else (Flag("elevation_interpolated", "links"),)
         return position[there], height[there], flags
     if np.isfinite(grade).any():
         rise = np.nan_to_num(grade, nan=0.0) * columns["length_m"]
-        height = np.concatenate(([0.0], np.cumsum(rise)))
+        height = running_sum(rise)
         return border, height - height.min(), (RELATIVE_ELEVATION,)
     return None, None, (FLAT_ROAD,)

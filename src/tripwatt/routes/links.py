@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from tripwatt.arrays import FloatArray, IntArray
+from tripwatt.arrays import FloatArray, IntArray, distance_driven
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.routes.driver import LinkRule, column_faults
 from tripwatt.routes.profile import LinkStyle, link_profile
@@ -206,7 +206,7 @@ def links_of_trip(trip: Recorded, length_m: float = 250.0) -> LinkRoute:
     if not (math.isfinite(length_m) and length_m > 0):
         raise InvalidInput.of("length out of range", "length_m", f"{length_m}", "more than 0 m")
     time, speed = trip.array("time_s"), trip.array("speed_m_s")
-    driven = np.concatenate(([0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(time))))
+    driven = distance_driven(time, speed)
     if not driven[-1] > 0:
         raise InvalidInput.of("trip without distance", trip.trip_id, f"{driven[-1]:g} m", "more than 0 m")
     number = max(1, round(driven[-1] / length_m))

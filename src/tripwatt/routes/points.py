@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from tripwatt.arrays import FloatArray
+from tripwatt.arrays import FloatArray, running_sum
 from tripwatt.errors import Fault, InvalidInput, and_more, raise_faults
 
 EARTH_RADIUS_M: Final = 6_371_008.8
@@ -51,7 +51,7 @@ def distances_m(points: FloatArray, total_m: float | None = None) -> FloatArray:
     >>> distances_m(np.array([[0.0, 0.0], [0.0, 1.0], [0.0, 4.0]]), 100.0)
     array([  0.,  25., 100.])
     """
-    driven = np.concatenate(([0.0], np.cumsum(haversine_m(points[:, 0], points[:, 1]))))
+    driven = running_sum(haversine_m(points[:, 0], points[:, 1]))
     if total_m is not None and driven[-1] > 0.0:
         driven *= total_m / driven[-1]
     return driven
@@ -70,9 +70,7 @@ def require_on_earth(latitude_deg: FloatArray, longitude_deg: FloatArray, where:
     for name, values, limit in (("latitude", latitude_deg, 90.0), ("longitude", longitude_deg, 180.0)):
         bad = np.flatnonzero(~(np.abs(values) <= limit))
         if len(bad):
-            place, got = (
-                f"{where}, point {bad[0] + 1}, {name}",
-                f"{values[bad[0]]:g}°{and_more(bad, 'points')}",
-            )
+            place = f"{where}, point {bad[0] + 1}, {name}"
+            got = f"{values[bad[0]]:g}°{and_more(bad, 'points')}"
             faults.append(Fault("coordinate out of range", place, got, f"-{limit:g}° to {limit:g}°"))
     raise_faults(faults)

@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from tripwatt.arrays import BoolArray, FloatArray, IntArray
+from tripwatt.arrays import BoolArray, FloatArray, IntArray, running_sum
 from tripwatt.errors import Fault, raise_faults
 from tripwatt.routes.driver import (
     DriverStyle,
@@ -268,7 +268,7 @@ class Course:
         cells = np.maximum(np.maximum(np.ceil(length / spacing), 4), CELLS_PER_DIP * dips).astype(np.int64)
         self.ends = np.cumsum(cells)
         self.link = np.repeat(np.arange(n), cells)
-        self.position = np.concatenate(([0.0], np.cumsum((length / cells)[self.link])))
+        self.position = running_sum((length / cells)[self.link])
         self.position[self.ends] = np.cumsum(length)
         self.dip_link = np.repeat(np.arange(n), dips)
         order = np.arange(len(self.dip_link)) - np.repeat(np.cumsum(dips) - dips, dips)

@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from tripwatt.arrays import FloatArray, IntArray
+from tripwatt.arrays import FloatArray, IntArray, running_sum
 from tripwatt.errors import Fault, InvalidInput, and_more, excerpt, raise_faults
 from tripwatt.routes.links import (
     FASTEST_LINK_M_S,
@@ -128,7 +128,7 @@ class Track:
     @property
     def position_m(self) -> FloatArray:
         """Distance of each point from the first one [m]."""
-        return np.concatenate(([0.0], np.cumsum(self.step_m)))
+        return running_sum(self.step_m)
 
     @property
     def is_log(self) -> bool:

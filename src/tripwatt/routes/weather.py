@@ -11,7 +11,7 @@ from typing import Final, Protocol
 
 import numpy as np
 
-from tripwatt.arrays import FloatArray
+from tripwatt.arrays import FloatArray, running_sum
 from tripwatt.errors import InvalidInput
 from tripwatt.routes.documents import Node
 from tripwatt.routes.places import Place, driven_m
@@ -217,8 +217,8 @@ def weather_along(
     """
     number = min(max(round(road.distance_m / POINT_EVERY_M), 1), MOST_POINTS)
     position = (np.arange(number) + 0.5) / number * road.distance_m
-    border = np.concatenate(([0.0], np.cumsum(road.links.length_m)))
-    passed = np.interp(position, border, np.concatenate(([0.0], np.cumsum(road.links.travel_time_s))))
+    border = running_sum(road.links.length_m)
+    passed = np.interp(position, border, running_sum(road.links.travel_time_s))
     when = [departs_at + dt.timedelta(seconds=float(seconds)) for seconds in passed]
     return position, source.at([road.place_at(float(at)) for at in position], when)
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Final
 
@@ -22,7 +23,6 @@ from starlette.staticfiles import StaticFiles
 from starlette.types import Receive, Scope, Send
 
 import tripwatt
-from tripwatt.errors import Fault, excerpt
 from tripwatt.forecasting import load_metadata, load_model
 from tripwatt.forecasting.document import ForecastResponse
 from tripwatt.forecasting.storage import DEFAULT_MODEL
@@ -384,16 +384,13 @@ def add_page(app: FastAPI) -> None:
         return
     files = PageFiles(directory=PAGE)
 
-    def endpoint(name: str) -> Callable[[Request], Awaitable[Response]]:
-        async def respond(request: Request) -> Response:
-            return await files.get_response(name, request.scope)
-
-        return respond
+    async def respond(name: str, request: Request) -> Response:
+        return await files.get_response(name, request.scope)
 
     for file in PAGE.iterdir():
         if file.is_file():
             path = "/" if file.name == "index.html" else f"/{file.name}"
-            app.add_route(path, endpoint(file.name), include_in_schema=False)
+            app.add_route(path, partial(respond, file.name), include_in_schema=False)
     app.mount("/assets", PageFiles(directory=PAGE / "assets"), name="assets")
 
 
@@ -415,9 +412,7 @@ def add_handlers(app: FastAPI) -> None:
 
     async def on_parameters(request: Request, error: Exception) -> Response:
         assert isinstance(error, RequestValidationError)
-        faults = [
-            Fault(e["msg"], ".".join(map(str, e["loc"])), excerpt(e.get("input"), 80)) for e in error.errors()
-        ]
+        faults = [schemas.fault_of(e) for e in error.errors()]
         return invalid_input(faults).response(request_id(request))
 
     app.add_exception_handler(Problem, on_problem)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -39,6 +38,7 @@ from tripwatt.service.schemas import (
     VehicleFigures,
     check_request,
     departure_of,
+    did_you_mean,
     parse_json,
     parse_links,
     parse_observed,
@@ -379,9 +379,7 @@ def _no_single_car(got: str) -> InvalidInput:
 
 
 def _unknown(what: str, name: str, known: Sequence[str]) -> Fault:
-    near = difflib.get_close_matches(name[:60], known, n=1)
-    fix = f"did you mean {near[0]}?" if near else ""
-    return Fault(f"unknown {what}", what, excerpt(name), ", ".join(known), fix)
+    return Fault(f"unknown {what}", what, excerpt(name), ", ".join(known), did_you_mean(name, known))
 
 
 def _figures(value: Any) -> VehicleFigures:

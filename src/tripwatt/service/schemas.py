@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from types import NoneType
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, TypeVar
 
@@ -447,22 +447,23 @@ def check_request(document: Any, model: type[RequestModel]) -> RequestModel:
         return model.model_validate(document)
     except ValidationError as error:
         errors = error.errors(include_url=False, include_context=False)
-    faults = [
-        Fault(
-            e["msg"],
-            ".".join(map(str, e["loc"]))[:80] or "body",
-            excerpt(e["input"], 80),
-            fix=_did_you_mean(str(e["loc"][-1]), model)
-            if e["type"] == "extra_forbidden" and k < MOST_HINTS
-            else "",
-        )
-        for k, e in enumerate(errors)
-    ]
-    raise InvalidInput(faults)
+    known = [*model.model_fields, "displayed_soc"]
+    hinted = [k < MOST_HINTS and e["type"] == "extra_forbidden" for k, e in enumerate(errors)]
+    raise InvalidInput(
+        fault_of(e, did_you_mean(str(e["loc"][-1]), known) if has_hint else "")
+        for e, has_hint in zip(errors, hinted, strict=True)
+    )
 
 
-def _did_you_mean(name: str, model: type[BaseModel]) -> str:
-    near = difflib.get_close_matches(name[:60], [*model.model_fields, "displayed_soc"], n=1)
+def fault_of(error: Mapping[str, Any], fix: str = "") -> Fault:
+    """The fault of an error of pydantic."""
+    where = ".".join(map(str, error["loc"]))[:80] or "body"
+    return Fault(error["msg"], where, excerpt(error.get("input"), 80), fix=fix)
+
+
+def did_you_mean(name: str, known: Sequence[str]) -> str:
+    """The most similar of the known names as a question; empty without one."""
+    near = difflib.get_close_matches(name[:60], known, n=1)
     return f"did you mean {near[0]}?" if near else ""
 
 

@@ -170,16 +170,15 @@ def _written(folder: Path, name: str, data: bytes) -> Path:
     return place
 
 
+def _is_table(name: str) -> bool:
+    is_hidden = _last_part(name).startswith((".", "~")) or "__MACOSX" in name
+    return not is_hidden and PurePosixPath(name).suffix.lower() in (*SUFFIXES, WORKBOOK)
+
+
 def _from_archive(place: Path, data: bytes, folder: Path) -> Iterator[Path]:
     try:
         archive = require_small_content(io.BytesIO(data), f"{place}")
-        tables = [
-            entry
-            for entry in archive.infolist()
-            if PurePosixPath(entry.filename).suffix.lower() in (*SUFFIXES, WORKBOOK)
-            and not _last_part(entry.filename).startswith((".", "~"))
-            and "__MACOSX" not in entry.filename
-        ]
+        tables = [entry for entry in archive.infolist() if _is_table(entry.filename)]
         if len(tables) > MOST_FILES:
             got = f"{len(tables)} tables"
             raise InvalidInput.of("too many files", f"{place}", got, f"at most {MOST_FILES}")

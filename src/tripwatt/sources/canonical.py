@@ -139,10 +139,8 @@ def _samples_of(table: TableFile, where: str, required: Sequence[str], least: in
 
 
 def _missing(names: Sequence[str], required: Sequence[str], where: str) -> list[Fault]:
-    got, fix = (
-        f"columns {', '.join(name[:40] for name in names[:12])}",
-        "convert the log with `tripwatt mapping apply`",
-    )
+    got = f"columns {', '.join(name[:40] for name in names[:12])}"
+    fix = "convert the log with `tripwatt mapping apply`"
     absent = [name for name in required if name not in names]
     return [Fault("missing column", where, got, f"a column {name!r}", fix) for name in absent]
 

@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
-from tripwatt.arrays import FloatArray, IntArray
+from tripwatt.arrays import FloatArray, IntArray, running_sum
 from tripwatt.errors import Fault, InvalidInput, and_more
 from tripwatt.sources.columnar import TableFile, open_table, read_all, table_files
 from tripwatt.sources.delimited import column_key
@@ -198,7 +198,7 @@ def _stamps(table: TableFile, entry: MappedColumn) -> tuple[FloatArray, bool]:
     seconds = (stamps - pd.Timestamp(0, tz="UTC")).dt.total_seconds()
     values = np.asarray(seconds, dtype=np.float64)
     if clock_only:
-        midnight = np.concatenate(([0.0], np.cumsum(np.diff(values) < -0.5 * SECONDS_PER_DAY)))
+        midnight = running_sum(np.diff(values) < -0.5 * SECONDS_PER_DAY)
         return values - values[0] + SECONDS_PER_DAY * midnight, False
     return values, True
 

@@ -99,10 +99,8 @@ def _sheet_rows(path: Path) -> list[Mapping[str, object]]:
         for number, cells in enumerate(table[:10]):
             names = [re.sub(r"\s*\[.*", "", column_key(_text(cell))) for cell in cells]
             if "trip" in names:
-                return [
-                    {name: cell for name, cell in zip(names, row, strict=False) if name}
-                    for row in table[number + 1 :]
-                ]
+                rows = (zip(names, row, strict=False) for row in table[number + 1 :])
+                return [{name: cell for name, cell in row if name} for row in rows]
     got, allowed = "no header with a column 'Trip'", "one row per trip under the heading 'Trip'"
     raise InvalidInput.of("missing column", f"{path}", got, allowed, fix)
 

@@ -142,14 +142,9 @@ def simulate_truth(scenario: Scenario, drive: RoadDrive, vehicle: Vehicle, seed:
     trip_share = TRIP_SHARE_SCALE * float(rng.standard_t(TRIP_SHARE_DF))
     noise = stream(seed, NOISE, *scenario.key)
     loads = battery_loads(scenario, drive, climate, at_samples(driven.battery_power_w), trip_share, noise)
-    battery = discharge(
-        age_battery(vehicle.battery),
-        np.sum(list(loads.values()), axis=0),
-        np.diff(time, prepend=time[0]),
-        conditions.ambient_temperature_degc,
-        scenario.soc,
-        conditions.battery_start_degc,
-    )
+    total_w, step_s = np.sum(list(loads.values()), axis=0), np.diff(time, prepend=time[0])
+    start = conditions.ambient_temperature_degc, scenario.soc, conditions.battery_start_degc
+    battery = discharge(age_battery(vehicle.battery), total_w, step_s, *start)
     effects = {f"{name}_energy_wh": _energy_wh(power, time) for name, power in loads.items()}
     effects |= {
         "energy_wh": _energy_wh(battery.power_w, time),

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from tripwatt.arrays import FloatArray, IntArray
+from tripwatt.arrays import FloatArray, IntArray, distance_driven
 
 FIX_TOLERANCE_M: Final = 0.016
 """A height interpolated between two fixes and rounded to 0.01 m lies this close to the straight line."""
@@ -44,7 +44,7 @@ def elevation_over_distance(time_s: FloatArray, speed_m_s: FloatArray, elevation
     if fixes is None:
         return elevation_m
     speed = np.nan_to_num(speed_m_s)
-    driven = np.concatenate(([0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(time_s))))[known]
+    driven = distance_driven(time_s, speed)[known]
     found = elevation_m.copy()
     found[known] = np.interp(driven, driven[fixes], height[fixes])
     return found

@@ -17,9 +17,9 @@ from tripwatt.vehicles.parts import Battery
 
 CAPACITY_SD: Final = 0.03
 """Relative standard deviation of the energy of a unit of state of charge: ageing and temperature."""
-BOOK_DISPLAY_SD: Final = 0.01
+PUBLISHED_DISPLAY_SD: Final = 0.01
 """Scale of the error of a displayed charge without logs of it: displays step by 0.5 to 1 %, and lag behind."""
-BOOK_MANAGED_SD: Final = 0.02
+PUBLISHED_MANAGED_SD: Final = 0.02
 """The same for a display computed from the battery management's charge by published reserves, which makers change."""
 RESOLUTION: Final = 0.005
 """Smallest step that a display is taken to have."""
@@ -131,7 +131,7 @@ class ChargeScale:
         return np.hypot(base, CAPACITY_SD * np.abs(energy_wh) / self.wh_per_display)
 
     @classmethod
-    def from_book(cls, battery: Battery, wh_per_soc: float) -> ChargeScale:
+    def from_published(cls, battery: Battery, wh_per_soc: float) -> ChargeScale:
         """Make the scale from a car's published values.
 
         Parameters
@@ -149,7 +149,7 @@ class ChargeScale:
         Examples
         --------
         >>> from tripwatt.vehicles import load_vehicle
-        >>> ChargeScale.from_book(load_vehicle("bmw_i3_60ah").battery, 21_000.0).trips
+        >>> ChargeScale.from_published(load_vehicle("bmw_i3_60ah").battery, 21_000.0).trips
         0
         """
         window = battery.displayed_full_soc - battery.displayed_zero_soc
@@ -157,8 +157,8 @@ class ChargeScale:
             battery.displayed_zero_soc,
             battery.displayed_full_soc,
             wh_per_soc * window,
-            BOOK_DISPLAY_SD,
-            BOOK_MANAGED_SD,
+            PUBLISHED_DISPLAY_SD,
+            PUBLISHED_MANAGED_SD,
         )
 
     @classmethod

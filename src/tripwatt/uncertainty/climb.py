@@ -148,20 +148,20 @@ class UnknownClimb:
             return np.asarray(self.weights @ scores.probabilities((energy - offsets) / sd) - p)
 
         under, over, side = beyond(low), beyond(high), np.zeros(len(places))
-        found = low
+        energy_wh = low
         for _ in range(
             _MOST_STEPS
         ):  # regula falsi with the halving of Illinois: Dowell and Jarratt, BIT 11 (1971)
-            found = np.clip((low * over - high * under) / np.maximum(over - under, 1e-300), low, high)
-            miss = beyond(found)
+            energy_wh = np.clip((low * over - high * under) / np.maximum(over - under, 1e-300), low, high)
+            miss = beyond(energy_wh)
             if np.abs(miss).max() < _TOLERANCE:
                 break
             above = miss >= 0.0
-            low, high = np.where(above, low, found), np.where(above, found, high)
+            low, high = np.where(above, low, energy_wh), np.where(above, energy_wh, high)
             under = np.where(above, np.where(side > 0.0, 0.5 * under, under), miss)
             over = np.where(above, miss, np.where(side < 0.0, 0.5 * over, over))
             side = np.where(above, 1.0, -1.0)
-        return np.asarray(np.interp(np.arange(n), places, found), dtype=np.float64)
+        return np.asarray(np.interp(np.arange(n), places, energy_wh), dtype=np.float64)
 
     def probability_below(
         self, scores: ConformalScores, energy_wh: FloatArray, sd_wh: FloatArray

@@ -31,8 +31,8 @@ class Coverage:
 
     Examples
     --------
-    >>> found = Coverage.from_bounds([10.0, 12.0, 9.0, 11.0], [0.0] * 4, [20.0] * 4, 0.5)
-    >>> found.inside, found.share, found.width, found.needed_width
+    >>> held = Coverage.from_bounds([10.0, 12.0, 9.0, 11.0], [0.0] * 4, [20.0] * 4, 0.5)
+    >>> held.inside, held.share, held.width, held.needed_width
     (4, 1.0, 20.0, 2.0)
     """
 
@@ -125,5 +125,5 @@ def clopper_pearson(hits: int, n: int, confidence: float = 0.95) -> tuple[float,
 
     if not n:
         return 0.0, 1.0
-    found = stats.binomtest(hits, n).proportion_ci(confidence, method="exact")
-    return float(found.low), float(found.high)
+    interval = stats.binomtest(hits, n).proportion_ci(confidence, method="exact")
+    return float(interval.low), float(interval.high)

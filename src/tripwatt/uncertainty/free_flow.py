@@ -58,8 +58,8 @@ class FreeFlowUncertainty:
         --------
         >>> factors = TravelTimeFactors(np.array([10.0]), np.array([1.2]))
         >>> distance = np.array([1e4, 1e4, 4e4, 4e4, 4e4])
-        >>> found = FreeFlowUncertainty.from_differences(factors, np.sqrt(0.0004 + 4.0 / distance), distance)
-        >>> round(found.scale_variance, 6), round(found.local_variance_m, 6), round(found.share(1e4), 6)
+        >>> measured = FreeFlowUncertainty.from_differences(factors, np.sqrt(0.0004 + 4.0 / distance), distance)
+        >>> round(measured.scale_variance, 6), round(measured.local_variance_m, 6), round(measured.share(1e4), 6)
         (0.0004, 4.0, 0.028284)
         """
         from scipy.optimize import nnls
@@ -106,15 +106,15 @@ class FreeFlowTrips:
 
     def factors(self) -> TravelTimeFactors | None:
         """Factors of these trips; None without links."""
-        known = [found for found in self.links if found is not None]
+        known = [links for links in self.links if links is not None]
         return TravelTimeFactors.from_links(*zip(*known, strict=True)) if known else None
 
     def plan(self, k: int, factors: TravelTimeFactors) -> Plan | None:
         """The plan of one trip on its free-flow links, with the expected times; None where it could not be cut."""
-        found, trip = self.links[k], self.trips[k]
-        if found is None:
+        links, trip = self.links[k], self.trips[k]
+        if links is None:
             return None
-        plan = plan_from_links(factors.expected(found[0]), trip_id=trip.trip_id)
+        plan = plan_from_links(factors.expected(links[0]), trip_id=trip.trip_id)
         return replace(plan.with_departure(trip.departure), start_s=float(trip.array("time_s")[0]))
 
     def differences(self, corrector: PowerCorrector, driven: SegmentTable, members: IntArray) -> FloatArray:
@@ -134,18 +134,18 @@ class FreeFlowTrips:
         ndarray, shape (members,)
             NaN for trips that could not be planned.
         """
-        found = np.full(len(members), np.nan)
+        differences = np.full(len(members), np.nan)
         factors = self.take(np.setdiff1d(np.arange(len(self.trips)), members)).factors()
         if factors is None:
-            return found
+            return differences
         for row, k in enumerate(members):
             plan = self.plan(int(k), factors)
             if plan is None:
                 continue
             table = segment_table(plan, simulate_trip(self.vehicle, plan))
             base = driven.take([int(k)])
-            found[row] = _energy(corrector, table) / _energy(corrector, base) - 1.0
-        return found
+            differences[row] = _energy(corrector, table) / _energy(corrector, base) - 1.0
+        return differences
 
     def uncertainty(self, differences: FloatArray) -> FreeFlowUncertainty | None:
         """What these trips show, with the differences of each of them when it was held out."""

@@ -208,10 +208,10 @@ class PowerPrior:
             Variance [Wh²].
         """
         constant = np.cumsum(hours[:, None] * self.constant_w, axis=0)
-        found = np.sum(constant**2, axis=1) + np.cumsum(hours**2 * self.new_w2)
+        variance = np.sum(constant**2, axis=1) + np.cumsum(hours**2 * self.new_w2)
         for drift in self.drifts:
-            found += drift_variance(self.time_s, hours * drift.size_w, drift.time_s)
-        return np.asarray(found)
+            variance += drift_variance(self.time_s, hours * drift.size_w, drift.time_s)
+        return np.asarray(variance)
 
     def times(self, columns: FloatArray) -> FloatArray:
         """Multiply the covariance of the segments with each column. O(segments x columns).
@@ -226,14 +226,14 @@ class PowerPrior:
         ndarray, shape (segments, columns)
             Covariance [W²] times `columns`.
         """
-        found = self.constant_w @ (self.constant_w.T @ columns) + self.new_w2[:, None] * columns
+        product = self.constant_w @ (self.constant_w.T @ columns) + self.new_w2[:, None] * columns
         for drift in self.drifts:
             inner = drift.size_w[:, None] * columns
             time = self.time_s
             both = fading_sums(time, inner, drift.time_s) - inner
             both += fading_sums(-time[::-1], inner[::-1], drift.time_s)[::-1]
-            found += drift.size_w[:, None] * both
-        return np.asarray(found)
+            product += drift.size_w[:, None] * both
+        return np.asarray(product)
 
     def measured(self, seen: IntArray, power_w: FloatArray, variance_w2: FloatArray) -> MeasuredPower:
         """Condition the distribution on the measured power of some segments. O(segments).
@@ -285,11 +285,11 @@ def fading_sums(time_s: FloatArray, values: FloatArray, fading_s: float) -> Floa
     padded = np.zeros((pieces * _TOGETHER, columns.shape[1]))
     padded[:n] = columns
     lag = np.abs(time[:, :, None] - time[:, None, :])
-    found = np.tril(np.exp(-lag / fading_s)) @ padded.reshape(pieces, _TOGETHER, -1)
+    sums = np.tril(np.exp(-lag / fading_s)) @ padded.reshape(pieces, _TOGETHER, -1)
     fading = np.exp(-(time[1:] - time[:-1, -1:]) / fading_s)
     for k in range(1, pieces):
-        found[k] += fading[k - 1][:, None] * found[k - 1, -1]
-    return np.asarray(found.reshape(padded.shape)[:n].reshape(values.shape))
+        sums[k] += fading[k - 1][:, None] * sums[k - 1, -1]
+    return np.asarray(sums.reshape(padded.shape)[:n].reshape(values.shape))
 
 
 def drift_variance(time_s: FloatArray, weight: FloatArray, fading_s: float) -> FloatArray:

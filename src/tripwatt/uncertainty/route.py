@@ -53,8 +53,8 @@ class RouteUncertainty:
     >>> route = RouteUncertainty(np.array([250.0, 1000.0]), np.array([0.0004, 0.0016]), 20)
     >>> round(route.share(250.0), 6), round(route.share(625.0) ** 2, 6), route.share(0.0), round(route.share(9e9), 6)
     (0.02, 0.001, 0.0, 0.04)
-    >>> learned = RouteUncertainty.from_differences(np.full((8, 3), 0.02))
-    >>> learned.trips, round(learned.share(250.0), 6)
+    >>> measured = RouteUncertainty.from_differences(np.full((8, 3), 0.02))
+    >>> measured.trips, round(measured.share(250.0), 6)
     (8, 0.02)
     """
 
@@ -163,14 +163,14 @@ class LinkedTrips:
         >>> linked.differences(corrector, driven, np.arange(3)).shape  # doctest: +SKIP
         (3, 3)
         """
-        found = np.full((len(members), len(LENGTHS_M)), np.nan)
+        differences = np.full((len(members), len(LENGTHS_M)), np.nan)
         cut = [k for k, i in enumerate(members) if self.tables[int(i)]]
         if not cut:
-            return found
+            return differences
         on_links = SegmentTable.join([table for k in cut for table in self.tables[int(members[k])]])
         base = _energies(corrector, driven.take(members[cut]))[:, None]
-        found[cut] = _energies(corrector, on_links).reshape(len(cut), len(LENGTHS_M)) / base - 1.0
-        return found
+        differences[cut] = _energies(corrector, on_links).reshape(len(cut), len(LENGTHS_M)) / base - 1.0
+        return differences
 
 
 def _energies(corrector: PowerCorrector, table: SegmentTable) -> FloatArray:

@@ -190,8 +190,8 @@ class TotalScale:
             gradient = (slope / variance) @ (2.0 * parts) + logs / _LOG_SD**2
             return float(value.sum() + 0.5 * np.sum((logs / _LOG_SD) ** 2)), gradient
 
-        found = minimize(cost, np.zeros(4), jac=True, method="L-BFGS-B", bounds=_BOUNDS).x
-        return cls(_START * np.exp(found), course)
+        logs_of_parts = minimize(cost, np.zeros(4), jac=True, method="L-BFGS-B", bounds=_BOUNDS).x
+        return cls(_START * np.exp(logs_of_parts), course)
 
 
 def _sizes(segments: Segments, course: TimeCourse) -> FloatArray:

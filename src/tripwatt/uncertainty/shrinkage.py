@@ -94,8 +94,8 @@ class UpdateShrinkage:
         >>> from tripwatt.uncertainty.process import HeldOutResidual
         >>> segments = Segments(np.arange(12) * 60.0, np.full(12, 60.0), np.full(12, 4000.0), np.zeros(12))
         >>> trips = [HeldOutResidual(segments, np.full(12, power)) for power in (-80.0, 60.0, 20.0, -30.0, 90.0)]
-        >>> learned = UpdateShrinkage.from_trips(fit_process(trips), trips, np.full(5, 15.0))
-        >>> 0.0 <= learned.at("joint", 0.25) <= learned.at("joint", 0.75) <= 1.0
+        >>> shrinkage = UpdateShrinkage.from_trips(fit_process(trips), trips, np.full(5, 15.0))
+        >>> 0.0 <= shrinkage.at("joint", 0.25) <= shrinkage.at("joint", 0.75) <= 1.0
         True
         """
         shares = np.zeros((len(FRACTIONS), len(COMPONENTS)))
@@ -245,8 +245,8 @@ def _rest(
 
     def expected(component: str, residual_w: FloatArray) -> tuple[float, float]:
         prior = priors[component]
-        found = prior.measured(seen, residual_w[seen], exact) if len(seen) else prior
-        mean, sd = found.energy_wh(hours)
+        posterior = prior.measured(seen, residual_w[seen], exact) if len(seen) else prior
+        mean, sd = posterior.energy_wh(hours)
         return float(mean[-1]), float(sd[-1] ** 2)
 
     joint = expected("joint", left)

@@ -87,10 +87,8 @@ def read_stations(path: Path | str) -> tuple[Station, ...]:
         values = pd.to_numeric(table[column], errors="coerce").to_numpy(dtype=np.float64)
         wrong = np.flatnonzero(~((values >= low) & (values <= high)))
         if len(wrong):
-            where, got = (
-                f"{path.name}, column '{column}', row {wrong[0] + 1}",
-                f"{table[column].iloc[wrong[0]]}",
-            )
+            where = f"{path.name}, column '{column}', row {wrong[0] + 1}"
+            got = f"{table[column].iloc[wrong[0]]}"
             faults.append(Fault("value out of range", where, got, f"{low:g} to {high:g}"))
         columns.append(values.tolist())
     raise_faults(faults)

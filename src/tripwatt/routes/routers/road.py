@@ -177,15 +177,8 @@ def pooled(edges: Edges) -> tuple[LinkRoute, tuple[str, ...]]:
     limit = edges.limit_m_s[first]
     with np.errstate(all="ignore"):  # a link without time is named below
         moving = total_m / driving_s
-    links = LinkRoute(
-        total_m,
-        total_s,
-        stop,
-        moving,
-        flags=(FLAT_ROAD,),
-        speed_limit_m_s=limit if np.isfinite(limit).any() else None,
-        free_flow=True,
-    )
+    limits = limit if np.isfinite(limit).any() else None
+    links = LinkRoute(total_m, total_s, stop, moving, None, None, (FLAT_ROAD,), limits, free_flow=True)
     return links, tuple(edges.road_class[int(k)] for k in first)
 
 

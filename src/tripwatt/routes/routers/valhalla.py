@@ -94,12 +94,10 @@ class ValhallaRouter:
             answer = client.request("POST", "/tile", body=request)
             return answer.body if answer.status == HTTP_OK else b""  # 400 where the map has no roads
 
-        return cls(
-            lambda action, request: client.post_json(f"/{action}", request),
-            f"valhalla at {client.host}",
-            tile,
-            at_once=True,
-        )
+        def ask(action: str, request: dict[str, Any]) -> Any:
+            return client.post_json(f"/{action}", request)
+
+        return cls(ask, f"valhalla at {client.host}", tile, at_once=True)
 
     def roads(self, stops: Sequence[Place], *, alternatives: int = 0) -> tuple[Road, ...]:
         """See `Router.roads`. The shortest road is one of the alternatives where it differs from the fastest."""
