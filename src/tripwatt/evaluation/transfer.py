@@ -19,6 +19,7 @@ from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.auditing import audit
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.evaluation.forecast_data import ForecastData
+from tripwatt.evaluation.forecast_models import DataMethod, PowerMethod
 from tripwatt.evaluation.transfer_scores import (
     curve_row,
     paired_energy_error,
@@ -364,20 +365,17 @@ def _transferred_as_is(car: _Car, source: _Source, seed: int) -> dict[str, Float
 
 
 def _own_models(car: _Car, seed: int) -> dict[str, FloatArray]:
-    """Models of the car's own, trained on its whole first half."""
+    """Models of the car's own, fitted to its whole first half."""
     if len(car.first) < MIN_TRIPS:
         return {}
-    first, segments = car.prepared.segments.take(car.first), car.prepared.segments
-    models = {
-        name: car.energies(power_corrector(corrector, seed).fit(first).predict(segments))
-        for name, corrector in OWN.items()
+    methods: dict[str, PowerMethod | DataMethod] = {
+        name: PowerMethod(learner) for name, learner in OWN.items()
     }
-    learner, rows = _learner(seed), np.isin(segments.groups, car.first)
-    learner.fit(car.prepared.data_features[rows], first.observed_power_w, groups=first.groups)
-    models["own-data-only"] = car.energies(
-        np.asarray(learner.predict(car.prepared.data_features)) - segments.simulated_w
-    )
-    return models
+    methods["own-data-only"] = DataMethod("boosting")
+    return {
+        name: method.fit(car.prepared, car.first, seed).predict(car.second)
+        for name, method in methods.items()
+    }
 
 
 def _learner(seed: int) -> Any:
