@@ -128,15 +128,8 @@ def vehicles(
       tripwatt vehicles --import 2022_Renault_Zoe_ZE50_R135.yaml --out zoe.toml
     """
     name = " ".join(words or []) or None
-    figures = {
-        "--mass": mass,
-        "--battery": battery,
-        "--consumption": consumption,
-        "--power": power,
-        "--body": body,
-        "--heat-pump": heat_pump,
-        "--procedure": procedure,
-    }
+    given = (mass, battery, consumption, power, body, heat_pump, procedure)
+    figures = dict(zip(FIGURES, given, strict=True))
     _require_sense(name, import_file, {"--row": row, "--out": out}, figures)
     if import_file is not None:
         _import(import_file, row, out, as_json)
@@ -173,7 +166,7 @@ FIGURES: Final = {
     "--heat-pump": "heat_pump",
     "--procedure": "procedure",
 }
-"""Option -> argument of `describe_car`."""
+"""Option -> argument of `describe_car`, in the order of the command's parameters."""
 
 
 def _new(figures: dict[str, Any], out: Path | None, as_json: bool) -> None:

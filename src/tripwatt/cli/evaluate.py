@@ -22,9 +22,10 @@ from tripwatt.cli.options import (
     gather,
     read_logs,
 )
-from tripwatt.cli.output import check_writable, finished_folds, output_lock, unfinished_folder, write_whole
+from tripwatt.cli.output import check_writable, finished_folds, unfinished_folder, write_whole
 from tripwatt.cli.printing import console, print_json, print_notes, progress
 from tripwatt.errors import InvalidInput
+from tripwatt.files import folder_lock
 
 if TYPE_CHECKING:
     from tripwatt.evaluation import EvaluationRun
@@ -113,7 +114,7 @@ def evaluate(
     shown.print(f"{len(trips)} trips read ({trips.name})")
     print_notes(note)
     unfinished = unfinished_folder(out)
-    with output_lock(unfinished):
+    with folder_lock(unfinished):
         run = _run_and_write(trips, options, jobs, out, unfinished, resume)
     _show(run, out, built_in=data is None, as_json=as_json)
 
