@@ -100,10 +100,10 @@ class RoadForecast:
     >>> links = route_from_links([{"length_m": 3000.0, "travel_time_s": 240.0}])
     >>> line = np.array([0.0, 3000.0])
     >>> road = Road(links, ("primary",), np.array([47.0, 47.027]), np.array([9.0, 9.0]), line)
-    >>> there = RoadForecast(road, RoadForecaster(tw.load_model("bmw_i3_tum"), tw.Departure(soc=0.8)).forecast(road))
-    >>> there.soc_at(0.0) > found.soc_at(3000.0)
+    >>> expected = RoadForecast(road, RoadForecaster(tw.load_model("bmw_i3_tum"), tw.Departure(soc=0.8)).forecast(road))
+    >>> expected.soc_at(0.0) > expected.soc_at(3000.0)
     True
-    >>> sorted(there.to_dict(reserve=0.1))[:4]
+    >>> sorted(expected.to_dict(reserve=0.1))[:4]
     ['distance_m', 'duration_s', 'forecast', 'labels']
     """
 
