@@ -19,7 +19,7 @@ from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.auditing import audit
 from tripwatt.errors import Fault, raise_faults
 from tripwatt.evaluation.forecast_data import ForecastData
-from tripwatt.evaluation.forecast_models import held_out_learner
+from tripwatt.evaluation.forecast_models import DataMethod, PowerMethod, held_out_learner
 from tripwatt.evaluation.transfer_scores import curve_row, paired_energy_error, resamples, scored
 from tripwatt.forecasting.donor import DonorModel, unknown_inputs, without_inputs
 from tripwatt.forecasting.fitting import donor_model, versions
@@ -323,32 +323,29 @@ def _forecasts(
 
 def _transferred_as_is(car: _Car, source: _Source, seed: int) -> dict[str, FloatArray]:
     """Models of the first car used on the second unchanged."""
-    segments, trees = car.prepared.segments, power_corrector("boosting", seed)
+    training, segments = source.prepared.segments, car.prepared.segments
+    learner, trees = held_out_learner("boosting", seed).model, power_corrector("boosting", seed)
+    learner.fit(source.prepared.data_features, training.observed_power_w, groups=training.groups)
+    power_w = np.asarray(learner.predict(car.prepared.data_features))
     return {
-        "data-only": _without_physics(car, source.prepared, seed),
+        "data-only": car.energies(power_w - segments.simulated_w),
         "kriging-as-is": car.energies(source.donor.members.predict(segments)),
-        "boosting-as-is": car.energies(trees.fit(source.prepared.segments).predict(segments)),
+        "boosting-as-is": car.energies(trees.fit(training).predict(segments)),
     }
 
 
 def _own_models(car: _Car, seed: int) -> dict[str, FloatArray]:
-    """Models of the car's own, trained on its whole first half."""
+    """Models of the car's own, fitted to its whole first half."""
     if len(car.first) < MIN_TRIPS:
         return {}
-    first, segments = car.prepared.take(car.first), car.prepared.segments
-    models = {
-        name: car.energies(power_corrector(corrector, seed).fit(first.segments).predict(segments))
-        for name, corrector in OWN.items()
+    methods: dict[str, PowerMethod | DataMethod] = {
+        name: PowerMethod(learner) for name, learner in OWN.items()
     }
-    return models | {"own-data-only": _without_physics(car, first, seed)}
-
-
-def _without_physics(car: _Car, training: ForecastData, seed: int) -> FloatArray:
-    """Energy of the scored trips by boosting on measured power."""
-    learner, segments = held_out_learner("boosting", seed).model, training.segments
-    learner.fit(training.data_features, segments.observed_power_w, groups=segments.groups)
-    power_w = np.asarray(learner.predict(car.prepared.data_features))
-    return car.energies(power_w - car.prepared.segments.simulated_w)
+    methods["own-data-only"] = DataMethod("boosting")
+    return {
+        name: method.fit(car.prepared, car.first, seed).predict(car.second)
+        for name, method in methods.items()
+    }
 
 
 def _period(car: _Car, members: IntArray) -> list[str] | None:

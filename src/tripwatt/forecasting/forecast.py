@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any, Final
@@ -190,11 +190,7 @@ class Forecast:
         >>> round(forecast.quantile(0.5), 3) == round(forecast.energy_wh, 3)
         True
         """
-        p = require_fraction("p", p)
-        half = abs(self._excess.quantile_at_end(p, float(self._cumulative_sd_wh[-1])))
-        if p >= 0.5:
-            return self.energy_wh + half
-        return float(possible_energy(self.energy_wh, half, float(self._least_wh[-1])))
+        return float(energy_quantiles(self, [require_fraction("p", p)])[0])
 
     def interval(self, level: float) -> tuple[float, float]:
         """Central interval of the energy of the whole trip [Wh].
@@ -219,7 +215,8 @@ class Forecast:
         (True, True)
         """
         half = 0.5 * require_fraction("level", level)
-        return self.quantile(0.5 - half), self.quantile(0.5 + half)
+        low, high = energy_quantiles(self, [0.5 - half, 0.5 + half]).tolist()
+        return low, high
 
     def probability_below(self, energy_wh: float) -> float:
         """Probability that the trip takes less than `energy_wh`: the inverse of `quantile`.
@@ -246,8 +243,7 @@ class Forecast:
         if self.sd_wh <= 0.0:
             return float(self.energy_wh <= energy_wh)
         below = distance_below(self.energy_wh, energy_wh, float(self._least_wh[-1]))
-        ends = np.full_like(self._cumulative_sd_wh, -below)
-        return float(self._excess.probability_below(ends, self._cumulative_sd_wh)[-1])
+        return float(self._excess.end.probability_below(np.array([-below]), self._cumulative_sd_wh[-1:])[0])
 
     @cached_property
     def charge(self) -> ChargeScale:
@@ -282,10 +278,7 @@ class Forecast:
         >>> forecast.soc_quantile(0.05) < forecast.soc_arrival < forecast.soc_quantile(0.95) < 0.8
         True
         """
-        p = require_fraction("p", p)
-        centre, sd = (float(values[-1]) for values in self._charge_band)
-        wh = self.charge.wh_per_display
-        return float(np.clip(centre - self._excess.quantile_at_end(1.0 - p, sd * wh) / wh, 0.0, 1.0))
+        return float(charge_quantiles(self, [require_fraction("p", p)])[0])
 
     def soc_interval(self, level: float) -> tuple[float, float]:
         """Central interval of the displayed state of charge at the end of the trip, 0 to 1.
@@ -310,7 +303,8 @@ class Forecast:
         (True, True)
         """
         half = 0.5 * require_fraction("level", level)
-        return self.soc_quantile(0.5 - half), self.soc_quantile(0.5 + half)
+        low, high = charge_quantiles(self, [0.5 - half, 0.5 + half]).tolist()
+        return low, high
 
     def p_arrive(self, reserve: float = 0.0) -> float:
         """Probability to arrive with at least this displayed state of charge, 0 to 1.
@@ -336,12 +330,14 @@ class Forecast:
         >>> forecast.p_arrive(0.1) > forecast.p_arrive(0.7)
         True
         """
-        reserve = require_fraction("reserve", reserve)
+        return min(self._p_lasts, p_above(self, require_fraction("reserve", reserve)))
+
+    @cached_property
+    def _p_lasts(self) -> float:
+        """Probability that the battery is empty at no place."""
         centre, sd = self._charge_band
         wh = self.charge.wh_per_display
-        return float(
-            self._excess.probability_below((centre - self._least_charge(reserve)) * wh, sd * wh).min()
-        )
+        return float(self._excess.probability_below((centre - self._least_charge(0.0)) * wh, sd * wh).min())
 
     def leaving_with(self, soc: float) -> Forecast:
         """Forecast the trip again from another charge.
@@ -812,6 +808,26 @@ class Forecast:
         return float(np.interp(time_s, self._ends_s, self._cumulative_wh))
 
 
+def energy_quantiles(forecast: Forecast, p: Sequence[float]) -> FloatArray:
+    """Quantiles of the energy of the whole trip [Wh], shape (probabilities,): see `Forecast.quantile`."""
+    half = np.abs(forecast._excess.end.quantiles(p, float(forecast._cumulative_sd_wh[-1])))
+    below = possible_energy(forecast.energy_wh, half, forecast._least_wh[-1])
+    return np.where(np.array(p) >= 0.5, forecast.energy_wh + half, below)
+
+
+def charge_quantiles(forecast: Forecast, p: Sequence[float]) -> FloatArray:
+    """Quantiles of the displayed charge at the end of the trip, shape (probabilities,): see `Forecast.soc_quantile`."""
+    centre, sd = (values[-1] for values in forecast._charge_band)
+    wh = forecast.charge.wh_per_display
+    more_wh = forecast._excess.end.quantiles([1.0 - level for level in p], float(sd * wh))
+    return np.clip(centre - more_wh / wh, 0.0, 1.0)
+
+
+def by_probability(values: FloatArray, p: Sequence[float]) -> dict[str, float]:
+    """Quantiles as plain values, by their probability."""
+    return {f"{level:g}": value for level, value in zip(p, values.tolist(), strict=True)}
+
+
 def updated(forecast: Forecast, observed: Columns) -> Forecast:
     """A forecast after what was measured so far, timed from the departure: see `Forecast.update_since_departure`."""
     drive, uncertainty = forecast.drive, forecast.uncertainty
@@ -886,9 +902,9 @@ def forecast_document(
         "trip": forecast.plan.trip_id,
         "given": forecast.given,
         "energy_wh": forecast.energy_wh,
-        "quantiles_wh": {f"{p:g}": forecast.quantile(p) for p in QUANTILES},
+        "quantiles_wh": by_probability(energy_quantiles(forecast, QUANTILES), QUANTILES),
         "soc_arrival": forecast.soc_arrival,
-        "soc_quantiles": {f"{p:g}": forecast.soc_quantile(p) for p in QUANTILES},
+        "soc_quantiles": by_probability(charge_quantiles(forecast, QUANTILES), QUANTILES),
         "wh_per_display": forecast.charge.wh_per_display,
         "empty_at_m": {"early": early, "expected": expected, "late": late},
         "missing_wh": {"least": least, "expected": middle, "most": most},
@@ -979,9 +995,9 @@ def first_empty(charge: FloatArray, distance_m: FloatArray) -> float | None:
 
 def p_above(forecast: Forecast, displayed_soc: float) -> float:
     """Probability that the charge at arrival, not held in 0..1, is at least a value, which may lie outside of 0..1 as well."""
-    centre, sd = forecast._charge_band
+    centre, sd = (values[-1:] for values in forecast._charge_band)
     wh = forecast.charge.wh_per_display
-    return float(forecast._excess.probability_below((centre - displayed_soc) * wh, sd * wh)[-1])
+    return float(forecast._excess.end.probability_below((centre - displayed_soc) * wh, sd * wh)[0])
 
 
 def possible_energy(centre_wh: Any, half_wh: Any, least_wh: Any) -> Any:

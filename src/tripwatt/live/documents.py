@@ -12,6 +12,7 @@ from typing_extensions import TypedDict  # Python 3.11 has one that pydantic can
 
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecasting import Forecast
+from tripwatt.forecasting.forecast import by_probability, charge_quantiles, energy_quantiles
 
 QUANTILES: Final = (0.05, 0.5, 0.95)
 LOW, HIGH = f"{QUANTILES[0]:g}", f"{QUANTILES[-1]:g}"
@@ -91,9 +92,9 @@ def live_forecast(forecast: Forecast, reserve: float) -> LiveForecastDocument:
     """
     document: Any = {
         "energy_wh": forecast.energy_wh,
-        "quantiles_wh": {f"{p:g}": forecast.quantile(p) for p in QUANTILES},
+        "quantiles_wh": by_probability(energy_quantiles(forecast, QUANTILES), QUANTILES),
         "soc_arrival": forecast.soc_arrival,
-        "soc_quantiles": {f"{p:g}": forecast.soc_quantile(p) for p in QUANTILES},
+        "soc_quantiles": by_probability(charge_quantiles(forecast, QUANTILES), QUANTILES),
         "reserve": reserve,
         "p_arrive": forecast.p_arrive(reserve),
         "p_arrive_at_all": forecast.p_arrive(),

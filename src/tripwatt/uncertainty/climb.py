@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
@@ -14,7 +15,11 @@ from tripwatt.uncertainty.conformal import ConformalScores
 
 PLACES: Final = 13
 """Places along the way at which quantiles are solved; between them they are linear."""
-_TOLERANCE: Final = 1e-9
+RAREST: Final = 5e-10
+"""Probabilities of 0 and 1 count as this far inside, as for the scores alone."""
+_TOLERANCE: Final = 1e-12
+"""Of a probability."""
+_SECANTS: Final = 20
 _MOST_STEPS: Final = 60
 
 
@@ -75,9 +80,8 @@ class ClimbingEnergy:
         """What the climb from a place on may add [Wh]; nothing up to that place."""
         distance = np.maximum(self.distance_m - from_m, 0.0)
         grade = self.net.net_m(distance) / np.maximum(distance, 1e-9)
-        hills = np.broadcast_to(self.net.local_grade()[:, None], grade.shape)
         more = _between(self.grade, self._from(self.even_wh, from_m), grade)
-        more += _between(self.hill, self._from(self.hill_wh, from_m), hills)
+        more += _between(self.hill, self._from(self.hill_wh, from_m), self.net.local_grade()[:, None])
         return UnknownClimb(np.where(distance > 0.0, more, 0.0), self.net.weights)
 
     def _from(self, energy_wh: FloatArray, from_m: float) -> FloatArray:
@@ -86,7 +90,7 @@ class ClimbingEnergy:
 
 
 def _between(nodes: FloatArray, rows: FloatArray, at: FloatArray) -> FloatArray:
-    """Rows of values at nodes, linear between and beyond them, at other values of shape (scenarios, places)."""
+    """Rows of values at nodes, linear between and beyond them, at other values of shape (scenarios, places or 1)."""
     left = np.clip(np.searchsorted(nodes, at, side="right") - 1, 0, len(nodes) - 2)
     share = (at - nodes[left]) / (nodes[left + 1] - nodes[left])
     place = np.arange(rows.shape[1])
@@ -124,7 +128,7 @@ class UnknownClimb:
     @cached_property
     def core_sd_wh(self) -> FloatArray:
         """Half the width of the central 68 % at each place [Wh], shape (places,)."""
-        return 0.5 * (self._at(0.84) - self._at(0.16))
+        return np.asarray(0.5 * (self._at(0.84) - self._at(0.16)))
 
     def quantile(self, scores: ConformalScores, p: float, sd_wh: FloatArray) -> FloatArray:
         """Quantile of climb and error together at each place [Wh], shape (places,). O(scenarios x `PLACES`).
@@ -140,28 +144,38 @@ class UnknownClimb:
         """
         n = self.offsets_wh.shape[1]
         places = np.unique(np.linspace(0, n - 1, min(PLACES, n)).round().astype(np.int64))
-        offsets, sd = self.offsets_wh[:, places], np.maximum(sd_wh[places], 1e-9)
-        alone = np.sign(p - 0.5) * scores.factor(abs(2.0 * p - 1.0)) * sd
-        low, high = offsets.min(axis=0) + alone, offsets.max(axis=0) + alone + 1e-9
-
-        def beyond(energy: FloatArray) -> FloatArray:
-            return np.asarray(self.weights @ scores.probabilities((energy - offsets) / sd) - p)
-
-        under, over, side = beyond(low), beyond(high), np.zeros(len(places))
-        energy_wh = low
-        for _ in range(
-            _MOST_STEPS
-        ):  # regula falsi with the halving of Illinois: Dowell and Jarratt, BIT 11 (1971)
-            energy_wh = np.clip((low * over - high * under) / np.maximum(over - under, 1e-300), low, high)
-            miss = beyond(energy_wh)
-            if np.abs(miss).max() < _TOLERANCE:
-                break
-            above = miss >= 0.0
-            low, high = np.where(above, low, energy_wh), np.where(above, energy_wh, high)
-            under = np.where(above, np.where(side > 0.0, 0.5 * under, under), miss)
-            over = np.where(above, miss, np.where(side < 0.0, 0.5 * over, over))
-            side = np.where(above, 1.0, -1.0)
+        some = UnknownClimb(self.offsets_wh[:, places], self.weights)
+        energy_wh = some.quantiles(scores, np.array([p]), sd_wh[places])
         return np.asarray(np.interp(np.arange(n), places, energy_wh), dtype=np.float64)
+
+    def quantiles(self, scores: ConformalScores, p: FloatArray, sd_wh: FloatArray) -> FloatArray:
+        """Quantiles in one pass, of the shape that `p`, `sd_wh` and the places (or the only one) have together [Wh].
+
+        Secant steps, and bisection where they leave the bracket: Dekker (1969), Finding a zero by means of successive
+        linear interpolation.
+        """
+        offsets, sd, p = self.offsets_wh, np.maximum(sd_wh, 1e-9), np.clip(p, RAREST, 1.0 - RAREST)
+        alone = alone_wh(scores, p, sd)
+        least, most = self._ascending[0] + alone, self._ascending[-1] + alone + 1e-9
+        middle = self._at(0.5)
+        slope = 1.6 * p * (1.0 - p) / np.hypot(self.core_sd_wh, sd)  # of a normal distribution in its middle
+        energy_wh = middle + np.sign(alone) * np.hypot(alone, self._at(p) - middle)
+        energy_wh = np.minimum(np.maximum(energy_wh, least), most)
+        miss = self.weights @ scores.probabilities((energy_wh - offsets) / sd) - p
+        for step in range(_MOST_STEPS):
+            unsolved = np.abs(miss) >= _TOLERANCE
+            if not unsolved.any():
+                break
+            least, most = np.where(miss < 0.0, energy_wh, least), np.where(miss < 0.0, most, energy_wh)
+            to = energy_wh - miss / slope
+            if step >= _SECANTS or ((to < least) | (to > most)).any():
+                outside = (to < least) | (to > most) | (step >= _SECANTS)
+                to = np.where(outside, 0.5 * (least + most), to)
+            before_wh, energy_wh = energy_wh, np.where(unsolved, to, energy_wh)
+            before, miss = miss, self.weights @ scores.probabilities((energy_wh - offsets) / sd) - p
+            gained, moved = miss - before, energy_wh - before_wh
+            slope = np.divide(gained, moved, out=slope, where=gained * moved > 0.0)
+        return np.asarray(energy_wh)
 
     def probability_below(
         self, scores: ConformalScores, energy_wh: FloatArray, sd_wh: FloatArray
@@ -170,9 +184,18 @@ class UnknownClimb:
         ways = (energy_wh - self.offsets_wh) / np.maximum(sd_wh, 1e-9)
         return np.asarray(self.weights @ scores.probabilities(ways))
 
-    def _at(self, p: float) -> FloatArray:
-        k = int(np.searchsorted(np.cumsum(self.weights), p))
-        return np.asarray(np.sort(self.offsets_wh, axis=0)[k])
+    def _at(self, p: FloatArray | float) -> FloatArray:
+        """Quantiles of the climb alone [Wh], of the shape that `p` and the places have together."""
+        k = np.minimum(np.searchsorted(self._cumulated, p), len(self.weights) - 1)
+        return np.asarray(self._ascending[k, np.arange(self.offsets_wh.shape[1])])
+
+    @cached_property
+    def _ascending(self) -> FloatArray:
+        return np.sort(self.offsets_wh, axis=0)
+
+    @cached_property
+    def _cumulated(self) -> FloatArray:
+        return np.cumsum(self.weights)
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,13 +225,22 @@ class Excess:
     def quantile(self, p: float, sd_wh: FloatArray) -> FloatArray:
         """Quantile at each place [Wh], shape (places,)."""
         if self.climb is None:
-            return np.asarray(np.sign(p - 0.5) * self.scores.factor(abs(2.0 * p - 1.0)) * sd_wh)
+            return alone_wh(self.scores, np.array([p]), sd_wh)
         return self.climb.quantile(self.scores, p, sd_wh) - self.expected_wh
 
-    def quantile_at_end(self, p: float, sd_wh: float) -> float:
-        """Of the whole way alone, which needs no other place."""
-        end = None if self.climb is None else UnknownClimb(self.climb.offsets_wh[:, -1:], self.climb.weights)
-        return float(Excess(self.scores, end, self.expected_wh[-1:]).quantile(p, np.array([sd_wh]))[0])
+    @cached_property
+    def end(self) -> Excess:
+        """Of the whole way alone, whose quantiles and probabilities need no other place."""
+        climb = self.climb
+        last = None if climb is None else UnknownClimb(climb.offsets_wh[:, -1:], climb.weights)
+        return Excess(self.scores, last, self.expected_wh[-1:])
+
+    def quantiles(self, p: Sequence[float], sd_wh: float) -> FloatArray:
+        """Quantiles at the only place [Wh], shape (probabilities,)."""
+        levels, sd = np.array(p, dtype=np.float64), np.array([sd_wh])
+        if self.climb is None:
+            return alone_wh(self.scores, levels, sd)
+        return self.climb.quantiles(self.scores, levels, sd) - self.expected_wh
 
     def probability_below(self, more_wh: FloatArray, sd_wh: FloatArray) -> FloatArray:
         """Probability at each place that it is at most an energy [Wh], shape (places,): the inverse of `quantile`."""
@@ -217,3 +249,9 @@ class Excess:
         with np.errstate(divide="ignore", invalid="ignore"):
             scaled = np.where(sd_wh > 0.0, more_wh / sd_wh, np.where(more_wh >= 0.0, np.inf, -np.inf))
         return self.scores.probabilities(scaled)
+
+
+def alone_wh(scores: ConformalScores, p: FloatArray, sd_wh: FloatArray) -> FloatArray:
+    """Quantiles of the error alone [Wh], of probabilities of shape (places,) or (1,)."""
+    factors = [scores.factor(level) for level in np.abs(2.0 * p - 1.0).tolist()]
+    return np.asarray(np.sign(p - 0.5) * factors * sd_wh)

@@ -114,7 +114,7 @@ class ConformalScores:
         beyond = size > last
         if beyond.any():
             level[beyond] = _t4_level(size[beyond] / last * _t4_half_width(n / (n + 1))) if last > 0 else 1.0
-        return np.asarray(np.where(standardised >= 0, 0.5 + 0.5 * level, 0.5 - 0.5 * level))
+        return np.asarray(0.5 + np.copysign(0.5 * level, standardised))
 
     @cached_property
     def _from_zero(self) -> FloatArray:
