@@ -197,6 +197,24 @@ class InvalidInput(TripwattError):
     def of(cls, what: str, where: str, got: str = "", allowed: str = "", fix: str = "") -> Self:
         """The error of a single fault; the arguments are those of `Fault`.
 
+        Parameters
+        ----------
+        what : str
+            The problem in a few words.
+        where : str
+            File, row, column, key or argument.
+        got : str
+            The value there.
+        allowed : str
+            What would have been right.
+        fix : str
+            What the user can do.
+
+        Returns
+        -------
+        InvalidInput
+            To be raised.
+
         Examples
         --------
         >>> print(InvalidInput.of("no trips", "data/", "0 CSV files"))

@@ -11,8 +11,9 @@ from pathlib import Path
 import pytest
 from tests.support.command import Answer
 
-from tripwatt.cli.output import check_writable, output_lock, unfinished_folder, write_bytes, write_text
+from tripwatt.cli.output import check_writable, unfinished_folder, write_bytes, write_text
 from tripwatt.errors import InvalidInput
+from tripwatt.files import folder_lock
 
 WORKING = """
 import pathlib, sys, time
@@ -79,18 +80,18 @@ def test_no_process_outlives_a_command(tmp_path: Path, number: signal.Signals) -
 def test_an_output_has_one_writer(tmp_path: Path) -> None:
     unfinished = unfinished_folder(tmp_path / "out")
     with (
-        output_lock(unfinished),
+        folder_lock(unfinished),
         pytest.raises(InvalidInput, match="another run writes this output"),
-        output_lock(unfinished),
+        folder_lock(unfinished),
     ):
         pass
-    with output_lock(unfinished):
+    with folder_lock(unfinished):
         pass
 
 
 def test_a_second_run_ends_at_its_start(run: Callable[..., Answer], tmp_path: Path) -> None:
     unfinished = unfinished_folder(tmp_path / "out")
-    with output_lock(unfinished):
+    with folder_lock(unfinished):
         answer = run("evaluate", "--out", tmp_path / "out", "--models", "constant", "--jobs", "1")
     assert answer.code == 2
     assert "another run writes this output" in answer.err

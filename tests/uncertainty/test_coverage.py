@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.stats import beta
 
 from tripwatt.uncertainty import Coverage
 from tripwatt.uncertainty.coverage import clopper_pearson
@@ -61,3 +62,12 @@ def test_the_ends_belong_to_an_interval_and_nothing_is_known_of_no_trip() -> Non
     assert math.isnan(nothing.needed_width)
     assert nothing.ci95 == clopper_pearson(0, 0) == (0.0, 1.0)
     assert math.isinf(Coverage.from_bounds([1.0], [0.0], [0.0], 0.9).needed)
+
+
+def test_the_interval_of_a_proportion_is_that_of_the_beta_distribution():
+    for hits, n in ((3, 4), (52, 57), (1, 60)):
+        low, high = clopper_pearson(hits, n)
+        assert low == pytest.approx(beta.ppf(0.025, hits, n - hits + 1), rel=1e-9)
+        assert high == pytest.approx(beta.ppf(0.975, hits + 1, n - hits), rel=1e-9)
+    assert clopper_pearson(0, 5)[0] == 0.0
+    assert clopper_pearson(5, 5)[1] == 1.0

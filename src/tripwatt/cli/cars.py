@@ -16,6 +16,7 @@ from tripwatt.cli.options import (
     JsonOption,
     MappingOption,
     SetOption,
+    TripOption,
     VehicleOption,
     add_command,
     car_of,
@@ -23,7 +24,7 @@ from tripwatt.cli.options import (
 )
 from tripwatt.cli.output import write_text
 from tripwatt.cli.printing import console, print_json, print_notes, print_table
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, InvalidInput, raise_faults
 
 if TYPE_CHECKING:
     from tripwatt.trips import Fleet, Trip
@@ -127,15 +128,8 @@ def vehicles(
       tripwatt vehicles --import 2022_Renault_Zoe_ZE50_R135.yaml --out zoe.toml
     """
     name = " ".join(words or []) or None
-    figures = {
-        "--mass": mass,
-        "--battery": battery,
-        "--consumption": consumption,
-        "--power": power,
-        "--body": body,
-        "--heat-pump": heat_pump,
-        "--procedure": procedure,
-    }
+    given = (mass, battery, consumption, power, body, heat_pump, procedure)
+    figures = dict(zip(FIGURES, given, strict=True))
     _require_sense(name, import_file, {"--row": row, "--out": out}, figures)
     if import_file is not None:
         _import(import_file, row, out, as_json)
@@ -160,8 +154,7 @@ def _require_sense(
         sensible, partner = allowed[option]
         if value is not None and not sensible:
             faults.append(Fault("option has no effect", option, str(value), f"only together with {partner}"))
-    if faults:
-        raise InvalidInput(faults)
+    raise_faults(faults)
 
 
 FIGURES: Final = {
@@ -173,7 +166,7 @@ FIGURES: Final = {
     "--heat-pump": "heat_pump",
     "--procedure": "procedure",
 }
-"""Option -> argument of `describe_car`."""
+"""Option -> argument of `describe_car`, in the order of the command's parameters."""
 
 
 def _new(figures: dict[str, Any], out: Path | None, as_json: bool) -> None:
@@ -188,19 +181,19 @@ def _new(figures: dict[str, Any], out: Path | None, as_json: bool) -> None:
         raise InvalidInput(
             replace(fault, where=options.get(fault.where, fault.where)) for fault in error.faults
         ) from error
-    found, text = certified_interval(car), render_vehicle(car)
+    certified, text = certified_interval(car), render_vehicle(car)
     if out is not None:
         write_text(text, out)
     if as_json:
-        wltp = {"middle": found.middle, "low": found.low, "high": found.high}
+        wltp = {"middle": certified.middle, "low": certified.low, "high": certified.high}
         print_json({"title": car.title, "anchor": car.anchor, "wltp_kwh_per_100km": wltp, "toml": text})
         return
     if out is None:
         typer.echo(text, nl=False)
         return
     console().print(
-        f"{out} is written: {car.title}. On the WLTP it would use {found.middle:.1f} kWh/100 km; 9 in 10 such cars use "
-        f"{found.low:.1f} to {found.high:.1f}. Forecast with `tripwatt forecast ROUTE --vehicle {out}`"
+        f"{out} is written: {car.title}. On the WLTP it would use {certified.middle:.1f} kWh/100 km; 9 in 10 such cars use "
+        f"{certified.low:.1f} to {certified.high:.1f}. Forecast with `tripwatt forecast ROUTE --vehicle {out}`"
     )
 
 
@@ -221,9 +214,9 @@ def _find_or_describe(name: str, preset: str, overrides: list[str], as_json: boo
     """Show the car of this name, or else list those that the words find."""
     from tripwatt.vehicles import find_vehicles, vehicle_names
 
-    found = () if name in vehicle_names() or name.endswith(".toml") else find_vehicles(name)
-    if found:
-        _list(found, as_json)
+    names = () if name in vehicle_names() or name.endswith(".toml") else find_vehicles(name)
+    if names:
+        _list(names, as_json)
     else:
         _describe(name, preset, overrides, as_json)
 
@@ -261,9 +254,7 @@ def _list(names: Sequence[str] | None, as_json: bool) -> None:
 
 def simulate(
     data: DataArgument = None,
-    trip: Annotated[
-        str | None, typer.Option("--trip", metavar="ID", help="Trip to use if DATA contains several.")
-    ] = None,
+    trip: TripOption = None,
     dataset: DatasetOption = None,
     mapping: MappingOption = None,
     vehicle: VehicleOption = None,
@@ -324,13 +315,13 @@ def simulate(
 def _chosen(fleet: Fleet, trip: str | None, data: Path | None) -> Trip:
     if trip is None and (len(fleet.trips) == 1 or data is None):
         return fleet.trips[0]
-    found = next((t for t in fleet.trips if t.trip_id == trip), None)
-    if found is None:
+    log = next((t for t in fleet.trips if t.trip_id == trip), None)
+    if log is None:
         ids = [t.trip_id for t in fleet.trips]
         more = f" and {len(ids) - 12} more" if len(ids) > 12 else ""
         what, got = ("unknown trip", trip) if trip is not None else ("no single trip", f"{len(ids)} trips")
-        raise InvalidInput(Fault(what, "--trip", got, ", ".join(ids[:12]) + more))
-    return found
+        raise InvalidInput.of(what, "--trip", got, ", ".join(ids[:12]) + more)
+    return log
 
 
 def _require_clock(log: Trip) -> None:

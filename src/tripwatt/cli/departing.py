@@ -11,7 +11,7 @@ from typing import Annotated, Any
 
 import typer
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, InvalidInput, raise_faults
 from tripwatt.trips.departure import ASKED, Departure
 from tripwatt.trips.fields import Field
 
@@ -112,8 +112,7 @@ def _departure(grouped: Mapping[str, Mapping[str, Field]], asked: Mapping[str, A
         departure = Departure(**known)
     except InvalidInput as error:
         faults += error.faults
-    if faults:
-        raise InvalidInput(faults)
+    raise_faults(faults)
     return departure
 
 
@@ -134,7 +133,7 @@ def _values(fields: Mapping[str, Field], value: Any) -> dict[str, Any]:
         }
     except ValueError as error:
         allowed = "@".join(field.metavar for field in fields.values())
-        raise InvalidInput(Fault("not numbers", field.option, str(value)[:40], allowed)) from error
+        raise InvalidInput.of("not numbers", field.option, str(value)[:40], allowed) from error
 
 
 def time_of(text: str, option: str = "--depart") -> dt.datetime:
@@ -157,4 +156,4 @@ def time_of(text: str, option: str = "--depart") -> dt.datetime:
             return today.replace(hour=clock.hour, minute=clock.minute, second=0, microsecond=0)
         return dt.datetime.fromisoformat(text).astimezone()
     except ValueError as error:
-        raise InvalidInput(Fault("not a time", option, text[:40], "07:30, or 2026-02-01 07:30")) from error
+        raise InvalidInput.of("not a time", option, text[:40], "07:30, or 2026-02-01 07:30") from error

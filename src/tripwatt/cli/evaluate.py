@@ -22,9 +22,10 @@ from tripwatt.cli.options import (
     gather,
     read_logs,
 )
-from tripwatt.cli.output import check_writable, finished_folds, output_lock, unfinished_folder, write_whole
+from tripwatt.cli.output import check_writable, finished_folds, unfinished_folder, write_whole
 from tripwatt.cli.printing import console, print_json, print_notes, progress
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
+from tripwatt.files import folder_lock
 
 if TYPE_CHECKING:
     from tripwatt.evaluation import EvaluationRun
@@ -113,7 +114,7 @@ def evaluate(
     shown.print(f"{len(trips)} trips read ({trips.name})")
     print_notes(note)
     unfinished = unfinished_folder(out)
-    with output_lock(unfinished):
+    with folder_lock(unfinished):
         run = _run_and_write(trips, options, jobs, out, unfinished, resume)
     _show(run, out, built_in=data is None, as_json=as_json)
 
@@ -136,7 +137,7 @@ def _run_and_write(
     except OSError as error:  # a full disk, while a fold is kept
         got = f"{unfinished}: {error.strerror or error}"
         fix = "make room and continue with the same command and --resume"
-        raise InvalidInput(Fault("cannot keep the finished folds", "--out", got, fix=fix)) from error
+        raise InvalidInput.of("cannot keep the finished folds", "--out", got, fix=fix) from error
     except InvalidInput:
         if not finished_folds(unfinished):
             shutil.rmtree(unfinished, ignore_errors=True)
@@ -155,7 +156,7 @@ def _check(options: dict[str, Any], overrides: list[str], n_jobs: int) -> None:
         names = options["models"]
         choose_models(find_protocol(options["protocol"]), names)
         if names == []:
-            raise InvalidInput(Fault("no models", "--models", "an empty list", "names separated by commas"))
+            raise InvalidInput.of("no models", "--models", "an empty list", "names separated by commas")
 
     def given() -> None:
         options["overrides"] = parse_overrides(overrides)
@@ -165,7 +166,7 @@ def _check(options: dict[str, Any], overrides: list[str], n_jobs: int) -> None:
 
     def jobs() -> None:
         if n_jobs < -1 or n_jobs == 0:
-            raise InvalidInput(Fault("value out of range", "--jobs", str(n_jobs), "-1, or 1 or more"))
+            raise InvalidInput.of("value out of range", "--jobs", str(n_jobs), "-1, or 1 or more")
 
     gather(models, given, car, jobs)
 

@@ -13,7 +13,7 @@ from tripwatt.cli.departing import DepartureOf, departure_options
 from tripwatt.cli.options import EXAMPLES, SetOption, add_command, gather, options_named
 from tripwatt.cli.output import write_text
 from tripwatt.cli.printing import print_json, print_notes
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 
 if TYPE_CHECKING:
     from tripwatt.export import ConsumptionCurve
@@ -120,13 +120,13 @@ def _car(
     if vehicle is not None:
         if model is not None:
             got = f"--model {model} --vehicle {vehicle}"
-            raise InvalidInput(Fault("conflicting options", "--model and --vehicle", got, "one of the two"))
+            raise InvalidInput.of("conflicting options", "--model and --vehicle", got, "one of the two")
         car = load_vehicle(vehicle, overrides=parse_overrides(overrides))
         return car, None, [f"{car.title}: physics only, without a learned correction"]
     if overrides:
         fix = "name a car with --vehicle, or fit a model on the changed car"
-        raise InvalidInput(
-            Fault("option has no effect", "--set", " ".join(overrides), "only together with --vehicle", fix)
+        raise InvalidInput.of(
+            "option has no effect", "--set", " ".join(overrides), "only together with --vehicle", fix
         )
     from tripwatt.forecasting import load_model
 

@@ -22,7 +22,7 @@ from tripwatt.cli.options import (
     read_logs,
 )
 from tripwatt.cli.printing import console, print_json, print_notes, progress
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 
 if TYPE_CHECKING:
     from tripwatt.forecasting import ForecastModel
@@ -160,13 +160,13 @@ def _require_storable(corrector: str) -> None:
     from tripwatt.hybrid import STORABLE
 
     if corrector not in STORABLE:
-        raise InvalidInput(Fault("unknown corrector", "--corrector", corrector, ", ".join(STORABLE)))
+        raise InvalidInput.of("unknown corrector", "--corrector", corrector, ", ".join(STORABLE))
 
 
 def _require_one_way(base: Path | None, calibrate: bool) -> None:
     if base is not None and calibrate:
         fix = "remove --calibrate; --base includes the calibration of the car"
-        raise InvalidInput(Fault("conflicting options", "--calibrate", "with --base", "one of the two", fix))
+        raise InvalidInput.of("conflicting options", "--calibrate", "with --base", "one of the two", fix)
 
 
 def _show_fit(

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from tripwatt.cli.departing import DepartureOf, departure_options
+from tripwatt.cli.forecast import forecast_rows
 from tripwatt.cli.options import JsonOption, add_command, options_named
 from tripwatt.cli.output import write_text
 from tripwatt.cli.printing import console, print_json, print_table, progress
@@ -62,8 +63,8 @@ def add_commands(app: typer.Typer) -> None:
 def _running(jobs: int, cluster: str | None) -> Iterator[tuple[Executor, int]]:
     from tripwatt.fleet.executors import executor_for
 
-    with executor_for(jobs, cluster) as found:
-        yield found
+    with executor_for(jobs, cluster) as executor:
+        yield executor
 
 
 def _registry(folder: Path) -> Registry:
@@ -144,25 +145,25 @@ def update(
     before = target.load()
     with _running(jobs, cluster) as (executor, workers):
         model, rows = update_fleet(before, source, work or registry / "work", executor, workers)
-    found: dict[str, Any] = {"trips": 0}
+    change: dict[str, Any] = {"trips": 0}
     version = target.current()
     if len(rows):
-        found = drift(before.posterior, rows)
+        change = drift(before.posterior, rows)
         version = target.add(model, f"update by {len(rows)} trips")
         target.promote(version)
     if as_json:
-        print_json({"version": version, **found})
+        print_json({"version": version, **change})
         return
     if not len(rows):
         typer.echo(f"version {version}: no new trips")
         return
     typer.echo(
-        f"version {version}: {model!r}; {found['trips']} new trips, mean error {found['bias']:+.1%}, "
-        f"{found['coverage']:.0%} inside the 90 % interval"
+        f"version {version}: {model!r}; {change['trips']} new trips, mean error {change['bias']:+.1%}, "
+        f"{change['coverage']:.0%} inside the 90 % interval"
     )
     drifting = [
         (name, f"{v['trips']}", f"{100.0 * v['bias']:+.1f}", f"{v['z']:+.1f}")
-        for name, v in found["vehicles"].items()
+        for name, v in change["vehicles"].items()
     ]
     if drifting:
         columns = ("vehicle", "new trips", "more than forecast [%]", "standard errors")
@@ -287,25 +288,16 @@ def forecast(
       tripwatt fleet forecast models trip.csv --vehicle-id V17 --soc 0.8
     """
     import tripwatt as tw
-    from tripwatt.cli.sentences import chance_to_arrive
 
     model = _registry(registry).load()
     plan = tw.read_route(trip)
     with options_named():
         known = departure()
-    found = model.forecast(plan, known, vehicle_id=vehicle_id, car_model=car_model, driver=driver)
-    low, high = found.interval(0.9)
+    expected = model.forecast(plan, known, vehicle_id=vehicle_id, car_model=car_model, driver=driver)
     if as_json:
-        print_json({"vehicle_id": vehicle_id, **found.to_dict(reserve)})
+        print_json({"vehicle_id": vehicle_id, **expected.to_dict(reserve)})
         return
-    rows = [
-        ("vehicle", vehicle_id),
-        ("energy", f"{found.energy_wh / 1000.0:.2f} kWh"),
-        ("90 % interval", f"{low / 1000.0:.2f} to {high / 1000.0:.2f} kWh"),
-        ("state of charge at arrival", f"{100.0 * found.soc_arrival:.0f} %"),
-        ("probability to arrive", chance_to_arrive(found)),
-        (f"probability to arrive with {100.0 * reserve:g} % or more", chance_to_arrive(found, reserve)),
-    ]
+    rows = [("vehicle", vehicle_id), *forecast_rows(expected, reserve)]
     print_table("Forecast before departure", ("", "forecast"), rows)
 
 
@@ -348,9 +340,9 @@ def batch(
         count = forecast_batch(
             folder, trips, out, executor, workers, quantiles=quantile or QUANTILES, reserve=reserve
         )
-    found = pq.read_table(out, columns=["energy_wh", "error"])
-    failed = count - int(found["error"].null_count)
-    total_wh = float(pc.sum(found["energy_wh"]).as_py() or 0.0)
+    table = pq.read_table(out, columns=["energy_wh", "error"])
+    failed = count - int(table["error"].null_count)
+    total_wh = float(pc.sum(table["energy_wh"]).as_py() or 0.0)
     if as_json:
         print_json({"out": str(out), "trips": count, "failed": failed, "energy_wh": total_wh})
     else:
@@ -396,16 +388,16 @@ def evaluate(
         rows = read_rows(map_store(tasks, executor, workers, advance))
     sums = rows.sums
     scales = fit_scales(sums, START)
-    found = evaluate_rows(rows, scales)
+    scores = evaluate_rows(rows, scales)
     vehicles = sisters(group_posterior(sums, scales), rows)
-    write_text(report_page(f"Fleet {store}", found, vehicles), out)
+    write_text(report_page(f"Fleet {store}", scores, vehicles), out)
     if as_json:
         frame = vehicles.astype(object).where(vehicles.notna(), None)
         print_json(
             {
                 "out": str(out),
-                "by_car_model": found.table("car_model").to_dict("records"),
-                "own_trips": found.own.to_dict("records"),
+                "by_car_model": scores.table("car_model").to_dict("records"),
+                "own_trips": scores.own.to_dict("records"),
                 "vehicles": frame.to_dict("records"),
             }
         )
@@ -413,6 +405,6 @@ def evaluate(
     columns = ("trips forecast", "car model", "trips", "mean error [%]", "inside the 90 % interval [%]")
     shown = [
         (f"{r[0]}", f"{r[1]}", f"{r[2]}", f"{100.0 * r[3]:.1f}", f"{100.0 * r[4]:.0f}")
-        for r in found.table("car_model").itertuples(index=False)
+        for r in scores.table("car_model").itertuples(index=False)
     ]
     print_table(f"{out}", columns, shown, numbers=columns[2:])

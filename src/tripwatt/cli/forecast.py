@@ -12,7 +12,7 @@ from tripwatt.cli.departing import DepartureOf, departure_options
 from tripwatt.cli.options import JsonOption, add_command, gather, model_of, options_named
 from tripwatt.cli.output import write_bytes, write_text
 from tripwatt.cli.printing import print_json, print_notes, print_table
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, InvalidInput, raise_faults
 
 if TYPE_CHECKING:
     from tripwatt.forecasting import Forecast
@@ -111,20 +111,20 @@ def forecast(
             lambda: got.update(departure=departure()),
         )
         fitted = for_car(got["model"], got["car"])
-    found = fitted.forecast(got["plan"], got["departure"])
+    expected = fitted.forecast(got["plan"], got["departure"])
     if observed is not None:
-        found = found.update(got["observed"])
+        expected = expected.update(got["observed"])
     if plot is not None:
-        _draw(found, plot)
+        _draw(expected, plot)
     leaving = LEAVE_PROBABILITY if observed is None else None
-    print_json(found.to_dict(reserve, leaving)) if as_json else _show_forecast(found, reserve)
+    print_json(expected.to_dict(reserve, leaving)) if as_json else _show_forecast(expected, reserve)
 
 
 def _model_and_trip(paths: list[Path]) -> tuple[Path | None, Path]:
     if len(paths) > 2:
         got = " ".join(map(str, paths))
-        raise InvalidInput(
-            Fault("too many arguments", "MODEL TRIP", got, "a folder with a model and a file with a trip")
+        raise InvalidInput.of(
+            "too many arguments", "MODEL TRIP", got, "a folder with a model and a file with a trip"
         )
     return (None, paths[0]) if len(paths) == 1 else (paths[0], paths[1])
 
@@ -137,8 +137,7 @@ def _require_options(reserve: float, plot: Path | None) -> None:
         faults.append(Fault("unknown image format", "--plot", str(plot), ", ".join(PLOT_SUFFIXES)))
     if plot is not None and not plot.absolute().parent.is_dir():
         faults.append(Fault("no such folder", "--plot", str(plot.parent), "an existing folder"))
-    if faults:
-        raise InvalidInput(faults)
+    raise_faults(faults)
 
 
 def _measured(path: Path) -> Any:
@@ -147,39 +146,39 @@ def _measured(path: Path) -> Any:
     return read_canonical(path, required=("time_s",), least=2)
 
 
-def _draw(found: Forecast, plot: Path) -> None:
+def _draw(forecast: Forecast, plot: Path) -> None:
     image = io.BytesIO()
-    found.plot().savefig(image, dpi=150, format=plot.suffix.lower().removeprefix("."))
+    forecast.plot().savefig(image, dpi=150, format=plot.suffix.lower().removeprefix("."))
     write_bytes(image.getvalue(), plot, "--plot")
 
 
-def _where_empty(found: Forecast) -> list[tuple[str, str]]:
+def _where_empty(forecast: Forecast) -> list[tuple[str, str]]:
     """Rows with where the battery runs empty and what it lacks, where it may on this trip."""
     from tripwatt.cli.sentences import where_empty
 
-    early, expected, _ = found.empty_at_m
+    early, expected, _ = forecast.empty_at_m
     if early is None:
         return []
     if expected is None:
         return [("battery empty", f"possible from {early / 1000.0:.0f} km on")]
-    least, missing, most = (wh / 1000.0 for wh in found.missing_wh)
+    least, missing, most = (wh / 1000.0 for wh in forecast.missing_wh)
     beyond = f"{missing:.2f} kWh ({least:.2f} to {most:.2f} kWh)"
-    return [("battery empty", where_empty(found)), ("more than the battery holds", beyond)]
+    return [("battery empty", where_empty(forecast)), ("more than the battery holds", beyond)]
 
 
-def _arrival(found: Forecast) -> list[tuple[str, str]]:
+def _arrival(forecast: Forecast) -> list[tuple[str, str]]:
     """Rows with the charge at arrival and its interval; of a battery that does not last only the best case."""
-    least, most = (f"{100.0 * soc:.0f}" for soc in found.soc_interval(0.9))
-    if found.missing_wh[1] > 0.0:
+    least, most = (f"{100.0 * soc:.0f}" for soc in forecast.soc_interval(0.9))
+    if forecast.missing_wh[1] > 0.0:
         best = [("at best", f"{most} %")] if most != "0" else []
         return [("state of charge at arrival", "empty before the end"), *best]
-    charge = f"{100.0 * found.soc_arrival:.0f} %"
+    charge = f"{100.0 * forecast.soc_arrival:.0f} %"
     return [("state of charge at arrival", charge), ("90 % interval of it", f"{least} to {most} %")]
 
 
-def _unknown_climb(found: Forecast, reserve: float) -> list[tuple[str, str]]:
+def _unknown_climb(forecast: Forecast, reserve: float) -> list[tuple[str, str]]:
     """Rows for a road of unknown heights: what climb takes, and the climb with which the reserve is lost."""
-    per_metre, climb = found.soc_per_climb_m, found.climb_to(reserve)
+    per_metre, climb = forecast.soc_per_climb_m, forecast.climb_to(reserve)
     if per_metre is None:
         return []
     rows = [("each 100 m of unknown climb", f"{1e4 * per_metre:.1f} points")]
@@ -188,36 +187,43 @@ def _unknown_climb(found: Forecast, reserve: float) -> list[tuple[str, str]]:
     return rows
 
 
-def _show_forecast(found: Forecast, reserve: float) -> None:
-    from tripwatt.cli.sentences import chance_to_arrive, forecast_in_words
+def forecast_rows(forecast: Forecast, reserve: float) -> list[tuple[str, str]]:
+    """Rows of a table: energy, charge at arrival, probability to arrive, and what an unknown climb changes."""
+    from tripwatt.cli.sentences import chance_to_arrive
+
+    low, high = forecast.interval(0.9)
+    return [
+        ("energy", f"{forecast.energy_wh / 1000.0:.2f} kWh"),
+        ("90 % interval", f"{low / 1000.0:.2f} to {high / 1000.0:.2f} kWh"),
+        *_arrival(forecast),
+        *_where_empty(forecast),
+        ("probability to arrive", chance_to_arrive(forecast)),
+        (f"probability to arrive with {100.0 * reserve:g} % or more", chance_to_arrive(forecast, reserve)),
+        *_unknown_climb(forecast, reserve),
+    ]
+
+
+def _show_forecast(forecast: Forecast, reserve: float) -> None:
+    from tripwatt.cli.sentences import forecast_in_words
     from tripwatt.forecasting.plots import CAUSE_NAMES
     from tripwatt.trips.messages import leave_in_words
     from tripwatt.trips.showing import period
 
-    low, high = found.interval(0.9)
-    when = "before departure" if found.measured_until_s <= 0.0 else f"after {period(found.measured_until_s)}"
-    rows = [
-        ("car", found.vehicle.title),
-        ("energy", f"{found.energy_wh / 1000.0:.2f} kWh"),
-        ("90 % interval", f"{low / 1000.0:.2f} to {high / 1000.0:.2f} kWh"),
-        *_arrival(found),
-        *_where_empty(found),
-        ("probability to arrive", chance_to_arrive(found)),
-        (f"probability to arrive with {100.0 * reserve:g} % or more", chance_to_arrive(found, reserve)),
-        *_unknown_climb(found, reserve),
-    ]
-    typer.echo(forecast_in_words(found, found.plan.trip_id))
-    if found.measured_until_s <= 0.0:
-        typer.echo(leave_in_words(found.soc_needed(reserve, LEAVE_PROBABILITY), reserve, LEAVE_PROBABILITY))
+    rows = [("car", forecast.vehicle.title), *forecast_rows(forecast, reserve)]
+    when = f"after {period(forecast.measured_until_s)}"
+    typer.echo(forecast_in_words(forecast, forecast.plan.trip_id))
+    if forecast.measured_until_s <= 0.0:
+        when, needed = "before departure", forecast.soc_needed(reserve, LEAVE_PROBABILITY)
+        typer.echo(leave_in_words(needed, reserve, LEAVE_PROBABILITY))
     typer.echo("")
-    print_table(f"Forecast {when}, given {found.given}", ("forecast", ""), rows, numbers=("",))
+    print_table(f"Forecast {when}, given {forecast.given}", ("forecast", ""), rows, numbers=("",))
     causes = [
         (CAUSE_NAMES.get(cause, cause), f"{round(energy / 1000.0, 3) + 0.0:+.3f} kWh")
-        for cause, energy in found.by_cause_wh.items()
+        for cause, energy in forecast.by_cause_wh.items()
         if cause != "shortfall" or energy
     ]
     print_table("Energy by cause", ("cause", "energy"), causes, numbers=("energy",))
-    print_notes(found.flags)
+    print_notes(forecast.flags)
 
 
 def example(

@@ -112,8 +112,8 @@ def plan(
             lambda: got.update(departure=departure()),
             lambda: got.update(options=JourneyOptions(reserve, alternatives, round_trip)),
         )
-        found = plan_journey(stops, model=model, vehicle=vehicle, **got)
-    print_json(found.to_dict()) if as_json else _show(found)
+        journey = plan_journey(stops, model=model, vehicle=vehicle, **got)
+    print_json(journey.to_dict()) if as_json else _show(journey)
 
 
 @departure_options()
@@ -143,13 +143,13 @@ def reach(
         atlas = open_atlas(AtlasSettings(map_, places_url))
         own = for_car(model, vehicle)
         place = atlas.find(start, "FROM")
-        found = find_reach(RoadForecaster(own, departure()), place, atlas, reserve=reserve)
+        area = find_reach(RoadForecaster(own, departure()), place, atlas, reserve=reserve)
     if as_json:
-        print_json(found.to_dict())
+        print_json(area.to_dict())
         return
     rows = [
         (f"{100.0 * level:.0f} %", *(f"{place.distance_m(p) / 1000.0:.0f} km" for p in _ends(place, corners)))
-        for level, corners in found.outlines.items()
+        for level, corners in area.outlines.items()
     ]
     print_table(
         f"Reach from {place.title}",
@@ -157,7 +157,7 @@ def reach(
         rows,
         numbers=("nearest", "farthest"),
     )
-    print_notes([*([_map_ends()] if found.map_ends else []), found.attribution])
+    print_notes([*([_map_ends()] if area.map_ends else []), area.attribution])
 
 
 def _ends(start: Any, corners: Any) -> tuple[Any, Any]:
@@ -189,12 +189,12 @@ def places(
     from tripwatt.routes.search import open_search
 
     search = open_search(places_url) if places_url else _index(map_)
-    found = search.search(" ".join(text), limit=limit)
+    matches = search.search(" ".join(text), limit=limit)
     if as_json:
-        print_json({"places": [place.to_dict() for place in found], "attribution": ATTRIBUTION})
+        print_json({"places": [place.to_dict() for place in matches], "attribution": ATTRIBUTION})
         return
     rows = [
-        (p.title, p.kind.replace("_", " "), f"{p.latitude_deg:.5f}, {p.longitude_deg:.5f}") for p in found
+        (p.title, p.kind.replace("_", " "), f"{p.latitude_deg:.5f}, {p.longitude_deg:.5f}") for p in matches
     ]
     print_table("Places", ("place", "kind", "latitude, longitude"), rows)
     print_notes([ATTRIBUTION])
@@ -206,16 +206,16 @@ def _index(named: str) -> Any:
     return open_map(named.partition("@")[0]).index
 
 
-def _show(found: Journey) -> None:
+def _show(journey: Journey) -> None:
     from tripwatt.cli.sentences import chance_to_arrive, journey_in_words
     from tripwatt.trips.showing import period
 
-    typer.echo(f"From {' to '.join(place.described for place in found.stops)}.")
-    for sentence in journey_in_words(found):
+    typer.echo(f"From {' to '.join(place.described for place in journey.stops)}.")
+    for sentence in journey_in_words(journey):
         typer.echo(sentence)
     typer.echo("")
     rows = []
-    for k, road in enumerate(found.roads):
+    for k, road in enumerate(journey.roads):
         forecast = road.forecast
         low, high = forecast.soc_interval(0.9)
         rows.append(
@@ -226,7 +226,7 @@ def _show(found: Journey) -> None:
                 f"{forecast.energy_wh / 1000.0:.2f} kWh",
                 f"{100.0 * forecast.soc_arrival:.0f} % ({100.0 * low:.0f} to {100.0 * high:.0f} %)",
                 chance_to_arrive(forecast),
-                chance_to_arrive(forecast, found.reserve),
+                chance_to_arrive(forecast, journey.reserve),
             )
         )
     columns = (
@@ -236,10 +236,10 @@ def _show(found: Journey) -> None:
         "energy",
         "arrival with",
         "arrives",
-        f"{100.0 * found.reserve:g} % or more",
+        f"{100.0 * journey.reserve:g} % or more",
     )
-    print_table(f"Roads, given {found.forecast.given}", columns, rows, numbers=columns[1:4])
-    costs = [(name, f"{wh / 1000.0:+.2f} kWh") for name, wh in found.costs_wh.items() if abs(wh) >= 1.0]
+    print_table(f"Roads, given {journey.forecast.given}", columns, rows, numbers=columns[1:4])
+    costs = [(name, f"{wh / 1000.0:+.2f} kWh") for name, wh in journey.costs_wh.items() if abs(wh) >= 1.0]
     if costs:
         print_table("What it takes less without", ("", "energy"), costs, numbers=("energy",))
-    print_notes([*found.forecast.flags, *found.flags, found.attribution])
+    print_notes([*journey.forecast.flags, *journey.flags, journey.attribution])

@@ -13,11 +13,12 @@ from tripwatt.cli.options import (
     DatasetOption,
     JsonOption,
     MappingOption,
+    TripOption,
     add_command,
     read_logs,
 )
 from tripwatt.cli.output import write_text
-from tripwatt.cli.printing import console, print_json, print_notes, print_table
+from tripwatt.cli.printing import console, print_findings, print_json, print_notes, print_table
 
 mapping_app = typer.Typer(
     help="Mappings from the columns of your tables to canonical columns: list, show, suggest and apply them.",
@@ -60,13 +61,13 @@ def audit(
     from tripwatt.auditing import audit as run_audit
 
     fleet = read_logs(data, dataset, mapping, built_in_faults=True)
-    found = run_audit(fleet)
+    result = run_audit(fleet)
     if as_json:
         from tripwatt.trips.messages import flag_to_dict  # pandas is slow to import
 
-        frame = found.frame()
+        frame = result.frame()
         records = frame.astype(object).where(frame.notna(), None).to_dict("records")
-        used = [t.trip_id for t in found.trips]
+        used = [t.trip_id for t in result.trips]
         print_json(
             {
                 "read": len(fleet.trips),
@@ -76,11 +77,9 @@ def audit(
             }
         )
         return
-    title = f"{len(fleet.trips)} trips read, {len(found.trips)} drives used ({fleet.name})"
-    if found.findings:
-        columns = ("trip", "from [s]", "to [s]", "consequence", "finding")
-        rows = ((f.trip, f"{f.from_s:.1f}", f"{f.to_s:.1f}", f.consequence, f.what) for f in found.findings)
-        print_table(title, columns, rows, numbers=columns[1:3], folding=("finding",))
+    title = f"{len(fleet.trips)} trips read, {len(result.trips)} drives used ({fleet.name})"
+    if result.findings:
+        print_findings(title, result.findings)
     else:
         console(sys.stdout).print(f"{title}: no findings")
     print_notes(fleet.notes)
@@ -142,11 +141,11 @@ def show_mapping(
       # save a copy to edit
       tripwatt mapping show torque > my.toml
     """
-    from tripwatt.errors import Fault, InvalidInput
+    from tripwatt.errors import InvalidInput
     from tripwatt.sources.mapping import shipped_mappings, shipped_text
 
     if name not in shipped_mappings():
-        raise InvalidInput(Fault("unknown mapping", "NAME", name, ", ".join(shipped_mappings())))
+        raise InvalidInput.of("unknown mapping", "NAME", name, ", ".join(shipped_mappings()))
     text = shipped_text(name)
     print_json({"name": name, "toml": text}) if as_json else typer.echo(text, nl=False)
 
@@ -206,9 +205,7 @@ def suggest(
 def apply(
     data: Annotated[Path, typer.Argument(metavar="DATA", help="A table of trips, or a folder of tables.")],
     mapping: MappingOption = None,
-    trip: Annotated[
-        str | None, typer.Option("--trip", metavar="ID", help="Trip to use if DATA contains several.")
-    ] = None,
+    trip: TripOption = None,
     out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="CSV file to write.")] = Path(
         "trip.csv"
     ),
@@ -226,25 +223,25 @@ def apply(
       tripwatt forecast my-model trip.csv
     """
     from tripwatt.auditing import audit as run_audit
-    from tripwatt.errors import Fault, InvalidInput
+    from tripwatt.errors import InvalidInput
     from tripwatt.trips import COLUMNS
 
     if out.suffix.lower() != ".csv":
-        raise InvalidInput(Fault("unknown file format", "--out", str(out), "a .csv file"))
+        raise InvalidInput.of("unknown file format", "--out", str(out), "a .csv file")
     fleet = read_logs(data, "table", mapping)
-    found = run_audit(fleet)
-    wanted = [t for t in found.trips if trip in (None, t.trip_id)]
+    result = run_audit(fleet)
+    wanted = [t for t in result.trips if trip in (None, t.trip_id)]
     if len(wanted) != 1:
-        ids = [t.trip_id for t in found.trips]
-        aside = found.set_aside.get(trip or fleet.trips[0].trip_id, "")
+        ids = [t.trip_id for t in result.trips]
+        aside = result.set_aside.get(trip or fleet.trips[0].trip_id, "")
         allowed = ", ".join(ids[:12]) + (f" and {len(ids) - 12} more" if len(ids) > 12 else "")
         got = f"set aside by the audit: {aside}" if aside else trip or f"{len(ids)} drives"
-        raise InvalidInput(Fault("no single trip", "--trip", got, allowed or "a drive that the audit uses"))
+        raise InvalidInput.of("no single trip", "--trip", got, allowed or "a drive that the audit uses")
     samples = wanted[0].samples
     table = samples[[c for c in COLUMNS if c in samples.columns]].copy()
     table["time_s"] -= table["time_s"].iloc[0]
     write_text(table.to_csv(index=False, lineterminator="\n"), out)
-    notes = [f"{f.trip}: {f.what} ({f.consequence})" for f in found.findings if f.trip == wanted[0].trip_id]
+    notes = [f"{f.trip}: {f.what} ({f.consequence})" for f in result.findings if f.trip == wanted[0].trip_id]
     if as_json:
         print_json({"trip": wanted[0].trip_id, "out": str(out), "samples": len(table), "notes": notes})
         return

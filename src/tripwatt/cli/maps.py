@@ -43,10 +43,10 @@ def build(
     """
     from tripwatt.routes.maps import build_map
 
-    found = build_map(
+    folder = build_map(
         extract, out, elevation=elevation, progress=lambda step: print_notes([f"building: {step}"])
     )
-    _show(found.info, as_json)
+    _show(folder.info, as_json)
 
 
 def info(

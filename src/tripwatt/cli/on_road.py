@@ -13,7 +13,7 @@ import typer
 
 from tripwatt.cli.options import JsonOption, add_command, gather, model_of, require_extras
 from tripwatt.cli.printing import print_notes
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 
 if TYPE_CHECKING:
     from tripwatt.forecasting import ForecastModel
@@ -130,7 +130,7 @@ def live(
 
 def _require_topic(publish: str, discovery: str) -> None:
     if discovery and not publish:
-        raise InvalidInput(Fault("nothing is published", "--discovery", discovery, "beside --publish TOPIC"))
+        raise InvalidInput.of("nothing is published", "--discovery", discovery, "beside --publish TOPIC")
 
 
 def _model(model: Path | None, vehicle: str | None) -> ForecastModel:

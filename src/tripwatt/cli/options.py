@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
-from tripwatt.errors import Fault, InvalidInput, extras_faults
+from tripwatt.errors import Fault, InvalidInput, extras_faults, raise_faults
 
 if TYPE_CHECKING:
     from tripwatt.forecasting import ForecastModel
@@ -59,6 +59,9 @@ SetOption = Annotated[
         "`tripwatt vehicles NAME` lists, or short names such as mass, payload, c_d, c_rr, base_load, setpoint.",
     ),
 ]
+TripOption = Annotated[
+    str | None, typer.Option("--trip", metavar="ID", help="Trip to use if DATA contains several.")
+]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")]
 
 CARS: Final[Mapping[str, str]] = MappingProxyType(
@@ -76,8 +79,7 @@ UNKNOWN_CAR: Final = "bmw_i3_60ah"
 def require_extras(needed: Mapping[str, str]) -> None:
     """Raise `InvalidInput` with every extra of a command that is not installed, before anything starts."""
     faults = extras_faults(needed)
-    if faults:
-        raise InvalidInput(faults)
+    raise_faults(faults)
 
 
 def read_logs(
@@ -101,8 +103,7 @@ def read_logs(
             for k, v in unused.items()
             if v is not None
         ]
-        if faults:
-            raise InvalidInput(faults)
+        raise_faults(faults)
         return synthetic_fleet(BUILT_IN_TRIPS, faults=True) if built_in_faults else synthetic_fleet()
     from tripwatt.sources import read_logs as read
 
@@ -169,8 +170,7 @@ def gather(*checks: Callable[[], object]) -> None:
             check()
         except InvalidInput as error:
             faults += error.faults
-    if faults:
-        raise InvalidInput(faults)
+    raise_faults(faults)
 
 
 @contextmanager

@@ -5,13 +5,12 @@ from __future__ import annotations
 import os
 import shutil
 import stat
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.files import folder_lock, replace_folder, restore_folder, write_file
+from tripwatt.files import replace_folder, restore_folder, write_file
 
 LAST: Final = "results.json"
 """The file that comes last: where it stands, everything beside it belongs to it."""
@@ -27,11 +26,11 @@ def check_writable(out: Path) -> None:
     """
     if out.is_symlink() and not out.exists():
         got = f"{out} -> {os.readlink(out)}"
-        raise InvalidInput(Fault("output is a link to nothing", "--out", got, "a new or existing folder"))
+        raise InvalidInput.of("output is a link to nothing", "--out", got, "a new or existing folder")
     if out.resolve() == Path(out.absolute().anchor):
-        raise InvalidInput(Fault("output is the root folder", "--out", str(out), "a new or existing folder"))
+        raise InvalidInput.of("output is the root folder", "--out", str(out), "a new or existing folder")
     if out.exists() and not out.is_dir():
-        raise InvalidInput(Fault("output is not a folder", "--out", str(out), "a new or existing folder"))
+        raise InvalidInput.of("output is not a folder", "--out", str(out), "a new or existing folder")
     nearest = next(place for place in (out, *out.absolute().parents) if place.exists())
     if not nearest.is_dir():
         raise InvalidInput(_unwritable(out, f"{nearest} is not a folder"))
@@ -60,19 +59,6 @@ def unfinished_folder(out: Path) -> Path:
 def finished_folds(unfinished: Path) -> int:
     """How many finished folds an interrupted run has left."""
     return sum(1 for _ in unfinished.glob("folds/*/*.npz"))
-
-
-@contextmanager
-def output_lock(unfinished: Path) -> Iterator[None]:
-    """Keep other runs away from an output until the block ends.
-
-    Raises
-    ------
-    InvalidInput
-        When another run holds it.
-    """
-    with folder_lock(unfinished):
-        yield
 
 
 def write_whole(write: Callable[[Path], None], out: Path, unfinished: Path) -> None:
@@ -186,14 +172,10 @@ def write_bytes(content: bytes, path: Path, option: str = "--out") -> None:
     try:
         if path.exists() and not path.is_file():
             raise OSError(f"{'a folder' if path.is_dir() else 'no regular file'}")
-        write_file(path, lambda partial: _write(partial, content))
+        write_file(path, lambda partial: partial.write_bytes(content))
     except OSError as error:
         got = error.strerror or str(error)
-        raise InvalidInput(Fault("cannot write the file", option, f"{path}: {got}")) from error
-
-
-def _write(path: Path, content: bytes) -> None:
-    path.write_bytes(content)
+        raise InvalidInput.of("cannot write the file", option, f"{path}: {got}") from error
 
 
 def _replace(made: Path, out: Path, older: Path) -> None:

@@ -237,8 +237,8 @@ def _show_learned(about: Mapping[str, Any]) -> None:
             f"{_percent(latest['needed_width'])} was needed to hold 90% of them"
         )
     rows = [
-        (WORDS.get(name, name), f"{found['change']:+.1%}", f"{found['sd']:.1%}")
-        for name, found in about["learned"].items()
+        (WORDS.get(name, name), f"{value['change']:+.1%}", f"{value['sd']:.1%}")
+        for name, value in about["learned"].items()
     ]
     if rows:
         print_table(

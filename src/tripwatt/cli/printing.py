@@ -14,6 +14,7 @@ import typer
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from tripwatt.auditing import Finding
     from tripwatt.trips import Flag
 
 
@@ -75,6 +76,13 @@ def print_table(
     # a column that does not fit would lose its ends, and numbers their last digits: the terminal breaks the line instead
     shown.width = max(shown.width, needed)
     shown.print(table, crop=False)
+
+
+def print_findings(title: str, findings: Iterable[Finding]) -> None:
+    """The findings of an audit: trip, time span, consequence and what it is."""
+    columns = ("trip", "from [s]", "to [s]", "consequence", "finding")
+    rows = [(f.trip, f"{f.from_s:.1f}", f"{f.to_s:.1f}", f.consequence, f.what) for f in findings]
+    print_table(title, columns, rows, numbers=columns[1:3], folding=("finding",))
 
 
 def _note(flag: Flag) -> str:

@@ -11,7 +11,7 @@ import typer
 
 from tripwatt.cli.journey import MapOption, PlacesOption, StationsOption, WeatherOption
 from tripwatt.cli.options import add_command, gather, require_extras
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, InvalidInput, raise_faults
 
 
 def add_commands(app: typer.Typer) -> None:
@@ -138,8 +138,8 @@ def make_cars_folder(folder: Path | None) -> None:
         folder.mkdir()
     except OSError as error:
         got = error.strerror or f"{error}"
-        raise InvalidInput(
-            Fault("cannot make the folder", f"--cars, {folder}", got, "a folder of cars, or a new one")
+        raise InvalidInput.of(
+            "cannot make the folder", f"--cars, {folder}", got, "a folder of cars, or a new one"
         ) from error
 
 
@@ -151,17 +151,16 @@ def models_of(given: list[Path], folder: Path | None) -> dict[str, Path]:
     InvalidInput
         When the folder holds none, or two have one name.
     """
-    found = list(given)
+    folders = list(given)
     faults = []
     if folder is not None:
         inside = sorted(p.parent for p in folder.glob("*/metadata.json")) if folder.is_dir() else []
         if not inside:
             faults.append(Fault("no models", "--models", str(folder), "a folder that contains models"))
-        found += inside
-    names = [place.resolve().name for place in found]
+        folders += inside
+    names = [place.resolve().name for place in folders]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
         faults.append(Fault("duplicate model name", "MODEL", ", ".join(twice), "each name once"))
-    if faults:
-        raise InvalidInput(faults)
-    return {name: place.resolve() for name, place in zip(names, found, strict=True)}
+    raise_faults(faults)
+    return {name: place.resolve() for name, place in zip(names, folders, strict=True)}

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from tripwatt.cli.options import DatasetOption, JsonOption, MappingOption, add_command
-from tripwatt.cli.printing import console, print_json, print_notes, print_table
+from tripwatt.cli.printing import console, print_findings, print_json, print_notes, print_table
 
 if TYPE_CHECKING:
     from tripwatt.store import TripStore
@@ -246,17 +246,17 @@ def audit(
       # list the faults of its logs
       tripwatt store audit fleet --vehicle-id V17
     """
-    found = opened(store, options).audit(vehicle_id=vehicle_id, car_model=car_model, since=since, until=until)
+    result = opened(store, options).audit(
+        vehicle_id=vehicle_id, car_model=car_model, since=since, until=until
+    )
     rows: list[dict[str, Any]] = [
         {"trip": f.trip, "from_s": f.from_s, "to_s": f.to_s, "what": f.what, "consequence": f.consequence}
-        for f in found
+        for f in result
     ]
     if as_json:
         print_json(rows)
         return
-    columns = ("trip", "from [s]", "to [s]", "consequence", "finding")
-    shown = [(f.trip, f"{f.from_s:.1f}", f"{f.to_s:.1f}", f.consequence, f.what) for f in found]
-    print_table(f"{len(shown)} findings", columns, shown, numbers=columns[1:3], folding=("finding",))
+    print_findings(f"{len(rows)} findings", result)
 
 
 def compact(

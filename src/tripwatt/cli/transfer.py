@@ -18,9 +18,10 @@ from tripwatt.cli.options import (
     gather,
     read_logs,
 )
-from tripwatt.cli.output import check_writable, output_lock, unfinished_folder, write_whole
+from tripwatt.cli.output import check_writable, unfinished_folder, write_whole
 from tripwatt.cli.printing import console, print_json, print_notes, print_table, progress
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
+from tripwatt.files import folder_lock
 
 if TYPE_CHECKING:
     from tripwatt.trips import Fleet
@@ -122,7 +123,7 @@ def transfer(
     from tripwatt.report.transfer import write_transfer
 
     unfinished = unfinished_folder(out)
-    with output_lock(unfinished), progress(shown) as advance:
+    with folder_lock(unfinished), progress(shown) as advance:
         run = evaluate_transfer(
             fleets["source"],
             fleets["target"],
@@ -170,10 +171,8 @@ def numbers_of(text: str) -> list[int]:
     except ValueError:
         numbers = [-1]
     if min(numbers) < 0:
-        raise InvalidInput(
-            Fault(
-                "invalid numbers of trips", "--trips", text, "whole numbers of 0 or more, separated by commas"
-            )
+        raise InvalidInput.of(
+            "invalid numbers of trips", "--trips", text, "whole numbers of 0 or more, separated by commas"
         )
     return numbers
 

@@ -15,7 +15,7 @@ from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.evaluation.forecast_data import ForecastData
 from tripwatt.evaluation.held_out_forecasts import HeldOutForecasts
 from tripwatt.evaluation.hold_outs import HoldOut
-from tripwatt.evaluation.tasks import Fitted, Method, Predict, Together
+from tripwatt.evaluation.tasks import Fitted, Method
 from tripwatt.forecasting import Forecast, ForecastModel
 from tripwatt.hybrid import power_corrector
 from tripwatt.hybrid.familiarity import Familiarity
@@ -51,20 +51,19 @@ class PowerMethod(Method[ForecastData]):
 
     def shares_folds(self, seed: int) -> bool:
         """Whether the corrector is a learner on one car."""
-        return (
-            self.corrector is not None and not self.identified and _learner(self.corrector, seed) is not None
-        )
+        if self.corrector is None or self.identified:
+            return False
+        return isinstance(power_corrector(self.corrector, seed), LearnerCorrector)
 
-    def together(self, data: ForecastData, folds: IntArray, seed: int, *, compares: bool) -> Together:
+    def together(self, data: ForecastData, folds: IntArray, seed: int, *, compares: bool) -> Fitted:
         """Correct the power of each trip, in so far as it is like those of the other folds."""
-        learner, segments = _learner(self.corrector or "", seed), data.segments
-        assert learner is not None
+        learner, segments = held_out_learner(self.corrector or "", seed), data.segments
         correction = _left_out(learner, learner.columns(segments), segments.residual_w, data, folds)
         share, features, row_folds = np.ones(len(correction)), segments.features, folds[segments.groups]
         for fold in np.unique(folds):
             own = row_folds == fold
             share[own] = Familiarity.from_features(features[~own], learner.features).share(features[own])
-        return _by_trip(segments.totals_wh(segments.simulated_w + correction * share))
+        return Fitted(segments.totals_wh(segments.simulated_w + correction * share).__getitem__)
 
     def needed(self, hold_out: HoldOut[ForecastData], scored: IntArray) -> ForecastData:
         """Segments; with what identifies the stages where it is needed."""
@@ -85,8 +84,7 @@ class DataMethod(Method[ForecastData]):
 
     def fit(self, data: ForecastData, train: IntArray, seed: int) -> Fitted:
         """Fit the learner."""
-        segments, columns, learner = data.segments, data.data_features, _learner(self.corrector, seed)
-        assert learner is not None
+        segments, columns, learner = data.segments, data.data_features, held_out_learner(self.corrector, seed)
         rows = np.isin(segments.groups, train)
         power_w = segments.take(np.sort(train)).observed_power_w
         learner.model.fit(columns[rows], power_w, groups=segments.groups[rows])
@@ -101,22 +99,22 @@ class DataMethod(Method[ForecastData]):
         """Every learner does."""
         return True
 
-    def together(self, data: ForecastData, folds: IntArray, seed: int, *, compares: bool) -> Together:
+    def together(self, data: ForecastData, folds: IntArray, seed: int, *, compares: bool) -> Fitted:
         """Predict the power of each trip."""
-        learner, segments = _learner(self.corrector, seed), data.segments
-        assert learner is not None
+        learner, segments = held_out_learner(self.corrector, seed), data.segments
         power = _left_out(learner, data.data_features, segments.observed_power_w, data, folds)
-        return _by_trip(segments.totals_wh(power))
+        return Fitted(segments.totals_wh(power).__getitem__)
 
     def needed(self, hold_out: HoldOut[ForecastData], scored: IntArray) -> ForecastData:
         """Segments and data features."""
         return hold_out.data.slim()
 
 
-def _learner(corrector: str, seed: int) -> LearnerCorrector | None:
-    """A corrector whose learner gives the held-out predictions of all folds at once; None for another one."""
+def held_out_learner(corrector: str, seed: int) -> LearnerCorrector:
+    """A corrector whose learner gives the held-out predictions of all folds at once."""
     made = power_corrector(corrector, seed)
-    return made if isinstance(made, LearnerCorrector) else None
+    assert isinstance(made, LearnerCorrector)
+    return made
 
 
 def _left_out(
@@ -125,11 +123,6 @@ def _left_out(
     """Predictions of each segment by a learner without its fold."""
     groups = data.segments.groups
     return np.asarray(learner.model.leave_groups_out(columns, target, groups=groups, folds=folds[groups]))
-
-
-def _by_trip(totals_wh: FloatArray) -> Together:
-    predict: Predict = totals_wh.__getitem__
-    return Together(predict)
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,7 @@ import pandas as pd
 
 from tripwatt.arrays import BoolArray, IntArray
 from tripwatt.auditing import Audit, audit
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 from tripwatt.evaluation.comparison import Comparison
 from tripwatt.evaluation.forecast_data import ForecastData
 from tripwatt.evaluation.forecast_models import DataMethod, ForecastMethod, PowerMethod
@@ -42,7 +42,7 @@ from tripwatt.evaluation.hold_outs import (
     days_of,
     random_draws,
 )
-from tripwatt.evaluation.protocol import ReportSection
+from tripwatt.evaluation.protocol import AUDIT, DIFFERENCES, RESULT, TRIP_BY_TRIP, ReportSection
 from tripwatt.evaluation.results import EvaluationRun, about_run
 from tripwatt.evaluation.table_models import CONSTANT, LINEAR4, LINEAR6, PHYSICS, PHYSICS4
 from tripwatt.evaluation.tasks import ModelSpec
@@ -99,18 +99,14 @@ class ForecastProtocol:
     name = "forecast"
     title = "the forecast before departure and on the way, beside models of power"
     sections: tuple[ReportSection, ...] = (
-        ReportSection("result", "Result", ("table", "mean-errors", "legend", "sets", "full-tables")),
+        RESULT,
         ReportSection("sure", "Uncertainty", ("coverage", "pit", "widths", "crps", "regimes")),
         ReportSection("arrival", "State of charge at arrival", ("arrival",)),
         ReportSection("during", "During the trip", ("updates",)),
         ReportSection("learning", "Amount of training data, and kinds of trips", ("training-size", "strata")),
         ReportSection("why", "Energy by cause", ("waterfall", "example")),
         ReportSection("errors", "Errors of every model", ("error-distribution", "error-boxes")),
-        ReportSection("trips", "Trip by trip", ("trip-energy", "trip-errors", "all-trips")),
-        ReportSection("comparison", "Differences between the models", ("paired-differences",)),
-        ReportSection(
-            "audit", "Trips that were used, and reasons why others were not", ("audit-findings", "trips-used")
-        ),
+        *(TRIP_BY_TRIP, DIFFERENCES, AUDIT),
     )
     focus: str | None = FORECAST
     published: Mapping[str, float] = MappingProxyType({})
@@ -153,14 +149,14 @@ class ForecastProtocol:
     def prepare(self, fleet: Fleet, test_fleet: Fleet | None, car: CarChoice) -> Prepared[ForecastData]:
         """Leave one trip and one day out, or fit on one fleet and score another."""
         vehicle = load_vehicle(car.name, "default", car.overrides)
-        audited = audit(fleet)
+        scored = audited = audit(fleet)
         notes = [*map(message, fleet.notes)]
         if test_fleet is None:
             hold_outs, more = _held_out(fleet, audited, vehicle)
-            return Prepared(hold_outs, fleet, None, audited, {"physics": vehicle}, (*notes, *more))
-        scored = audit(test_fleet)
-        hold_outs, more = _other_trips(fleet, audited, test_fleet, scored, vehicle)
-        notes += map(message, test_fleet.notes)
+        else:
+            scored = audit(test_fleet)
+            hold_outs, more = _other_trips(fleet, audited, test_fleet, scored, vehicle)
+            notes += map(message, test_fleet.notes)
         return Prepared(hold_outs, fleet, test_fleet, scored, {"physics": vehicle}, (*notes, *more))
 
     def assemble(
@@ -273,8 +269,8 @@ def _other_trips(
     test: Sequence[Trip] = test_fleet.reference_trips() or test_audited.trips
     _require(len(train), fleet)
     if not test:
-        raise InvalidInput(
-            Fault("no trip to score", f"--test {test_fleet.name}", "0", "at least 1 after the audit")
+        raise InvalidInput.of(
+            "no trip to score", f"--test {test_fleet.name}", "0", "at least 1 after the audit"
         )
     data = ForecastData.from_trips([*test, *train], vehicle)
     folds = np.repeat([0, TRAINING_ONLY], [len(test), len(train)])
@@ -285,6 +281,5 @@ def _other_trips(
 def _require(training: int, fleet: Fleet) -> None:
     if training < MIN_TRIPS:
         got = f"{training} to train on, of {len(fleet.trips)}"
-        raise InvalidInput(
-            Fault("too few trips after the audit", fleet.name, got, f"at least {MIN_TRIPS} to train on")
-        )
+        least = f"at least {MIN_TRIPS} to train on"
+        raise InvalidInput.of("too few trips after the audit", fleet.name, got, least)

@@ -111,22 +111,19 @@ def _known(value: float | None) -> float:
 
 def about_trips(data: ForecastData, members: IntArray) -> pd.DataFrame:
     """What strata divide by, known at departure, one row per trip."""
-    rows = []
-    for i in members:
-        plan, context = data.plans[i], data.table.trips[i].context
-        height = plan.array("elevation_m") if "elevation_m" in plan else np.array([np.nan])
-        rows.append(
-            {
-                "trip": plan.trip_id,
-                "duration_s": plan.duration_s,
-                "distance_m": plan.distance_m,
-                "net_climb_m": float(height[-1] - height[0]),
-                "ambient_temperature_degc": _known(plan.departure.ambient_temperature_degc),
-                "battery_temperature_degc": _known(plan.departure.battery_temperature_degc),
-                "driver": context.driver,
-            }
-        )
-    return pd.DataFrame(rows)
+    plans = [data.plans[i] for i in members]
+    heights = [plan.array("elevation_m") if "elevation_m" in plan else np.array([np.nan]) for plan in plans]
+    return pd.DataFrame(
+        {
+            "trip": [plan.trip_id for plan in plans],
+            "duration_s": [plan.duration_s for plan in plans],
+            "distance_m": [plan.distance_m for plan in plans],
+            "net_climb_m": [float(height[-1] - height[0]) for height in heights],
+            "ambient_temperature_degc": [_known(plan.departure.ambient_temperature_degc) for plan in plans],
+            "battery_temperature_degc": [_known(plan.departure.battery_temperature_degc) for plan in plans],
+            "driver": [data.table.trips[i].context.driver for i in members],
+        }
+    )
 
 
 def strata(main: Comparison, seed: int) -> list[dict[str, Any]]:

@@ -108,19 +108,29 @@ def coverage_scores(
         `needed_width_wh` (see `Coverage`), each by level.
     """
     inside = (observed_wh[:, None] >= low_wh) & (observed_wh[:, None] <= high_wh)
-    found = {
-        f"{level:g}": Coverage.from_bounds(observed_wh, low_wh[:, j], high_wh[:, j], level)
+    drawn = {
+        f"{level:g}": bootstrap_interval(inside[:, j].astype(float), seed) for j, level in enumerate(LEVELS)
+    }
+    return coverage_by_level(observed_wh, low_wh, high_wh) | {"coverage_bootstrap95": drawn}
+
+
+def coverage_by_level(observed_wh: FloatArray, low_wh: FloatArray, high_wh: FloatArray) -> dict[str, Any]:
+    """`coverage_scores` without the bootstrap."""
+    scores = {
+        f"{level:g}": _covered(Coverage.from_bounds(observed_wh, low_wh[:, j], high_wh[:, j], level), "_wh")
         for j, level in enumerate(LEVELS)
     }
+    names = next(iter(scores.values()))
+    return {name: {level: score[name] for level, score in scores.items()} for name in names}
+
+
+def _covered(intervals: Coverage, unit: str) -> dict[str, Any]:
     return {
-        "coverage": {k: one.share for k, one in found.items()},
-        "coverage_ci95": {k: one.ci95 for k, one in found.items()},
-        "coverage_bootstrap95": {
-            k: bootstrap_interval(inside[:, j].astype(float), seed) for j, k in enumerate(found)
-        },
-        "inside": {k: one.inside for k, one in found.items()},
-        "interval_width_wh": {k: one.width for k, one in found.items()},
-        "needed_width_wh": {k: one.needed_width for k, one in found.items()},
+        "coverage": intervals.share,
+        "coverage_ci95": intervals.ci95,
+        "inside": intervals.inside,
+        f"interval_width{unit}": intervals.width,
+        f"needed_width{unit}": intervals.needed_width,
     }
 
 
@@ -217,27 +227,21 @@ def arrival_scores(
         Start -> `n_trips, mae, bias, coverage, coverage_ci95, inside, interval_width, needed_width` [1], `reliability`: see `reliability`;
         None where no trip has the readings.
     """
-    found: dict[str, dict[str, Any] | None] = {}
+    scores: dict[str, dict[str, Any] | None] = dict.fromkeys(ARRIVAL_STARTS)
     for k, start in enumerate(ARRIVAL_STARTS):
         known = np.isfinite(shown) & np.isfinite(arrival[:, k]).all(axis=1)
         if not known.any():
-            found[start] = None
             continue
         truth, (centre, low, high) = shown[known], arrival[known, k].T
-        covered = Coverage.from_bounds(truth, low, high, UPDATE_LEVEL)
         arrived = truth[:, None] >= centre[:, None] + np.array(RESERVE_OFFSETS)
-        found[start] = {
+        scores[start] = {
             "n_trips": int(known.sum()),
             "mae": float(np.mean(np.abs(centre - truth))),
             "bias": float(np.mean(centre - truth)),
-            "coverage": covered.share,
-            "coverage_ci95": covered.ci95,
-            "inside": covered.inside,
-            "interval_width": covered.width,
-            "needed_width": covered.needed_width,
+            **_covered(Coverage.from_bounds(truth, low, high, UPDATE_LEVEL), ""),
             "reliability": reliability(chance[known, k], arrived, seed),
         }
-    return found
+    return scores
 
 
 def reliability(chance: FloatArray, happened: BoolArray, seed: int) -> list[dict[str, Any]]:
@@ -314,7 +318,7 @@ def strata_of(trips: pd.DataFrame) -> list[Stratum]:
     battery = trips["battery_temperature_degc"].to_numpy(dtype=float)
     climb = trips["net_climb_m"].to_numpy(dtype=float)
     km = trips["distance_m"].to_numpy(dtype=float) / 1000.0
-    found = [
+    strata = [
         Stratum("road", "net descent of more than 10 m", climb < NET_DESCENT_M),
         Stratum("road", "no net descent", climb >= NET_DESCENT_M),
         Stratum("battery", "below 5 °C", battery < COLD_BATTERY_DEGC),
@@ -325,21 +329,18 @@ def strata_of(trips: pd.DataFrame) -> list[Stratum]:
         *_bins("mean speed", km / (trips["duration_s"].to_numpy(dtype=float) / 3600.0), (30, 50), "km/h"),
     ]
     drivers = sorted({d for d in trips["driver"] if isinstance(d, str)})
-    found += [Stratum("driver", d, (trips["driver"] == d).to_numpy(dtype=bool)) for d in drivers]
-    return [s for s in found if s.members.any()]
+    strata += [Stratum("driver", d, (trips["driver"] == d).to_numpy(dtype=bool)) for d in drivers]
+    return [s for s in strata if s.members.any()]
 
 
 def _bins(by: str, values: FloatArray, edges: Sequence[float], unit: str) -> list[Stratum]:
     """Below the first edge, between neighbouring ones, from the last on."""
     bounds = [-np.inf, *edges, np.inf]
-    names = [
-        f"below {edges[0]} {unit}",
-        *(f"{a} to {b} {unit}" for a, b in itertools.pairwise(edges)),
-        f"{edges[-1]} {unit} or more",
-    ]
+    between = [f"{a} to {b}" for a, b in itertools.pairwise(edges)]
+    names = [f"below {edges[0]} {unit}", *(f"{n} {unit}" for n in between), f"{edges[-1]} {unit} or more"]
     return [
         Stratum(by, name, (values >= low) & (values < high))
-        for name, low, high in zip(names, bounds[:-1], bounds[1:], strict=True)
+        for name, (low, high) in zip(names, itertools.pairwise(bounds), strict=True)
     ]
 
 

@@ -37,8 +37,8 @@ class ErrorSummary:
 
     Examples
     --------
-    >>> found = summarise_errors(np.array([1000.0, 2000.0]), np.array([1100.0, 1900.0]), seed=0)
-    >>> round(found.mape, 3), round(found.bias, 3), found.rmse_wh
+    >>> errors = summarise_errors(np.array([1000.0, 2000.0]), np.array([1100.0, 1900.0]), seed=0)
+    >>> round(errors.mape, 3), round(errors.bias, 3), errors.rmse_wh
     (0.075, 0.025, 100.0)
     """
 
@@ -65,8 +65,8 @@ class PairedDifference:
 
     Examples
     --------
-    >>> found = paired_difference(np.full(20, 0.05), np.full(20, 0.08), seed=0)
-    >>> round(found.diff, 3), found.significant
+    >>> pair = paired_difference(np.full(20, 0.05), np.full(20, 0.08), seed=0)
+    >>> round(pair.diff, 3), pair.significant
     (-0.03, True)
     """
 
@@ -102,7 +102,7 @@ def bootstrap_interval(values: FloatArray, seed: int, *, draws: int = BOOTSTRAP_
     """
     if len(values) == 1:  # every draw is the same
         return round(float(values[0]), 12), round(float(values[0]), 12)
-    found = stats.bootstrap(
+    interval = stats.bootstrap(
         (values,),
         np.mean,
         n_resamples=draws,
@@ -110,7 +110,7 @@ def bootstrap_interval(values: FloatArray, seed: int, *, draws: int = BOOTSTRAP_
         method="percentile",
         rng=np.random.default_rng(seed),
     ).confidence_interval
-    return round(float(found.low), 12), round(float(found.high), 12)
+    return round(float(interval.low), 12), round(float(interval.high), 12)
 
 
 def summarise_errors(observed_wh: FloatArray, predicted_wh: FloatArray, seed: int) -> ErrorSummary:

@@ -27,7 +27,7 @@ from tripwatt.evaluation.hold_outs import (
     days_of,
 )
 from tripwatt.evaluation.paper_studies import simulation_forms, studies, study_comparisons
-from tripwatt.evaluation.protocol import ReportSection
+from tripwatt.evaluation.protocol import AUDIT, DIFFERENCES, RESULT, TRIP_BY_TRIP, ReportSection
 from tripwatt.evaluation.results import EvaluationRun, about_run
 from tripwatt.evaluation.table_models import (
     CONSTANT,
@@ -77,7 +77,7 @@ class PaperProtocol:
         table_model("boosting-only", "boosting without physics", correctors.boosting_without_physics),
     )
     sections: tuple[ReportSection, ...] = (
-        ReportSection("result", "Result", ("table", "mean-errors", "legend", "sets", "full-tables")),
+        RESULT,
         ReportSection(
             "errors", "Errors of every model", ("error-distribution", "error-boxes", "benchmark-boxes")
         ),
@@ -86,11 +86,7 @@ class PaperProtocol:
             "Beside the paper",
             ("simulation-forms", "working-correlations", "gamm-errors", "trips-needed"),
         ),
-        ReportSection("trips", "Trip by trip", ("trip-energy", "trip-errors", "all-trips")),
-        ReportSection("comparison", "Differences between the models", ("paired-differences",)),
-        ReportSection(
-            "audit", "Trips that were used, and reasons why others were not", ("audit-findings", "trips-used")
-        ),
+        *(TRIP_BY_TRIP, DIFFERENCES, AUDIT),
         ReportSection(
             "gamm",
             "The GAMM",
@@ -119,9 +115,8 @@ class PaperProtocol:
     def prepare(self, fleet: Fleet, test_fleet: Fleet | None, car: CarChoice) -> Prepared[None]:
         """Each set of trips under leave-one-trip-out, and the main set under leave-one-day-out."""
         if test_fleet is not None:
-            raise InvalidInput(
-                Fault("option not available", "--test", f"protocol {self.name!r}", "protocol 'forecast'")
-            )
+            got, allowed = f"protocol {self.name!r}", "protocol 'forecast'"
+            raise InvalidInput.of("option not available", "--test", got, allowed)
         cars = {name: load_vehicle(car.name, preset, car.overrides) for name, preset in PRESETS.items()}
         given = [
             f"{cars['physics'].name} with {key} = {value}" for key, value in (car.overrides or {}).items()
@@ -161,18 +156,12 @@ def _table2(gamm: GammInsight | None) -> list[dict[str, Any]]:
     """Every term of the fitted GAMM: estimate and standard error, or EDF and reference df, and p; None without data."""
     if gamm is None:
         return []
-    tables = (
-        (gamm.summary.parametric, "estimate", "std_error"),
-        (gamm.summary.smooth, "edf", "ref_df"),
-    )
+    tables = ((gamm.summary.parametric, "estimate", "std_error"), (gamm.summary.smooth, "edf", "ref_df"))
     return [
-        {
-            "term": str(term),
-            value: float(row[value]),
-            second: float(row[second]),
-            "p_value": float(row["p_value"]) if np.isfinite(row["p_value"]) else None,
-        }
-        for table, value, second in tables
+        {"term": str(term)}
+        | {column: float(row[column]) for column in columns}
+        | {"p_value": float(row["p_value"]) if np.isfinite(row["p_value"]) else None}
+        for table, *columns in tables
         for term, row in table.iterrows()
     ]
 
@@ -181,11 +170,7 @@ def _hold_outs(
     fleet: Fleet, audited: Audit, cars: Mapping[str, Vehicle]
 ) -> tuple[list[HoldOut[None]], list[str]]:
     usable, notes = _usable(fleet.trips)
-    sets: dict[str, Sequence[Trip]] = {
-        "reference": fleet.reference_trips(),
-        "audited": audited.trips,
-        "all": usable,
-    }
+    sets = {"reference": fleet.reference_trips(), "audited": audited.trips, "all": usable}
     hold_outs: list[HoldOut[None]] = []
     for name, trips in sets.items():
         if not trips:
@@ -196,10 +181,8 @@ def _hold_outs(
         hold_outs.append(HoldOut.from_folds(LEAVE_ONE_TRIP_OUT, name, table, None, np.arange(len(table))))
     if not hold_outs or max(len(h.table) for h in hold_outs) < MIN_FOLDS:
         got = f"{len(audited.trips)} of {len(fleet.trips)}"
-        fault = Fault(
-            "too few trips after the audit", fleet.name, got, f"at least {MIN_FOLDS} with measured energy"
-        )
-        raise InvalidInput(fault)
+        least = f"at least {MIN_FOLDS} with measured energy"
+        raise InvalidInput.of("too few trips after the audit", fleet.name, got, least)
     main = hold_outs[0]
     days = days_of(main.table.trips)
     if days is None:
@@ -228,14 +211,9 @@ def _series(table: TripTable, predictions: Mapping[str, FloatArray]) -> dict[str
     frames = {}
     for i, trip in enumerate(table.trips):
         rows = slice(int(table.offsets[i]), int(table.offsets[i + 1]))
-        frames[trip.trip_id] = pd.DataFrame(
-            {
-                "time_s": trip.array("time_s"),
-                "speed_m_s": trip.array("speed_m_s"),
-                "observed_energy_wh": table.observed_wh[rows],
-            }
-            | {name: values[rows] for name, values in predictions.items()}
-        )
+        frame = {name: trip.array(name) for name in ("time_s", "speed_m_s")}
+        frame |= {"observed_energy_wh": table.observed_wh[rows]}
+        frames[trip.trip_id] = pd.DataFrame(frame | {k: values[rows] for k, values in predictions.items()})
     return frames
 
 

@@ -284,10 +284,7 @@ def trips_needed(draws: Comparison, seed: int) -> dict[str, Any]:
     """
     table, splits = draws.hold_out.table, draws.hold_out.splits
     n_trips, observed = len(table), table.observed_wh[table.last_rows]
-    sizes, n_draws = (
-        np.unique([len(split.train) for split in splits]),
-        1 + max(split.draw for split in splits),
-    )
+    sizes, n_draws = np.unique([len(s.train) for s in splits]), 1 + max(s.draw for s in splits)
     errors = np.full((len(CURVE_MODELS), len(sizes), n_draws, n_trips), np.nan)
     for result in draws.results:
         split, model = result.split, CURVE_MODELS.index(result.model)
@@ -306,13 +303,8 @@ def trips_needed(draws: Comparison, seed: int) -> dict[str, Any]:
         | {name: float(means[m, i]) for m, name in enumerate(CURVE_MODELS)}
         for i, size in enumerate(sizes)
     ]
-    point = crossing(sizes, means)
-    ends = [None if not np.isfinite(end) else float(end) for end in (low, high)]
-    return {
-        "curve": curve,
-        "crossing": float(point) if np.isfinite(point) else None,
-        "crossing_ci95": ends,
-    }
+    point, *ends = (float(end) if np.isfinite(end) else None for end in (crossing(sizes, means), low, high))
+    return {"curve": curve, "crossing": point, "crossing_ci95": ends}
 
 
 def _weighted(errors: FloatArray, draws: IntArray | FloatArray, trips: IntArray | FloatArray) -> FloatArray:

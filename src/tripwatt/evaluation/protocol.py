@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Final, Protocol
 
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.evaluation.comparison import Comparison
@@ -21,6 +21,15 @@ class ReportSection:
     key: str
     title: str
     panels: tuple[str, ...]
+
+
+RESULT: Final = ReportSection("result", "Result", ("table", "mean-errors", "legend", "sets", "full-tables"))
+TRIP_BY_TRIP: Final = ReportSection("trips", "Trip by trip", ("trip-energy", "trip-errors", "all-trips"))
+DIFFERENCES: Final = ReportSection("comparison", "Differences between the models", ("paired-differences",))
+AUDIT: Final = ReportSection(
+    "audit", "Trips that were used, and reasons why others were not", ("audit-findings", "trips-used")
+)
+"""Sections of every protocol's report."""
 
 
 class EvaluationProtocol(Protocol):

@@ -1,4 +1,4 @@
-"""What an evaluation found, as one object and as the files `results.json` and `folds.csv`.
+"""The result of an evaluation, as one object and as the files `results.json` and `folds.csv`.
 
 `results.json` is a contract; its keys are listed in `docs/explanation/evaluation.md`.
 """

@@ -9,7 +9,7 @@ from typing import Any
 
 from tripwatt.arrays import IntArray
 from tripwatt.evaluation.hold_outs import HoldOut
-from tripwatt.evaluation.tasks import Fitted, Method, ModelSpec, Together
+from tripwatt.evaluation.tasks import Fitted, Method, ModelSpec
 from tripwatt.hybrid import EnergyModel, EnergyRegression, PhysicsOnly, TripTable
 from tripwatt.paper import HybridModel
 
@@ -39,13 +39,13 @@ class TableMethod(Method[TripTable]):
         model = self.make(seed)
         return isinstance(model, HybridModel) and model.shares_folds
 
-    def together(self, data: TripTable, folds: IntArray, seed: int, *, compares: bool) -> Together:
+    def together(self, data: TripTable, folds: IntArray, seed: int, *, compares: bool) -> Fitted:
         """Predict every row."""
         model = self.make(seed)
         assert isinstance(model, HybridModel)
         predicted = model.predict_held_out(data, folds)
         inner = model.inner_errors(data, folds, seed) if compares else None
-        return Together(lambda test: predicted[data.rows_of(test)], inner)
+        return Fitted(lambda test: predicted[data.rows_of(test)], inner_errors=inner)
 
     def needed(self, hold_out: HoldOut[Any], scored: IntArray) -> TripTable:
         """The table without the samples of its trips."""

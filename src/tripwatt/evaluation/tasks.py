@@ -57,7 +57,7 @@ class FoldResult:
 
 @dataclass(frozen=True, slots=True)
 class Fitted:
-    """What `Method.fit` gives.
+    """What `Method.fit` and `Method.together` give.
 
     Attributes
     ----------
@@ -65,25 +65,12 @@ class Fitted:
         See `Predict`.
     forecasts : callable or None
         Everything that is scored of the forecasts of the trips that were predicted.
+    inner_errors : ndarray or None, shape (folds,)
+        Of `Method.together`: error of each fold by which settings are compared, in the order of the folds' numbers.
     """
 
     predict: Predict
     forecasts: Callable[[IntArray], HeldOutForecasts] | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Together:
-    """What `Method.together` gives.
-
-    Attributes
-    ----------
-    predict : callable
-        See `Predict`: the model that predicts a trip did not see its fold.
-    inner_errors : ndarray or None, shape (folds,)
-        Error of each fold by which settings are compared, in the order of the folds' numbers.
-    """
-
-    predict: Predict
     inner_errors: FloatArray | None = None
 
 
@@ -102,7 +89,7 @@ class Method(Generic[D]):
         """Whether `together` gives the held-out predictions of all folds at once."""
         return False
 
-    def together(self, data: D, folds: IntArray, seed: int, *, compares: bool) -> Together:
+    def together(self, data: D, folds: IntArray, seed: int, *, compares: bool) -> Fitted:
         """Predict each trip by a model that did not see its fold; `compares` asks for the errors inside the folds."""
         raise NotImplementedError
 

@@ -17,21 +17,16 @@ import pandas as pd
 
 from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.auditing import audit
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, raise_faults
 from tripwatt.evaluation.forecast_data import ForecastData
-from tripwatt.evaluation.transfer_scores import (
-    curve_row,
-    paired_energy_error,
-    resamples,
-    scored,
-)
+from tripwatt.evaluation.forecast_models import DataMethod, PowerMethod, held_out_learner
+from tripwatt.evaluation.transfer_scores import curve_row, paired_energy_error, resamples, scored
 from tripwatt.forecasting.donor import DonorModel, unknown_inputs, without_inputs
 from tripwatt.forecasting.fitting import donor_model, versions
 from tripwatt.forecasting.model import MIN_TRIPS
 from tripwatt.hybrid import identify_trips, power_corrector
 from tripwatt.hybrid.hierarchy import MODES, CarTransfer, DrawsForecast, Evidence, term_scales
 from tripwatt.hybrid.parameters import PARAMETERS, sensitivities
-from tripwatt.hybrid.power import LearnerCorrector
 from tripwatt.trips import Fleet, Trip
 from tripwatt.trips.messages import message
 from tripwatt.vehicles import Vehicle, load_vehicle, names_data, without_data
@@ -50,7 +45,7 @@ Progress = Callable[[int, int], None]
 
 @dataclass(frozen=True, eq=False)
 class TransferRun:
-    """What `evaluate_transfer` found.
+    """The result of `evaluate_transfer`.
 
     Attributes
     ----------
@@ -138,20 +133,21 @@ def evaluate_transfer(
     given = [v if isinstance(v, Vehicle) else load_vehicle(v) for v in vehicles]
     cars = [without_data(car, target.name) for car in given]
     learned = list(source.reference_trips() or audit(source).trips)
-    found = audit(target)
-    by_car, notes = _by_car(found.trips, min_distance_m)
+    audited = audit(target)
+    by_car, notes = _by_car(audited.trips, min_distance_m)
     _require(len(learned), source, by_car, target, min_distance_m)
     masked = unknown_inputs([trip for trips_of in by_car.values() for trip in trips_of])
     steps = 1 + len(by_car)
     origin = _source(learned, masked, cars[0], seed)
-    _report(progress, 1, steps)
+    report = progress or (lambda done, steps: None)
+    report(1, steps)
     described, rows = [], []
     for number, (name, own) in enumerate(by_car.items()):
         car = _car(name, own, cars[1])
         about, predicted = _evaluate_car(car, origin, cars[1], sorted({*trips}), draws, seed)
         described.append(about)
         rows += predicted
-        _report(progress, 2 + number, steps)
+        report(2 + number, steps)
     results = {
         "kind": "transfer",
         "from": _about(source, cars[0], len(learned)),
@@ -168,16 +164,11 @@ def evaluate_transfer(
         "parameters": [{"name": p.name, "width": p.width, "source": p.source} for p in PARAMETERS],
         "cars": described,
         "notes": [*map(message, (*source.notes, *target.notes)), *notes],
-        "audit": [str(finding) for finding in found.findings],
+        "audit": [str(finding) for finding in audited.findings],
         "citations": [c for c in (source.citation, target.citation) if c],
         "versions": versions()["packages"],
     }
     return TransferRun(results, pd.DataFrame(rows))
-
-
-def _report(progress: Progress | None, done: int, steps: int) -> None:
-    if progress is not None:
-        progress(done, steps)
 
 
 def _check(trips: Sequence[int], draws: int, min_distance_m: float) -> None:
@@ -188,8 +179,7 @@ def _check(trips: Sequence[int], draws: int, min_distance_m: float) -> None:
         faults.append(Fault("value out of range", "draws", str(draws), "1 or more"))
     if not min_distance_m >= 0.0:
         faults.append(Fault("value out of range", "min_distance_m", str(min_distance_m), "0 or more"))
-    if faults:
-        raise InvalidInput(faults)
+    raise_faults(faults)
 
 
 def _by_car(trips: Sequence[Trip], min_distance_m: float) -> tuple[dict[str, list[Trip]], list[str]]:
@@ -203,9 +193,8 @@ def _by_car(trips: Sequence[Trip], min_distance_m: float) -> tuple[dict[str, lis
         if all(trip.context.started_at is not None for trip in own):
             own.sort(key=lambda trip: str(trip.context.started_at))
         else:
-            notes.append(
-                f"no dates{f' of car {name}' if name else ''}: the order of the log counts as that of time"
-            )
+            which = f" of car {name}" if name else ""
+            notes.append(f"no dates{which}: the order of the log counts as that of time")
     ordered = dict(sorted(cars.items(), key=lambda item: (-len(item[1]), item[0])))
     return ordered, notes if len(long) < len(trips) else notes[1:]
 
@@ -215,20 +204,14 @@ def _require(
 ) -> None:
     faults = []
     if learned < MIN_TRIPS:
-        got = f"{learned} of {len(source.trips)} after the audit"
-        faults.append(
-            Fault("too few trips to train on", f"--from {source.name}", got, f"at least {MIN_TRIPS}")
-        )
+        got, allowed = f"{learned} of {len(source.trips)} after the audit", f"at least {MIN_TRIPS}"
+        faults.append(Fault("too few trips to train on", f"--from {source.name}", got, allowed))
     most = max((len(trips) for trips in by_car.values()), default=0)
     if most < MIN_CAR_TRIPS:
         got = f"{most} of {len(target.trips)} after the audit, of at least {min_distance_m / 1000.0:g} km"
-        faults.append(
-            Fault(
-                "too few trips to score", f"--to {target.name}", got, f"at least {MIN_CAR_TRIPS} of one car"
-            )
-        )
-    if faults:
-        raise InvalidInput(faults)
+        allowed = f"at least {MIN_CAR_TRIPS} of one car"
+        faults.append(Fault("too few trips to score", f"--to {target.name}", got, allowed))
+    raise_faults(faults)
 
 
 def _source(trips: Sequence[Trip], masked: Sequence[str], vehicle: Vehicle, seed: int) -> _Source:
@@ -268,10 +251,12 @@ def _evaluate_car(
 ) -> tuple[dict[str, Any], list[dict[str, Any]]]:
     """The results of one car, and its trips' predictions."""
     observed = car.observed_wh
-    transfers = {mode: _transfer(source, vehicle, mode) for mode in MODES}
-    evidence = {mode: _evidence(t, car, source) for mode, t in transfers.items()}
+    segments, members = car.prepared.segments, source.donor.members
+    scales, variances = term_scales(members, source.vehicle, vehicle), source.donor.variances_wh2(segments)
+    transfers = {mode: CarTransfer(members, scales, PARAMETERS, mode) for mode in MODES}
+    evidence = {mode: t.evidence(segments, car.physical_w, variances) for mode, t in transfers.items()}
     models = {
-        "physics": car.energies(np.zeros(len(car.prepared.segments.hours))),
+        "physics": car.energies(np.zeros(len(segments.hours))),
         **_transferred_as_is(car, source, seed),
         **_own_models(car, seed),
     }
@@ -311,7 +296,7 @@ def _evaluate_car(
     rows = [
         {
             "car": car.name,
-            "trip": car.prepared.segments.trip_ids[i],
+            "trip": segments.trip_ids[i],
             "model": name,
             "observed_energy_wh": float(o),
             "predicted_energy_wh": float(p),
@@ -320,17 +305,6 @@ def _evaluate_car(
         for i, o, p in zip(car.second, observed, predicted, strict=True)
     ]
     return about, rows
-
-
-def _transfer(source: _Source, vehicle: Vehicle, mode: str) -> CarTransfer:
-    members = source.donor.members
-    return CarTransfer(members, term_scales(members, source.vehicle, vehicle), PARAMETERS, mode)
-
-
-def _evidence(transfer: CarTransfer, car: _Car, source: _Source) -> Evidence:
-    """Of all trips of a car; the trips of a draw are chosen by `_forecasts`."""
-    segments = car.prepared.segments
-    return transfer.evidence(segments, car.physical_w, source.donor.variances_wh2(segments))
 
 
 def _forecasts(
@@ -349,41 +323,29 @@ def _forecasts(
 
 def _transferred_as_is(car: _Car, source: _Source, seed: int) -> dict[str, FloatArray]:
     """Models of the first car used on the second unchanged."""
-    of_source, of_car = source.prepared, car.prepared
-    learner = _learner(seed)
-    learner.fit(
-        of_source.data_features, of_source.segments.observed_power_w, groups=of_source.segments.groups
-    )
-    simulated = of_car.segments.simulated_w
-    trees = power_corrector("boosting", seed).fit(of_source.segments)
+    training, segments = source.prepared.segments, car.prepared.segments
+    learner, trees = held_out_learner("boosting", seed).model, power_corrector("boosting", seed)
+    learner.fit(source.prepared.data_features, training.observed_power_w, groups=training.groups)
+    power_w = np.asarray(learner.predict(car.prepared.data_features))
     return {
-        "data-only": car.energies(np.asarray(learner.predict(of_car.data_features)) - simulated),
-        "kriging-as-is": car.energies(source.donor.members.predict(of_car.segments)),
-        "boosting-as-is": car.energies(trees.predict(of_car.segments)),
+        "data-only": car.energies(power_w - segments.simulated_w),
+        "kriging-as-is": car.energies(source.donor.members.predict(segments)),
+        "boosting-as-is": car.energies(trees.fit(training).predict(segments)),
     }
 
 
 def _own_models(car: _Car, seed: int) -> dict[str, FloatArray]:
-    """Models of the car's own, trained on its whole first half."""
+    """Models of the car's own, fitted to its whole first half."""
     if len(car.first) < MIN_TRIPS:
         return {}
-    first, segments = car.prepared.segments.take(car.first), car.prepared.segments
-    models = {
-        name: car.energies(power_corrector(corrector, seed).fit(first).predict(segments))
-        for name, corrector in OWN.items()
+    methods: dict[str, PowerMethod | DataMethod] = {
+        name: PowerMethod(learner) for name, learner in OWN.items()
     }
-    learner, rows = _learner(seed), np.isin(segments.groups, car.first)
-    learner.fit(car.prepared.data_features[rows], first.observed_power_w, groups=first.groups)
-    models["own-data-only"] = car.energies(
-        np.asarray(learner.predict(car.prepared.data_features)) - segments.simulated_w
-    )
-    return models
-
-
-def _learner(seed: int) -> Any:
-    corrector = power_corrector("boosting", seed)
-    assert isinstance(corrector, LearnerCorrector)
-    return corrector.model
+    methods["own-data-only"] = DataMethod("boosting")
+    return {
+        name: method.fit(car.prepared, car.first, seed).predict(car.second)
+        for name, method in methods.items()
+    }
 
 
 def _period(car: _Car, members: IntArray) -> list[str] | None:

@@ -8,10 +8,9 @@ from typing import Any, Final
 import numpy as np
 
 from tripwatt.arrays import FloatArray, IntArray
-from tripwatt.evaluation.forecast_scores import LEVELS
+from tripwatt.evaluation.forecast_scores import LEVELS, coverage_by_level
 from tripwatt.evaluation.metrics import leaves_out_zero
 from tripwatt.hybrid.hierarchy import DrawsForecast
-from tripwatt.uncertainty import Coverage
 
 RESAMPLES: Final = 4000
 
@@ -53,14 +52,13 @@ def paired_energy_error(
     difference = np.abs(a_wh - observed_wh) - np.abs(b_wh - observed_wh)
 
     def interval(index: IntArray) -> tuple[float, float]:
-        low, high = _interval(difference[index].sum(axis=1) / observed_wh[index].sum(axis=1))
-        return low, high
+        return _interval(difference[index].sum(axis=1) / observed_wh[index].sum(axis=1))
 
     first = interval(index)
     n, trips = index.shape
     return {
         "diff": float(difference.sum() / observed_wh.sum()),
-        "diff_ci95": list(first),
+        "diff_ci95": first,
         "significant": leaves_out_zero(first, lambda seed: interval(resamples(trips, seed, n))),
     }
 
@@ -108,22 +106,11 @@ def half_width(level: float) -> float:
 
 
 def _intervals(observed_wh: FloatArray, miss: FloatArray, sd_wh: FloatArray) -> dict[str, Any]:
-    centre = observed_wh + miss
-    found = {
-        f"{level:g}": Coverage.from_bounds(
-            observed_wh, centre - half_width(level) * sd_wh, centre + half_width(level) * sd_wh, level
-        )
-        for level in LEVELS
-    }
-    return {
-        "coverage": {key: one.share for key, one in found.items()},
-        "coverage_ci95": {key: list(one.ci95) for key, one in found.items()},
-        "inside": {key: one.inside for key, one in found.items()},
-        "interval_width_wh": {key: one.width for key, one in found.items()},
-        "needed_width_wh": {key: one.needed_width for key, one in found.items()},
-    }
+    centre = (observed_wh + miss)[:, None]
+    half = sd_wh[:, None] * [half_width(level) for level in LEVELS]
+    return coverage_by_level(observed_wh, centre - half, centre + half)
 
 
-def _interval(values: FloatArray) -> list[float]:
+def _interval(values: FloatArray) -> tuple[float, float]:
     low, high = np.quantile(values, (0.025, 0.975))
-    return [float(low), float(high)]
+    return float(low), float(high)

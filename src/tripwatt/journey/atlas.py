@@ -1,11 +1,12 @@
-"""What a journey needs to know of the world: roads, names of places, charging stations, weather."""
+"""The atlas of a journey: roads, names of places, charging stations, weather."""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final
+from typing import Final, TypeVar
 
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.routes.maps import ATTRIBUTION, MapFolder, Station, open_map, read_stations, within
@@ -25,6 +26,10 @@ NO_MAP: Final = "build a map with tripwatt map build, or name a router by its UR
 
 MARGIN_DEG: Final = 0.02
 """Roads of a map reach this far beyond its places [°]."""
+
+
+Part = TypeVar("Part")
+"""A part of an atlas."""
 
 
 @dataclass(frozen=True)
@@ -148,7 +153,7 @@ class Atlas:
             inside = south - MARGIN_DEG <= place.latitude_deg <= north + MARGIN_DEG
             if not (inside and west - MARGIN_DEG <= place.longitude_deg <= east + MARGIN_DEG):
                 allowed, _, fix = self.covers.partition("; ")
-                raise InvalidInput(Fault("place outside of the map", where, place.title, allowed, fix))
+                raise InvalidInput.of("place outside of the map", where, place.title, allowed, fix)
         return place
 
     def tile(self, zoom: int, column: int, row: int) -> bytes:
@@ -231,33 +236,22 @@ def open_atlas(settings: AtlasSettings | Path | str | None = None) -> Atlas:
         settings = AtlasSettings("" if settings is None else str(settings))
     named = settings.map or os.environ.get(MAP_VARIABLE, "")
     faults: list[Fault] = []
-    router: Router | None = None
-    folder: MapFolder | None = None
-    places: PlaceSearch | None = None
-    weather: WeatherSource | None = None
-    stations: tuple[Station, ...] = ()
-    try:
-        router, folder = _roads(named)
-    except InvalidInput as error:
-        faults += error.faults
-    try:
-        if settings.places:
-            places = open_search(settings.places)
-        elif folder is not None:
-            places = folder.index
-    except InvalidInput as error:
-        faults += error.faults
-    try:
-        weather = WeatherServer.from_url(settings.weather) if settings.weather else None
-    except InvalidInput as error:
-        faults += error.faults
-    try:
-        if settings.stations:
-            stations = read_stations(settings.stations)
-        elif folder is not None:
-            stations = folder.index.stations()
-    except InvalidInput as error:
-        faults += error.faults
+
+    def opened(part: Callable[[], Part]) -> Part | None:
+        try:
+            return part()
+        except InvalidInput as error:
+            faults.extend(error.faults)
+            return None
+
+    router, folder = opened(lambda: _roads(named)) or (None, None)
+    on_map: PlaceSearch | None = None if folder is None else folder.index
+    places = opened(lambda: open_search(settings.places)) if settings.places else on_map
+    weather = opened(lambda: WeatherServer.from_url(settings.weather)) if settings.weather else None
+    if settings.stations:
+        stations = opened(lambda: read_stations(settings.stations)) or ()
+    else:
+        stations = () if folder is None else opened(folder.index.stations) or ()
     if faults or router is None:
         raise InvalidInput(tuple(dict.fromkeys(faults)))
     bounds = None if folder is None else folder.info.get("bounds_deg")
@@ -275,8 +269,8 @@ def open_atlas(settings: AtlasSettings | Path | str | None = None) -> Atlas:
 def _roads(named: str) -> tuple[Router, MapFolder | None]:
     """The router, and the map folder that it comes from; `FOLDER@URL` has the map's places with a server's roads."""
     if not named:
-        raise InvalidInput(
-            Fault("no map", "--map", "none", "a folder with a map, or the URL of a router", NO_MAP)
+        raise InvalidInput.of(
+            "no map", "--map", "none", "a folder with a map, or the URL of a router", NO_MAP
         )
     if not is_server(named):
         folder = open_map(named)

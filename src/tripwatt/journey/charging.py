@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from tripwatt.arrays import FloatArray
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 from tripwatt.routes.maps import Station
 from tripwatt.units import SECONDS_PER_HOUR
 from tripwatt.vehicles import Vehicle
@@ -71,7 +71,7 @@ class ChargingCurve:
         if not (sound and self.soc[0] == 0.0 and self.soc[-1] == 1.0 and min(self.power_w) > 0.0):
             got = f"{len(self.soc)} charges and {len(self.power_w)} powers"
             allowed = "as many powers above 0 as charges that rise from 0 to 1"
-            raise InvalidInput(Fault("no charging curve", "charging_curve", got, allowed))
+            raise InvalidInput.of("no charging curve", "charging_curve", got, allowed)
 
     @classmethod
     def from_vehicle(cls, vehicle: Vehicle, display_wh: float) -> ChargingCurve:

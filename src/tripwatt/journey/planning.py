@@ -100,10 +100,10 @@ class RoadForecast:
     >>> links = route_from_links([{"length_m": 3000.0, "travel_time_s": 240.0}])
     >>> line = np.array([0.0, 3000.0])
     >>> road = Road(links, ("primary",), np.array([47.0, 47.027]), np.array([9.0, 9.0]), line)
-    >>> found = RoadForecast(road, RoadForecaster(tw.load_model("bmw_i3_tum"), tw.Departure(soc=0.8)).forecast(road))
-    >>> found.soc_at(0.0) > found.soc_at(3000.0)
+    >>> expected = RoadForecast(road, RoadForecaster(tw.load_model("bmw_i3_tum"), tw.Departure(soc=0.8)).forecast(road))
+    >>> expected.soc_at(0.0) > expected.soc_at(3000.0)
     True
-    >>> sorted(found.to_dict(reserve=0.1))[:4]
+    >>> sorted(expected.to_dict(reserve=0.1))[:4]
     ['distance_m', 'duration_s', 'forecast', 'labels']
     """
 
@@ -287,18 +287,18 @@ class Journey:
         >>> journey.to_frame()  # doctest: +SKIP
         """
         rows = []
-        for found in self.roads:
-            low, high = found.forecast.interval(0.9)
+        for road in self.roads:
+            low, high = road.forecast.interval(0.9)
             rows.append(
                 {
-                    "labels": ", ".join(found.labels),
-                    "distance_m": found.road.distance_m,
-                    "duration_s": found.forecast.plan.duration_s,
-                    "energy_wh": found.forecast.energy_wh,
+                    "labels": ", ".join(road.labels),
+                    "distance_m": road.road.distance_m,
+                    "duration_s": road.forecast.plan.duration_s,
+                    "energy_wh": road.forecast.energy_wh,
                     "energy_low_wh": low,
                     "energy_high_wh": high,
-                    "soc_arrival": found.forecast.soc_arrival,
-                    "p_arrive": found.forecast.p_arrive(self.reserve),
+                    "soc_arrival": road.forecast.soc_arrival,
+                    "p_arrive": road.forecast.p_arrive(self.reserve),
                 }
             )
         return pd.DataFrame(rows)
@@ -332,12 +332,12 @@ class Journey:
     def _repr_html_(self) -> str:
         rows = [
             (
-                ", ".join(found.labels) or "road",
-                f"{found.road.distance_m / 1000.0:.1f} km, "
-                f"{found.forecast.plan.duration_s / SECONDS_PER_MINUTE:.0f} min, "
-                f"arrival with {found.forecast.soc_arrival:.0%}",
+                ", ".join(road.labels) or "road",
+                f"{road.road.distance_m / 1000.0:.1f} km, "
+                f"{road.forecast.plan.duration_s / SECONDS_PER_MINUTE:.0f} min, "
+                f"arrival with {road.forecast.soc_arrival:.0%}",
             )
-            for found in self.roads
+            for road in self.roads
         ]
         return html_table(
             f"Journey {self._title()}", [*rows, ("leave with", self.leave), ("", self.attribution)]
@@ -427,19 +427,16 @@ def find_stops(stops: Sequence[Place | str], atlas: Atlas, *, round_trip: bool =
     3
     """
     if not 2 <= len(stops) <= MOST_STOPS:
-        raise InvalidInput(
-            Fault("number of places out of range", "stops", f"{len(stops)}", f"2 to {MOST_STOPS}")
-        )
-    found: list[Place] = []
+        raise InvalidInput.of("number of places out of range", "stops", f"{len(stops)}", f"2 to {MOST_STOPS}")
+    places: list[Place] = []
     faults: list[Fault] = []
     for k, stop in enumerate(stops):
         try:
-            found.append(atlas.find(stop, f"stops[{k}]"))
+            places.append(atlas.find(stop, f"stops[{k}]"))
         except InvalidInput as error:
             faults += error.faults
-    if faults:
-        raise InvalidInput(faults)
-    return (*found, found[0]) if round_trip else tuple(found)
+    raise_faults(faults)
+    return (*places, places[0]) if round_trip else tuple(places)
 
 
 def journey_with(
@@ -474,10 +471,10 @@ def journey_with(
     """
     title = " to ".join(place.title for place in stops)[:100]
     roads = atlas.router.roads(stops, alternatives=options.alternatives)
-    found = _labelled([RoadForecast(road, forecaster.forecast(road, title)) for road in roads])
-    first = found[0]
+    forecasts = _labelled([RoadForecast(road, forecaster.forecast(road, title)) for road in roads])
+    first = forecasts[0]
     needed = first.forecast.soc_needed(options.reserve, CERTAIN)
-    journey = Journey(stops, found, options.reserve, needed, attribution=atlas.attribution)
+    journey = Journey(stops, forecasts, options.reserve, needed, attribution=atlas.attribution)
     if not options.answers:
         return journey
     journey = replace(
@@ -501,15 +498,15 @@ def journey_with(
 
 def _labelled(roads: list[RoadForecast]) -> tuple[RoadForecast, ...]:
     """Roads with their labels, the fastest first."""
-    roads = sorted(roads, key=lambda found: found.road.duration_s)
+    roads = sorted(roads, key=lambda road: road.road.duration_s)
     best = {
         "fastest": 0,
-        "shortest": int(np.argmin([found.road.distance_m for found in roads])),
-        "least energy": int(np.argmin([found.forecast.energy_wh for found in roads])),
+        "shortest": int(np.argmin([road.road.distance_m for road in roads])),
+        "least energy": int(np.argmin([road.forecast.energy_wh for road in roads])),
     }
     return tuple(
-        replace(found, labels=tuple(label for label, index in best.items() if index == k))
-        for k, found in enumerate(roads)
+        replace(road, labels=tuple(label for label, index in best.items() if index == k))
+        for k, road in enumerate(roads)
     )
 
 

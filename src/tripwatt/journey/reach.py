@@ -20,9 +20,6 @@ from tripwatt.trips.messages import flag_to_dict
 
 LEVELS: Final = (0.95, 0.5)
 DIRECTIONS: Final = 24
-FASTEST_M_S: Final = 36.0
-"""No car goes farther from its start than this speed would carry it."""
-
 FRUGAL_WH_KM: Final = 80.0
 """No car takes less over a long way on the flat: the places that roads are looked for lie beyond every reach."""
 
@@ -31,9 +28,6 @@ LONGEST_CONTOUR_MIN: Final = 120.0
 
 SLOW_ROAD_M_S: Final = 8.0
 """No way to the end of a reach is slower on the whole: the isochrone lies beyond it."""
-
-EDGE_M: Final = 500.0
-"""A road that ends with charge left within this distance of the end of the map ends there, not the charge."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -55,8 +49,8 @@ class Reach:
     --------
     >>> start = Place(47.0, 9.0)
     >>> corners = tuple(start.moved(bearing, 80_000.0) for bearing in (0.0, 120.0, 240.0))
-    >>> found = Reach(start, {0.9: corners}, map_ends=False).to_dict()
-    >>> found["areas"][0]["polygon"]["type"], len(found["areas"][0]["polygon"]["coordinates"][0])
+    >>> area = Reach(start, {0.9: corners}, map_ends=False).to_dict()
+    >>> area["areas"][0]["polygon"]["type"], len(area["areas"][0]["polygon"]["coordinates"][0])
     ('Polygon', 4)
     """
 

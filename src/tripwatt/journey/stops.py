@@ -105,13 +105,13 @@ def find_stop(
                 atlas.router.roads((start, station.place))[0],
                 atlas.router.roads((station.place, end))[0],
             )
-            found = _with_stop(forecaster, legs, station, curve, reserve)
+            stop = _with_stop(forecaster, legs, station, curve, reserve)
         except RemoteError:
             raise
         except InvalidInput:  # no road to this one
             continue
-        if found is not None and (best is None or found.duration_s < best.duration_s):
-            best = found
+        if stop is not None and (best is None or stop.duration_s < best.duration_s):
+            best = stop
     return best
 
 

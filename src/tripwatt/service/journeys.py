@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, InvalidInput, raise_faults
 from tripwatt.forecasting import ForecastModel
 from tripwatt.journey import (
     Atlas,
@@ -66,11 +66,9 @@ class JourneyJobs:
         """Return places by name."""
         atlas = self._atlas()
         if atlas.places is None:
-            raise InvalidInput(
-                Fault("names of places are not known", "q", text[:60], "latitude and longitude")
-            )
-        found = atlas.places.search(text, limit=limit)
-        return {"places": [place.to_dict() for place in found], "attribution": atlas.attribution}
+            raise InvalidInput.of("names of places are not known", "q", text[:60], "latitude and longitude")
+        matches = atlas.places.search(text, limit=limit)
+        return {"places": [place.to_dict() for place in matches], "attribution": atlas.attribution}
 
     def tile(self, zoom: int, column: int, row: int) -> bytes:
         """Return a vector tile of the roads; empty where there are none."""
@@ -80,8 +78,7 @@ class JourneyJobs:
             for name, value in (("column", column), ("row", row))
             if value >= size
         ]
-        if faults:
-            raise InvalidInput(faults)
+        raise_faults(faults)
         return self._atlas().tile(zoom, column, row)
 
     def view(self, bounds_deg: Sequence[float], limit: int) -> dict[str, Any]:
@@ -92,8 +89,7 @@ class JourneyJobs:
             for name, low, high in (("south, north", south, north), ("west, east", west, east))
             if low > high
         ]
-        if faults:
-            raise InvalidInput(faults)
+        raise_faults(faults)
         atlas, bounds = self._atlas(), (south, west, north, east)
         return {
             "settlements": [place.to_dict() for place in atlas.settlements(bounds, limit)],
@@ -116,7 +112,7 @@ class JourneyJobs:
 
     def _atlas(self) -> Atlas:
         if self.atlas is None:
-            raise InvalidInput(Fault("no map", "service", "started without --map", "a service with a map"))
+            raise InvalidInput.of("no map", "service", "started without --map", "a service with a map")
         return self.atlas
 
 

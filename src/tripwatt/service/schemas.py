@@ -24,7 +24,7 @@ from pydantic import (
 )
 
 from tripwatt.arrays import FloatArray
-from tripwatt.errors import MOST_HINTS, Fault, InvalidInput, excerpt
+from tripwatt.errors import MOST_HINTS, Fault, InvalidInput, excerpt, raise_faults
 from tripwatt.forecasting.document import FlagDocument
 from tripwatt.routes import LinkRoute, route_from_links
 from tripwatt.routes.link_objects import route_with_elevation
@@ -510,9 +510,9 @@ def parse_links(links: Any, elevation: Elevation | None, limits: Limits) -> Link
         When the links are wrong, or `elevation` does not fit them.
     """
     if not isinstance(links, list):
-        raise InvalidInput(Fault("not a list", "links", excerpt(links), "a list of objects"))
+        raise InvalidInput.of("not a list", "links", excerpt(links), "a list of objects")
     if len(links) > limits.links:
-        raise InvalidInput(Fault("too many links", "links", f"{len(links)}", f"at most {limits.links}"))
+        raise InvalidInput.of("too many links", "links", f"{len(links)}", f"at most {limits.links}")
     route = route_from_links(links)
     require_duration(route.duration_s, "links", limits)
     if elevation is None:
@@ -537,8 +537,7 @@ def parse_links(links: Any, elevation: Elevation | None, limits: Limits) -> Link
         faults.append(
             Fault("elevation given twice", "elevation", "links with elevations or grades", "one of the two")
         )
-    if faults:
-        raise InvalidInput(faults)
+    raise_faults(faults)
     return route_with_elevation(route, position_m, elevation_m)
 
 
@@ -552,12 +551,12 @@ def require_duration(duration_s: float, where: str, limits: Limits) -> None:
     """
     if not MIN_DURATION_S <= duration_s <= limits.duration_s:
         allowed = f"{MIN_DURATION_S:g} to {limits.duration_s:g} s"
-        raise InvalidInput(Fault("duration out of range", where, f"{duration_s:g} s", allowed))
+        raise InvalidInput.of("duration out of range", where, f"{duration_s:g} s", allowed)
 
 
 def _columns(value: Any, where: str, limits: Limits) -> dict[str, FloatArray]:
     if not isinstance(value, Mapping):
-        raise InvalidInput(Fault("not an object", where, excerpt(value), "an object of lists of numbers"))
+        raise InvalidInput.of("not an object", where, excerpt(value), "an object of lists of numbers")
     faults = []
     columns: dict[str, FloatArray] = {}
     for name, values in value.items():
@@ -572,6 +571,5 @@ def _columns(value: Any, where: str, limits: Limits) -> dict[str, FloatArray]:
             faults.append(Fault("not a number", f"{field}[{first}]", got, "a number, or null where unknown"))
         else:
             columns[name] = np.array(values, dtype=np.float64)
-    if faults:
-        raise InvalidInput(faults)
+    raise_faults(faults)
     return columns

@@ -387,9 +387,6 @@ ASKED: Final[Mapping[str, Field]] = MappingProxyType(
 )
 """Fields that a person gives: options of the command line, fields of a request and of the page."""
 
-CLIMATE_MODES: Final = FIELDS["climate"].choices
-"""What the driver allows climate control: all, nothing, no compressor for cooling, or no heater."""
-
 EXTRAS: Final = FIELDS["extras"].choices
 """What can be fitted to the car or switched on for a trip."""
 

@@ -16,7 +16,7 @@ class Flag:
     subject : str
         The field, signal, file or part of the car that it is about.
     value : float, str or None
-        What was found or assumed, in `unit`.
+        Value that was read or assumed, in `unit`.
     unit : str
         As in the names of the project's columns: "m_s", "degc", "s"; "1" for a share or a count.
 

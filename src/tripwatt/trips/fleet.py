@@ -21,7 +21,7 @@ class Fleet:
     logs : tuple of Log
         Before any audit.
     notes : tuple of Flag
-        What a reader found, e.g. that season and weather are unknown.
+        Notes of a reader, e.g. that season and weather are unknown.
     reference : mapping of str to (float or None), or None
         The data set's reference trips: id -> time [s] at which the trip ends, None for its own end. None when the
         data set defines none.

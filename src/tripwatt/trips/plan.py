@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import FloatArray
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 from tripwatt.trips.columns import raise_faults
 from tripwatt.trips.departure import Departure
 from tripwatt.trips.flags import Flag
@@ -240,7 +240,7 @@ class Plan(Sampled):
 def _require_duration(duration_s: float, where: str) -> None:
     if not duration_s <= MOST_DURATION_S:
         allowed = f"at most {MOST_DURATION_S:g} s"
-        raise InvalidInput(Fault("duration out of range", where, f"{duration_s:g} s", allowed))
+        raise InvalidInput.of("duration out of range", where, f"{duration_s:g} s", allowed)
 
 
 def plan_from_trip(trip: Recorded, *, step_s: float = 1.0) -> Plan:

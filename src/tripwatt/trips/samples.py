@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import FloatArray
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 
 MOST_BINS: Final = 10_000_000
 """Most bins of one drive: 115 days at 1 Hz. A few samples far apart would otherwise take any amount of memory."""
@@ -191,7 +191,7 @@ def bin_means(
     """
     if not float(time[-1]) / step_s < MOST_BINS:
         got = f"{float(time[-1]):g} s in steps of {step_s:g} s"
-        raise InvalidInput(Fault("duration out of range", "samples", got, f"at most {MOST_BINS} steps"))
+        raise InvalidInput.of("duration out of range", "samples", got, f"at most {MOST_BINS} steps")
     bin_index = np.floor(time / step_s + 1e-6).astype(np.int64)
     n_bins = int(bin_index[-1]) + 1
     count = np.bincount(bin_index, minlength=n_bins)

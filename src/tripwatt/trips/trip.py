@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 import pandas as pd
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 from tripwatt.trips.columns import raise_faults
 from tripwatt.trips.context import Context
 from tripwatt.trips.departure import Departure
@@ -365,7 +365,7 @@ def resample(trip: Trip, step_s: float = 1.0) -> Trip:
     array([0., 1., 2.])
     """
     if not step_s > 0:
-        raise InvalidInput(Fault("step out of range", "step_s", f"{step_s}", "more than 0 s"))
+        raise InvalidInput.of("step out of range", "step_s", f"{step_s}", "more than 0 s")
     time = trip.array("time_s") - float(trip.samples["time_s"].iloc[0])
     n_bins, means = bin_means(time, {c: trip.array(c) for c in trip.samples.columns}, step_s)
     samples = pd.DataFrame(means)
@@ -399,4 +399,4 @@ def require_unique_ids(drives: Iterable[Sampled]) -> None:
     ids = pd.Series([drive.trip_id for drive in drives], dtype=object)
     twice = sorted(set(ids[ids.duplicated()]))
     if twice:
-        raise InvalidInput(Fault("duplicate trip id", "trips", ", ".join(map(str, twice)), "one id per trip"))
+        raise InvalidInput.of("duplicate trip id", "trips", ", ".join(map(str, twice)), "one id per trip")

@@ -1,13 +1,9 @@
-"""Every score of the results on skewed data, against arithmetic that is written out here."""
-
-from types import SimpleNamespace
+"""Scores of a probabilistic forecast by hand."""
 
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.stats import beta
 
-from tripwatt.evaluation.forecast_results import add_crps_of_points, learning_curve
 from tripwatt.evaluation.forecast_scores import (
     FRACTIONS,
     LEVELS,
@@ -23,60 +19,9 @@ from tripwatt.evaluation.forecast_scores import (
     symmetric_quantiles,
     update_scores,
 )
-from tripwatt.evaluation.hold_outs import Split
-from tripwatt.evaluation.metrics import (
-    absolute_percentage_error,
-    bootstrap_interval,
-    paired_difference,
-    summarise_errors,
-)
-from tripwatt.evaluation.tasks import FoldResult
 from tripwatt.uncertainty.coverage import clopper_pearson
 
 EXACT = {"rel": 1e-9, "abs": 1e-12}
-
-OBSERVED = np.array([1000.0, 2000.0, 500.0, 4000.0, -200.0])
-PREDICTED = np.array([1100.0, 1500.0, 600.0, 4040.0, -150.0])
-ERROR = np.array([100.0, -500.0, 100.0, 40.0, 50.0])
-APE = np.array([0.1, 0.25, 0.2, 0.01, 0.25])
-
-
-def test_errors_of_a_model():
-    summary = summarise_errors(OBSERVED, PREDICTED, seed=0)
-    np.testing.assert_allclose(absolute_percentage_error(OBSERVED, PREDICTED), APE, rtol=1e-12)
-    assert summary.mape == pytest.approx(0.81 / 5, **EXACT)
-    assert summary.median_ape == pytest.approx(0.2, **EXACT)
-    assert summary.max_ape == pytest.approx(0.25, **EXACT)
-    # positive where the model says too much: 0.1 - 0.25 + 0.2 + 0.01, and a descent that gave back 200 Wh
-    assert summary.bias == pytest.approx((0.1 - 0.25 + 0.2 + 0.01 - 0.25) / 5, **EXACT)
-    assert summary.rmse_wh == pytest.approx(np.sqrt((1e4 + 25e4 + 1e4 + 1600 + 2500) / 5), **EXACT)
-    assert summary.mape_ci95 == bootstrap_interval(APE, 0)
-
-
-def test_bias_is_positive_where_too_much_is_predicted():
-    observed = np.array([100.0, 400.0])
-    assert summarise_errors(observed, np.array([130.0, 440.0]), 0).bias == pytest.approx(0.2, **EXACT)
-    assert summarise_errors(observed, np.array([70.0, 360.0]), 0).bias == pytest.approx(-0.2, **EXACT)
-
-
-def test_the_bootstrap_draws_trips():
-    # two trips: the mean of two draws is 0, 1/2 or 1 with chances 1/4, 1/2, 1/4
-    assert bootstrap_interval(np.array([0.0, 1.0]), seed=1) == (0.0, 1.0)
-    # ten trips of which one errs: no draw of it has a chance of 0.9^10 = 0.35, four or more of 0.013
-    assert bootstrap_interval(np.array([1.0] + [0.0] * 9), seed=1) == (0.0, 0.3)
-    assert bootstrap_interval(np.array([0.0, 1.0, 5.0]), seed=1, draws=200) != bootstrap_interval(
-        np.array([0.0, 1.0, 9.0]), seed=1, draws=200
-    )
-
-
-def test_paired_difference_is_first_less_second():
-    found = paired_difference(np.array([0.1, 0.3, 0.5]), np.array([0.2, 0.2, 0.9]), seed=0)
-    assert found.diff == pytest.approx((-0.1 + 0.1 - 0.4) / 3, **EXACT)
-    assert found.ci95 == pytest.approx((-0.4, 0.1), abs=1e-9)
-    assert not found.significant
-    assert paired_difference(np.full(4, 0.1), np.full(4, 0.3), seed=0).significant
-    assert paired_difference(np.full(4, 0.3), np.full(4, 0.1), seed=0).significant
-    assert not paired_difference(np.full(4, 0.3), np.full(4, 0.3), seed=0).significant
 
 
 def test_crps_of_quantiles_by_hand():
@@ -116,20 +61,6 @@ def _pinball(level: float, error: float) -> float:
     return level * error if error > 0 else (level - 1.0) * error
 
 
-def test_the_crps_of_a_number_is_its_absolute_error():
-    models = {"a": {}, "b": {}}
-    frame = pd.DataFrame(
-        {
-            "model": ["a", "a", "a", "b", "b", "b"],
-            "observed_energy_wh": [1.0, 2.0, 3.0, 1.0, 2.0, 3.0],
-            "predicted_energy_wh": [2.0, 2.0, -2.0, 1.0, 2.0, 3.5],
-        }
-    )
-    add_crps_of_points(models, frame)
-    assert models["a"]["crps_wh"] == pytest.approx(2.0, **EXACT)
-    assert models["b"]["crps_wh"] == pytest.approx(0.5 / 3, **EXACT)
-
-
 def test_coverage_and_width_by_level():
     observed = np.array([10.0, 20.0, 30.0, 40.0])
     half = np.array([[1.0, 2.0, 4.0, 9.0]] * 3 + [[2.0, 4.0, 8.0, 18.0]])
@@ -144,15 +75,6 @@ def test_coverage_and_width_by_level():
     assert set(above["coverage"].values()) == {0.0}
     below = coverage_scores(observed, observed[:, None] + 1e-6 * half, centre + 100.0 * half, seed=0)
     assert set(below["coverage"].values()) == {0.0}
-
-
-def test_the_interval_of_a_proportion_is_that_of_the_beta_distribution():
-    for hits, n in ((3, 4), (52, 57), (1, 60)):
-        low, high = clopper_pearson(hits, n)
-        assert low == pytest.approx(beta.ppf(0.025, hits, n - hits + 1), rel=1e-9)
-        assert high == pytest.approx(beta.ppf(0.975, hits + 1, n - hits), rel=1e-9)
-    assert clopper_pearson(0, 5)[0] == 0.0
-    assert clopper_pearson(5, 5)[1] == 1.0
 
 
 def test_updates_against_their_baselines():
@@ -243,30 +165,6 @@ def test_scores_by_stratum():
     assert down["diff_ci95"] is None
     assert flat["diff_ci95"] == pytest.approx((-0.4, -0.3), abs=1e-9)
     assert "boosting-only" not in strata_scores(strata, np.array([0.3, 0.1, 0.2]), None, seed=0)[0]
-
-
-def test_learning_curve_is_the_mean_over_trips_of_a_draw_and_over_draws():
-    """Of twelve trips of 1000 Wh, two or one are scored."""
-
-    def draw(size: int, number: int, hybrid: list[float], data: list[float]) -> list[FoldResult]:
-        split = Split(0, np.arange(size), 12 - len(hybrid) + np.arange(len(hybrid)), number)
-        both = {"hybrid": hybrid, "boosting-only": data}
-        return [FoldResult(name, split, 1000.0 * (1.0 + np.array(e)), 0.0, 0.0) for name, e in both.items()]
-
-    segments = SimpleNamespace(observed_power_w=np.full(12, 1000.0), totals_wh=lambda power: power)
-    results = (
-        *draw(10, 1, [0.3, 0.1], [0.5, 0.5]),
-        *draw(5, 0, [0.4], [0.6]),
-        *draw(10, 0, [0.1], [0.2]),
-    )
-    hold_out = SimpleNamespace(data=SimpleNamespace(segments=segments))
-    rows = learning_curve(SimpleNamespace(hold_out=hold_out, results=results), seed=0)
-    assert [(row["n_trips"], row["draws"]) for row in rows] == [(5, 1), (10, 2)]
-    assert rows[1]["hybrid_by_draw"] == pytest.approx([0.1, 0.2], **EXACT)
-    assert rows[1]["hybrid"] == pytest.approx(0.15, **EXACT)
-    assert rows[1]["boosting-only"] == pytest.approx(0.35, **EXACT)
-    assert rows[1]["diff"] == pytest.approx(-0.2, **EXACT)
-    assert rows[1]["diff_ci95"] is None
 
 
 def test_arrival_by_what_was_known_at_departure():

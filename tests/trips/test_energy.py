@@ -1,4 +1,4 @@
-"""How well a measured energy is known: rounding, seldom samples, a state of charge."""
+"""Measured energy: it is additive; its standard error by rounding, seldom samples, a state of charge."""
 
 from dataclasses import replace
 
@@ -7,10 +7,12 @@ import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.trips.logs import log, steps
 
 import tripwatt as tw
 from tripwatt.sources.mapping import parse_mapping
 from tripwatt.sources.table import read_table
+from tripwatt.trips import Trip, observed_energy
 from tripwatt.trips.energy import POWER_TIME_S, _of_sampling, power_energy_std, resolution
 
 
@@ -151,3 +153,37 @@ def test_the_common_part_is_no_error_of_a_single_trip():
     )
     assert vague.observed_energy_own_std_wh == pytest.approx(120.0)
     assert trip.observed_energy_own_std_wh == (trip.observed_energy_std_wh or 0.0)
+
+
+@given(steps, st.data())
+@settings(max_examples=60, deadline=None)
+def test_energy_adds_up_over_a_cut(gaps, data):
+    samples = log(np.cumsum([0.0, *gaps]))
+    cut = data.draw(st.integers(1, len(samples) - 2))
+    parts = observed_energy(samples.iloc[: cut + 1]) + observed_energy(samples.iloc[cut:])
+    assert parts == pytest.approx(observed_energy(samples), rel=1e-9, abs=1e-9)
+
+
+def test_energy_bridges_missing_current():
+    samples = log(np.arange(5.0))
+    samples["voltage_v"], samples["current_a"] = 360.0, 10.0
+    samples.loc[2, "current_a"] = np.nan
+    assert observed_energy(samples) == pytest.approx(360 * 10 * 4 / 3600)
+
+
+def test_discharge_is_positive():
+    samples = log(np.arange(3.0)).assign(voltage_v=400.0, current_a=9.0)
+    assert Trip.from_samples("t", samples).observed_energy_wh == pytest.approx(2.0)
+
+
+def test_energy_is_the_trapezoid_of_voltage_times_current():
+    samples = pd.DataFrame(
+        {
+            "time_s": [0.0, 10.0, 40.0],
+            "speed_m_s": 0.0,
+            "voltage_v": [400.0, 380.0, 360.0],
+            "current_a": [0.0, 20.0, -10.0],
+        }
+    )
+    by_hand = (0.5 * (0 + 7600) * 10 + 0.5 * (7600 - 3600) * 30) / 3600
+    assert observed_energy(samples) == pytest.approx(by_hand, rel=1e-12)
