@@ -248,8 +248,7 @@ def raise_faults(faults: Iterable[Fault]) -> None:
     tripwatt.errors.InvalidInput: no trips: data/
     """
     listed = tuple(faults)
-    if listed:
-        raise InvalidInput(listed)
+    raise_faults(listed)
 
 
 class RemoteError(InvalidInput):

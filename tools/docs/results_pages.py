@@ -13,7 +13,7 @@ from typing import Any, Final
 
 from tools.docs.links_page import render_links
 from tools.docs.paper_page import render_paper_page
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 from tripwatt.evaluation import DEFAULT_PROTOCOL
 from tripwatt.report.html import write_whole
 from tripwatt.report.intervals import NOTE, OFF
@@ -188,5 +188,5 @@ def _between(path: Path, key: str, shown: str) -> None:
     if not begin or not end or text.count(opening) != 1 or text.count(closing) != 1:
         got = f"{text.count(opening)} times begin, {text.count(closing)} times end"
         allowed = f"one {opening} and, after it, one {closing}"
-        raise InvalidInput(Fault("no place for the results", str(path), got, allowed))
+        raise InvalidInput.of("no place for the results", str(path), got, allowed)
     write_whole(path, f"{before}{opening}\n{shown}\n{closing}{after}".encode())

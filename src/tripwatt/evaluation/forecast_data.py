@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import FloatArray, IntArray
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 from tripwatt.hybrid import (
     SegmentTable,
     StageRecord,
@@ -169,7 +169,7 @@ def measured_log(trip: Trip, step_s: float = 1.0) -> pd.DataFrame:
     raw = trip.samples
     cumulative = observed_cumulative_energy(raw)
     if cumulative is None:
-        raise InvalidInput(Fault("no measured energy", trip.trip_id, "", "voltage and current of each trip"))
+        raise InvalidInput.of("no measured energy", trip.trip_id, "", "voltage and current of each trip")
     time = trip.array("time_s") - float(trip.array("time_s")[0])
     speed = trip.array("speed_m_s")
     distance = np.concatenate(([0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(time))))

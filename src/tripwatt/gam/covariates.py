@@ -13,7 +13,7 @@ import pandas as pd
 from scipy.spatial import cKDTree
 
 from tripwatt.arrays import BoolArray, FloatArray
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, InvalidInput, raise_faults
 from tripwatt.gam.formula import nearest
 
 Index: TypeAlias = npt.NDArray[np.intp]
@@ -292,22 +292,20 @@ def response(frame: pd.DataFrame, y: object, name: str | None) -> FloatArray:
     """The response (n,) from an argument or a column; raises for what cannot be fitted."""
     if y is None:
         if name is None:
-            raise InvalidInput(
-                Fault("no response", "fit(frame, y)", "y is None", "y, or a formula with a left side")
+            raise InvalidInput.of(
+                "no response", "fit(frame, y)", "y is None", "y, or a formula with a left side"
             )
         faults = missing_columns(frame, [name])
-        if faults:
-            raise InvalidInput(faults)
+        raise_faults(faults)
         y = frame[name]
     series = pd.Series(np.asarray(y).ravel() if not isinstance(y, pd.Series) else y.to_numpy())
     if len(series) != len(frame):
         got = f"{len(series)} values"
-        raise InvalidInput(Fault("wrong length", "response y", got, f"one for each of the {len(frame)} rows"))
+        raise InvalidInput.of("wrong length", "response y", got, f"one for each of the {len(frame)} rows")
     values, faults = numbers(pd.DataFrame({"y": series}), "y", "the response")
     if not faults and len(values) and np.ptp(values) == 0:
         faults = [
             Fault("constant response", f"{name or 'y'}", f"{values[0]} in every row", "at least two values")
         ]
-    if faults:
-        raise InvalidInput(faults)
+    raise_faults(faults)
     return values

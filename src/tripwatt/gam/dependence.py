@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tripwatt.arrays import FloatArray
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, InvalidInput, raise_faults
 from tripwatt.gam.figures import BLUE, GREY, axes_or_new
 
 if TYPE_CHECKING:
@@ -229,16 +229,13 @@ def autocorrelation(
         faults.append(Fault("lengths differ", "residuals and groups", f"{r.size} and {code.size}", "equal"))
     if not np.isfinite(r).all():
         faults.append(Fault("not finite", "residuals", f"{(~np.isfinite(r)).sum()} values", "finite numbers"))
-    if faults:
-        raise InvalidInput(faults)
+    raise_faults(faults)
     order = np.argsort(code, kind="stable")
     r, code = r[order] - r.mean(), code[order]
     longest = int(np.bincount(code).max(initial=0)) if r.size else 0
     lags = np.arange(1, min(max_lag, longest - 1) + 1)
     if lags.size == 0:
-        raise InvalidInput(
-            Fault("no pair of rows", "groups", f"longest has {longest} rows", "two rows or more")
-        )
+        raise InvalidInput.of("no pair of rows", "groups", f"longest has {longest} rows", "two rows or more")
     correlation, pairs = np.zeros(lags.size), np.zeros(lags.size, dtype=np.intp)
     for i, lag in enumerate(lags):
         same = code[lag:] == code[:-lag]

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import BoolArray, FloatArray
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, InvalidInput, raise_faults
 from tripwatt.gam.covariates import (
     EXACT_ROWS,
     MAX_JOINT,
@@ -134,8 +134,7 @@ def check_columns(formula: Formula, frame: pd.DataFrame) -> None:
         faults.append(Fault("term given twice", label, f"{labels.count(label)} times", "once"))
     if len(frame) == 0:
         faults.append(Fault("no rows", "frame", "0 rows", "at least one"))
-    if faults:
-        raise InvalidInput(faults)
+    raise_faults(faults)
 
 
 class _Builder:
@@ -184,8 +183,8 @@ class _Builder:
             if (self.codes[name] < 0).any():
                 row = int(np.argmax(self.codes[name] < 0))
                 got = f"{self.frame[name].iloc[row]!r} at row {row}"
-                raise InvalidInput(
-                    Fault("unknown level", f"{name!r} of {label}", got, ", ".join(self.levels[name].names))
+                raise InvalidInput.of(
+                    "unknown level", f"{name!r} of {label}", got, ", ".join(self.levels[name].names)
                 )
         return self.levels[name], self.codes[name]
 
@@ -193,7 +192,7 @@ class _Builder:
         if not is_factor(self.frame[term.name]) and term.levels is None:
             points = self.points((term.name,))
             if len(points.values) < 2 and self.formula.intercept:
-                raise InvalidInput(Fault("constant covariate", term.label, "one value", "at least two"))
+                raise InvalidInput.of("constant covariate", term.label, "one value", "at least two")
             fitted = FittedTerm(term.label, term, "parametric", [term.name], [])
             self.terms.append(fitted)
             self.pieces.append(([fitted], points.values, points.index, None))
@@ -205,8 +204,8 @@ class _Builder:
                 f"{term.label}: the first levels have no rows, the reference is {levels.names[reference]!r}"
             )
         if (levels.share > 0).sum() < 2 and self.formula.intercept:
-            raise InvalidInput(
-                Fault("factor with one level", term.label, levels.names[reference], "at least two levels")
+            raise InvalidInput.of(
+                "factor with one level", term.label, levels.names[reference], "at least two levels"
             )
         kept = [i for i in range(len(levels.names)) if i != reference]
         fitted = FittedTerm(term.label, term, "parametric", [term.name + levels.names[i] for i in kept], [])
@@ -219,8 +218,8 @@ class _Builder:
         size = len(levels.names)
         if size < 2:
             fix = "leave the random effect out"
-            raise InvalidInput(
-                Fault("only one group", term.label, f"level {levels.names[0]!r}", "two or more levels", fix)
+            raise InvalidInput.of(
+                "only one group", term.label, f"level {levels.names[0]!r}", "two or more levels", fix
             )
         names = [f"{term.label}.{i + 1}" for i in range(size)]
         fitted = FittedTerm(term.label, term, "random", names, [np.eye(size)])
@@ -252,8 +251,8 @@ class _Builder:
         )  # the lowest level of an ordered factor is the reference
         if len(levels.names) <= first:
             fix = "leave the term out"
-            raise InvalidInput(
-                Fault("factor with one level", term.label, levels.names[0], "at least two levels", fix)
+            raise InvalidInput.of(
+                "factor with one level", term.label, levels.names[0], "at least two levels", fix
             )
         kept = range(first, len(levels.names))
         by_level = [
@@ -369,8 +368,8 @@ def value_limit(discretise: bool | int, n: int) -> int | None:
     if discretise is False:
         return None
     if discretise < 20:
-        raise InvalidInput(
-            Fault("discretise too coarse", "GAMM(discretise=)", str(discretise), "a number of at least 20")
+        raise InvalidInput.of(
+            "discretise too coarse", "GAMM(discretise=)", str(discretise), "a number of at least 20"
         )
     return int(discretise)
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Final, TypeAlias
 import numpy as np
 
 from tripwatt.arrays import FloatArray
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, raise_faults
 from tripwatt.gam.figures import BLUE, GREY, RED, axes_or_new, new_figure
 from tripwatt.gam.terms import RandomEffect, Smooth, Tensor
 
@@ -420,8 +420,7 @@ def effects(
         faults.append(Fault("value out of range", "effects(level=)", str(level), "between 0 and 1"))
     if points is not None and points < 2:
         faults.append(Fault("grid too coarse", "effects(points=)", str(points), "2 or more"))
-    if faults:
-        raise InvalidInput(faults)
+    raise_faults(faults)
     if frame is not None:
         from tripwatt.gam.formula import validate_columns
 

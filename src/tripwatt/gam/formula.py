@@ -15,7 +15,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Final, get_args
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, InvalidInput, raise_faults
 from tripwatt.gam.terms import Basis, Formula, Parametric, RandomEffect, Smooth, Tensor, Term
 
 __all__ = ["nearest", "parse_formula", "render_formula", "unknown_columns", "validate_columns"]
@@ -290,9 +290,9 @@ def parse_formula(text: str) -> Formula:
     left, tilde, right = text.partition("~")
     if not tilde or "~" in right:
         count = text.count("~")
-        raise InvalidInput(Fault("wrong number of ~", repr(text), f"{count} of them", "response ~ terms"))
+        raise InvalidInput.of("wrong number of ~", repr(text), f"{count} of them", "response ~ terms")
     if not right.strip():
-        raise InvalidInput(Fault("no terms", f"right of ~ in {text!r}", "nothing", _TERMS_ALLOWED))
+        raise InvalidInput.of("no terms", f"right of ~ in {text!r}", "nothing", _TERMS_ALLOWED)
     # R writes a line break inside a sum freely; Python wants brackets for that, which shift nothing but column 0
     flat = right.replace("\n", " ").replace("\t", " ").replace("\r", " ")
     masked, quoted = _mask_quotes(flat)
@@ -423,5 +423,4 @@ def validate_columns(formula: Formula, columns: Iterable[str]) -> None:
     >>> validate_columns(parse_formula("y ~ s(time)"), ["time", "y"])
     """
     faults = unknown_columns(formula, columns)
-    if faults:
-        raise InvalidInput(faults)
+    raise_faults(faults)

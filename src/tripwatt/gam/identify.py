@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from tripwatt.arrays import FloatArray
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 from tripwatt.gam.covariates import Index
 from tripwatt.gam.design import Design
 from tripwatt.gam.fitted_terms import FittedTerm
@@ -147,8 +147,6 @@ def require_rows(rows: int, stack: PenaltyStack, where: str) -> None:
         `too few rows`.
     """
     if rows <= stack.null_dim:
-        raise InvalidInput(
-            Fault(
-                "too few rows", where, f"{rows} rows", f"more than {stack.null_dim} unpenalised coefficients"
-            )
+        raise InvalidInput.of(
+            "too few rows", where, f"{rows} rows", f"more than {stack.null_dim} unpenalised coefficients"
         )

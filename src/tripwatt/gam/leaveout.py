@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import BoolArray, FloatArray
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 from tripwatt.gam.covariates import EXACT_ROWS, Index, Levels, Support, Training
 from tripwatt.gam.design import Design
 from tripwatt.gam.identify import identify, require_rows
@@ -82,8 +82,8 @@ def _fold(
     solution = solve(own.rows.subset(kept, active), y[kept], sums, stack, active, settings)
     if solution is None:
         where = f"without fold of row {out[0]}"
-        raise InvalidInput(
-            Fault("model not identifiable", where, "singular system", "linearly independent terms")
+        raise InvalidInput.of(
+            "model not identifiable", where, "singular system", "linearly independent terms"
         )
     beta = np.zeros(own.p)
     beta[active] = solution.beta
@@ -142,7 +142,7 @@ def leave_out(
     """
     count = int(folds.max()) + 1
     if count < 2:
-        raise InvalidInput(Fault("only one group", "leave_groups_out", "1 fold", "two or more"))
+        raise InvalidInput.of("only one group", "leave_groups_out", "1 fold", "two or more")
     lagged = settings.ar1_rho is not None
     total = grouped_moments(design, y, groups, np.arange(len(y), dtype=np.intp), lagged)
     design, gram = identify(design, total.gram[0])

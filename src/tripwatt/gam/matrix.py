@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from tripwatt.arrays import FloatArray
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, InvalidInput, raise_faults
 from tripwatt.gam.families import Family, Gaussian
 from tripwatt.gam.fit import DenseRows, Solution
 from tripwatt.gam.moments import Moments
@@ -69,8 +69,7 @@ def fit_matrix(
     ]
     if len(y) != n:
         faults.append(Fault("wrong length", "y", f"{len(y)} values", f"{n} rows of X"))
-    if faults:
-        raise InvalidInput(faults)
+    raise_faults(faults)
     terms: dict[int, list[FloatArray]] = {}
     order: dict[int, list[int]] = {}
     for j, (first, _, S) in enumerate(penalties):
@@ -88,7 +87,7 @@ def fit_matrix(
     settings = FitSettings(chosen, method, rho, None, tolerance, max_iter)
     solution = solve(DenseRows(X), y, sums, stack, np.arange(p, dtype=np.intp), settings)
     if solution is None:
-        raise InvalidInput(Fault("model not identifiable", "X and penalties", "singular system", "full rank"))
+        raise InvalidInput.of("model not identifiable", "X and penalties", "singular system", "full rank")
     back = np.empty_like(solution.rho)
     back[place] = solution.rho
     solution.rho = back

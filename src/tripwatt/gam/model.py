@@ -12,7 +12,7 @@ import pandas as pd
 from sklearn.base import BaseEstimator, RegressorMixin
 
 from tripwatt.arrays import BoolArray, FloatArray
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, InvalidInput, raise_faults
 from tripwatt.gam.covariates import Index, is_factor, missing_columns, numbers, response
 from tripwatt.gam.design import Design, build_design
 from tripwatt.gam.families import Family, Gaussian, ScaledT
@@ -157,13 +157,11 @@ class GAMM(RegressorMixin, BaseEstimator):
         rows = design.rows.subset(columns=active)
         solution = solve(rows, values, sums, stack, active, settings)
         if solution is None:
-            raise InvalidInput(
-                Fault(
-                    "model not identifiable",
-                    str(formula.response or "y"),
-                    "singular system",
-                    "linearly independent terms",
-                )
+            raise InvalidInput.of(
+                "model not identifiable",
+                str(formula.response or "y"),
+                "singular system",
+                "linearly independent terms",
             )
         self._keep(design, values, family, solution, active, which)
         return self
@@ -297,9 +295,7 @@ class GAMM(RegressorMixin, BaseEstimator):
         values = response(frame, y, formula.response)
         group_codes, fold_codes = self._groups(frame, groups), self._groups(frame, folds)
         if group_codes is None:
-            raise InvalidInput(
-                Fault("no groups", "leave_groups_out", "groups is None", "a group for each row")
-            )
+            raise InvalidInput.of("no groups", "leave_groups_out", "groups is None", "a group for each row")
         design = build_design(formula, frame, self.discretise, self.extrapolation)
         given = _given_logs(self.smoothing_parameters, design)
         settings = self._settings(family, given)
@@ -329,24 +325,23 @@ class GAMM(RegressorMixin, BaseEstimator):
             faults.append(Fault("unknown family", "GAMM(family=)", repr(self.family), ", ".join(known)))
         if self.method not in ("fREML", "REML"):
             faults.append(Fault("unknown method", "GAMM(method=)", repr(self.method), "fREML or REML"))
-        if faults:
-            raise InvalidInput(faults)
+        raise_faults(faults)
         return known[self.family]
 
     def _settings(self, family: Family, rho: FloatArray | None) -> FitSettings:
         if self.extrapolation not in ("clamp", "linear"):
             got = repr(self.extrapolation)
-            raise InvalidInput(Fault("unknown extrapolation", "GAMM(extrapolation=)", got, "clamp or linear"))
+            raise InvalidInput.of("unknown extrapolation", "GAMM(extrapolation=)", got, "clamp or linear")
         if self.ar1_rho is not None:
             if not isinstance(family, Gaussian):
-                raise InvalidInput(
-                    Fault("autocorrelation needs gaussian errors", "GAMM(ar1_rho=)", family.name, "gaussian")
+                raise InvalidInput.of(
+                    "autocorrelation needs gaussian errors", "GAMM(ar1_rho=)", family.name, "gaussian"
                 )
             good = self.ar1_rho == "estimate" or (not isinstance(self.ar1_rho, str) and -1 < self.ar1_rho < 1)
             if not good:
                 got = repr(self.ar1_rho)
-                raise InvalidInput(
-                    Fault("invalid autocorrelation", "GAMM(ar1_rho=)", got, "'estimate' or within -1 to 1")
+                raise InvalidInput.of(
+                    "invalid autocorrelation", "GAMM(ar1_rho=)", got, "'estimate' or within -1 to 1"
                 )
         return FitSettings(family, self.method, rho, self.ar1_rho, self.tolerance, self.max_iter)
 
@@ -357,8 +352,8 @@ class GAMM(RegressorMixin, BaseEstimator):
         codes = pd.factorize(_labels(frame, groups))[0].astype(np.intp)
         if len(codes) != len(frame) or (codes < 0).any():
             got = f"{len(codes)} labels, {int((codes < 0).sum())} missing"
-            raise InvalidInput(
-                Fault("invalid groups", "groups=", got, f"a label for each of the {len(frame)} rows")
+            raise InvalidInput.of(
+                "invalid groups", "groups=", got, f"a label for each of the {len(frame)} rows"
             )
         return codes
 
@@ -440,8 +435,8 @@ def _given_logs(given: Sequence[float] | Mapping[str, float] | None, design: Des
     if isinstance(given, Mapping):
         odd = set(given) ^ set(names)
         if odd:
-            raise InvalidInput(
-                Fault("smoothing parameters do not match", ", ".join(sorted(odd)), "", ", ".join(names))
+            raise InvalidInput.of(
+                "smoothing parameters do not match", ", ".join(sorted(odd)), "", ", ".join(names)
             )
         values = np.array([given[name] for name in names], dtype=np.float64)
     else:
@@ -449,7 +444,7 @@ def _given_logs(given: Sequence[float] | Mapping[str, float] | None, design: Des
     if len(values) != len(names) or not (np.isfinite(values) & (values > 0)).all():
         got = f"{len(values)} values"
         allowed = f"{len(names)} positive numbers for {', '.join(names)}"
-        raise InvalidInput(Fault("invalid smoothing parameters", "GAMM(smoothing_parameters=)", got, allowed))
+        raise InvalidInput.of("invalid smoothing parameters", "GAMM(smoothing_parameters=)", got, allowed)
     return np.log(values)
 
 
@@ -457,8 +452,7 @@ def _labels(frame: pd.DataFrame, labels: object) -> npt.NDArray[Any]:
     """Labels (n,) given as an array or as a column."""
     if isinstance(labels, str):
         faults = missing_columns(frame, [labels])
-        if faults:
-            raise InvalidInput(faults)
+        raise_faults(faults)
         labels = frame[labels]
     return np.asarray(labels)
 
@@ -470,7 +464,7 @@ def _units_at(at: pd.DataFrame, at_folds: object, known: npt.NDArray[Any]) -> In
     if len(codes) != len(at) or (codes < 0).any():
         got = f"{len(codes)} labels for {len(at)} rows, {int((codes < 0).sum())} unknown"
         allowed = "a unit of the fit for each row of at="
-        raise InvalidInput(Fault("invalid groups", "at_folds=", got, allowed))
+        raise InvalidInput.of("invalid groups", "at_folds=", got, allowed)
     return np.asarray(codes, dtype=np.intp)
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tripwatt.arrays import FloatArray
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 from tripwatt.gam.bases import Basis, PSpline, cubic_regression, thin_plate
 from tripwatt.gam.covariates import Points
 from tripwatt.gam.terms import Smooth, Tensor
@@ -98,21 +98,19 @@ def _usable(k: int, least: int, points: Points, label: str, what: str) -> tuple[
     """Basis dimension that the data can carry, and the note where it had to be reduced."""
     distinct = len(points.values)
     if distinct < 2:
-        raise InvalidInput(
-            Fault("constant covariate", f"{what} in {label}", "one distinct value", "at least two")
+        raise InvalidInput.of(
+            "constant covariate", f"{what} in {label}", "one distinct value", "at least two"
         )
     if distinct < least:
-        raise InvalidInput(
-            Fault(
-                "too few distinct values",
-                f"{what} in {label}",
-                str(distinct),
-                f"at least {least}",
-                "use a factor or a straight line",
-            )
+        raise InvalidInput.of(
+            "too few distinct values",
+            f"{what} in {label}",
+            str(distinct),
+            f"at least {least}",
+            "use a factor or a straight line",
         )
     if k < least:
-        raise InvalidInput(Fault("k too small", label, f"k={k}", f"at least {least}"))
+        raise InvalidInput.of("k too small", label, f"k={k}", f"at least {least}")
     if distinct < k:
         return distinct, [f"{label}: {what} has {distinct} distinct values, k reduced from {k} to {distinct}"]
     return k, []
@@ -131,16 +129,16 @@ def _basis(
         k, notes = _usable(k, 3, points, label, what)
         return cubic_regression(points.values[:, 0], k), notes
     if kind != "tp":
-        raise InvalidInput(Fault("unknown basis", label, repr(kind), "tp, ps or cr"))
+        raise InvalidInput.of("unknown basis", label, repr(kind), "tp, ps or cr")
     if 2 * order <= d:
-        raise InvalidInput(Fault("penalty order too low", label, f"m={order}", f"2 m > {d}"))
+        raise InvalidInput.of("penalty order too low", label, f"m={order}", f"2 m > {d}")
     null = _null_dimension(d, order)
     k, notes = _usable(k, null + 1, points, label, what)
     centred = points.values - points.values.mean(axis=0)
     centred = centred / np.maximum(np.abs(centred).max(axis=0), 1e-300)
     if np.linalg.matrix_rank(centred, tol=1e-9 * len(centred)) < d:
-        raise InvalidInput(
-            Fault("collinear covariates", label, "all points on a line", "covariates that are not collinear")
+        raise InvalidInput.of(
+            "collinear covariates", label, "all points on a line", "covariates that are not collinear"
         )
     return thin_plate(points.values, points.counts, k, order), notes
 
@@ -170,8 +168,8 @@ def build_smooth(term: Smooth, points: Points, centred: bool) -> Built:
     """
     d = len(term.names)
     if d > 1 and term.basis != "tp":
-        raise InvalidInput(
-            Fault("basis for one covariate only", term.label, term.basis, "tp, or a tensor product")
+        raise InvalidInput.of(
+            "basis for one covariate only", term.label, term.basis, "tp, or a tensor product"
         )
     k = term.k if term.k is not None else {1: 10, 2: 30}.get(d, 110)
     basis, notes = _basis(term.basis, points, k, term.m, term.label, ", ".join(term.names))
@@ -215,8 +213,8 @@ def build_tensor(term: Tensor, points: Points, centred: bool) -> Built:
     """
     ks = term.k if term.k is not None else (5,) * len(term.names)
     if len(ks) != len(term.names) or len(ks) < 2:
-        raise InvalidInput(
-            Fault("wrong number of k", term.label, f"k={ks}", "one for each of two or more covariates")
+        raise InvalidInput.of(
+            "wrong number of k", term.label, f"k={ks}", "one for each of two or more covariates"
         )
     parts = [_margin(term, points, j, k) for j, k in enumerate(ks)]
     margins = tuple(part[0] for part in parts)

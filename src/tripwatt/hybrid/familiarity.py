@@ -17,7 +17,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from tripwatt.arrays import FloatArray
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, raise_faults
 from tripwatt.trips import TEMPERATURES
 
 FADING: Final = (*TEMPERATURES, "speed_m_s", "trip_speed_m_s")
@@ -93,8 +93,7 @@ class Familiarity:
             for name, seen in self.ranges.items()
             if not (np.isfinite([seen.low, seen.high, seen.sd]).all() and seen.sd > 0.0)
         ]
-        if faults:
-            raise InvalidInput(faults)
+        raise_faults(faults)
 
     @classmethod
     def from_features(cls, features: pd.DataFrame, columns: Iterable[str]) -> Familiarity:

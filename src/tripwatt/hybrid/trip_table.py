@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import FloatArray, IntArray
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, raise_faults
 from tripwatt.physics import simulate_trip
 from tripwatt.trips import Trip, require_unique_ids, resample
 from tripwatt.units import SECONDS_PER_HOUR
@@ -226,8 +226,7 @@ def build_table(trips: Sequence[Trip], physics: Mapping[str, Vehicle], *, step_s
     ]
     if not trips:
         faults.append(Fault("no trips", "trips", "0", "at least one"))
-    if faults:
-        raise InvalidInput(faults)
+    raise_faults(faults)
     blocks = tuple(resample(trip, step_s) for trip in trips)
     covariates, notes = _covariates(blocks)
     return TripTable(

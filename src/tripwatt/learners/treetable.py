@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tripwatt.arrays import BoolArray, FloatArray, IntArray
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, InvalidInput, raise_faults
 
 _DEFAULT_LEFT, _MISSING = 2, 12
 _ZERO_IS_MISSING, _NAN_IS_MISSING = 4, 8
@@ -55,8 +55,7 @@ class TreeTable:
 
     def __post_init__(self) -> None:
         faults = list(self._faults())
-        if faults:
-            raise InvalidInput(faults)
+        raise_faults(faults)
 
     def __len__(self) -> int:
         return len(self.leaf_value)

@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 import pandas as pd
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import Forecast
 from tripwatt.trips import Trip
 from tripwatt.uncertainty import Coverage
@@ -235,14 +235,10 @@ class Diary:
         try:
             table = pd.read_parquet(path)
         except (OSError, ValueError) as error:
-            raise InvalidInput(
-                Fault("cannot read the diary", f"{path}", f"{error}"[:200], "a diary")
-            ) from error
+            raise InvalidInput.of("cannot read the diary", f"{path}", f"{error}"[:200], "a diary") from error
         missing = [name for name in (*TEXTS, *NUMBERS) if name not in table]
         if missing:
-            raise InvalidInput(
-                Fault("no diary", f"{path}", "a table without " + ", ".join(missing), "a diary")
-            )
+            raise InvalidInput.of("no diary", f"{path}", "a table without " + ", ".join(missing), "a diary")
         return cls(table)
 
     def with_entries(self, entries: Iterable[Mapping[str, Any]]) -> Diary:

@@ -10,7 +10,7 @@ from typing import Any, Final, Literal, cast
 
 from typing_extensions import TypedDict  # Python 3.11 has one that pydantic cannot read
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import Forecast
 from tripwatt.forecasting.forecast import by_probability, quantiles
 
@@ -104,5 +104,5 @@ def live_forecast(forecast: Forecast, reserve: float) -> LiveForecastDocument:
     }
     values = [value for value in document.values() if isinstance(value, float)]
     if not math.isfinite(sum([*values, *document["quantiles_wh"].values()])):
-        raise InvalidInput(Fault("no forecast", "trip", "implausible results", "a trip that a car can drive"))
+        raise InvalidInput.of("no forecast", "trip", "implausible results", "a trip that a car can drive")
     return cast(LiveForecastDocument, document)

@@ -10,7 +10,7 @@ from typing import Final
 
 import pandas as pd
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 from tripwatt.files import write_file
 from tripwatt.live.on_the_way import MadeForecast, read_forecasts, write_forecasts
 from tripwatt.live.own_car import LIVE
@@ -38,12 +38,12 @@ def live_folder(place: Path) -> Path:
     """
     if VALID_NAME.fullmatch(place.name) is None:
         allowed = "up to 64 letters, digits, '.', '_' and '-'"
-        raise InvalidInput(Fault("name cannot be used", f"{place}", place.name, allowed))
+        raise InvalidInput.of("name cannot be used", f"{place}", place.name, allowed)
     try:
         (place / LIVE).mkdir(mode=0o700, parents=True, exist_ok=True)
     except OSError as error:
         got = error.strerror or f"{error}"
-        raise InvalidInput(Fault("cannot write the folder", f"{place}", got, "a writable folder")) from error
+        raise InvalidInput.of("cannot write the folder", f"{place}", got, "a writable folder") from error
     return place / LIVE
 
 

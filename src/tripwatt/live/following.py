@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 from urllib.parse import unquote, urlsplit
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 from tripwatt.live.discovery import discovery
 from tripwatt.live.documents import LiveDocument
 from tripwatt.live.road_car import RoadCar
@@ -91,9 +91,7 @@ class Broker:
             parts, port = urlsplit(""), None
         if parts.scheme not in PORTS or not parts.hostname:
             got = url.rpartition("@")[2][:80]  # never a password
-            raise InvalidInput(
-                Fault("not a broker", "--mqtt", got, "mqtt://HOST[:PORT] or mqtts://HOST[:PORT]")
-            )
+            raise InvalidInput.of("not a broker", "--mqtt", got, "mqtt://HOST[:PORT] or mqtts://HOST[:PORT]")
         username = None if parts.username is None else unquote(parts.username)
         given = None if parts.password is None else unquote(parts.password)
         return cls(

@@ -14,7 +14,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Final
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 from tripwatt.files import write_file
 from tripwatt.live.telemetry import FIRST_TIME_S, LAST_TIME_S, Sample
 
@@ -87,10 +87,8 @@ class Journal:
                 os.ftruncate(self._descriptor, self._size)
             self.after_s = _after_s(os.pread(self._descriptor, MOST_LINE_BYTES, 0).partition(b"\n")[0])
         except OSError as error:
-            raise InvalidInput(
-                Fault(
-                    "cannot open the journal", f"{self.path}", error.strerror or f"{error}", "a writable file"
-                )
+            raise InvalidInput.of(
+                "cannot open the journal", f"{self.path}", error.strerror or f"{error}", "a writable file"
             ) from error
 
     def read(self) -> Iterator[Sample]:

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, cast
 
 from tripwatt.auditing import audit
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 from tripwatt.files import folder_lock, read_text_file, replace_folder, restore_folder
 from tripwatt.forecasting import ForecastModel, load_metadata, load_model, save_model
 from tripwatt.live.diary import Diary, entry
@@ -308,7 +308,7 @@ def create_car(folder: Path | str, vehicle: Vehicle | str | Path, *, base: Path 
     place = Path(folder)
     car = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
     if place.exists() and (not place.is_dir() or any(place.iterdir())):
-        raise InvalidInput(Fault("folder in use", f"{place}", "not empty", "a new or empty folder"))
+        raise InvalidInput.of("folder in use", f"{place}", "not empty", "a new or empty folder")
     root = None if base is None else Path(base).resolve()
     for_car(root, car)
 
@@ -325,8 +325,8 @@ def create_car(folder: Path | str, vehicle: Vehicle | str | Path, *, base: Path 
     try:
         replace_folder(place, write)
     except OSError as error:
-        raise InvalidInput(
-            Fault("cannot write the folder", f"{place}", error.strerror or f"{error}", "a writable folder")
+        raise InvalidInput.of(
+            "cannot write the folder", f"{place}", error.strerror or f"{error}", "a writable folder"
         ) from error
     return open_car(place)
 
@@ -380,23 +380,21 @@ def open_car(folder: Path | str) -> Car:
     if not is_car(place):
         got = "a folder" if place.is_dir() else "a file" if place.exists() else "no such folder"
         fix = "make one: tripwatt car new"
-        raise InvalidInput(Fault("not a car", f"{place}", got, "a folder of `tripwatt car new`", fix))
+        raise InvalidInput.of("not a car", f"{place}", got, "a folder of `tripwatt car new`", fix)
     try:
         about = json.loads(read_text_file(place / ABOUT, MOST_ABOUT_BYTES))
         number, name, base = about["tripwatt_car"], about["vehicle"], about["base"]
     except (ValueError, KeyError, TypeError) as error:
-        raise InvalidInput(
-            Fault("damaged file", f"{place / ABOUT}", f"{error}"[:200], "the description of a car")
+        raise InvalidInput.of(
+            "damaged file", f"{place / ABOUT}", f"{error}"[:200], "the description of a car"
         ) from error
     if not isinstance(number, int) or number > FORMAT:
-        raise InvalidInput(
-            Fault(
-                "car of a newer format",
-                f"{place}",
-                f"format {number}"[:80],
-                f"format {FORMAT}",
-                "install a newer tripwatt",
-            )
+        raise InvalidInput.of(
+            "car of a newer format",
+            f"{place}",
+            f"format {number}"[:80],
+            f"format {FORMAT}",
+            "install a newer tripwatt",
         )
     car = replace(load_vehicle(place / VEHICLE), name=f"{name}")
     return Car(place.absolute(), car, None if base is None else Path(f"{base}"))

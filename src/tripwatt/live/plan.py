@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 import pandas as pd
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 from tripwatt.files import read_file, write_text
 from tripwatt.routes import links_of_trip, plan_from_links, route_from_links
 from tripwatt.routes.link_objects import fields_of_route, route_with_elevation
@@ -73,7 +73,7 @@ class LivePlan:
                 plan = plan_from_links(route)
         except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
             got = f"{type(error).__name__}: {error}"[:200]
-            raise InvalidInput(Fault("no road", "plan", got, "links or samples of a request")) from error
+            raise InvalidInput.of("no road", "plan", got, "links or samples of a request") from error
         known = {
             name: given[wire]
             for name, field in ASKED.items()
@@ -117,8 +117,8 @@ class LivePlan:
             about = json.loads(read_file(path, MOST_BYTES))
             return cls(dict(about["request"]), about["departure_s"], about["given_s"])
         except (ValueError, KeyError, TypeError, RecursionError) as error:
-            raise InvalidInput(
-                Fault("damaged file", f"{path}", f"{error}"[:200], "a plan", "remove it")
+            raise InvalidInput.of(
+                "damaged file", f"{path}", f"{error}"[:200], "a plan", "remove it"
             ) from error
 
 

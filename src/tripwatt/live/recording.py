@@ -12,7 +12,7 @@ from typing import Any, Final, Self
 
 import pandas as pd
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 from tripwatt.files import folder_lock
 from tripwatt.live.documents import LiveMessages
 from tripwatt.live.folder import (
@@ -146,7 +146,7 @@ class Recorder:
         if sample.time_s > now_s + FUTURE_S:
             got = f"{sample.time_s - now_s:.0f} s ahead"
             allowed, fix = f"at most {FUTURE_S:g} s ahead of our clock", "set the clock of the sender"
-            raise InvalidInput(Fault("time in the future", "utc", got, allowed, fix))
+            raise InvalidInput.of("time in the future", "utc", got, allowed, fix)
         arrival = self._ordered.arrival(sample)
         if arrival == "new":
             self._journal.append(sample)

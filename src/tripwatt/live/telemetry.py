@@ -12,7 +12,7 @@ from functools import cached_property
 from types import MappingProxyType
 from typing import Any, Final
 
-from tripwatt.errors import Fault, InvalidInput, excerpt
+from tripwatt.errors import Fault, InvalidInput, excerpt, raise_faults
 from tripwatt.sources.mapping import POWER, UNITS, ColumnMapping, load_mapping
 from tripwatt.trips import COLUMNS
 
@@ -67,8 +67,7 @@ class Sample:
                 faults.append(Fault("unknown column", name[:60], name[:60], ", ".join(SIGNALS)))
             elif not is_sound(name, value):
                 faults.append(Fault("value out of range", name, f"{value:g}", COLUMNS[name].allowed))
-        if faults:
-            raise InvalidInput(faults)
+        raise_faults(faults)
 
 
 def _time_faults(time_s: float) -> list[Fault]:
@@ -138,7 +137,7 @@ class MessageFormat:
         """The sample of a whole message. O(fields). See `sample_from_abrp`."""
         if not isinstance(message, Mapping):
             allowed = "an object with utc, speed, power, soc"
-            raise InvalidInput(Fault("not an object", "tlm", excerpt(message), allowed))
+            raise InvalidInput.of("not an object", "tlm", excerpt(message), allowed)
         time_field, faults = self.time_field, list[Fault]()
         time_s = _number(message, time_field, ("", 1.0, 0.0), faults)
         if time_s is None:

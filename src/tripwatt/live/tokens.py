@@ -8,7 +8,7 @@ import secrets
 from pathlib import Path
 from typing import Final
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 from tripwatt.files import read_text_file, write_text
 from tripwatt.live.folder import live_folder
 from tripwatt.live.own_car import LIVE
@@ -91,6 +91,4 @@ def token_digest(folder: Path | str) -> str | None:
     try:
         return f"{json.loads(read_text_file(path, MOST_BYTES))['sha256']}"
     except (ValueError, KeyError, TypeError, RecursionError) as error:
-        raise InvalidInput(
-            Fault("damaged file", f"{path}", f"{error}"[:200], "the digest of a token")
-        ) from error
+        raise InvalidInput.of("damaged file", f"{path}", f"{error}"[:200], "the digest of a token") from error

@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping
 from typing import Any, Final
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 from tripwatt.live.telemetry import FORMATS, Sample, is_set, is_sound, number_of
 from tripwatt.sources.mapping import POWER
 
@@ -58,12 +58,10 @@ class TopicJoiner:
 
     def __init__(self, source: str, root: str) -> None:
         if source not in FORMATS:
-            raise InvalidInput(Fault("unknown sender", "source", source[:60], ", ".join(FORMATS)))
+            raise InvalidInput.of("unknown sender", "source", source[:60], ", ".join(FORMATS))
         self.root = root.rstrip("/")
         if not self.root or {"+", "#"} & set(self.root):
-            raise InvalidInput(
-                Fault("no topic of one car", "topic", root[:60], "a topic without '+' and '#'")
-            )
+            raise InvalidInput.of("no topic of one car", "topic", root[:60], "a topic without '+' and '#'")
         self.format = FORMATS[source]
         self._hold_s = max(self.format.mapping.hold_s, JOIN_S)
         self._values: dict[str, tuple[float, float]] = {}

@@ -20,7 +20,7 @@ import anyio
 import orjson
 from sse_starlette import EventSourceResponse, ServerSentEvent
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import ForecastModel
 from tripwatt.live import RoadCar, Sample, has_token, is_car
 from tripwatt.live.documents import LiveDocument
@@ -80,7 +80,7 @@ class LiveCars:
         folder = settings.cars
         if folder is None or not folder.is_dir():
             fix = "make it; cars are made in it on the page or by `tripwatt car new`"
-            raise InvalidInput(Fault("no folder of cars", "--cars", f"{folder}", "a folder", fix))
+            raise InvalidInput.of("no folder of cars", "--cars", f"{folder}", "a folder", fix)
         for place in sorted(place for place in folder.iterdir() if has_token(place)):
             self._open(place)
 

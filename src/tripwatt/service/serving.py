@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable
 from typing import Any, Final
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, InvalidInput, raise_faults
 from tripwatt.service.settings import MIN_TOKEN_LENGTH, TOKEN_VARIABLE, Settings, is_loopback
 
 KEEP_ALIVE_S: Final = 75
@@ -60,8 +60,7 @@ def require_safe(settings: Settings) -> None:
         )
     if settings.workers < 1:
         faults.append(Fault("no workers", "--workers", f"{settings.workers}", "1 or more"))
-    if faults:
-        raise InvalidInput(faults)
+    raise_faults(faults)
 
 
 def open_socket(settings: Settings) -> socket.socket:

@@ -10,7 +10,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, raise_faults
 from tripwatt.journey import AtlasSettings
 
 TOKEN_VARIABLE: Final = "TRIPWATT_TOKEN"
@@ -181,6 +181,5 @@ def parse_limits(pairs: list[str]) -> Limits:
             allowed = "a number" if known[key] == "float" else "a whole number"
             faults.append(Fault("value out of range", f"--limit {key}", text, f"{allowed} above 0"))
         values[key] = value
-    if faults:
-        raise InvalidInput(faults)
+    raise_faults(faults)
     return replace(Limits(), **values)  # type: ignore[arg-type] # int and float by the table of fields
