@@ -248,7 +248,8 @@ def raise_faults(faults: Iterable[Fault]) -> None:
     tripwatt.errors.InvalidInput: no trips: data/
     """
     listed = tuple(faults)
-    raise_faults(listed)
+    if listed:
+        raise InvalidInput(listed)
 
 
 class RemoteError(InvalidInput):
