@@ -21,7 +21,8 @@ def run(text):
 """
 
 FOLDER: Final = """
-from tripwatt.cli.output import output_lock, unfinished_folder, write_whole
+from tripwatt.cli.output import unfinished_folder, write_whole
+from tripwatt.files import folder_lock
 NAMES = ("a.csv", "report.html", "results.json", "figures")
 def fill(text, folder):
     for name in NAMES[:3]:
@@ -33,7 +34,7 @@ if out.exists():
     assert len(set(texts)) == 1 and texts[0] in ("old" * 5000, "new" * 5000), "neither old nor new"
 def run(text):
     unfinished = unfinished_folder(out)
-    with output_lock(unfinished):
+    with folder_lock(unfinished):
         write_whole(lambda folder: fill(text, folder), out, unfinished)
 """
 
