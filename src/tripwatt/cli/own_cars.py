@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from tripwatt.live import Car, Learned
 
 car_app = typer.Typer(
-    help="Your own car: its trips, the model that they teach, and its diary. Needs the extra tripwatt[fleet].",
+    help="Your own car: its trips, the model that is adapted to them, and its diary. Needs the extra tripwatt[fleet].",
     no_args_is_help=True,
     rich_markup_mode=None,
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, ClassVar, Final
 
 import numpy as np
@@ -87,17 +88,10 @@ class FleetTrees:
         return cls(booster.model_to_string())
 
 
-_BOOSTERS: dict[int, Any] = {}
-
-
+@lru_cache(maxsize=8)
 def _booster(text: str) -> Any:
     """A booster by its text; a few are kept, since reading one takes longer than a forecast."""
-    key = hash(text)
-    if key not in _BOOSTERS:
-        if len(_BOOSTERS) > 8:
-            _BOOSTERS.clear()
-        _BOOSTERS[key] = FleetTrees(text).booster
-    return _BOOSTERS[key]
+    return FleetTrees(text).booster
 
 
 def choose_rounds(
