@@ -101,13 +101,13 @@ def __getattr__(name: str) -> Any:
     if name == "__version__":
         from importlib.metadata import version  # reads files of the installation
 
-        found: Any = version("tripwatt")
+        value: Any = version("tripwatt")
     elif name in _HOMES:
-        found = getattr(import_module(f"tripwatt.{_HOMES[name]}"), name)
+        value = getattr(import_module(f"tripwatt.{_HOMES[name]}"), name)
     else:
         raise AttributeError(f"module 'tripwatt' has no attribute {name!r}")
-    globals()[name] = found
-    return found
+    globals()[name] = value
+    return value
 
 
 def __dir__() -> list[str]:

@@ -177,13 +177,13 @@ def donor_model(
     return model.as_donor(masked_inputs)
 
 
-def provenance_of(fleet: Fleet, found: Audit, model: ForecastModel, notes: Sequence[str]) -> dict[str, Any]:
+def provenance_of(fleet: Fleet, checked: Audit, model: ForecastModel, notes: Sequence[str]) -> dict[str, Any]:
     """Where a model comes from: data with citation and digest, trips, audit findings, seed, Python and packages.
 
     Parameters
     ----------
     fleet : Fleet
-    found : Audit
+    checked : Audit
         Of the fleet.
     model : ForecastModel
         Fitted on its sound trips, or adapted to them.
@@ -196,10 +196,10 @@ def provenance_of(fleet: Fleet, found: Audit, model: ForecastModel, notes: Seque
             "citation": fleet.citation,
             "notes": [*map(message, fleet.notes), *notes],
             "logs": len(fleet),
-            "sha256": data_digest(found.trips),
+            "sha256": data_digest(checked.trips),
         },
         "trips_used": list(model.trip_ids_),
-        "audit": [str(finding) for finding in found.findings],
+        "audit": [str(finding) for finding in checked.findings],
         "seed": model.seed,
         **versions(),
     }

@@ -43,10 +43,10 @@ def line_of(sample: Sample) -> bytes:
 def sample_of(line: bytes) -> Sample | None:
     """The sample of a line; None where the line is damaged."""
     try:
-        found = json.loads(line)
-        charging, parked = (bool(found.pop(name, False)) for name in FLAGS)
-        time_s = float(found.pop("time_s"))
-        return Sample(time_s, {name: float(value) for name, value in found.items()}, charging, parked)
+        fields = json.loads(line)
+        charging, parked = (bool(fields.pop(name, False)) for name in FLAGS)
+        time_s = float(fields.pop("time_s"))
+        return Sample(time_s, {name: float(value) for name, value in fields.items()}, charging, parked)
     except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError, InvalidInput):
         return None
 
@@ -170,7 +170,7 @@ def _whole_bytes(descriptor: int) -> int:
     """Size of a file up to its last whole line: a process may have been killed while it wrote."""
     end = os.fstat(descriptor).st_size
     start = max(0, end - MOST_LINE_BYTES)
-    found = os.pread(descriptor, end - start, start).rfind(b"\n")
-    if found < 0 and start:
+    newline = os.pread(descriptor, end - start, start).rfind(b"\n")
+    if newline < 0 and start:
         return end  # no line of ours is so long
-    return start + found + 1
+    return start + newline + 1

@@ -289,8 +289,8 @@ class Recorder:
             for sample in (*self._finder.before, *self._ordered.waiting):
                 latest |= sample.values
             table = pd.DataFrame([{"time_s": 0.0, "speed_m_s": 0.0, **latest}], dtype="float64")
-        found = Departure.from_first_sample(Sampled(self.name, table), Context())
-        departure = replace(found, payload_mass_kg=None, follows_trip=None)
+        seen = Departure.from_first_sample(Sampled(self.name, table), Context())
+        departure = replace(seen, payload_mass_kg=None, follows_trip=None)
         if (
             trip is not None
             and of is not None

@@ -115,13 +115,13 @@ class MessageFormat:
     @cached_property
     def columns(self) -> Mapping[str, tuple[str, float, float]]:
         """Field -> our column, with factor and offset to its unit."""
-        found = {name: (ours, 1.0, 0.0) for name, ours in self.more.items()}
+        sources = {name: (ours, 1.0, 0.0) for name, ours in self.more.items()}
         for ours, entry in self.mapping.columns.items():
             if ours != "time_s":
                 factor, offset = UNITS[ours][entry.unit]
                 sign = self.mapping.discharge_sign if ours in ("current_a", POWER) else 1.0
-                found[entry.column] = ours, sign * factor, offset
-        return found
+                sources[entry.column] = ours, sign * factor, offset
+        return sources
 
     def with_current(self, values: dict[str, float]) -> dict[str, float]:
         """The values with voltage and current in place of a power; only their product is the power."""

@@ -171,11 +171,11 @@ def outside_the_others(table: TripTable, rows: Any = None) -> pd.DataFrame:
         `trip, covariate, share`, the last the fraction of the trip's rows, above 0.
     """
     groups, seen = table.groups, slice(None) if rows is None else rows
-    found: list[tuple[str, str, float]] = []
+    listed: list[tuple[str, str, float]] = []
 
     def note(name: str, outside: Any) -> None:
         share = np.bincount(groups, weights=outside, minlength=len(table)) / np.diff(table.offsets)
-        found.extend((table.trip_ids[i], name, float(share[i])) for i in np.flatnonzero(share))
+        listed.extend((table.trip_ids[i], name, float(share[i])) for i in np.flatnonzero(share))
 
     winter = np.array([trip.context.season == "winter" for trip in table.trips])
     for name, column in table.covariates.items():
@@ -191,7 +191,7 @@ def outside_the_others(table: TripTable, rows: Any = None) -> pd.DataFrame:
         elif name == "weather":
             trips = column.groupby(groups, observed=True).first()
             note("weather", (trips.map(trips.value_counts()).astype(int) < 2).to_numpy()[groups])
-    return pd.DataFrame(found, columns=["trip", "covariate", "share"])
+    return pd.DataFrame(listed, columns=["trip", "covariate", "share"])
 
 
 def _beyond(values: Any, groups: Any, ends: pd.DataFrame) -> Any:

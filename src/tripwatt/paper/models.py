@@ -206,8 +206,8 @@ class HybridModel:
             X, residual, groups = self.training_data(table)
             row_folds = np.repeat(folds, np.diff(table.offsets))
             return np.asarray(self.corrector.inner_errors(X, residual, groups, row_folds, seed))
-        found = getattr(self.corrector, "fold_errors_", None)
-        return None if found is None else np.asarray(found, dtype=np.float64)
+        errors = getattr(self.corrector, "fold_errors_", None)
+        return None if errors is None else np.asarray(errors, dtype=np.float64)
 
 
 def DataOnly(corrector: Corrector, *, shares_folds: bool = False) -> HybridModel:  # noqa: N802 - reads as a model

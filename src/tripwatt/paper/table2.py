@@ -152,7 +152,7 @@ class Table2Corrector:
         """
         units = groups if folds is None else folds
         frame, rows = self._training(X, groups)
-        found = self._engine().leave_groups_out(
+        predictions = self._engine().leave_groups_out(
             frame,
             np.asarray(y)[rows],
             groups=groups[rows],
@@ -160,7 +160,7 @@ class Table2Corrector:
             at=self.frame(X),
             at_folds=units,
         )
-        return np.asarray(found, dtype=np.float64)
+        return np.asarray(predictions, dtype=np.float64)
 
     def inner_errors(
         self, X: pd.DataFrame, y: FloatArray, groups: IntArray, folds: IntArray, seed: int

@@ -43,7 +43,7 @@ def term_in_words(term: str) -> str:
     's(time):winter'
     """
     spaced = re.sub(r",(?=\S)", ", ", re.sub(r":season(?=\w)", ":", term))
-    return re.sub(r"[a-z_]+", lambda found: COVARIATES.get(found[0], (found[0],))[0], spaced)
+    return re.sub(r"[a-z_]+", lambda match: COVARIATES.get(match[0], (match[0],))[0], spaced)
 
 
 def axis_of(name: str) -> tuple[str, float]:

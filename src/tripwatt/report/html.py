@@ -141,7 +141,7 @@ def inline_svg(svg: str, key: str, description: str) -> str:
 
     text = svg[svg.index("<svg") :]
     text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
-    text = _IDS.sub(lambda found: f"{found.group(1)}{key}-", text)
+    text = _IDS.sub(lambda match: f"{match.group(1)}{key}-", text)
     for colour, name in ((INK, "currentColor"), (RULE, "var(--rule)"), (PAPER_COLOUR, "var(--paper)")):
         text = text.replace(colour, name)
     head, _, body = text.partition(">")

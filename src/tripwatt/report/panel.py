@@ -95,13 +95,13 @@ class PanelSpec:
 
     def build(self, view: View) -> Panel | None:
         """The panel of a run, None where it is left out."""
-        found = self.content(view)
-        if found is None:
+        shown = self.content(view)
+        if shown is None:
             return None
-        sentence, given = found.sentence, view.given
-        if self.errors and given not in sentence and (found.figure is not None or found.tables):
+        sentence, given = shown.sentence, view.given
+        if self.errors and given not in sentence and (shown.figure is not None or shown.tables):
             sentence = f"{sentence} {given[:1].upper()}{given[1:]}."
-        return Panel(self.key, self.title, sentence, found.figure, found.tables, self.folded, self.wide)
+        return Panel(self.key, self.title, sentence, shown.figure, shown.tables, self.folded, self.wide)
 
 
 def panel(

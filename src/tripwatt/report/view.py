@@ -229,7 +229,7 @@ class View:
     @property
     def evaluations(self) -> Sequence[Record]:
         """Every evaluation, the main one first; those that coincide are one (see `named_evaluation`)."""
-        found = list(self.results.get("evaluations") or ())
+        runs = list(self.results.get("evaluations") or ())
         sets, schemes = list(TRIP_SETS), list(SCHEMES)
 
         def rank(evaluation: Record) -> tuple[int, int]:
@@ -239,7 +239,7 @@ class View:
                 sets.index(trips) if trips in sets else len(sets),
             )
 
-        return without_repeats(sorted(found, key=rank))
+        return without_repeats(sorted(runs, key=rank))
 
     @property
     def main(self) -> Record:
@@ -250,8 +250,8 @@ class View:
     @property
     def scores(self) -> Mapping[str, Record]:
         """Scores of the main evaluation by model."""
-        found: Mapping[str, Record] = self.main.get("models") or {}
-        return found
+        models: Mapping[str, Record] = self.main.get("models") or {}
+        return models
 
     @property
     def models(self) -> list[str]:

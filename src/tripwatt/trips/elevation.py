@@ -45,9 +45,9 @@ def elevation_over_distance(time_s: FloatArray, speed_m_s: FloatArray, elevation
         return elevation_m
     speed = np.nan_to_num(speed_m_s)
     driven = distance_driven(time_s, speed)[known]
-    found = elevation_m.copy()
-    found[known] = np.interp(driven, driven[fixes], height[fixes])
-    return found
+    filled = elevation_m.copy()
+    filled[known] = np.interp(driven, driven[fixes], height[fixes])
+    return filled
 
 
 def _fixes(time: FloatArray, height: FloatArray, most: int) -> IntArray | None:

@@ -40,9 +40,15 @@ def on_audit(view: View) -> str:
     for finding in audit:
         done.setdefault(str(finding.get("consequence") or "noted"), set()).add(str(finding.get("trip")))
     tally = listed([f"{len(trips)} {what}" for what, trips in sorted(done.items())])
-    found = f"the audit has {len(audit)} findings (trips: {tally})" if audit else "the audit has no findings"
+    counted = (
+        f"the audit has {len(audit)} findings (trips: {tally})" if audit else "the audit has no findings"
+    )
     read = view.results.get("trips_read")
-    texts = [*([f"{len(read)} trips were read"] if read else []), found, *([listed(parts)] if parts else [])]
+    texts = [
+        *([f"{len(read)} trips were read"] if read else []),
+        counted,
+        *([listed(parts)] if parts else []),
+    ]
     return " ".join(f"{text[:1].upper()}{text[1:]}." for text in texts)
 
 

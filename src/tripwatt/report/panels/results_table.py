@@ -144,10 +144,10 @@ def on_physics_gap(view: View) -> str:
 def on_sets(view: View) -> str:
     """How the best model's error moves with the choice of trips and with days left out whole."""
     best = view.best
-    found = [e for e in view.evaluations if best in (e.get("models") or {})]
-    if best is None or not found:
+    scored = [e for e in view.evaluations if best in (e.get("models") or {})]
+    if best is None or not scored:
         return "No model was evaluated."
-    parts = [f"{percent(e['models'][best]['mape'])} ({named_evaluation(e)})" for e in found]
+    parts = [f"{percent(e['models'][best]['mape'])} ({named_evaluation(e)})" for e in scored]
     return f"{label(best)}: {'; '.join(parts)}."
 
 

@@ -161,11 +161,11 @@ def on_pit(pit: FloatArray, given: str) -> str:
     """The share of the trips above the median, and a test of uniformity."""
     from scipy.stats import kstest
 
-    found = kstest(pit, "uniform")
-    verdict = "do not differ" if found.pvalue >= 0.05 else "differ"
+    test = kstest(pit, "uniform")
+    verdict = "do not differ" if test.pvalue >= 0.05 else "differ"
     return (
         f"Of {len(pit)} trips, {percent(float(np.mean(pit > 0.5)), 0)} took more energy than the median of their forecast. The "
-        f"values {verdict} significantly from a uniform distribution (Kolmogorov-Smirnov, p = {found.pvalue:.2f}), {given}."
+        f"values {verdict} significantly from a uniform distribution (Kolmogorov-Smirnov, p = {test.pvalue:.2f}), {given}."
     )
 
 
