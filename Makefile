@@ -90,7 +90,8 @@ browser:  ## Debian's chromium for the tests of the page, where it is missing; n
 	@command -v chromium-headless-shell >/dev/null || command -v chromium >/dev/null || { apt-get -qq update \
 		&& apt-get -qq install --yes --no-install-recommends chromium-headless-shell >/dev/null; }
 
-types:  ## the page's types from the OpenAPI document of the service; needs Node 20
+types:  ## the page's types from the OpenAPI document of the service, its words of flags from their catalogue; needs Node 20
+	python -m tools.docs.write_page_flags
 	python -m tripwatt.service.app | npm --prefix web run --silent types
 
 page:  ## the page's bundle from its sources in web, into the package; needs Node 20

@@ -13,13 +13,11 @@ from typing import Any, Final
 import numpy as np
 import pandas as pd
 
-import tripwatt
 from tripwatt.forecasting import Forecast, load_model
 from tripwatt.routes import route_from_links
 from tripwatt.synthetic import example_trip
 from tripwatt.trips import Trip, plan_from_samples
 from tripwatt.trips.energy import observed_cumulative_energy
-from tripwatt.trips.messages import MESSAGES
 from tripwatt.units import KG_PER_LB, M_PER_MILE, M_S_PER_KM_H, SECONDS_PER_HOUR, WH_PER_J
 
 FOLDER: Final = Path(__file__).resolve().parent
@@ -165,14 +163,6 @@ def arrivals() -> dict[str, Any]:
     }
 
 
-def codes() -> list[str]:
-    """Codes of flags that a forecast or a route can have."""
-    rooms = ("forecasting", "journey", "physics", "routes", "service", "population")
-    package = Path(tripwatt.__file__).parent
-    sources = "".join(file.read_text() for room in rooms for file in sorted((package / room).rglob("*.py")))
-    return [code for code in MESSAGES if f'"{code}"' in sources]
-
-
 def vectors() -> dict[str, Any]:
     """All vectors by the name of their file."""
     return {
@@ -182,7 +172,6 @@ def vectors() -> dict[str, Any]:
         "profile": profile(),
         "links": links(),
         "arrivals": arrivals(),
-        "codes": codes(),
     }
 
 

@@ -2,9 +2,9 @@
 
 import assert from "node:assert/strict";
 import { describe, test } from "node:test";
-import codes from "../../tests/vectors/codes.json";
 import type { Flag } from "../src/api/documents";
-import { CODES, warningsOf, type Wording } from "../src/model/flags";
+import { FLAGS } from "../src/api/flags";
+import { warningsOf, type Wording } from "../src/model/flags";
 import { formatFor } from "../src/model/format";
 import { ENERGY, PERCENT, type System, unitsOf } from "../src/model/units";
 import { CATALOGUES, LANGUAGES, type Language, languageOf, localeOf } from "../src/text";
@@ -58,7 +58,9 @@ describe("languages", () => {
 
   test("German is not English", () => {
     const english = leaves(CATALOGUES.en);
-    const same = [...leaves(CATALOGUES.de)].filter(([where, text]) => english.get(where) === text);
+    const same = [...leaves(CATALOGUES.de)].filter(
+      ([where, text]) => english.get(where) === text && !/^\{\w+\}( \(\{\w+\}\))?$/.test(text),
+    );
     assert.deepEqual(
       same.map(([where]) => where),
       ALIKE,
@@ -203,17 +205,9 @@ describe("flags", () => {
     );
   });
 
-  test("every code of a forecast or a route has a sentence", () => {
-    assert.ok(codes.length > 15);
-    assert.deepEqual(
-      codes.filter((code) => !CODES.has(code)),
-      [],
-    );
-  });
-
   test("every code has a sentence in every language, without a standard deviation or a count of samples", () => {
     for (const language of Object.keys(LANGUAGES) as Language[]) {
-      for (const code of CODES) {
+      for (const code of Object.keys(FLAGS)) {
         const [warning] = warningsOf([flag(code, "soc", 2, "")], wording(language));
         assert.equal(warning?.isRaw, false, code);
         assert.doesNotMatch(warning?.text ?? "", /undefined|NaN|standard dev|Standardabw|\bsd\b|samples/i);

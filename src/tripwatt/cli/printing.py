@@ -86,9 +86,9 @@ def print_findings(title: str, findings: Iterable[Finding]) -> None:
 
 
 def _note(flag: Flag) -> str:
-    from tripwatt.trips.messages import SERIOUS, message  # pandas is slow to import
+    from tripwatt.trips.messages import message, severity_of  # pandas is slow to import
 
-    return f"{'warning' if flag.code in SERIOUS else 'note'}: {message(flag)}"
+    return f"{'warning' if severity_of(flag) == 'warning' else 'note'}: {message(flag)}"
 
 
 def print_notes(notes: Iterable[str | Flag]) -> None:

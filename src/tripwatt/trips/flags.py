@@ -12,7 +12,7 @@ class Flag:
     Attributes
     ----------
     code : str
-        A key of `tripwatt.trips.messages.MESSAGES`.
+        A code of `flags.toml`, which has its words.
     subject : str
         The field, signal, file or part of the car that it is about.
     value : float, str or None

@@ -1,10 +1,14 @@
-"""English sentences for flags. Code that computes passes flags on; sentences are made where somebody reads them."""
+"""English sentences for flags from `flags.toml`. Code that computes passes flags on; sentences are made where somebody reads them."""
 
 from __future__ import annotations
 
 import math
+import re
+import tomllib
 from collections.abc import Callable, Mapping
 from fractions import Fraction
+from functools import cache
+from importlib.resources import files
 from types import MappingProxyType
 from typing import Any, Final
 
@@ -12,12 +16,6 @@ from tripwatt.trips.departure import ASKED
 from tripwatt.trips.flags import Flag
 from tripwatt.trips.showing import period
 from tripwatt.units import M_S_PER_KM_H
-
-NAMES: Final[Mapping[str, str]] = MappingProxyType(
-    {name: field.label for name, field in ASKED.items()}
-    | {"trip_speed_m_s": "mean speed", "duration_s": "duration"}
-)
-"""Names for people of the fields that flags are about."""
 
 
 def name_of(field: str) -> str:
@@ -28,7 +26,9 @@ def name_of(field: str) -> str:
     >>> name_of("cabin_setpoint_degc"), name_of("follows_trip")
     ('cabin set-point', 'follows trip')
     """
-    return NAMES.get(field, field.replace("_", " "))
+    if field in ASKED:
+        return ASKED[field].label
+    return str(catalogue()["names"].get(field, {}).get("cli", field.replace("_", " ")))
 
 
 SIGNALS: Final[Mapping[str, str]] = MappingProxyType(
@@ -71,159 +71,61 @@ def _number(flag: Flag) -> float:
 def _kwh(flag: Flag) -> str:
     """Energy of a flag [Wh] in kWh: to 0.1, below 1 kWh to 0.01."""
     value = _number(flag) / 1000.0
-    return f"{value:.1f}" if abs(value) >= 1.0 else f"{value:.2f}"
+    return f"{value:.1f} kWh" if abs(value) >= 1.0 else f"{value:.2f} kWh"
 
 
-def _limit(what: str) -> Callable[[Flag], str]:
-    return lambda flag: f"the car cannot reach the speed of the trace for {period(_number(flag))}: {what}"
-
-
-def _state(what: str) -> Callable[[Flag], str]:
-    return lambda flag: f"{what} for {period(_number(flag))}"
-
-
-def _changed(flag: Flag) -> str:
-    if isinstance(flag.value, float):
-        return f"{flag.value:.0f} more values of the car are changed"
-    known, _, value = str(flag.value).partition(" -> ")
+def _changed(flag: Flag, k: int) -> str:
+    """The old (0) or the new (-1) value of "old -> new" with its unit."""
     unit = "" if flag.unit in ("", "1") else f" {flag.unit.replace('degc', '°C')}"
-    return f"{flag.subject} is {value}{unit} in place of {known}{unit}"
+    return f"{str(flag.value).split(' -> ')[k]}{unit}"
 
 
-COUNTRIES: Final[Mapping[str, str]] = MappingProxyType(
-    {"flat": "of flat country", "hilly": "of hilly country", "mountains": "in the mountains"}
-)
-"""Terrains as part of a sentence."""
-
-MESSAGES: Final[Mapping[str, Callable[[Flag], str]]] = MappingProxyType(
+FORMS: Final[Mapping[str, Callable[[Flag], str]]] = MappingProxyType(
     {
-        "outside_training": lambda f: (
-            f"{name_of(f.subject)} is {'far ' if _number(f) >= 1.0 else ''}outside the range of the training "
-            "trips: the interval is wider"
-        ),
-        "usual_value_assumed": lambda f: f"{name_of(f.subject)} is unknown: {_number(f):.0f} °C is assumed",
-        "soc_assumed": lambda f: f"state of charge at departure is unknown: {_number(f):.0%} is assumed",
-        "no_elevation": lambda f: "elevation is unknown",
-        "unknown_climb": lambda f: (
-            "the heights of the road are unknown: the interval has the climb that roads "
-            f"{'of any country' if f.subject == 'unknown' else COUNTRIES.get(f.subject, f.subject)} may have; each 100 m of climb takes "
-            f"{100.0 * _number(f):.1f} points of charge"
-        ),
-        "no_trips_of_car": lambda f: (
-            f"the model has no trips of this car: the forecast uses its published values and the correction learned "
-            f"on a {f.subject}"
-        ),
-        "changed_car": lambda f: (
-            _changed(f)
-            + ": the trips of the model were of the unchanged car, so that its correction counts as that of another car and the "
-            "interval is wider"
-        ),
-        "outside_classes": lambda f: (
-            f"no car of the library is as {'light' if f.subject == 'lighter' else 'heavy'} as {_number(f):.0f} kg: road load, drivetrain and "
-            "climate control are extrapolated from its classes and the interval is wider"
-        ),
-        "route_error_unknown": lambda f: (
-            "the error of planned routes was not measured for this model: the interval is too narrow"
-        ),
-        "links_too_long": lambda f: (
-            f"links of {_number(f):.0f} m are longer than the links with which the error of planned routes was measured"
-        ),
-        "free_flow_times": lambda f: (
-            "travel times are those of an empty road; the usual loss of time is added from the trips of the model"
-        ),
-        "travel_time_error_unknown": lambda f: (
-            "the error of free-flow travel times was not measured for this model: the interval is too narrow"
-        ),
-        "no_stations": lambda f: "no charging stations are known on this map",
-        "no_stop_found": lambda f: "no single charging stop makes the journey arrive with 95 %",
-        "class_charging_curve": lambda f: (
-            "the charging curve of the car is unknown: that of a middle-class car is assumed"
-        ),
-        "wind_direction_unknown": lambda f: (
-            f"the direction of the wind of {_number(f):.0f} m/s to the road is unknown: it counts as from any side and the interval has a "
-            "head wind and a tail wind"
-        ),
-        "map_ends": lambda f: "the map ends before the charge: the area of reach is larger than shown",
-        "file_value_kept": lambda f: (
-            f"{name_of(f.subject)} is {_number(f):.0f} °C as in the file; the outside temperature that you gave does not "
-            "change it"
-        ),
-        "motor_torque_limit": _limit("motor torque limit"),
-        "motor_power_limit": _limit("motor power limit"),
-        "motor_speed_limit": _limit("motor speed limit"),
-        "battery_voltage_floor": _limit("lowest voltage of the battery"),
-        "battery_empty": lambda f: (
-            f"the trip takes {_kwh(f)} kWh more than the battery holds: it is empty before the end"
-            if f.unit == "wh"
-            else f"the battery is empty for {period(_number(f))}"
-        ),
-        "battery_full": lambda f: (
-            f"the battery is too full for {_kwh(f)} kWh of recovered energy: the friction brakes take it"
-        ),
-        "battery_over_voltage": _state("the battery voltage is above its limit"),
-        "battery_not_settled": lambda f: "the simulated battery state did not converge",
-        "elevation_relative": lambda f: "elevation is relative: the lowest place of the road is set to 0 m",
-        "times_ignored": lambda f: "times are ignored: the first or the last point has no time",
-        "elevation_interpolated": lambda f: "elevation is interpolated at points without elevation",
-        "times_interpolated": lambda f: "times are interpolated at points without time",
-        "speed_assumed": lambda f: (
-            f"{_number(f) / M_S_PER_KM_H:.0f} km/h is assumed where the track has no speed"
-        ),
-        "car_assumed": lambda f: (
-            f"the car is unknown: {f.subject} is assumed; give --vehicle (see `tripwatt vehicles`)"
-        ),
-        "synthetic": lambda f: "the trips are synthetic: no figure describes a real car",
-        "planted_faults": lambda f: (
-            f"{_number(f):.0f} logs have a planted fault: a frozen signal, a current of the wrong sign, a filled gap; "
-            "tripwatt.synthetic.faulty_fleet lists them"
-        ),
-        "files_not_read": lambda f: (
-            f"{_number(f):.0f} CSV files were not read: their names are not those of trips"
-        ),
-        "trips_skipped": lambda f: (
-            f"{_number(f):.0f} trips of combustion cars and hybrids, or without samples, were skipped"
-        ),
-        "rows_without_trip": lambda f: f"{f.subject}: {_number(f):.0f} rows without a trip were left out",
-        "rows_without_time": lambda f: f"{f.subject}: {_number(f):.0f} rows without a time were left out",
-        "rows_sorted": lambda f: f"{f.subject}: rows were sorted by their time stamps",
-        "samples_missing": lambda f: (
-            f"{f.subject}: no samples for {_number(f):.0f} s; the audit splits the trip there"
-        ),
-        "time_goes_back": lambda f: (
-            f"{f.subject}: the time decreases by {_number(f):.0f} s; if the file contains several trips, name their "
-            "column under [trip] in the mapping"
-        ),
-        "no_energy": lambda f: (
-            "no energy is measured: map voltage_v and current_a, or battery_power_w, or a state of charge with "
-            "[battery] usable_capacity_kwh"
-        ),
-        "nominal_voltage": lambda f: (
-            f"no voltage was logged: {_number(f):g} V is assumed, only the power is measured"
-        ),
-        "energy_from_soc": lambda f: (
-            f"energy is calculated from the state of charge and {f.subject}: the standard error of the median trip is "
-            f"{_number(f):.0%}"
-        ),
-        "sheet_missing": lambda f: (
-            f"{f.subject} is missing: season, weather and departure of every trip are unknown"
-        ),
-        "sheet_row_twice": lambda f: f"{f.value} has two rows of {f.subject}: the first is used",
-        "sheet_row_missing": lambda f: f"{f.value} has no {f.subject}: season and weather are unknown",
-        "same_departure": lambda f: (
-            f"{f.value} gives {f.subject} the same time of departure: at least one is wrong"
-        ),
-        "value_not_used": lambda f: f"{f.subject}: {f.value!r} is not plausible and is not used",
-        "gap_bridged": lambda f: (
-            f"no samples for {period(_number(f))} in all: {signal_name(f.subject)} is interpolated over the gaps"
-        ),
-        "first_of_several": lambda f: f"the first of {_number(f):.0f} {f.subject} is used",
-        "geometries_skipped": lambda f: f"{_number(f):.0f} geometries that are not lines are left out",
+        "subject": lambda f: f.subject,
+        "name": lambda f: name_of(f.subject),
+        "signal": lambda f: signal_name(f.subject),
+        "value": lambda f: str(f.value),
+        "quoted": lambda f: repr(f.value),
+        "old": lambda f: _changed(f, 0),
+        "new": lambda f: _changed(f, -1),
+        "number": lambda f: f"{_number(f):.0f}",
+        "general": lambda f: f"{_number(f):g}",
+        "percent": lambda f: f"{_number(f):.0%}",
+        "points": lambda f: f"{100.0 * _number(f):.1f}",
+        "temperature": lambda f: f"{_number(f):.0f} °C",
+        "speed": lambda f: f"{_number(f) / M_S_PER_KM_H:.0f} km/h",
+        "kwh": _kwh,
+        "span": lambda f: period(_number(f)),
     }
 )
-"""Code of a flag -> its sentence."""
+"""What stands in braces in the words of a flag; the page has its own in the units of the reader."""
 
-SERIOUS: Final = frozenset({"battery_empty"})
-"""Flags of trips that cannot end as planned."""
+
+@cache
+def catalogue() -> Mapping[str, Any]:
+    """The words of all flags as `flags.toml` has them: `shared`, `names`, `flags`."""
+    return tomllib.loads(files(__package__).joinpath("flags.toml").read_text("utf-8"))
+
+
+def _picked(words: str | Mapping[str, str], flag: Flag) -> str:
+    """The words for the subject, the unit or the step of a flag."""
+    if isinstance(words, str):
+        return words
+    steps = catalogue()["flags"][flag.code].get("steps", {})
+    step = max((name for name in steps if steps[name] <= _number(flag)), key=steps.get, default="")
+    return next((words[key] for key in (flag.subject, flag.unit, step) if key in words), words["other"])
+
+
+def severity_of(flag: Flag) -> str:
+    """Severity of a flag: "note", "caution", or "warning" for a trip that cannot end as planned.
+
+    Examples
+    --------
+    >>> severity_of(Flag("battery_empty", "battery", 900.0, "wh")), severity_of(Flag("no_elevation", "road"))
+    ('warning', 'note')
+    """
+    return _picked(catalogue()["flags"].get(flag.code, {}).get("severity", "note"), flag)
 
 
 def message(flag: Flag) -> str:
@@ -238,8 +140,17 @@ def message(flag: Flag) -> str:
     >>> message(Flag("new", "road", 3.0, "m"))
     'new: road 3.0 m'
     """
-    made = MESSAGES.get(flag.code)
-    return made(flag) if made else " ".join(filter(None, (f"{flag.code}: {flag.subject}", *_value(flag))))
+    if flag.code not in catalogue()["flags"]:
+        return " ".join(filter(None, (f"{flag.code}: {flag.subject}", *_value(flag))))
+    words = catalogue()["flags"][flag.code]["cli"]
+
+    def filled(template: str) -> str:
+        return re.sub(r"\{(\w+)\}", lambda found: form(found[1]), template)
+
+    def form(name: str) -> str:
+        return filled(_picked(words[name], flag)) if name in words else FORMS[name](flag)
+
+    return form("text")
 
 
 def leave_in_words(soc: float, reserve: float, probability: float) -> str:

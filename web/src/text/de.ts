@@ -1,5 +1,6 @@
 /** German. */
 
+import { NAMES, WORDS } from "../api/flags";
 import type { Text } from "./en";
 import { pluralOf } from "./plural";
 
@@ -582,96 +583,7 @@ export const de: Text = {
   flags: {
     warnings: "Warnungen",
     notes: "Hinweise",
-    fields: {
-      soc: "der Ladestand bei Abfahrt",
-      ambient_temperature_degc: "die Außentemperatur",
-      cabin_setpoint_degc: "die Solltemperatur im Innenraum",
-      cabin_temperature_degc: "die Innenraumtemperatur bei Abfahrt",
-      battery_temperature_degc: "die Batterietemperatur bei Abfahrt",
-      payload_mass_kg: "die Zuladung",
-      climate: "die Klimatisierung",
-      extras: "die Ausrüstung",
-      terrain: "das Gelände",
-      wind_speed_m_s: "der Wind",
-      wind_from_deg: "die Windrichtung",
-      rain_mm_h: "der Regen",
-      pressure_pa: "der Luftdruck",
-      duration_s: "die Fahrzeit",
-      trip_speed_m_s: "die mittlere Geschwindigkeit",
-    },
-    wider: "Das Intervall ist deshalb breiter.",
-    outside: (names, fields, distance) => {
-      const verb = fields > 1 ? "liegen" : "liegt";
-      const how = { slight: "knapp", clear: "deutlich", far: "weit" }[distance];
-      return `${names} ${verb} ${how} außerhalb des Bereichs der Trainingsfahrten.`;
-    },
-    usualValue: (assumed) => `Nicht angegeben und daher angenommen: ${assumed}.`,
-    socAssumed: (soc) => `Der Ladestand bei Abfahrt ist nicht angegeben; angenommen werden ${soc}.`,
-    noElevation: "Die Höhen der Route sind unbekannt.",
-    unknownClimb: (country, climb, points) =>
-      `Die Höhen der Straße sind unbekannt. Der Bereich lässt den Anstieg einer Straße ${country} zu. Je ${climb} Anstieg werden ${points} der Ladung gebraucht.`,
-    countries: {
-      unknown: "in unbekanntem Gelände",
-      flat: "in flachem Gelände",
-      hilly: "in hügeligem Gelände",
-      mountains: "im Gebirge",
-    },
-    noTripsOfCar: (car) =>
-      `Das Modell wurde ohne Fahrten dieses Fahrzeugs trainiert. Die Vorhersage verwendet veröffentlichte Fahrzeugdaten und Fahrten eines anderen Fahrzeugs: ${car}.`,
-    changedCar: (changes) =>
-      `Die Fahrten des Modells waren von einem Fahrzeug mit anderen Werten: ${changes}.`,
-    change: (key, value, known, unit) =>
-      `${key} ${value}${unit && ` ${unit}`} statt ${known}${unit && ` ${unit}`}`,
-    moreChanges: (count) => `${count} weitere`,
-    lighterThanAll: (mass) => `Kein Fahrzeug der Bibliothek ist so leicht wie ${mass} kg.`,
-    heavierThanAll: (mass) => `Kein Fahrzeug der Bibliothek ist so schwer wie ${mass} kg.`,
-    outsideClasses:
-      "Der Rest des Fahrzeugs ist aus der nächsten Klasse hochgerechnet; das Intervall ist breiter.",
-    windDirectionUnknown: (speed) => `Die Richtung des Windes von ${speed} zur Straße ist unbekannt.`,
-    freeFlowTimes:
-      "Die Fahrzeiten gelten für eine leere Straße; der übliche Zeitverlust ist nach den Fahrten des Modells ergänzt.",
-    timeErrorUnknown: "Das Modell kennt den Fehler der Fahrzeiten nicht.",
-    noStations: "Auf dieser Karte sind keine Ladestationen bekannt.",
-    noStopFound: "Mit keinem einzelnen Ladestopp kommt die Fahrt zu 95 % an.",
-    classCurve: "Die Ladekurve des Fahrzeugs ist unbekannt; die eines Mittelklassewagens wird angenommen.",
-    mapEnds: "Die Karte endet vor der Ladung; die Reichweite ist größer als gezeigt.",
-    routeErrorUnknown: "Das Modell hat keine Schätzung für den Fehler einer geplanten Route.",
-    routeErrorUnknownEffect: "Das Intervall ist zu schmal.",
-    linksTooLong: (length) =>
-      `Die Links sind im Mittel ${length} lang, länger als die, mit denen der Fehler der Route geschätzt wurde.`,
-    linksTooLongEffect: "Das Intervall kann zu schmal sein.",
-    fileValue: (name, value) => `Aus der Datei übernommen: ${name}, ${value}.`,
-    cannotFollow: (limits) => `Das Fahrzeug kann dem Geschwindigkeitsverlauf nicht folgen: ${limits}.`,
-    cannotFollowEffect: "Die Vorhersage rechnet dort mit der höchsten erreichbaren Geschwindigkeit.",
-    limits: {
-      motor_torque_limit: (time) => `${time} an der Drehmomentgrenze des Motors`,
-      motor_power_limit: (time) => `${time} an der Leistungsgrenze des Motors`,
-      motor_speed_limit: (time) => `${time} an der Drehzahlgrenze des Motors`,
-      battery_voltage_floor: (time) => `${time} an der unteren Spannungsgrenze der Batterie`,
-    },
-    states: {
-      battery_over_voltage: (time) => `Die Batteriespannung ist für ${time} zu hoch für die Rekuperation.`,
-    },
-    batteryEmpty: (missing) =>
-      `Die Fahrt braucht ${missing} mehr, als die Batterie enthält. Die Batterie ist vor dem Ziel leer.`,
-    batteryFull: (lost) =>
-      `Die Batterie ist zu voll für ${lost} aus der Rekuperation. Die Reibungsbremsen nehmen sie auf.`,
-    notSettled: "Die Simulation der Batterie ist nicht konvergiert.",
-    notSettledEffect: "Die Vorhersage kann ungenau sein.",
-    elevationInterpolated: "Einigen Punkten fehlt die Höhe; sie wird interpoliert.",
-    elevationRelative: "Die Höhe ist relativ: Für den tiefsten Punkt der Strecke werden 0 m angenommen.",
-    timesIgnored: "Dem ersten oder letzten Punkt fehlt die Zeit; alle Zeiten werden ignoriert.",
-    gapBridged: "In der Aufzeichnung fehlen Stücke; die Geschwindigkeit ist dort interpoliert.",
-    timesInterpolated: "Einigen Punkten fehlt die Zeit; sie wird interpoliert.",
-    speedAssumed: (speed) => `Teilen des Tracks fehlt die Geschwindigkeit; angenommen werden ${speed}.`,
-    firstOfSeveral: {
-      tracks: (tracks) => `Die Datei enthält ${tracks} Tracks und Routen; verwendet wird der erste Eintrag.`,
-      routes: (routes) => `Die Datei enthält ${routes} Routen; verwendet wird die erste.`,
-    },
-    geometriesSkipped: (geometries) =>
-      count(geometries, {
-        one: "# Geometrie ist keine Linie und wird ausgelassen.",
-        other: "# Geometrien sind keine Linien und werden ausgelassen.",
-      }),
+    words: WORDS.de,
+    names: NAMES.de,
   },
 };

@@ -1,6 +1,7 @@
 /** English. Arguments are formatted quantities with their units, or counts as numbers. */
 
-import type { AskedName, ChoiceTexts, FieldName } from "../model/fields";
+import { NAMES, WORDS } from "../api/flags";
+import type { AskedName, ChoiceTexts } from "../model/fields";
 import { pluralOf } from "./plural";
 
 const count = pluralOf("en");
@@ -582,97 +583,8 @@ export const en = {
   flags: {
     warnings: "Warnings",
     notes: "Notes",
-    fields: {
-      soc: "the battery charge at departure",
-      ambient_temperature_degc: "the outside temperature",
-      cabin_setpoint_degc: "the cabin set-point",
-      cabin_temperature_degc: "the cabin temperature at departure",
-      battery_temperature_degc: "the battery temperature at departure",
-      payload_mass_kg: "the load",
-      climate: "the climate control",
-      extras: "the extras",
-      terrain: "the terrain",
-      wind_speed_m_s: "the wind",
-      wind_from_deg: "the direction of the wind",
-      rain_mm_h: "the rain",
-      pressure_pa: "the air pressure",
-      duration_s: "the duration",
-      trip_speed_m_s: "the mean speed",
-    } satisfies Record<FieldName, string> & Record<string, string>,
-    wider: "The interval is wider as a result.",
-    outside: (names: string, fields: number, distance: "slight" | "clear" | "far") => {
-      const verb = fields > 1 ? "are" : "is";
-      const how = { slight: "slightly", clear: "well", far: "far" }[distance];
-      return `${names} ${verb} ${how} outside the range of the training trips.`;
-    },
-    usualValue: (assumed: string) => `Not given, and assumed: ${assumed}.`,
-    socAssumed: (soc: string) => `The battery charge at departure is not given; ${soc} is assumed.`,
-    noElevation: "The heights of the route are unknown.",
-    unknownClimb: (country: string, climb: string, points: string) =>
-      `The heights of the road are unknown. The range allows for the climb of a road ${country}. Each ${climb} of climb takes ${points} of charge.`,
-    countries: {
-      unknown: "of which nothing is known",
-      flat: "in flat country",
-      hilly: "in hilly country",
-      mountains: "in the mountains",
-    },
-    noTripsOfCar: (car: string) =>
-      `The model was trained without trips of this car. The forecast uses published vehicle data and what was learned from trips of a ${car}.`,
-    changedCar: (changes: string) => `The trips of the model were of a car with other values: ${changes}.`,
-    change: (key: string, value: string, known: string, unit: string) =>
-      `${key} ${value}${unit && ` ${unit}`} in place of ${known}${unit && ` ${unit}`}`,
-    moreChanges: (count: number) => `${count} more`,
-    lighterThanAll: (mass: string) => `No car of the library is as light as ${mass} kg.`,
-    heavierThanAll: (mass: string) => `No car of the library is as heavy as ${mass} kg.`,
-    outsideClasses: "The rest of the car is extrapolated from the nearest class; the interval is wider.",
-    windDirectionUnknown: (speed: string) =>
-      `The direction of the wind of ${speed} along the road is unknown.`,
-    freeFlowTimes:
-      "The travel times are those of an empty road; the usual loss of time is added from the trips of the model.",
-    timeErrorUnknown: "The model has no estimate of the error of travel times.",
-    noStations: "No charging stations are known on this map.",
-    noStopFound: "No single charging stop makes the journey arrive with 95 %.",
-    classCurve: "The charging curve of the car is not known; that of a middle-class car is assumed.",
-    mapEnds: "The map ends before the charge; the area of reach is larger than shown.",
-    routeErrorUnknown: "The model has no estimate of the error of a planned route.",
-    routeErrorUnknownEffect: "The interval is too narrow.",
-    linksTooLong: (length: string) =>
-      `The links are ${length} long on average, longer than those used to estimate the route error.`,
-    linksTooLongEffect: "The interval may be too narrow.",
-    fileValue: (name: string, value: string) => `The value in the file is used for ${name}: ${value}.`,
-    cannotFollow: (limits: string) => `The car cannot follow the speed trace: ${limits}.`,
-    cannotFollowEffect: "The forecast assumes the highest speed that the car reaches.",
-    limits: {
-      motor_torque_limit: (time: string) => `motor torque limit for ${time}`,
-      motor_power_limit: (time: string) => `motor power limit for ${time}`,
-      motor_speed_limit: (time: string) => `motor speed limit for ${time}`,
-      battery_voltage_floor: (time: string) => `lowest battery voltage for ${time}`,
-    },
-    states: {
-      battery_over_voltage: (time: string) =>
-        `The battery voltage is too high for regenerative braking for ${time}.`,
-    },
-    batteryEmpty: (missing: string) =>
-      `The trip takes ${missing} more than the battery holds. The battery is empty before the end.`,
-    batteryFull: (lost: string) =>
-      `The battery is too full for ${lost} of recovered energy. The friction brakes take it.`,
-    notSettled: "The battery simulation did not converge.",
-    notSettledEffect: "The forecast may be inaccurate.",
-    elevationInterpolated: "Some points have no elevation; their elevation is interpolated.",
-    elevationRelative: "The elevation is relative: the lowest place of the road is taken as 0 m.",
-    timesIgnored: "The first or the last point has no time; all times are ignored.",
-    gapBridged: "Parts of the recording are missing; the speed is interpolated there.",
-    timesInterpolated: "Some points have no time; their time is interpolated.",
-    speedAssumed: (speed: string) => `Parts of the track have no speed; ${speed} is assumed.`,
-    firstOfSeveral: {
-      tracks: (tracks: number) => `The file has ${tracks} tracks and routes; the first is used.`,
-      routes: (routes: number) => `The file has ${routes} routes; the first is used.`,
-    },
-    geometriesSkipped: (geometries: number) =>
-      count(geometries, {
-        one: "# geometry is not a line and is left out.",
-        other: "# geometries are not lines and are left out.",
-      }),
+    words: WORDS.en,
+    names: NAMES.en,
   },
 };
 
