@@ -376,3 +376,13 @@ def test_no_car_takes_25_kw_while_it_stands() -> None:
         assert told(Log.from_samples("a", log.samples.assign(speed_m_s=speed))) == found
     light = drive(24_000.0, fall_m=0.0).samples.assign(speed_m_s=np.repeat([0.0, 20.0], [100, 901]))
     assert told(Log.from_samples("a", light)) == []
+
+
+def test_the_fastest_rise_of_a_charge_is_no_jump():
+    full_in_s = 360.0
+    soc = np.array([0.25, 0.25, 0.25, 0.75, 0.75])
+    assert not stray_soc(np.array([0.0, 1.0, 2.0, 2.0 + 0.5 * full_in_s, 183.0]), soc).any()
+    assert (
+        stray_soc(np.array([0.0, 1.0, 2.0, 1.9 + 0.5 * full_in_s, 183.0]), soc).tolist()
+        == [False] * 3 + [True] * 2
+    )

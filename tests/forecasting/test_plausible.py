@@ -218,3 +218,23 @@ def test_braking_to_a_stop_may_give_back_the_kinetic_energy() -> None:
         {"time_s": time, "voltage_v": 350.0, "current_a": power / 350.0, "speed_m_s": speed}
     )
     assert forecast(0.0).update(observed).measured_until_s > 0.0
+
+
+@pytest.mark.parametrize("last_m_s", [15.0, 35.0])
+def test_the_least_energy_of_a_flat_road_is_half_of_rolling_and_the_speed_gained(last_m_s) -> None:
+    flat = [{"length_m": 54_000.0, "speed_m_s": 15.0, "start_elevation_m": 300.0, "end_elevation_m": 300.0}]
+    forecast = tw.load_model().forecast(
+        tw.read_route(flat), tw.Departure(soc=0.8, ambient_temperature_degc=20)
+    )
+    speed = np.full(2401, 15.0)
+    speed[-1] = last_m_s
+    driven_m = float(np.sum(0.5 * (speed[1:] + speed[:-1])))
+    body = forecast.vehicle.body
+    rolling_wh = float(forecast.drive.simulation.energy_by_cause_wh["rolling"][-1]) * driven_m / 54_000.0
+    gained_wh = 0.5 * body.test_mass_kg * body.rotating_mass_factor * (last_m_s**2 - 15.0**2) / 3600.0
+    height_wh = 40.0 * body.test_mass_kg * GRAVITY_M_S2 / 3600.0  # error of the difference of two heights
+    least_w = (0.5 * rolling_wh + gained_wh - height_wh) / (2400.0 / 3600.0)
+    assert least_w > 300.0
+    forecast.update(observed(2401, voltage_v=350.0, current_a=1.03 * least_w / 350.0, speed_m_s=speed))
+    with pytest.raises(InvalidInput, match="less energy than the drive takes"):
+        forecast.update(observed(2401, voltage_v=350.0, current_a=0.97 * least_w / 350.0, speed_m_s=speed))

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from tripwatt.routes.terrain import net_climbs
 from tripwatt.uncertainty.climb import UnknownClimb
@@ -42,3 +43,10 @@ def test_quantiles_of_many_probabilities_in_one_pass_are_those_of_each_alone():
         )
         assert (just_under[1:-1] <= probabilities[1:-1]).all()
         assert (just_over[1:-1] >= probabilities[1:-1]).all()
+
+
+def test_the_core_of_normal_climbs_is_their_standard_deviation():
+    n = 2000
+    normal = stats.norm.ppf((np.arange(n) + 0.5) / n)
+    mixture = UnknownClimb(np.column_stack([40.0 * normal, 100.0 * normal[::-1]]), np.full(n, 1.0 / n))
+    assert mixture.core_sd_wh == pytest.approx([40.0, 100.0], rel=0.01)
