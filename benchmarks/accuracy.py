@@ -167,6 +167,7 @@ def planned_routes(path: Path | None = None) -> Iterator[Row]:
 def transfer() -> Iterator[Row]:
     """Bars on the way of a correction from the i3 to the VED's car 10, with the time that it takes."""
     from tripwatt.evaluation.transfer import evaluate_transfer
+
     from tripwatt.sources import read_logs
 
     began = time.perf_counter()

@@ -17,13 +17,13 @@ from typing import Any
 import numpy as np
 from tools import DATA, DOCS
 from tools.command import run
+from tripwatt.evaluation.transfer_scores import energy_error, paired_energy_error, resamples
+from tripwatt.forecasting.donor import unknown_inputs, without_inputs
+from tripwatt.hybrid.hierarchy import Members, term_scales
 
 from tripwatt.arrays import FloatArray
 from tripwatt.auditing import audit
-from tripwatt.evaluation.transfer_scores import energy_error, paired_energy_error, resamples
-from tripwatt.forecasting.donor import unknown_inputs, without_inputs
 from tripwatt.hybrid import SegmentTable, segment_trips
-from tripwatt.hybrid.hierarchy import Members, term_scales
 from tripwatt.hybrid.power import LINES, GPCorrector
 from tripwatt.sources import read_logs
 from tripwatt.trips import Trip

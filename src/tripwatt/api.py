@@ -217,21 +217,17 @@ def fit(
     return model.fit(sound, car_of=cars.car, progress=progress)
 
 
-def adapt(
-    base: ForecastModel, trips: Fleet | Sequence[Trip], vehicle: Vehicle | str, *, mode: str = "both"
-) -> ForecastModel:
+def adapt(base: ForecastModel, trips: Fleet | Sequence[Trip], vehicle: Vehicle | str) -> ForecastModel:
     """Adapt a model of one car to another, with a few trips of that car.
 
     Parameters
     ----------
     base : ForecastModel
-        Fitted, with a corrector that holds a Gaussian process.
+        Fitted.
     trips : Fleet or sequence of Trip
         At least one with measured energy; a fleet is audited first.
     vehicle : Vehicle or str
         The new car, or the name of one of the library.
-    mode : {"both", "effects", "parameters"}
-        What may differ: terms of the corrector, physical parameters of the car, or both.
 
     Returns
     -------
@@ -241,16 +237,16 @@ def adapt(
     Raises
     ------
     InvalidInput
-        When the base cannot be transferred, or a trip has no measured energy.
+        When the base is not fitted, or a trip has no measured energy.
 
     Examples
     --------
     >>> import tripwatt as tw
     >>> trips = tw.synthetic_fleet(3, vehicle=tw.load_vehicle("vw_id3")).trips
     >>> tw.adapt(tw.load_model(), trips, "vw_id3")
-    <ForecastModel Volkswagen ID.3 58 kWh, transferred corrector, 3 trips>
+    <ForecastModel Volkswagen ID.3 58 kWh, population corrector, 3 trips>
     """
-    return adaptation(base, _sound(trips), _car(vehicle), mode=mode).model
+    return adaptation(base, _sound(trips), _car(vehicle)).model
 
 
 def simulate(trip: Plan | Trip, vehicle: Vehicle | str, departure: Departure | None = None) -> Simulation:

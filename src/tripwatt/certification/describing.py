@@ -28,6 +28,7 @@ from tripwatt.vehicles.anchors import CLASS, Anchor, anchors, with_anchor
 from tripwatt.vehicles.catalogue import (
     BODIES,
     LOADED_KG,
+    QUADRICYCLE,
     beyond_classes,
     catalogue,
     class_values,
@@ -52,6 +53,9 @@ PROCEDURE_SD: Final = 0.05
 VAN_SD: Final = 0.15
 """Scatter of the drag area of vans: the table has no coast-down of one, and they reach from 1.8 to 2.0 m in height."""
 
+TWIZY: Final = MappingProxyType({"mass_kg": 474.0, "usable_battery_kwh": 6.1, "motor_power_kw": 13.0})
+"""A quadricycle: Renault, technical data of the Twizy 80. It has no climate control."""
+
 USUAL_PACK_V: Final = 360.0
 """Nominal voltage of a pack of 96 to 100 cells in series."""
 
@@ -62,6 +66,7 @@ BODY_WORDS: Final = MappingProxyType(
         "wagon": "sedan",
         "compact": "hatchback",
         "city": "small",
+        "l7e": "quadricycle",
         "minivan": "van",
         "truck": "pickup",
     }
@@ -213,7 +218,7 @@ def _checked(given: Mapping[str, float | None], body: str | None, heat_pump: obj
 def usual_figures(body: str) -> Mapping[str, float]:
     """Mass [kg], usable energy [kWh] and power [kW] of a usual car of a kind of body: medians of the table.
 
-    A kind of fewer than two cars takes those of all.
+    A kind of fewer than two cars takes those of all, a quadricycle those of the Renault Twizy.
 
     Parameters
     ----------
@@ -225,6 +230,8 @@ def usual_figures(body: str) -> Mapping[str, float]:
     >>> usual_figures("small")["mass_kg"] < usual_figures("suv")["mass_kg"]
     True
     """
+    if body == QUADRICYCLE:
+        return TWIZY
     rows = [row for row in catalogue().values() if "title" in row]
     mine = [row for row in rows if row["body"][0].value == body]
     chosen = mine if len(mine) > 1 else rows

@@ -9,6 +9,7 @@ import typer
 
 from tripwatt.cli.options import JsonOption, add_command
 from tripwatt.cli.printing import print_json, print_table
+from tripwatt.hybrid.factors import FACTORS
 
 
 def add_commands(app: typer.Typer) -> None:
@@ -94,22 +95,25 @@ def _about_rows(about: dict[str, Any]) -> list[tuple[str, str]]:
 def _adapted_rows(origin: dict[str, Any]) -> list[tuple[str, str]]:
     """Where an adapted model comes from, and what its own trips changed."""
     how, base = origin["adapted"], origin["base"]
+    units = {factor.name: factor.unit for factor in FACTORS}
     changes = [
-        f"{name.replace('_', ' ')} {value['change']:+.1%} (standard deviation {value['sd']:.1%})"
+        f"{name.replace('_', ' ')} {_change(value['change'], units.get(name))} (± {_change(value['sd'], units.get(name), sign='')})"
         for name, value in how["parameters"].items()
     ]
+    experts = ", ".join(f"{name} {weight:.0%}" for name, weight in how["experts"].items())
     about = base["model"]
     return [
         (
             "base",
             f"{about['vehicle_title']}, {about['corrector']}, {about['trips']} trips, SHA-256 {base['sha256']}",
         ),
-        (
-            "adapted",
-            f"with {how['trips']} own trips; {how['share_in_common']:.0%} of the base's correction is shared",
-        ),
-        *([("car against published values", ", ".join(changes))] if changes else []),
+        ("adapted", f"with {how['trips']} own trips; {experts}"),
+        ("car against its simulation", ", ".join(changes)),
     ]
+
+
+def _change(value: float, unit: str | None, sign: str = "+") -> str:
+    return f"{value:{sign}.2f} kW" if unit == "kW" else f"{value:{sign}.1%}"
 
 
 def _range(low: float | None, high: float | None) -> str:

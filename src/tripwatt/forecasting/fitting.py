@@ -13,10 +13,8 @@ import numpy as np
 
 from tripwatt.arrays import IntArray
 from tripwatt.auditing import Audit, audit
-from tripwatt.forecasting.donor import MASKABLE, DonorModel, unknown_inputs, without_inputs
-from tripwatt.forecasting.inner import shown_by
 from tripwatt.forecasting.model import DEFAULT_CORRECTOR, ForecastModel, HeldOut
-from tripwatt.hybrid import TRANSFERABLE, Identified, StageRecord, identify, segment_trips, stage_record
+from tripwatt.hybrid import Identified, StageRecord, identify, stage_record
 from tripwatt.hybrid.calibrate import Calibration, calibrate
 from tripwatt.trips import COLUMNS, Fleet, Trip
 from tripwatt.trips.messages import message
@@ -129,7 +127,6 @@ def fit_with_provenance(
     cars = CarOfTrips.from_trips(sound.trips, vehicle, identified=identified, calibrated=calibrated)
     stages, found_values, car = cars.values()
     model = ForecastModel(car, corrector, seed).fit(sound.trips, car_of=cars.car, progress=progress)
-    model.donor_ = fit_donor(sound.trips, model, cars.car)
     notes = [] if stages is None or not stages.values else [str(stages)]
     notes += [] if found_values is None else [str(found_values)]
     provenance = {
@@ -140,41 +137,6 @@ def fit_with_provenance(
         else {name: [change, found_values.sd[name]] for name, change in found_values.changes.items()},
     }
     return model, provenance, held_out_figures(model.held_out_)
-
-
-def fit_donor(
-    trips: Sequence[Trip], model: ForecastModel, car_of: Callable[[IntArray], Vehicle] | None = None
-) -> DonorModel | None:
-    """The donor model of a fitted model; None where the trips have no input to mask or its corrector cannot donate.
-
-    Parameters
-    ----------
-    trips : sequence of Trip
-        The training trips of the model.
-    model : ForecastModel
-    car_of : callable, optional
-        As for `ForecastModel.fit`.
-    """
-    masked = tuple(name for name in MASKABLE if name not in unknown_inputs(trips))
-    if not masked or model.corrector not in TRANSFERABLE:
-        return None
-    return donor_model(trips, model.vehicle, masked, seed=model.seed, car_of=car_of)
-
-
-def donor_model(
-    trips: Sequence[Trip],
-    vehicle: Vehicle,
-    masked_inputs: Sequence[str] = MASKABLE,
-    *,
-    seed: int = 0,
-    car_of: Callable[[IntArray], Vehicle] | None = None,
-) -> DonorModel:
-    """Simulate trips with some inputs masked and fit them, with one Gaussian process for the whole residual."""
-    masked = [without_inputs(trip, masked_inputs) for trip in trips]
-    model = ForecastModel(vehicle, "gp", seed)
-    table = segment_trips(masked, vehicle)
-    model.fit_segments(table, again=None if car_of is None else shown_by(masked, table, vehicle, car_of))
-    return model.as_donor(masked_inputs)
 
 
 def provenance_of(fleet: Fleet, checked: Audit, model: ForecastModel, notes: Sequence[str]) -> dict[str, Any]:

@@ -17,7 +17,6 @@ import pandas as pd
 
 from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.errors import InvalidInput
-from tripwatt.forecasting.donor import DonorModel
 from tripwatt.forecasting.expected import ExpectedTrip
 from tripwatt.forecasting.forecast import Forecast
 from tripwatt.forecasting.inner import INNER_FOLDS, Again, inner_fits, shown_by
@@ -30,8 +29,8 @@ from tripwatt.forecasting.ranges import (
     unknown_wind_sd_wh,
 )
 from tripwatt.hybrid import PowerCorrector, SegmentTable, power_corrector, segment_table, segment_trips
+from tripwatt.hybrid.factors import TripEvidence
 from tripwatt.hybrid.familiarity import Range
-from tripwatt.hybrid.hierarchy import Members
 from tripwatt.parallel import one_blas_thread
 from tripwatt.physics import simulate_trip
 from tripwatt.routes.terrain import net_climbs
@@ -87,8 +86,8 @@ class ForecastModel:
         Training trips.
     held_out_ : tuple of HeldOut
         Each of them as it was forecast while its inner fold was held out.
-    donor_ : DonorModel or None
-        The model for cars whose logs lack signals that this one's have; None where there is none.
+    evidence_ : TripEvidence or None
+        What the training trips show of the factors by which the car differs from its simulation: for models of other cars.
     flags : tuple of Flag
         What every forecast of it flags first, such as a car without trips; empty for a model of its own trips.
 
@@ -112,7 +111,7 @@ class ForecastModel:
     ranges_: dict[str, Range] = field(default_factory=dict)
     trip_ids_: tuple[str, ...] = ()
     held_out_: tuple[HeldOut, ...] = ()
-    donor_: DonorModel | None = None
+    evidence_: TripEvidence | None = None
     flags: tuple[Flag, ...] = ()
 
     def fit(
@@ -213,6 +212,7 @@ class ForecastModel:
         self.corrector_ = power_corrector(self.corrector, self.seed).fit(table)
         self.trip_ids_ = table.trip_ids
         self.ranges_ = training_ranges(table)
+        self.evidence_ = TripEvidence.from_table(table, self.vehicle)
         self.flags = ()
         held_out: dict[int, HeldOutResidual] = {}
         link_errors: list[FloatArray] = []
@@ -283,34 +283,6 @@ class ForecastModel:
         if self.corrector_ is None or self.uncertainty_ is None:
             raise InvalidInput.of("model is not fitted", where, "no training trips", fix="call fit first")
         return self.corrector_, self.uncertainty_
-
-    def as_donor(self, masked_inputs: Sequence[str] = ()) -> DonorModel:
-        """The Gaussian processes of the fitted model, for another car.
-
-        Parameters
-        ----------
-        masked_inputs : sequence of str
-            Signals that the model was fitted without.
-
-        Returns
-        -------
-        DonorModel
-            What a model of another car starts from.
-
-        Raises
-        ------
-        InvalidInput
-            When it is not fitted or its corrector has no Gaussian process.
-
-        Examples
-        --------
-        >>> import tripwatt as tw
-        >>> tw.load_model().as_donor().masked_inputs
-        ()
-        """
-        corrector, uncertainty = self.fitted_parts("base")
-        members = Members.from_corrector(corrector)
-        return DonorModel(members, uncertainty.scale, uncertainty.scores, tuple(masked_inputs))
 
     @one_blas_thread
     def forecast(self, trip: Plan | Trip, departure: Departure | None = None) -> Forecast:

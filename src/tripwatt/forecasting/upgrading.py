@@ -11,6 +11,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from tripwatt.errors import InvalidInput
 from tripwatt.hybrid.familiarity import FADING
 from tripwatt.modelfile import Part
 
@@ -21,8 +22,8 @@ _NAMES: Final = MappingProxyType(
 
 _CORRECTORS: Final = MappingProxyType({"kriging": "gp", "channels": "split"})
 """Name of a corrector in version 1 -> its name."""
-_KINDS: Final = _CORRECTORS | {"transferred": "adapted"}
-"""Kind of a corrector in version 1 -> its kind."""
+
+ADAPT_AGAIN: Final = "adapt the base again with this version of tripwatt"
 
 _INFINITE: Final = {"low": -np.inf, "high": np.inf, "climate_limit_w": np.inf}
 """What an empty entry stands for."""
@@ -33,11 +34,13 @@ def version_1_tree(parts: Mapping[str, Part]) -> dict[str, Any]:
 
     Raises
     ------
+    InvalidInput
+        For a model that was adapted to a car.
     LookupError, TypeError, ValueError or AttributeError
         When they are no such parts.
     """
     values: Mapping[str, Any] = parts["model.json"]
-    tree = {
+    return {
         "segment_s": values["block_s"],
         "vehicle": _vehicle(parts["vehicle.json"]),
         "corrector": _CORRECTORS.get(values["corrector"], values["corrector"]),
@@ -55,15 +58,6 @@ def version_1_tree(parts: Mapping[str, Part]) -> dict[str, Any]:
         "ranges_": {name: range_values(seen) for name, seen in values["ranges"].items()},
         "trip_ids_": values["trip_ids"],
     }
-    if "elsewhere" in values:
-        donor = values["elsewhere"]
-        tree["donor_"] = {
-            "members": _members(donor["fitted"], parts),
-            "scale": _scale(donor),
-            "scores": _scores(donor),
-            "masked_inputs": donor["hidden"],
-        }
-    return tree
 
 
 def _renamed(values: Mapping[str, Any]) -> dict[str, Any]:
@@ -112,7 +106,7 @@ def _vehicle(part: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _corrector(about: Mapping[str, Any], parts: Mapping[str, Any]) -> dict[str, Any]:
-    kind = _KINDS.get(about["kind"], about["kind"])
+    kind = _CORRECTORS.get(about["kind"], about["kind"])
     if kind == "ensemble":
         return {"kind": kind, "members": [_corrector(member, parts) for member in about["members"]]}
     if kind == "split":
@@ -133,14 +127,8 @@ def _corrector(about: Mapping[str, Any], parts: Mapping[str, Any]) -> dict[str, 
         rest = {name: about[name] for name in ("columns", "start", "rest", "divisor")}
         seen = {name: range_values(values) for name, values in about.get("familiar", {}).items()}
         return {"kind": kind, "trees": arrays, "familiarity": {"ranges": seen}, **rest}
-    base = _members(about["base"], parts)
-    shares = about.get("shares") or [about["share"]] * len(base["correctors"])
-    return {"kind": kind, "base": base, "shares": shares, **arrays}
-
-
-def _members(about: Iterable[Mapping[str, Any]], parts: Mapping[str, Any]) -> dict[str, Any]:
-    correctors = [_corrector(member, parts) for member in about]
-    return {"correctors": [{k: v for k, v in c.items() if k != "kind"} for c in correctors]}
+    got, allowed = "a model that was adapted to a car", "a fitted model"
+    raise InvalidInput.of("model of an older version", "model.json, fitted", got, allowed, ADAPT_AGAIN)
 
 
 def _kept_ranges(terms: Iterable[Mapping[str, Any]], arrays: Mapping[str, Any]) -> dict[str, list[float]]:

@@ -34,9 +34,6 @@ POWER_CORRECTORS: Final[Mapping[str, Callable[[int], PowerCorrector]]] = Mapping
 STORABLE: Final = ("linear", "gp", "boosting", "forest", "split", "ensemble")
 """Correctors that can be stored: all but the GAMM."""
 
-TRANSFERABLE: Final = ("linear", "gp", "ensemble", "split")
-"""Correctors with a Gaussian process: these can be put on another car."""
-
 
 TUNED: Final = ("boosting", "forest", "ensemble", "split")
 """Correctors with settings that are chosen on the trips of a fit."""

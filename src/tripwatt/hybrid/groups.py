@@ -1,6 +1,6 @@
 """Groups of trips within groups: fleet, car model, vehicle, driver; their sums, scales and posterior, exact from sums of trips.
 
-This is the form of `tripwatt.hybrid.levels` for many trips and few weights. The residual energy of a trip is linear in known features `x`
+The residual energy of a trip is linear in known features `x`
 with the weights of its group,
 
     y_i = x_i' (w + d_model + d_vehicle + d_driver) + e_i,   e_i ~ N(0, lambda n_i),
@@ -154,16 +154,19 @@ class Scales:
         Variance of a trip over its usual one.
     split : tuple of int
         Part of each feature: those of one part have one standard deviation by level.
+    root : float
+        Prior standard deviation of the root's own weights, in units of their usual size.
     """
 
     sds: tuple[tuple[float, ...], ...]
     noise: float
     split: tuple[int, ...]
+    root: float = ROOT_SD
 
     def variances(self, level: int) -> FloatArray:
         """Prior variances at a level, 0 the root, shape (features,)."""
         if level == 0:
-            return np.full(len(self.split), ROOT_SD**2)
+            return np.full(len(self.split), self.root**2)
         return np.asarray(self.sds[level - 1])[list(self.split)] ** 2
 
     @property
@@ -176,7 +179,7 @@ class Scales:
         values = np.exp(logs).tolist()
         parts = len(self.sds[0])
         sds = tuple(tuple(values[i * parts : (i + 1) * parts]) for i in range(len(self.sds)))
-        return Scales(sds, values[-1], self.split)
+        return Scales(sds, values[-1], self.split, self.root)
 
 
 @dataclass(frozen=True, eq=False)
@@ -406,7 +409,7 @@ def _to_root(tree: Tree, sums: Sums, scales: Scales) -> tuple[FloatArray, FloatA
     return info, shift, total
 
 
-def fit_scales(sums: Sums, usual: Scales) -> Scales:
+def fit_scales(sums: Sums, usual: Scales, log_sd: float = LOG_SD) -> Scales:
     """Scales at the maximum of the marginal likelihood, with weak priors around their usual values.
 
     Parameters
@@ -414,6 +417,8 @@ def fit_scales(sums: Sums, usual: Scales) -> Scales:
     sums : Sums
     usual : Scales
         Where the search starts as well; the noise has no prior.
+    log_sd : float
+        Standard deviation of the logarithm of each scale before any trip.
 
     Raises
     ------
@@ -428,8 +433,8 @@ def fit_scales(sums: Sums, usual: Scales) -> Scales:
 
     def cost(logs: FloatArray) -> tuple[float, FloatArray]:
         value, gradient = log_likelihood_gradient(tree, sums, usual.with_logs(logs))
-        pull = np.append((logs[:-1] - first[:-1]) / LOG_SD, 0.0)
-        return -value + 0.5 * float(pull @ pull), pull / LOG_SD - gradient
+        pull = np.append((logs[:-1] - first[:-1]) / log_sd, 0.0)
+        return -value + 0.5 * float(pull @ pull), pull / log_sd - gradient
 
     bounds = [(u - 6.0, u + 4.0) for u in first[:-1]] + [(-12.0, 12.0)]
     options = {"maxiter": 60, "ftol": 1e-10}

@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import Fault, InvalidInput, excerpt
-from tripwatt.hybrid.car_corrector import HierarchicalCorrector
+from tripwatt.hybrid.factors import FactorCorrector
 from tripwatt.hybrid.familiarity import Familiarity
 from tripwatt.hybrid.power import EnsembleCorrector, GPCorrector, LearnerCorrector, PowerCorrector
 from tripwatt.hybrid.segments import SegmentTable
@@ -102,7 +102,7 @@ KINDS: Final[Mapping[str, type]] = MappingProxyType(
         "gp": GPCorrector,
         "ensemble": EnsembleCorrector,
         "split": SplitCorrector,
-        "adapted": HierarchicalCorrector,
+        "factors": FactorCorrector,
         "trees": StoredTrees,
     }
 )

@@ -12,12 +12,21 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, cast
 
-from tripwatt.auditing import audit
+from tripwatt.auditing import Audit, audit
 from tripwatt.errors import InvalidInput
 from tripwatt.files import folder_lock, read_text_file, replace_folder, restore_folder
 from tripwatt.forecasting import ForecastModel, load_metadata, load_model, save_model
+from tripwatt.forecasting.fitting import held_out_figures, provenance_of
+from tripwatt.hybrid.parameters import on_road
 from tripwatt.live.diary import Diary, entry
-from tripwatt.population.adapting import adapt_model, adaptation
+from tripwatt.modelfile import FORMAT_VERSION
+from tripwatt.population.adapting import (
+    PROTOCOL,
+    Adaptation,
+    about_adaptation,
+    in_order,
+    population_of,
+)
 from tripwatt.population.cars import for_car
 from tripwatt.store import TripStore, create_store, open_store
 from tripwatt.trips import Fleet, Trip
@@ -25,7 +34,7 @@ from tripwatt.vehicles import Vehicle, load_vehicle
 from tripwatt.vehicles.writing import render_vehicle
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable
 
     from tripwatt.trips import Log
 
@@ -41,10 +50,6 @@ LEARNED: Final = "learned"
 MODEL: Final = "model"
 DIARY: Final = "diary.parquet"
 MOST_ABOUT_BYTES: Final = 1 << 16
-
-AGAIN: Final = 0.1
-"""While trips are added, the model is adapted when this share of its trips is new: an adaptation costs seconds with a
-hundred trips, and one trip in ten changes it little. After the last trip it is always adapted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,17 +129,19 @@ class Car:
         ForecastModel
             Adapted to its trips, or that of its published values before the first one.
         """
-        if (self._learned / MODEL).is_dir():
-            return load_model(self._learned / MODEL)
-        return for_car(self.base, self.vehicle)
+        place = self._learned / MODEL
+        if not place.is_dir():
+            return for_car(self.base, self.vehicle)
+        if load_metadata(place, check_parts=False)["format_version"] < FORMAT_VERSION:
+            return self._known(load_model(self.base)).model
+        return load_model(place)
 
     def add(
         self, logs: Fleet | Iterable[Log], *, progress: Callable[[int, int], None] | None = None
     ) -> Learned:
         """Keep logs, forecast their trips one after the other, and learn from them.
 
-        A log that is there already is not added again. Costs O(trips^3) for each of the adaptations, whose number grows
-        with the logarithm of the trips.
+        A log that is there already is not added again. O(samples of all logs).
 
         Parameters
         ----------
@@ -227,33 +234,44 @@ class Car:
         fleet = Fleet(self.name, tuple(self.store.logs()))
         diary = self.diary
         judged = audit(fleet)
-        trips = _in_order(judged.trips)
         left_out = [f"{trip}: {why}" for trip, why in judged.set_aside.items() if trip in given]
-        behind = [trip for trip in trips if trip.trip_id in diary.trip_ids]
-        ahead = [trip for trip in trips if trip.trip_id not in diary.trip_ids]
+        ahead = [trip for trip in _by_date(judged.trips) if trip.trip_id not in diary.trip_ids]
         if not ahead:
             return 0, tuple(left_out)
-        base, model, published = load_model(self.base), self.model(), for_car(self.base, self.vehicle)
-        entries = []
-        taught = len(behind)
+        base, published = load_model(self.base), for_car(self.base, self.vehicle)
+        known, model, entries = self._known(base), self.model(), []
         for number, trip in enumerate(ahead, start=1):
-            if len(behind) - taught >= max(1.0, AGAIN * taught):
-                model, taught = adaptation(base, behind, self.vehicle).model, len(behind)
             try:
-                entries.append(entry(trip, model.forecast(trip), published.forecast(trip), len(behind)))
+                entries.append(
+                    entry(trip, model.forecast(trip), published.forecast(trip), len(known.evidence))
+                )
+                known = known.with_trips([trip])
+                model = known.model
             except InvalidInput as error:
                 left_out.append(f"{trip.trip_id}: {error}")
-            else:
-                behind.append(trip)
             progress(number, len(ahead))
         if entries:
-            self._keep(base, behind, diary.with_entries(entries))
+            self._keep(known, fleet, judged, diary.with_entries(entries))
         return len(entries), tuple(left_out)
 
-    def _keep(self, base: ForecastModel, trips: Sequence[Trip], diary: Diary) -> None:
+    def _known(self, base: ForecastModel) -> Adaptation:
+        """What the car has learned; from its trips again where an older version of tripwatt learned them."""
+        new = Adaptation.before_trips(base, on_road(self.vehicle), population_of(base))
+        place = self._learned / MODEL
+        if not place.is_dir():
+            return new
+        if load_metadata(place, check_parts=False)["format_version"] == FORMAT_VERSION:
+            stored = load_model(place)
+            return new if stored.evidence_ is None else new.with_evidence(stored.evidence_, stored.ranges_)
+        seen = self.diary.trip_ids
+        trips = audit(Fleet(self.name, tuple(self.store.logs()))).trips
+        return new.with_trips([trip for trip in _by_date(trips) if trip.trip_id in seen])
+
+    def _keep(self, known: Adaptation, fleet: Fleet, judged: Audit, diary: Diary) -> None:
         """Write model and diary together: no reader gets one of them without the other."""
-        about = load_metadata(self.base, check_parts=False)
-        model, provenance, figures = adapt_model(Fleet(self.name, tuple(trips)), self.vehicle, base, about)
+        model, base = known.model, load_metadata(self.base, check_parts=False)
+        provenance = {**provenance_of(fleet, judged, model, []), **about_adaptation(known, base)}
+        figures = {**held_out_figures(model.held_out_), "protocol": PROTOCOL}
 
         def write(made: Path) -> None:
             save_model(model, made / MODEL, provenance=provenance, evaluation=figures)
@@ -269,13 +287,11 @@ def state_of(folder: Path) -> tuple[int, ...]:
     return file.st_ino, file.st_mtime_ns
 
 
-def _in_order(trips: Iterable[Trip]) -> list[Trip]:
+def _by_date(trips: Iterable[Trip]) -> list[Trip]:
     """Trips with measured energy by their departure; those without a date come last, by name."""
-    measured = [trip for trip in trips if trip.observed_energy_wh is not None]
-    return sorted(
-        measured,
-        key=lambda t: (t.context.started_at is None, f"{t.context.started_at}", t.trip_id),
-    )
+    dated = in_order(trip for trip in trips if trip.context.started_at is not None)
+    others = (trip for trip in trips if trip.context.started_at is None)
+    return [*dated, *sorted(in_order(others), key=lambda trip: trip.trip_id)]
 
 
 def create_car(folder: Path | str, vehicle: Vehicle | str | Path, *, base: Path | str | None = None) -> Car:

@@ -2,5 +2,14 @@
 
 from tripwatt.population.adapting import Adaptation, adapt_model, adaptation, without_trips
 from tripwatt.population.cars import for_car
+from tripwatt.population.prior import Population, population
 
-__all__ = ["Adaptation", "adapt_model", "adaptation", "for_car", "without_trips"]
+__all__ = [
+    "Adaptation",
+    "Population",
+    "adapt_model",
+    "adaptation",
+    "for_car",
+    "population",
+    "without_trips",
+]

@@ -1,58 +1,71 @@
-"""A fitted model adapted to another car: that car's own physics, the base's correction, and a few trips."""
+"""A fitted model on another car: that car's own physics, what cars have in common, and the trips that it has.
+
+The base gives what is not of one car: how errors run along a trip, on planned routes and in travel times.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 import numpy as np
 
 from tripwatt.arrays import FloatArray
 from tripwatt.auditing import audit
-from tripwatt.forecasting.donor import DonorModel, unknown_inputs
 from tripwatt.forecasting.fitting import held_out_figures, provenance_of
 from tripwatt.forecasting.model import ForecastModel, HeldOut
 from tripwatt.forecasting.ranges import NEVER_KNOWN, training_ranges
-from tripwatt.hybrid import SegmentTable, segment_trips
-from tripwatt.hybrid.car_corrector import HierarchicalCorrector
+from tripwatt.hybrid import segment_trips
+from tripwatt.hybrid.factors import (
+    USUAL_SHARE,
+    USUAL_W,
+    USUAL_WH,
+    FactorCorrector,
+    TripEvidence,
+)
 from tripwatt.hybrid.familiarity import Range
-from tripwatt.hybrid.hierarchy import CarTransfer, Evidence, Posterior, require_mode, term_scales
-from tripwatt.hybrid.parameters import changed, on_road, parameters_of, sensitivities
+from tripwatt.hybrid.learning import KINDS, MEMORY, Experts, Innovations
+from tripwatt.hybrid.parameters import on_road
 from tripwatt.hybrid.segments import require_measured
 from tripwatt.parallel import one_blas_thread
-from tripwatt.trips import Fleet, Trip, plan_from_trip
+from tripwatt.population.prior import Population, Source, population
+from tripwatt.trips import Fleet, Trip
 from tripwatt.uncertainty import ChargeScale
-from tripwatt.uncertainty.conformal import ConformalScores
+from tripwatt.uncertainty.conformal import ConformalScores, t4_half_width
 from tripwatt.uncertainty.scale import T_VARIANCE, TotalScale
 from tripwatt.vehicles import Vehicle
 
-TRANSFERRED: Final = "transferred"
-"""Name of the corrector of an adapted model."""
+ADAPTED: Final = "population"
+"""Name of the corrector of a model on another car."""
 
-BASE_TRIPS: Final = 10.0
-"""Weight of the base's scores beside the own trips', in trips: the fewest that show a 90 % interval at all."""
+PRIOR_TRIPS: Final = 10.0
+"""Weight of the usual scores beside the own trips', in trips: the fewest that show a 90 % interval at all."""
 
 _LEVELS: Final = 40
-"""ConformalScores that an adapted model keeps."""
+"""Scores that a model on another car keeps."""
 
-PROTOCOL: Final = "own trips, each left out of the adaptation"
+PROTOCOL: Final = "own trips, each forecast before it was learned"
 
 
 @dataclass(frozen=True, eq=False)
 class Adaptation:
-    """A model on its new car, and what was estimated for it.
+    """A model on its car, and what was learned of the car.
 
     Attributes
     ----------
-    model : ForecastModel
-        The adapted model.
-    posterior : Posterior
-        What was estimated of the car.
-    parameters : mapping of str to (float, float)
-        Relative change of each physical parameter and its standard deviation.
-    masked_inputs : tuple of str
-        Inputs that the new car's log lacks, masked in the donor model.
+    base : ForecastModel
+        What is not of one car comes from it.
+    vehicle : Vehicle
+        The car as it is expected on the road.
+    experts : Experts
+        What is known of its factors.
+    evidence : TripEvidence
+        Its trips.
+    innovations : Innovations
+        Forecasts of these, each before it was learned.
+    ranges : mapping of str to Range
+        Of the quantities that forecasts compare with own trips; empty before the first.
 
     Examples
     --------
@@ -60,38 +73,98 @@ class Adaptation:
     >>> adapted.model.forecast(plan)  # doctest: +SKIP
     """
 
-    model: ForecastModel
-    posterior: Posterior
-    parameters: Mapping[str, tuple[float, float]]
-    masked_inputs: tuple[str, ...]
+    base: ForecastModel
+    vehicle: Vehicle
+    experts: Experts
+    evidence: TripEvidence
+    innovations: Innovations
+    ranges: Mapping[str, Range] = field(default_factory=dict)
+
+    @classmethod
+    def before_trips(cls, base: ForecastModel, vehicle: Vehicle, cars: Population) -> Adaptation:
+        """A car without a trip, as one of a population."""
+        experts = Experts.from_prior(*cars.prior(vehicle))
+        evidence = TripEvidence.empty()
+        return cls(base, vehicle, experts, evidence, experts.learn(evidence)[1])
+
+    def with_trips(self, trips: Sequence[Trip]) -> Adaptation:
+        """Learn trips after those that were learned, each forecast by what was known before it. O(samples)."""
+        table = segment_trips(trips, self.vehicle)
+        evidence, ranges = TripEvidence.from_table(table, self.vehicle, trips), training_ranges(table)
+        return self.with_evidence(evidence, _joined(self.ranges, ranges) if self.ranges else ranges)
+
+    def with_evidence(self, evidence: TripEvidence, ranges: Mapping[str, Range]) -> Adaptation:
+        """Learn trips of which the energies by factor are known already."""
+        experts, seen = self.experts.learn(evidence)
+        return replace(
+            self,
+            experts=experts,
+            evidence=self.evidence + evidence,
+            innovations=self.innovations + seen,
+            ranges=ranges,
+        )
+
+    @property
+    def changes(self) -> Mapping[str, tuple[float, float]]:
+        """Each factor and its standard deviation, in its unit."""
+        return FactorCorrector.from_posterior(self.vehicle, *self.experts.collapsed()).changes
+
+    @property
+    def model(self) -> ForecastModel:
+        """The model of the car."""
+        _, usual = self.base.fitted_parts("base")
+        own = (self.evidence.residual_wh - self.innovations.mean_wh) / self.innovations.sd_wh
+        scale = np.array([USUAL_WH, USUAL_W, USUAL_SHARE]) * np.sqrt(self.experts.noise_scale)
+        observed = self.evidence.observed_wh
+        predicted = observed - self.evidence.residual_wh + self.innovations.mean_wh
+        return ForecastModel(
+            vehicle=self.vehicle,
+            corrector=ADAPTED,
+            seed=self.base.seed,
+            corrector_=FactorCorrector.from_posterior(self.vehicle, *self.experts.collapsed()),
+            uncertainty_=replace(
+                usual,
+                process=replace(usual.process, split=False),
+                charge=ChargeScale.from_readings(self.evidence.charge, observed) if len(observed) else None,
+                scale=TotalScale(np.append(scale, 1.0)),
+                scores=scores_of(own),
+            ),
+            ranges_=_joined(self.base.ranges_, self.ranges) if self.ranges else self.base.ranges_,
+            trip_ids_=self.evidence.trip_ids,
+            held_out_=tuple(
+                HeldOut(name, float(o), float(p), float(s))
+                for name, o, p, s in zip(self.evidence.trip_ids, observed, predicted, own, strict=True)
+            ),
+            evidence_=self.evidence if len(self.evidence) else None,
+        )
 
 
 @one_blas_thread
 def adaptation(
-    base: ForecastModel, trips: Sequence[Trip], vehicle: Vehicle, *, mode: str = "both"
+    base: ForecastModel, trips: Sequence[Trip], vehicle: Vehicle, cars: Population | None = None
 ) -> Adaptation:
-    """Put a fitted model on another car, with that car's trips. O(options x features^2 + trips^3).
+    """Put a fitted model on another car, with that car's trips. O(samples).
 
     Parameters
     ----------
     base : ForecastModel
-        Fitted, with a corrector that holds a Gaussian process: linear, gp, ensemble or split.
+        Fitted.
     trips : sequence of Trip
-        Of the new car, at least one, with measured energy.
+        Of the new car, at least one, with measured energy. They are learned in the order of their dates where all have one.
     vehicle : Vehicle
         The new car with its published values.
-    mode : {"both", "effects", "parameters"}
-        What may differ between the cars: terms of the corrector, physical parameters, or both.
+    cars : Population, optional
+        What is known of other cars; those of the package and the base's by default.
 
     Returns
     -------
     Adaptation
-        Its model forecasts like any other. Mass, rolling, air and base load of its car are calibrated.
+        Its model forecasts like any other.
 
     Raises
     ------
     InvalidInput
-        When the base cannot be transferred, or a trip has no measured energy.
+        When the base is not fitted, or a trip has no measured energy.
 
     Examples
     --------
@@ -103,67 +176,36 @@ def adaptation(
     >>> adapted.model.vehicle.title, len(adapted.model.trip_ids_)
     ('Nissan Leaf 24 kWh', 1)
     """
-    require_mode(mode)
+    base.fitted_parts("base")
     require_measured(trips)
-    donor, masked = _donor(base, trips)
-    parameters, vehicle = parameters_of(vehicle), on_road(vehicle)
-    table = segment_trips(trips, vehicle)
-    transfer = CarTransfer(donor.members, term_scales(donor.members, base.vehicle, vehicle), parameters, mode)
-    changes_w = sensitivities([plan_from_trip(trip) for trip in trips], vehicle, table, parameters)
-    evidence = transfer.evidence(table, changes_w, donor.variances_wh2(table))
-    posterior = transfer.posterior(evidence)
-    changes = posterior.parameters([p.name for p in parameters])
-    calibrated = {p.name: changes[p.name][0] for p in parameters if p.keys}
-    source = f"calibrated on {len(trips)} trip{'s' if len(trips) > 1 else ''} of the car"
-    own_car = changed(vehicle, calibrated, source=source) if mode != "effects" else vehicle
-    model = transferred(base, donor, own_car, transfer, posterior, frozenset(calibrated))
-    assert model.uncertainty_ is not None
-    centre, corrector_variance = transfer.left_out(evidence)
-    observed, error = table.totals_wh(table.observed_power_w), evidence.residual_wh - centre
-    own = error / np.sqrt(evidence.error_wh2(posterior.noise_scale) + corrector_variance)
-    share = _share_of_energy(table, donor.scale, evidence.noise_wh2, posterior.noise_scale)
-    uncertainty = replace(
-        model.uncertainty_,
-        charge=None if table.charge is None else ChargeScale.from_readings(table.charge, observed),
-        scale=replace(model.uncertainty_.scale, least_share=share),
-        scores=_scores(donor.scores, posterior, own),
-    )
-    model = replace(
-        model,
-        uncertainty_=uncertainty,
-        ranges_=_joined(base.ranges_, training_ranges(table), masked),
-        trip_ids_=table.trip_ids,
-        held_out_=tuple(
-            HeldOut(name, float(o), float(o - e), float(s))
-            for name, o, e, s in zip(table.trip_ids, observed, error, own, strict=True)
-        ),
-    )
-    return Adaptation(model, posterior, changes, masked)
+    before = Adaptation.before_trips(base, on_road(vehicle), cars or population_of(base))
+    return before.with_trips(in_order(trips))
 
 
 @one_blas_thread
-def without_trips(base: ForecastModel, vehicle: Vehicle) -> ForecastModel:
+def without_trips(base: ForecastModel, vehicle: Vehicle, cars: Population | None = None) -> ForecastModel:
     """Put a fitted model on a car without a measured trip.
 
-    It is the adaptation before its first trip: how much of the correction cars share, how far a car is from its published values and how
-    much larger the error may be are as uncertain as before any trip, and all of that is in the interval.
+    How far a car is from its published values is as uncertain as between the cars with trips, and all of that is in the interval.
 
     Parameters
     ----------
     base : ForecastModel
-        Fitted, with a corrector that holds a Gaussian process.
+        Fitted.
     vehicle : Vehicle
         The car without trips.
+    cars : Population, optional
+        As for `adaptation`.
 
     Returns
     -------
     ForecastModel
-        Its intervals contain the uncertainty of the car's published values and of what cars have in common.
+        Of the car.
 
     Raises
     ------
     InvalidInput
-        When the base cannot be transferred.
+        When the base is not fitted.
 
     Examples
     --------
@@ -175,47 +217,35 @@ def without_trips(base: ForecastModel, vehicle: Vehicle) -> ForecastModel:
     >>> bool(other.sd_wh > own.sd_wh)
     True
     """
-    donor = base.donor_ or base.as_donor()  # without the cabin, which few of its departures know
-    parameters, vehicle = parameters_of(vehicle), on_road(vehicle)
-    transfer = CarTransfer(donor.members, term_scales(donor.members, base.vehicle, vehicle), parameters)
-    features, nothing = np.empty((0, len(transfer.scales))), np.empty(0)
-    evidence = Evidence(features, features, features, np.empty((0, len(parameters))), nothing, nothing)
-    return transferred(base, donor, vehicle, transfer, transfer.posterior(evidence), frozenset())
+    return Adaptation.before_trips(base, on_road(vehicle), cars or population_of(base)).model
 
 
-def transferred(
-    base: ForecastModel,
-    donor: DonorModel,
-    vehicle: Vehicle,
-    transfer: CarTransfer,
-    posterior: Posterior,
-    calibrated: frozenset[str],
-) -> ForecastModel:
-    """A model of another car from the posterior of its correction; of its own trips only the posterior counts."""
-    _, uncertainty = base.fitted_parts("base")
-    return ForecastModel(
-        vehicle=vehicle,
-        corrector=TRANSFERRED,
-        seed=base.seed,
-        corrector_=HierarchicalCorrector.from_posterior(transfer, posterior, calibrated),
-        uncertainty_=replace(
-            uncertainty,
-            process=replace(uncertainty.process, split=False),
-            charge=None,
-            scale=adapted_scale(donor.scale, posterior.noise_scale),
-            scores=_scores(donor.scores, posterior, np.empty(0)),
-        ),
-        ranges_=base.ranges_,
-    )
+def population_of(base: ForecastModel, *, of_car: bool = False) -> Population:
+    """The cars of the package, and that of a base which they do not have.
+
+    Parameters
+    ----------
+    base : ForecastModel
+    of_car : bool
+        Whether the base's trips take the place of those that the package has of its car model: for that car, changed.
+    """
+    cars, name = population(), base.vehicle.name
+    if base.evidence_ is None or (not of_car and any(source.car_model == name for source in cars.sources)):
+        return cars
+    own = Source(name, "base", "", len(base.evidence_), "", "")
+    return cars.with_car(own, base.evidence_)
+
+
+def in_order(trips: Iterable[Trip]) -> list[Trip]:
+    """Trips with measured energy by their departure; without a date of each they stay as they are."""
+    measured = [trip for trip in trips if trip.observed_energy_wh is not None]
+    if any(trip.context.started_at is None for trip in measured):
+        return measured
+    return sorted(measured, key=lambda trip: (f"{trip.context.started_at}", trip.trip_id))
 
 
 def adapt_model(
-    fleet: Fleet,
-    vehicle: Vehicle,
-    base: ForecastModel,
-    about_base: Mapping[str, Any],
-    *,
-    mode: str = "both",
+    fleet: Fleet, vehicle: Vehicle, base: ForecastModel, about_base: Mapping[str, Any]
 ) -> tuple[ForecastModel, dict[str, Any], dict[str, Any]]:
     """Audit a car's logs, adapt a stored model to the sound trips, and keep where both come from.
 
@@ -229,8 +259,6 @@ def adapt_model(
         The stored model, of another car.
     about_base : mapping
         The base's metadata, as `load_metadata` gives them.
-    mode : str
-        As for `adaptation`.
 
     Returns
     -------
@@ -242,94 +270,49 @@ def adapt_model(
     >>> model, provenance, evaluation = adapt_model(fleet, vehicle, base, load_metadata())  # doctest: +SKIP
     """
     sound = audit(fleet)
-    done = adaptation(base, sound.trips, vehicle, mode=mode)
-    provenance = {
-        **provenance_of(fleet, sound, done.model, _cars(sound.trips)),
-        "adapted": {
-            "trips": len(sound.trips),
-            "mode": mode,
-            "hidden": list(done.masked_inputs),
-            "share_in_common": done.posterior.share,
-            "shares_by_stage": list(done.posterior.shares),
-            "noise_scale": done.posterior.noise_scale,
-            "parameters": {k: {"change": m, "sd": s} for k, (m, s) in done.parameters.items()}
-            if mode != "effects"
-            else {},
-        },
-        "base": {name: about_base[name] for name in ("sha256", "tripwatt", "model", "provenance")},
+    done = adaptation(base, sound.trips, vehicle)
+    model = done.model
+    cars = sorted({trip.context.car for trip in sound.trips if trip.context.car is not None})
+    notes = [f"cars {', '.join(cars)} count as one car"] if len(cars) > 1 else []
+    provenance = {**provenance_of(fleet, sound, model, notes), **about_adaptation(done, about_base)}
+    return model, provenance, {**held_out_figures(model.held_out_), "protocol": PROTOCOL}
+
+
+def about_adaptation(done: Adaptation, about_base: Mapping[str, Any]) -> dict[str, Any]:
+    """What was learned of a car, and the base, as plain values."""
+    adapted = {
+        "trips": len(done.evidence),
+        "experts": dict(zip(KINDS, done.experts.kind_weights.tolist(), strict=True)),
+        "noise_scale": done.experts.noise_scale,
+        "parameters": {k: {"change": m, "sd": s} for k, (m, s) in done.changes.items()},
     }
-    return done.model, provenance, {**held_out_figures(done.model.held_out_), "protocol": PROTOCOL}
+    base = {name: about_base[name] for name in ("sha256", "tripwatt", "model", "provenance")}
+    return {"adapted": adapted, "base": base}
 
 
-def _cars(trips: Sequence[Trip]) -> list[str]:
-    """A note where several cars count as one."""
-    cars = sorted({trip.context.car for trip in trips if trip.context.car is not None})
-    return [f"cars {', '.join(cars)} count as one car"] if len(cars) > 1 else []
+def scores_of(own: FloatArray) -> ConformalScores:
+    """Standardised errors: those of a t distribution, and those of own trips, of which the latest count most.
 
-
-def _donor(base: ForecastModel, trips: Sequence[Trip]) -> tuple[DonorModel, tuple[str, ...]]:
-    """The donor model for the new car, fitted with no more inputs than its log has, and the masked inputs."""
-    usual = base.as_donor()
-    used = {column for term in usual.members.terms for column in term.columns}
-    missing = tuple(name for name in unknown_inputs(trips) if name in used)
-    if missing and base.donor_ is not None:
-        return base.donor_, base.donor_.masked_inputs
-    return usual, missing
-
-
-def adapted_scale(base: TotalScale, noise_scale: float) -> TotalScale:
-    """Scale of an adapted model's totals: the base's errors times the noise of own trips; the corrector's uncertainty in full."""
-    factor = np.sqrt(noise_scale * T_VARIANCE)
-    return TotalScale(np.append(base.values[:3] * factor, 1.0), base.course)
-
-
-def _share_of_energy(
-    table: SegmentTable, base: TotalScale, noise_wh2: FloatArray, noise_scale: float
-) -> float:
-    """Root mean square of the errors of own trips, less their constant part, over the energy moved.
-
-    How the errors of this car grow with a trip was seen on the base's trips alone. What no published value has (wind, tyres, load,
-    the driver) takes a share of the energy, and no error grows faster. Small errors on a few trips do not show that those of
-    long ones are smaller than the base's.
+    The usual ones count as `PRIOR_TRIPS` trips, so that one trip alone neither narrows nor blows up an interval. Own ones
+    fade as the experts' evidence does, so that the coverage follows a car whose errors change.
     """
-    moved = np.add.reduceat(table.features["moved_w"].to_numpy() * table.hours, table.offsets[:-1])
-    constant = base.values[0] ** 2 * T_VARIANCE
-    driven = np.maximum(moved, 0.5 * np.median(moved))  # a trip that hardly moves has no share of its own
-    square = np.maximum(noise_wh2 - constant, 0.0) * max(noise_scale, 1.0)
-    return float(np.sqrt(np.mean(square / driven**2)))
-
-
-def _scores(base: ConformalScores, posterior: Posterior, own: FloatArray) -> ConformalScores:
-    """Standardised errors: the base's, over the posterior of the error's scale, and those of own trips, each left out in turn.
-
-    The base counts as `BASE_TRIPS` of them, so that one trip alone neither narrows nor blows up an interval.
-    """
-    spread = np.sqrt([option.noise / posterior.noise_scale for option in posterior.options])
-    usual = base.values[:, None] / np.sqrt(T_VARIANCE) * spread  # as in `adapted_scale`
-    share = BASE_TRIPS / (BASE_TRIPS + len(own))
-    weight = np.tile(share * posterior.weights / len(usual), len(usual))
-    own_weight = np.full(len(own), (1.0 - share) / max(len(own), 1))
-    values = weighted_quantiles(np.append(usual.ravel(), np.abs(own)), np.append(weight, own_weight))
-    return ConformalScores.from_errors(values.tolist())
-
-
-def weighted_quantiles(values: FloatArray, weight: FloatArray) -> FloatArray:
-    """Values at evenly spread levels of a weighted sample."""
+    levels = (np.arange(_LEVELS) + 0.5) / _LEVELS
+    usual = np.array([t4_half_width(level) for level in levels.tolist()]) / np.sqrt(T_VARIANCE)
+    fading = MEMORY ** np.arange(len(own))[::-1]
+    share = PRIOR_TRIPS / (PRIOR_TRIPS + fading.sum())
+    weight = np.append(np.full(_LEVELS, share / _LEVELS), fading * (1.0 - share) / max(fading.sum(), 1.0))
+    values = np.append(usual, np.abs(own))
     order = np.argsort(values)
     level = np.cumsum(weight[order]) - 0.5 * weight[order]
-    return np.asarray(np.interp((np.arange(_LEVELS) + 1.0) / (_LEVELS + 1.0), level, values[order]))
+    spread = (np.arange(_LEVELS) + 1.0) / (_LEVELS + 1.0)
+    return ConformalScores.from_errors(np.interp(spread, level, values[order]).tolist())
 
 
-def _joined(base: Mapping[str, Range], own: Mapping[str, Range], masked: Sequence[str]) -> dict[str, Range]:
-    """Ranges over the trips of both cars; a masked input has none."""
+def _joined(one: Mapping[str, Range], other: Mapping[str, Range]) -> dict[str, Range]:
+    """Ranges over both; an input that the other lacks has none."""
     joined = {}
-    for name, old in base.items():
-        new = own.get(name, old)
-        joined[name] = (
-            NEVER_KNOWN
-            if name in masked
-            else Range(min(old.low, new.low), max(old.high, new.high), old.sd)
-            if np.isfinite(new.low)
-            else old
-        )
+    for name, old in one.items():
+        new = other.get(name, NEVER_KNOWN)
+        known = np.isfinite(new.low) and np.isfinite(old.low)
+        joined[name] = Range(min(old.low, new.low), max(old.high, new.high), old.sd) if known else new
     return joined

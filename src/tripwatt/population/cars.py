@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from tripwatt.forecasting import ForecastModel, load_model
-from tripwatt.population.adapting import without_trips
+from tripwatt.population.adapting import population_of, without_trips
 from tripwatt.trips import Flag
 from tripwatt.vehicles import (
     Difference,
@@ -78,7 +78,8 @@ def for_car(
         return replace(without_trips(fitted, car), flags=flags)
     # the correction was fitted with the model's values as they are, which need not be carried from a test to the road
     changed = replace(with_differences(own, changes, car), anchor="road")
-    return replace(without_trips(fitted, changed), flags=_changed_flags(changes))
+    cars = population_of(fitted, of_car=True)
+    return replace(without_trips(fitted, changed, cars), flags=_changed_flags(changes))
 
 
 def _changed_flags(changes: Sequence[Difference]) -> tuple[Flag, ...]:

@@ -72,7 +72,7 @@ class ConformalScores:
         rank = level * (n + 1)
         if rank <= n:
             return float(np.interp(rank, self._ranks, self._from_zero))
-        return float(self.values[-1]) * _t4_half_width(min(level, 1 - 1e-9)) / _t4_half_width(n / (n + 1))
+        return float(self.values[-1]) * t4_half_width(min(level, 1 - 1e-9)) / t4_half_width(n / (n + 1))
 
     def probability(self, standardised: float) -> float:
         """Probability that the error is below `standardised` standard deviations: the inverse of `factor`.
@@ -113,7 +113,7 @@ class ConformalScores:
         level = np.interp(size, self._from_zero, self._ranks) / (n + 1)
         beyond = size > last
         if beyond.any():
-            level[beyond] = _t4_level(size[beyond] / last * _t4_half_width(n / (n + 1))) if last > 0 else 1.0
+            level[beyond] = _t4_level(size[beyond] / last * t4_half_width(n / (n + 1))) if last > 0 else 1.0
         return np.asarray(0.5 + np.copysign(0.5 * level, standardised))
 
     @cached_property
@@ -135,7 +135,7 @@ def _t4_level(half_width: FloatArray) -> FloatArray:
     return np.asarray(0.5 * s * (3.0 - s**2))
 
 
-def _t4_half_width(level: float) -> float:
+def t4_half_width(level: float) -> float:
     """Half width of the central interval of a level, 0 to less than 1: the inverse of `_t4_level`.
 
     The cubic in `s` has the root ``2 sin(arcsin(level) / 3)``; Shaw (2006), Sampling Student's t distribution.

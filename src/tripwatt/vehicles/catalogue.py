@@ -21,7 +21,8 @@ from typing import Final
 from tripwatt.units import GRAVITY_M_S2, KG_PER_LB, M_PER_MILE, N_PER_LBF, SECONDS_PER_HOUR
 from tripwatt.vehicles.inheriting import data_folder
 
-BODIES: Final = ("small", "hatchback", "sedan", "suv", "van", "pickup")
+QUADRICYCLE: Final = "quadricycle"
+BODIES: Final = ("small", "hatchback", "sedan", "suv", "van", "pickup", QUADRICYCLE)
 """Kinds of body, by which the drag area of a car without a coast-down is chosen."""
 
 M_S_PER_MPH: Final = M_PER_MILE / SECONDS_PER_HOUR
@@ -240,6 +241,7 @@ def _class_values(without: frozenset[str]) -> ClassValues:
     areas = {body: [run.drag_area_m2 for b, run in runs if b == body] for body in BODIES}
     medians = {body: statistics.median(own) for body, own in areas.items() if len(own) >= LEAST_CARS}
     medians.setdefault("van", VAN_OVER_SUV * medians["suv"])
+    medians.setdefault(QUADRICYCLE, medians["small"])  # Renault: 0.64 m2 for the Twizy
     for body in BODIES:
         medians.setdefault(body, statistics.median([area for own in areas.values() for area in own]))
     classes = ClassValues(rolling, per_speed, types.MappingProxyType(medians), 0.0, 0.0, len(runs))

@@ -84,8 +84,8 @@ def load_vehicle(
         document = tomllib.loads(_read(path))
     except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise InvalidInput.of("not a TOML file", str(path), str(error)[:200], "TOML 1.0") from error
-    # what a user gives for an own car is the user's
-    document = {"licence": "user", **document}
+    # what a user gives for an own car is the user's, and held against no test unless the file says so
+    document = {"licence": "user", "anchor": "class", **document}
     return vehicle_from_document(document, path.stem, str(path), preset, overrides or {})
 
 

@@ -3,7 +3,7 @@
 An entry is `key = { value = ..., unit = "...", source = "...", estimated = "how" }`; `estimated` is optional: how
 a value follows that no source states as it stands. `tripwatt.vehicles.licences` describes how a file names the
 licence of each source. `[preset.NAME.SECTION]` tables replace entries, and
-`without = ["climate"]` in `[preset.NAME]` leaves out an optional part.
+`without = ["climate"]` in `[preset.NAME]` leaves out an optional part, and `heater = "none"` climate control altogether.
 """
 
 from __future__ import annotations
@@ -146,14 +146,20 @@ def _preset_tables(
     faults += [
         _unknown_fault("section", f"{where}, [{key}]", key, [*SECTIONS, "preset"])
         for key in document
-        if key not in (*SECTIONS, "preset", "name", "anchor")
+        if key not in (*SECTIONS, "preset", "name", "anchor", "heater")
     ]
+    heater = document.get("heater", "none")
+    if heater != "none":
+        fix = "describe a heater in [climate]"
+        faults.append(
+            Fault("unknown heater", f"{where}, heater", excerpt(heater), '"none", or no such key', fix)
+        )
     presets = {**_shared_presets(), **document.get("preset", {})}
     if preset != "default" and preset not in presets:
         allowed = ", ".join(sorted({"default", *presets}))
         faults.append(Fault("unknown preset", where, preset, allowed))
     chosen = presets.get(preset, {})
-    dropped = chosen.get("without", [])
+    dropped = [*chosen.get("without", []), *(["climate"] if "heater" in document else [])]
     for section in dropped:
         if section not in OPTIONAL_SECTIONS:
             allowed = ", ".join(sorted(OPTIONAL_SECTIONS)) or "nothing"

@@ -15,6 +15,7 @@ from tripwatt.units import GRAVITY_M_S2, KG_PER_LB
 from tripwatt.vehicles.catalogue import (
     DRIVER_KG,
     LOADED_KG,
+    QUADRICYCLE,
     ROAD_LOAD_DENSITY_KG_M3,
     Cell,
     ClassValues,
@@ -23,9 +24,17 @@ from tripwatt.vehicles.catalogue import (
 )
 
 WHEEL_RADIUS_M: Final = MappingProxyType(
-    {"small": 0.295, "hatchback": 0.315, "sedan": 0.335, "suv": 0.345, "van": 0.345, "pickup": 0.390}
+    {
+        "quadricycle": 0.265,
+        "small": 0.295,
+        "hatchback": 0.315,
+        "sedan": 0.335,
+        "suv": 0.345,
+        "van": 0.345,
+        "pickup": 0.390,
+    }
 )
-"""Rolling radius of usual tyres of a kind of body: 185/55 R16, 205/55 R17, 235/45 R19, 235/50 R19, 235/50 R19, 275/60 R20."""
+"""Rolling radius of usual tyres of a kind of body: 125/80 R13, 185/55 R16, 205/55 R17, 235/45 R19, 235/50 R19, 235/50 R19, 275/60 R20."""
 
 GEAR_RATIO: Final = 9.5
 """Motor over wheel speed. The cars with a file of their own have 7.05 to 11.5, their mean is 9.3."""
@@ -184,7 +193,9 @@ def similar_document(car: Figures, classes: ClassValues) -> dict[str, Any]:
         },
         "battery": _battery(car),
     }
-    if car.heat_pump:
+    if car.body == QUADRICYCLE:
+        document["heater"] = "none"
+    elif car.heat_pump:
         how = "that of the small cars of the library; the car has a heat pump"
         document["climate"] = {"heat_pump_max_heat_w": _class(HEAT_PUMP_W, "W", how)}
     return document

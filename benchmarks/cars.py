@@ -1,0 +1,214 @@
+"""Cars that nobody has seen, each from all others: python -m benchmarks.cars [--only NAME] [--draws 100] [--write].
+
+The BMW i3 of the TUM, the Leafs 10 and 541 of the VED, a sedan and a Renault Twizy; of the scored car nothing takes part. With the sedan also its runs on a
+dynamometer without a trip on the road. `--write` renews docs/results/cars.json.
+"""
+
+from __future__ import annotations
+
+import json
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from tools import DATA, DOCS
+from tools.command import run
+
+from benchmarks.measure import Row, report
+from benchmarks.unknown_climb import trips_of
+from tripwatt.auditing import audit
+from tripwatt.certification import describe_car
+from tripwatt.evaluation.cars import CarTrips, evaluate_cars
+from tripwatt.forecasting import load_model
+from tripwatt.hybrid import SegmentTable, segment_table
+from tripwatt.hybrid.factors import NAMES, TripEvidence
+from tripwatt.physics import simulate_trip
+from tripwatt.population import Adaptation, population
+from tripwatt.sources import read_logs
+from tripwatt.trips import Departure, Fleet, Trip, plan_from_trip
+from tripwatt.vehicles import RoadLoad, Vehicle, load_vehicle
+
+LEAST_M = 2000.0
+LAB_AMBIENT_DEGC = 23.0
+LAB_MASS_KG = 1919.0
+LAB_LOAD = {"coastdown_a_n": 179.4, "coastdown_b_n_s_m": 0.28 * 3.6, "coastdown_c_n_s2_m2": 0.0235 * 3.6**2}
+
+
+def cars(data: Path = DATA) -> list[CarTrips]:
+    """Every vehicle of the shared data."""
+    found = []
+    with tempfile.TemporaryDirectory() as folder:
+        for name in ("tum", "sedan", "twizy"):
+            trips, car = trips_of(name, data, Path(folder))
+            car = describe_car(body="quadricycle") if name == "twizy" else car
+            lab = sedan_runs(data / "sedan" / "lab") if name == "sedan" else None
+            found.append(CarTrips(name, name, car, tuple(trips), lab))
+    ved, leaf = read_logs(data / "ved", "ved"), load_vehicle("nissan_leaf_24")
+    for name in ("10", "541"):
+        logs = [log for log in ved.logs if log.context.car == name and log.distance_m > LEAST_M]
+        sound = [t for t in audit(Fleet("ved", tuple(logs))).trips if t.observed_energy_wh is not None]
+        found.append(CarTrips(f"ved-{name}", "ved", leaf, tuple(sound)))
+    return found
+
+
+def sedan_runs(folder: Path) -> Any:
+    """The runs of the sedan on a dynamometer as evidence of a car: its road load and mass are those that were set."""
+
+    def evidence(vehicle: Vehicle) -> TripEvidence:
+        load = RoadLoad(
+            "coastdown", coastdown_mass_kg=LAB_MASS_KG, coastdown_air_density_kg_m3=1.2, **LAB_LOAD
+        )
+        body = replace(vehicle.body, curb_mass_kg=LAB_MASS_KG - vehicle.body.driver_mass_kg)
+        lab = replace(
+            vehicle, body=body, road_load=load, auxiliaries=replace(vehicle.auxiliaries, moving_load_w=0.0)
+        )
+        tables = [lab_table(file, lab) for file in sorted(folder.glob("*.csv"))]
+        shown = TripEvidence.from_table(SegmentTable.join(tables), lab)
+        set_load = np.array([name in ("rolling", "air") for name in NAMES])
+        return replace(shown, factors_wh=np.where(set_load, 0.0, shown.factors_wh))
+
+    return evidence
+
+
+def lab_table(file: Path, car: Vehicle) -> SegmentTable:
+    """Segments of one run: energy of the pack, the low-voltage branch included."""
+    log = pd.read_csv(file)
+    column = {name.split(" [")[0].strip().lower(): name for name in log.columns}
+    time_s, volts = log[column["time"]].to_numpy(float), log[column["battery voltage"]].to_numpy(float)
+    current = -(log[column["battery current"]] + log[column["low-voltage branch current"]]).to_numpy(float)
+    samples = pd.DataFrame(
+        {
+            "time_s": time_s - time_s[0],
+            "speed_m_s": np.maximum(log[column["speed"]].to_numpy(float) / 3.6, 0.0),
+            "voltage_v": volts,
+            "current_a": current,
+            "ambient_temperature_degc": LAB_AMBIENT_DEGC,
+            "elevation_m": 0.0,
+        }
+    )
+    trip = Trip.from_samples(file.stem, samples)
+    plan = plan_from_trip(trip).with_departure(Departure(climate="off"))
+    return segment_table(plan, simulate_trip(car, plan), trip)
+
+
+BOUNDS = {
+    ("twizy", 0): 0.18, ("twizy", 1): 0.097, ("twizy", 5): 0.075,
+    ("sedan", 0): 0.075, ("sedan", 5): 0.060, ("sedan", 10): 0.050, ("sedan", 20): 0.044,
+    ("tum", 10): 0.063, ("tum", 20): 0.056,
+}  # fmt: skip
+
+
+def rows_of(car: dict[str, Any]) -> Iterator[Row]:
+    """The bars of one car."""
+    name = car["car"]
+    curve = {row["k"]: row for row in car["curves"]["population"]}
+    for k, row in curve.items():
+        yield Row(
+            f"{name}, {k} own trips: error",
+            row["error"],
+            most=BOUNDS.get((name, k), np.inf),
+            note=f"bias {row['bias']:+.3f}",
+        )
+    if 1 in curve:
+        yield Row(
+            f"{name}: error with 1 own trip less that with none",
+            curve[1]["error"] - curve[0]["error"],
+            most=0.01,
+        )
+    factor = {row["k"]: row for row in car["curves"]["one factor"]}
+    if 5 in curve:
+        yield Row(
+            f"{name}, 5 own trips: error less that of one factor",
+            curve[5]["error"] - factor[5]["error"],
+            most=0.005,
+        )
+    own = car.get("own_model")
+    if own is not None:
+        last = max(curve)
+        yield Row(
+            f"{name}, {last} own trips: error less that of its own model",
+            curve[last]["error"] - own["error"],
+            most=0.01,
+            note=f"own {own['error']:.3f}",
+        )
+        yield Row(
+            f"{name}, 20 own trips: error less that of its own model",
+            curve[20]["error"] - own["error"],
+            most=0.01,
+        )
+    most = {("sedan", 0): 0.042, ("ved-10", 0): 0.120, ("ved-10", 20): 0.110}
+    for score in car["in_time"]:
+        text = f"{name}, in order of time from trip {score['from']}"
+        yield Row(f"{text}: error", score["error"], most=most.get((name, score["from"]), np.inf))
+        if score["from"] == 5 and score["trips"] >= 40:
+            yield Row(f"{text}: 90 % interval covers", score["coverage"], least=0.84, most=0.96)
+        elif score["from"] == 5:
+            low, high = score["coverage_ci95"]
+            yield Row(f"{text}: 90 % interval covers; lower end of Clopper-Pearson's interval", low, most=0.9)
+            yield Row(f"{text}: upper end", high, least=0.9)
+        if score["from"] == 20:
+            yield Row(f"{text}: width over needed", score["width_over_needed"], most=1.35)
+    yield Row(
+        f"{name}: mean error without trips over its standard deviation",
+        car["mean_error_over_sd"],
+        least=-2.5,
+        most=2.5,
+    )
+    if "lab_to_road" in car:
+        yield Row(
+            f"{name}: error on the road from its dynamometer runs alone",
+            car["lab_to_road"]["error"],
+            most=0.055,
+        )
+
+
+def speed_rows(every: Sequence[CarTrips]) -> Iterator[Row]:
+    """Seconds for learning 100 trips and the next one."""
+    car = next(car for car in every if car.name == "sedan")
+    known = Adaptation.before_trips(load_model(), car.vehicle, population())
+    began = time.perf_counter()
+    known = known.with_trips(car.trips[:100])
+    assert known.model
+    yield Row("learning 100 trips", time.perf_counter() - began, "s", most=5.0)
+    took = []
+    for trip in car.trips[100:104]:
+        began = time.perf_counter()
+        known = known.with_trips([trip])
+        assert known.model
+        took.append(time.perf_counter() - began)
+    yield Row("learning the next one", min(took), "s", most=0.05)
+
+
+def bounds(only: str | None = None, draws: int = 100, write: bool = False) -> Iterator[Row]:
+    """All rows, or those of one car."""
+    every = cars()
+    done = (
+        evaluate_cars(every, draws=draws, progress=lambda k, n: print(f"{k} of {n}", flush=True))
+        if only is None
+        else None
+    )
+    if done is None:
+        others = [car for car in every if car.name != only]
+        scored = [car for car in every if car.name == only]
+        done = evaluate_cars([*scored, *others], draws=draws)
+    if write:
+        text = json.dumps(done.results, indent=1, ensure_ascii=False) + "\n"
+        (DOCS / "results" / "cars.json").write_text(text, encoding="utf-8")
+    for car in done.results["cars"]:
+        if only in (None, car["car"]):
+            yield from rows_of(car)
+    yield from speed_rows(every)
+
+
+def main(only: str | None = None, draws: int = 100, write: bool = False) -> int:
+    """Print the rows; 1 when a bound is missed."""
+    return int(report(bounds(only, draws, write)) and not write)
+
+
+if __name__ == "__main__":
+    run(main)

@@ -1,0 +1,368 @@
+"""The protocol `cars`: each car is forecast as one that nobody has seen, with none and with a few trips of its own.
+
+What is known of the other cars comes from their trips alone: of the scored car, of its model and of its data set nothing takes part, and values of
+the library that came from its logs are replaced. Own trips are drawn at random from the first half of the car's trips and score the second half; a car
+with few trips scores all that were not drawn. Beside that the trips are forecast and learned in their order, as by somebody's own car.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from types import MappingProxyType
+from typing import Any, Final
+
+import numpy as np
+import pandas as pd
+
+from tripwatt.arrays import FloatArray, IntArray
+from tripwatt.errors import Fault, raise_faults
+from tripwatt.forecasting import ForecastModel, load_model
+from tripwatt.forecasting.fitting import versions
+from tripwatt.forecasting.model import MIN_TRIPS
+from tripwatt.hybrid import SegmentTable, segment_trips
+from tripwatt.hybrid.factors import SDS, TripEvidence
+from tripwatt.hybrid.learning import KINDS, Experts
+from tripwatt.hybrid.parameters import on_road
+from tripwatt.population import Adaptation
+from tripwatt.population.adapting import in_order
+from tripwatt.population.prior import Population, Source, population
+from tripwatt.trips import Trip
+from tripwatt.uncertainty import Coverage
+from tripwatt.vehicles import Vehicle, without_data
+
+TRIPS: Final = (0, 1, 2, 5, 10, 20)
+DRAWS: Final = 100
+FEW: Final = 40
+"""A car with fewer trips has no second half that is scored alone."""
+LEAST_SCORED: Final = 5
+LEVEL: Final = 0.9
+FROM: Final = (0, 5, 20)
+"""Trips before those that the scores in order of time begin with."""
+
+Learner = Callable[[TripEvidence, TripEvidence], FloatArray]
+"""Residual energy [Wh] of the second trips from the first."""
+
+
+@dataclass(frozen=True, eq=False)
+class CarTrips:
+    """A vehicle with trips.
+
+    Attributes
+    ----------
+    name : str
+    dataset : str
+        Data set that takes no part where the vehicle is scored.
+    vehicle : Vehicle
+        Its car with published values.
+    trips : tuple of Trip
+        Sound, with measured energy.
+    lab : Callable or None
+        The car -> evidence of its runs on a dynamometer.
+    """
+
+    name: str
+    dataset: str
+    vehicle: Vehicle
+    trips: tuple[Trip, ...]
+    lab: Callable[[Vehicle], TripEvidence] | None = None
+
+    def source(self) -> Source:
+        """As one of a population."""
+        return Source(self.vehicle.name, self.name, self.dataset, len(self.trips), "", "")
+
+
+@dataclass(frozen=True, eq=False)
+class CarsRun:
+    """The result of `evaluate_cars`.
+
+    Attributes
+    ----------
+    results : dict
+        As written to `results.json`.
+    trips : DataFrame
+        One row for each trip: `car, trip, observed_energy_wh`, its forecast without own trips and in order of time, with
+        the ends of the 90 % interval of both.
+    """
+
+    results: dict[str, Any]
+    trips: pd.DataFrame
+
+    def __repr__(self) -> str:
+        return f"<CarsRun of {len(self.results['cars'])} cars, {len(self.trips)} trips>"
+
+
+def evaluate_cars(
+    cars: Sequence[CarTrips],
+    *,
+    trips: Sequence[int] = TRIPS,
+    draws: int = DRAWS,
+    seed: int = 0,
+    own_model: bool = True,
+    progress: Callable[[int, int], None] | None = None,
+) -> CarsRun:
+    """Score every car as one that nobody has seen, from all others.
+
+    Parameters
+    ----------
+    cars : sequence of CarTrips
+        At least one. Cars of the package's population whose data set none of them has take part as well.
+    trips : sequence of int
+        Numbers k of own trips.
+    draws : int
+        Random draws of k trips.
+    seed : int
+    own_model : bool
+        Whether a model is fitted to the first half of each car's own trips.
+    progress : callable, optional
+        Called with (finished cars, all cars).
+
+    Raises
+    ------
+    InvalidInput
+        When an argument cannot be used.
+    """
+    faults = [
+        Fault("value out of range", name, f"{got}", allowed)
+        for name, got, allowed, right in (
+            ("trips", list(trips), "whole numbers of 0 or more", bool(trips) and min(trips, default=-1) >= 0),
+            ("draws", draws, "1 or more", draws >= 1),
+            ("cars", len(cars), "at least 1", len(cars) >= 1),
+        )
+        if not right
+    ]
+    raise_faults(faults)
+    given = {car.dataset for car in cars}
+    described, rows = [], []
+    for number, car in enumerate(cars):
+        others = _others(cars, car, population().without(given))
+        about, table = _score(car, others, sorted({*trips}), draws, seed, own_model)
+        described.append(about)
+        rows.append(table)
+        if progress is not None:
+            progress(number + 1, len(cars))
+    results = {
+        "kind": "cars",
+        "given": "given the driven speed trace",
+        "draws": draws,
+        "seed": seed,
+        "cars": described,
+        "factors": population().to_frame().reset_index().to_dict("records"),
+        "versions": versions()["packages"],
+    }
+    return CarsRun(results, pd.concat(rows, ignore_index=True))
+
+
+def evidence_of(car: CarTrips, dataset: str) -> tuple[Vehicle, TripEvidence, SegmentTable]:
+    """A car as on the road without values from a data set, and what its trips show of it."""
+    vehicle = on_road(without_data(car.vehicle, dataset))
+    trips = in_order(car.trips)
+    table = segment_trips(trips, vehicle)
+    return vehicle, TripEvidence.from_table(table, vehicle, trips), table
+
+
+def _others(cars: Sequence[CarTrips], scored: CarTrips, rest: Population) -> Population:
+    """All cars of another model and another data set than the scored one, simulated without values from its data."""
+    known = [
+        (car.source(), evidence_of(car, scored.dataset)[1])
+        for car in cars
+        if car.dataset != scored.dataset and car.vehicle.name != scored.vehicle.name
+    ]
+    own = Population.from_evidence(known)
+    kept = [i for i, (model, _) in enumerate(rest.sums.groups) if model != scored.vehicle.name]
+    sources = tuple(source for source in rest.sources if source.car_model != scored.vehicle.name)
+    return Population(own.sums + rest.sums.take(kept), (*own.sources, *sources))
+
+
+def _score(
+    car: CarTrips, others: Population, trips: Sequence[int], draws: int, seed: int, own_model: bool
+) -> tuple[dict[str, Any], pd.DataFrame]:
+    vehicle, evidence, table = evidence_of(car, car.dataset)
+    base = load_model()
+    observed = evidence.observed_wh
+    prior = others.prior(vehicle)
+    new = Experts.from_prior(*prior)
+    learners: dict[str, Learner] = {
+        "population": partial(_learned, new),
+        "constant": partial(_constant, lengths={trip.trip_id: trip.distance_m for trip in car.trips}),
+        "one factor": _one_factor,
+        "by cause": _by_cause,
+    }
+    curves = {
+        name: _curve(learner, evidence, trips, draws, seed, needs_trips=name != "population")
+        for name, learner in learners.items()
+    }
+    zero, order = _in_time(car, base, vehicle, others)
+    mean, sd = new.predict(evidence)
+    error = evidence.residual_wh - mean
+    total = evidence.factors_wh.sum(axis=0)
+    spread = np.sqrt(total @ prior[1] @ total + float((sd**2).sum()) / max(len(sd), 1))
+    about: dict[str, Any] = {
+        "car": car.name,
+        "dataset": car.dataset,
+        "vehicle": car.vehicle.name,
+        "vehicle_title": car.vehicle.title,
+        "anchor": car.vehicle.anchor,
+        "trips": len(evidence),
+        "others": [source.vehicle for source in others.sources],
+        "scored": "second half" if len(evidence) >= FEW else "trips that were not drawn",
+        "physics": _error(evidence.residual_wh, observed),
+        "mean_error_over_sd": float(error.sum() / spread),
+        "curves": curves,
+        "in_time": [
+            {"from": start, **_scores(order.iloc[start:])}
+            for start in FROM
+            if start + LEAST_SCORED <= len(order)
+        ],
+        "without_trips": _scores(zero),
+    }
+    if own_model and len(evidence) >= FEW:
+        about["own_model"] = _own_model(vehicle, table)
+    if car.lab is not None:
+        known, _ = new.learn(car.lab(vehicle))
+        about["lab_to_road"] = _error(
+            evidence.residual_wh - known.on_the_road().predict(evidence)[0], observed
+        )
+    frame = order.assign(car=car.name).join(zero[["forecast_wh", "low_wh", "high_wh"]].add_prefix("zero_"))
+    return about, frame
+
+
+def _error(residual_wh: FloatArray, observed_wh: FloatArray) -> dict[str, float]:
+    """Sum of absolute errors and of errors (forecast less observed) over the energy."""
+    total = float(observed_wh.sum())
+    return {"error": float(np.abs(residual_wh).sum()) / total, "bias": -float(residual_wh.sum()) / total}
+
+
+def _curve(
+    learner: Learner,
+    evidence: TripEvidence,
+    trips: Sequence[int],
+    draws: int,
+    seed: int,
+    *,
+    needs_trips: bool,
+) -> list[dict[str, Any]]:
+    """Mean error over draws of k trips, and with the whole first half in its order."""
+    n = len(evidence)
+    half = n // 2 if n >= FEW else n
+    counts = [k for k in trips if k < half and (n >= FEW or n - k >= LEAST_SCORED) and (k or not needs_trips)]
+    rows = []
+    for k in counts:
+        rng = np.random.default_rng((seed, k))
+        many = draws if k else 1
+        drawn = [rng.permutation(half) for _ in range(many)]
+        undated = replace(evidence, day=np.full(n, np.nan))  # an order that is drawn has no dates
+        scores = [_drawn(learner, undated, order[:k], _scored(n, half, order[k:])) for order in drawn]
+        rows.append({"k": k, "draws": many, **_means(scores)})
+    if n >= FEW:
+        whole = np.arange(half)
+        rows.append({"k": half, "draws": 1, **_drawn(learner, evidence, whole, np.arange(half, n))})
+    return rows
+
+
+def _scored(n: int, half: int, rest: IntArray) -> IntArray:
+    return np.arange(half, n) if half < n else rest
+
+
+def _drawn(learner: Learner, evidence: TripEvidence, known: IntArray, scored: IntArray) -> dict[str, float]:
+    asked = evidence.take(scored)
+    return _error(asked.residual_wh - learner(evidence.take(known), asked), asked.observed_wh)
+
+
+def _means(scores: Sequence[Mapping[str, float]]) -> dict[str, Any]:
+    errors = [score["error"] for score in scores]
+    return {
+        "error": float(np.mean(errors)),
+        "error_of_draws": np.quantile(errors, (0.05, 0.5, 0.95)).tolist(),
+        "bias": float(np.mean([score["bias"] for score in scores])),
+    }
+
+
+def _learned(new: Experts, known: TripEvidence, asked: TripEvidence) -> FloatArray:
+    return new.learn(known)[0].predict(asked)[0]
+
+
+def _constant(known: TripEvidence, asked: TripEvidence, lengths: Mapping[str, float]) -> FloatArray:
+    """A constant energy of each metre."""
+    rate = known.observed_wh.sum() / sum(lengths[name] for name in known.trip_ids)
+    simulated = asked.observed_wh - asked.residual_wh
+    return np.array([rate * lengths[name] for name in asked.trip_ids]) - simulated
+
+
+def _one_factor(known: TripEvidence, asked: TripEvidence) -> FloatArray:
+    """One factor on the simulated energy."""
+    simulated = known.factors_wh[:, 0] / SDS[0]
+    factor = known.observed_wh.sum() / simulated.sum()
+    return np.asarray((factor - 1.0) * asked.factors_wh[:, 0] / SDS[0])
+
+
+def _by_cause(known: TripEvidence, asked: TripEvidence) -> FloatArray:
+    """A line in the factors, shrunk to the published values by their usual standard deviations."""
+    X, variance = known.factors_wh, known.usual_wh2 + known.measured_wh2
+    gram = (X.T / variance) @ X + np.eye(X.shape[1])
+    return np.asarray(asked.factors_wh @ np.linalg.solve(gram, (X.T / variance) @ known.residual_wh))
+
+
+def _own_model(vehicle: Vehicle, table: SegmentTable) -> dict[str, float] | None:
+    """The default model, fitted to the first half of the car's trips alone and scored on the second."""
+    half = len(table) // 2
+    if half < MIN_TRIPS:
+        return None
+    model = ForecastModel(vehicle).fit_segments(table.take(np.arange(half)))
+    second = table.take(np.arange(half, len(table)))
+    assert model.corrector_ is not None
+    residual = second.totals_wh(second.residual_w - model.corrector_.predict(second))
+    return _error(residual, second.totals_wh(second.observed_power_w))
+
+
+def _in_time(
+    car: CarTrips, base: ForecastModel, vehicle: Vehicle, others: Population
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Each trip as the car's model forecasts it without own trips, and before it learns it, in their order."""
+    known = Adaptation.before_trips(base, vehicle, others)
+    first = model = known.model
+    zero, order = [], []
+    for trip in in_order(car.trips):
+        for rows, forecast in ((zero, first.forecast(trip)), (order, model.forecast(trip))):
+            low, high = forecast.interval(LEVEL)
+            rows.append((trip.trip_id, trip.observed_energy_wh, forecast.energy_wh, low, high))
+        known = known.with_trips([trip])
+        model = known.model
+    columns = ["trip", "observed_energy_wh", "forecast_wh", "low_wh", "high_wh"]
+    kinds = pd.DataFrame(
+        known.innovations.weights, columns=[f"weight_{kind.replace(' ', '_')}" for kind in KINDS]
+    )
+    return pd.DataFrame(zero, columns=columns), pd.DataFrame(order, columns=columns).join(kinds)
+
+
+def _scores(table: pd.DataFrame) -> dict[str, Any]:
+    """Error, coverage of the 90 % interval, and its width over the energy beside that which was needed."""
+    observed, forecast, low, high = (
+        table[name].to_numpy(dtype=np.float64)
+        for name in ("observed_energy_wh", "forecast_wh", "low_wh", "high_wh")
+    )
+    covered = Coverage.from_bounds(observed, low, high, LEVEL)
+    relative = np.abs(forecast - observed) / observed
+    needed = 2.0 * float(np.quantile(relative, LEVEL))
+    width = float(np.mean((high - low) / observed))
+    return {
+        **_error(observed - forecast, observed),
+        "trips": len(table),
+        "coverage": covered.share,
+        "coverage_ci95": list(covered.ci95),
+        "width": width,
+        "needed": needed,
+        "width_over_needed": width / needed,
+    }
+
+
+NAMES: Final = MappingProxyType(
+    {
+        "population": "population of cars",
+        "constant": "constant Wh/km",
+        "one factor": "one factor on the physics",
+        "by cause": "line by cause",
+    }
+)
+"""Names of the learners for readers."""

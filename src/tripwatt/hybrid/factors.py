@@ -1,0 +1,266 @@
+"""Named factors by which a car on the road differs from its simulation, and what the trips of a car show of them.
+
+The residual energy of a trip, observed minus simulated, is linear in a few factors with names: everything is larger by a share, road load,
+drivetrain, base load, heating, cooling; losses in the cold and with changes of speed; loads below freezing and while the car warms up. Their
+features follow from the simulation, so a car needs no second simulation for them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import ClassVar, Final
+
+import numpy as np
+
+from tripwatt.arrays import FloatArray, IntArray, eigen
+from tripwatt.hybrid.groups import Sums
+from tripwatt.hybrid.power import PowerCorrector
+from tripwatt.hybrid.segments import SegmentTable
+from tripwatt.trips import Trip
+from tripwatt.vehicles import Vehicle
+
+EVERYTHING: Final = "everything"
+CLIMATE: Final = ("heating", "cooling")
+
+
+@dataclass(frozen=True, slots=True)
+class Factor:
+    """A way in which a car differs from its simulation.
+
+    Attributes
+    ----------
+    name : str
+    sd : float
+        Usual standard deviation between cars, before any car was seen.
+    unit : str
+        "1" for a relative change of what the simulation gives, "kW" for a power that it does not have.
+    source : str
+        Where the standard deviation comes from.
+    """
+
+    name: str
+    sd: float
+    unit: str
+    source: str
+
+
+FACTORS: Final = (
+    Factor(EVERYTHING, 0.10, "1", "measured consumption of cars of one model and of published figures differs by 5 to 15 %"),
+    Factor("rolling", 0.12, "1", "neighbouring classes of the EU tyre label lie 15 % apart (Regulation (EU) 2020/740, annex I)"),
+    Factor("air", 0.10, "1", "drag area of coast-downs against makers' figures; roof loads and wind"),
+    Factor("drivetrain", 0.20, "1", "motor and inverter losses are scaled from another car's map where a car's own is not published"),
+    Factor("base_load", 0.40, "1", "0.2 to 0.4 kW of auxiliary load in databases of electric cars, and what is added while moving"),
+    Factor("heating", 0.35, "1", "heat demand with and without recirculated air; how much of it drivers ask for"),
+    Factor("cooling", 0.35, "1", "compressors of one car alone are measured; how much of it drivers ask for"),
+    Factor("cold", 0.04, "1", "share of the energy moved at the wheels for each 10 K below 15 °C: tyres and oil"),
+    Factor("transients", 0.07, "1", "share of mass times speed times the mean change of speed: what a change of speed loses"),
+    Factor("frost", 0.30, "kW", "for each 10 K below freezing: windows, battery, snow"),
+    Factor("warm_up", 0.30, "kW", "at departure at 0 °C, fading within 10 minutes: soaked cabin and oil"),
+)  # fmt: skip
+"""The factors, and how much cars differ in each as far as is published."""
+
+NAMES: Final = tuple(factor.name for factor in FACTORS)
+SDS: Final = np.array([factor.sd for factor in FACTORS])
+
+MILD_DEGC: Final = 19.0
+"""Outside air above which climate control cools, by half [°C]."""
+
+_TURN_K: Final = 1.5
+_UNKNOWN_DEGC: Final = 15.0
+_FADING_S: Final = 600.0
+
+USUAL_WH: Final = 40.0
+USUAL_W: Final = 100.0
+USUAL_SHARE: Final = 0.07
+"""Usual error of a trip's energy with the right factors: of every trip [Wh], of every hour [W], and of the energy moved at the
+wheels: climate, wind, traffic and what the log does not hold. How much larger or smaller a car's is, is learned."""
+
+TAIL_DF: Final = 4.0
+"""Degrees of freedom of the errors' t distribution, as Lange, Little and Taylor (1989) advise for few data."""
+
+
+def factor_power(table: SegmentTable, mass_kg: float) -> FloatArray:
+    """Power of each segment by one usual standard deviation of each factor [W], shape (segments, factors). O(segments).
+
+    Parameters
+    ----------
+    table : SegmentTable
+    mass_kg : float
+        Of the car on the road.
+    """
+    values = table.features.to_numpy(dtype=np.float64)
+    column = dict(zip(table.features.columns.tolist(), values.T, strict=True))
+    known = column["ambient_temperature_degc"]
+    ambient = np.where(np.isfinite(known), known, _UNKNOWN_DEGC)
+    cooling = 1.0 / (1.0 + np.exp(-np.clip((ambient - MILD_DEGC) / _TURN_K, -30.0, 30.0)))
+    powers = (
+        table.simulated_w,
+        column["rolling_w"],
+        column["air_w"],
+        column["drivetrain_w"] + column["friction_brakes_w"],
+        column["base_load_w"],
+        column["hvac_w"] * (1.0 - cooling),
+        column["hvac_w"] * cooling,
+        column["moved_w"] * np.maximum(0.0, 15.0 - ambient) / 10.0,
+        mass_kg * column["speed_change_m_s2"] * column["speed_m_s"],
+        100.0 * np.maximum(0.0, -ambient),
+        50.0 * np.maximum(0.0, 20.0 - ambient) * np.exp(-column["time_s"] / _FADING_S),
+    )
+    return np.asarray(np.column_stack(powers) * SDS)
+
+
+@dataclass(frozen=True, eq=False)
+class TripEvidence:
+    """What trips of one car show of its factors, in the order in which they are learned.
+
+    Attributes
+    ----------
+    trip_ids : tuple of str
+    factors_wh : ndarray, shape (trips, factors)
+        Energy by one usual standard deviation of each factor.
+    residual_wh : ndarray, shape (trips,)
+        Observed minus simulated; NaN where nothing was measured.
+    usual_wh2 : ndarray, shape (trips,)
+        Usual variance of the energy of such a trip.
+    measured_wh2 : ndarray, shape (trips,)
+        Variance of the measurement, an unknown climb included.
+    day : ndarray, shape (trips,)
+        Departure in days since 1970; NaN where unknown.
+    charge : ndarray, shape (trips, 4)
+        Readings of the state of charge, as of `SegmentTable`; NaN where unknown.
+    """
+
+    trip_ids: tuple[str, ...]
+    factors_wh: FloatArray
+    residual_wh: FloatArray
+    usual_wh2: FloatArray
+    measured_wh2: FloatArray
+    day: FloatArray
+    charge: FloatArray
+
+    @property
+    def observed_wh(self) -> FloatArray:
+        """Measured energy [Wh], shape (trips,)."""
+        return np.asarray(self.residual_wh + self.factors_wh[:, 0] / SDS[0])
+
+    def __len__(self) -> int:
+        return len(self.trip_ids)
+
+    @classmethod
+    def from_table(cls, table: SegmentTable, vehicle: Vehicle, trips: Sequence[Trip] = ()) -> TripEvidence:
+        """Of simulated trips. O(segments).
+
+        Parameters
+        ----------
+        table : SegmentTable
+        vehicle : Vehicle
+            The car that was simulated.
+        trips : sequence of Trip
+            The same trips, for their dates.
+        """
+        rows = factor_power(table, vehicle.body.test_mass_kg)
+        moved = table.totals_wh(table.features["moved_w"].to_numpy(dtype=np.float64))
+        hours = table.totals_wh(np.ones(len(table.hours)))
+        started = [trip.context.started_at for trip in trips] or [None] * len(table)
+        return cls(
+            table.trip_ids,
+            np.add.reduceat(rows * table.hours[:, None], table.offsets[:-1], axis=0),
+            np.full(len(table), np.nan) if table.observed_w is None else table.totals_wh(table.residual_w),
+            usual_variance_wh2(hours, moved),
+            table.energy_errors.own_wh**2,
+            np.array([np.nan if at is None else at.timestamp() / 86_400.0 for at in started]),
+            np.full((len(table), 4), np.nan) if table.charge is None else table.charge,
+        )
+
+    @classmethod
+    def empty(cls) -> TripEvidence:
+        """Of no trip."""
+        return cls((), np.empty((0, len(NAMES))), *(np.empty(0) for _ in range(4)), np.empty((0, 4)))
+
+    def take(self, members: Sequence[int] | IntArray) -> TripEvidence:
+        """Some of the trips, in this order."""
+        index = np.asarray(members, dtype=np.int64)
+        arrays = (getattr(self, f.name)[index] for f in fields(self)[1:])
+        return TripEvidence(tuple(self.trip_ids[i] for i in index), *arrays)
+
+    def __add__(self, later: TripEvidence) -> TripEvidence:
+        arrays = (np.concatenate([getattr(self, f.name), getattr(later, f.name)]) for f in fields(self)[1:])
+        return TripEvidence((*self.trip_ids, *later.trip_ids), *arrays)
+
+    def sums(self, car_model: str, vehicle: str) -> Sums:
+        """Sums of the trips as one vehicle of a population; each trip counts by the error that trips of this car have.
+
+        Trips that stand out count less: the errors follow a t distribution whose scale is estimated along (Lange, Little and Taylor 1989).
+        """
+        X, y = self.factors_wh, self.residual_wh
+        noise, weight = 1.0, np.ones(len(y))
+        for _ in range(_PASSES):
+            usual = noise * self.usual_wh2 + self.measured_wh2
+            gram = (X.T / (usual * weight)) @ X + np.eye(X.shape[1])
+            inverse = np.linalg.inv(gram)
+            error = y - X @ (inverse @ ((X.T / (usual * weight)) @ y))
+            square = error**2 + np.einsum("ij,jk,ik->i", X, inverse, X)
+            weight = (TAIL_DF + error**2 / usual) / (TAIL_DF + 1.0)
+            own = np.maximum(square / weight - self.measured_wh2, 0.0) / self.usual_wh2
+            noise = max((_USUAL_DF + float(own.sum())) / (_USUAL_DF + len(y)), _LEAST_NOISE)
+        return Sums.from_trips([(car_model, vehicle)] * len(y), X, y, usual * weight)
+
+
+_PASSES: Final = 20
+_USUAL_DF: Final = 2.0
+_LEAST_NOISE: Final = 0.02
+
+
+def usual_variance_wh2(hours: FloatArray, moved_wh: FloatArray) -> FloatArray:
+    """Usual variance of a trip's energy [Wh²] with the right factors.
+
+    Examples
+    --------
+    >>> float(np.sqrt(usual_variance_wh2(np.array([0.4]), np.array([1000.0]))[0]).round(1))
+    90.0
+    """
+    return np.asarray(USUAL_WH**2 + (USUAL_W * hours) ** 2 + (USUAL_SHARE * moved_wh) ** 2)
+
+
+@dataclass(frozen=True, eq=False)
+class FactorCorrector(PowerCorrector):
+    """Correction of a car by its factors.
+
+    Attributes
+    ----------
+    mass_kg : float
+        Of the car on the road.
+    mean : ndarray, shape (factors,)
+        In usual standard deviations.
+    factor : ndarray, shape (factors, any)
+        ``factor @ factor.T`` is their covariance.
+    """
+
+    refit: ClassVar[str] = "adapt the base again"
+
+    mass_kg: float
+    mean: FloatArray
+    factor: FloatArray
+
+    @classmethod
+    def from_posterior(cls, vehicle: Vehicle, mean: FloatArray, covariance: FloatArray) -> FactorCorrector:
+        """From mean and covariance of the factors of a car, in usual standard deviations."""
+        values, vectors = eigen(0.5 * (covariance + covariance.T))
+        return cls(vehicle.body.test_mass_kg, mean, vectors * np.sqrt(np.maximum(values, 0.0)))
+
+    @property
+    def changes(self) -> dict[str, tuple[float, float]]:
+        """Each factor and its standard deviation, in the unit of the factor."""
+        sd = np.sqrt((self.factor**2).sum(axis=1)) * SDS
+        return {n: (float(m), float(s)) for n, m, s in zip(NAMES, self.mean * SDS, sd, strict=True)}
+
+    def predict_with_uncertainty(self, table: SegmentTable) -> tuple[FloatArray, FloatArray]:
+        """Residual power [W], and its uncertainty by that of the factors."""
+        rows = factor_power(table, self.mass_kg)
+        return rows @ self.mean, rows @ self.factor
+
+    def predict_climate(self, table: SegmentTable) -> FloatArray:
+        """The part of heating and cooling [W]."""
+        its = [NAMES.index(name) for name in CLIMATE]
+        return np.asarray(factor_power(table, self.mass_kg)[:, its] @ self.mean[its])

@@ -1,0 +1,256 @@
+"""A car learned trip by trip: each trip is forecast by several experts before any of them learns it.
+
+An expert is a belief about the factors of a car and the scale of its errors: the published values, one factor for everything, the population of
+cars with wider or narrower spreads, the car's own trips alone. Each is a Kalman filter of the factors `w` and of a slow drift `g` of the consumption
+
+    y_i = x_i' w + s_i g_i + e_i,   e_i ~ t(lambda n_i + m_i),   g_i = g_(i-1) exp(-dt / tau) + ...
+
+with the energies `x_i` by factor, the simulated energy `s_i`, the usual variance `n_i` of a trip and that `m_i` of its measurement. Weights of the
+experts follow their forecasts so far, each under a t distribution, and old ones count less (Raftery, Karny and Ettler 2010, Technometrics 52). A trip
+that stands out moves the car less: its variance grows by its own standardised error (Lange, Little and Taylor 1989). What is known of the car is the
+mixture of all experts. O(trips x experts x factors^2), the next trip O(experts x factors^2).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from typing import Final
+
+import numpy as np
+
+from tripwatt.arrays import FloatArray, IntArray
+from tripwatt.hybrid.factors import CLIMATE, EVERYTHING, NAMES, SDS, TAIL_DF, TripEvidence
+
+KINDS: Final = ("published", "one factor", "population", "own trips")
+"""Kinds of experts."""
+
+KIND_WEIGHTS: Final = (0.05, 0.05, 0.85, 0.05)
+"""Weight of each kind before any trip."""
+
+SPREADS: Final = ((0.15, 1.0), (0.3, 0.8), (0.6, 0.5), (1.2, 0.3), (2.4, 0.15))
+"""Scales of the population's spread, and their weights before any trip: together a prior with heavy tails. Everything and the other
+factors have scales of their own."""
+
+CLIMATE_USE: Final = ((1.0, 0.7), (0.5, 0.2), (0.0, 0.1))
+"""Share of the simulated climate control that a driver uses, and its weight before any trip."""
+
+NOISES: Final = (0.0625, 0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
+USUAL_NOISE: Final = 2.0
+NOISE_LOG_SD: Final = 1.0
+"""Variances of a car's errors over the usual one; before any trip log-normal."""
+
+DRIFT_SD: Final = 0.06
+DRIFT_DAYS: Final = 60.0
+"""Slow drift of the consumption by season, tyres and ageing: a share, and the days in which it is forgotten."""
+
+USUAL_DAYS: Final = 1.0
+"""Between two trips without a date."""
+
+MEMORY: Final = 0.98
+"""Share of the experts' evidence that is left after each trip."""
+
+_ONE_FACTOR_SD: Final = 0.2
+_PUBLISHED_SD: Final = 0.03
+_OWN_SCALE: Final = 4.0
+_LEAST_SCALE: Final = 0.5
+_LEAST_WEIGHT: Final = 1e-300
+
+
+@dataclass(frozen=True, eq=False)
+class Innovations:
+    """Forecasts of trips, each before it was learned.
+
+    Attributes
+    ----------
+    mean_wh, sd_wh : ndarray, shape (trips,)
+        Of the residual energy as measured.
+    weights : ndarray, shape (trips, kinds)
+        Of each kind of expert before the trip.
+    """
+
+    mean_wh: FloatArray
+    sd_wh: FloatArray
+    weights: FloatArray
+
+    def __add__(self, later: Innovations) -> Innovations:
+        pairs = ((getattr(self, f.name), getattr(later, f.name)) for f in fields(self))
+        return Innovations(*(np.concatenate(pair) for pair in pairs))
+
+
+@dataclass(frozen=True, eq=False)
+class Experts:
+    """Beliefs about one car, all in usual standard deviations of the factors; the drift comes last.
+
+    Attributes
+    ----------
+    mean : ndarray, shape (experts, factors + 1)
+    covariance : ndarray, shape (experts, factors + 1, factors + 1)
+    noise : ndarray, shape (experts,)
+        Variance of the errors over the usual one.
+    kind : ndarray of int, shape (experts,)
+        Place in `KINDS`.
+    log_prior, log_weight : ndarray, shape (experts,)
+    day : float
+        Of the last trip; NaN where unknown or before the first.
+    trips : int
+        Learned so far.
+    """
+
+    mean: FloatArray
+    covariance: FloatArray
+    noise: FloatArray
+    kind: IntArray
+    log_prior: FloatArray
+    log_weight: FloatArray
+    day: float = float("nan")
+    trips: int = 0
+
+    @classmethod
+    def from_prior(cls, mean: FloatArray, covariance: FloatArray) -> Experts:
+        """Before any trip of a car.
+
+        Parameters
+        ----------
+        mean : ndarray, shape (factors,)
+            Of the population.
+        covariance : ndarray, shape (factors, factors)
+            Of a car of the population.
+        """
+        p = len(NAMES)
+        zero, one = np.zeros(p), np.zeros((p, p))
+        one[0, 0] = 1.0
+        beliefs = [
+            (0, 1.0, zero, one * (_PUBLISHED_SD / SDS[0]) ** 2),
+            (1, 1.0, zero, one * (_ONE_FACTOR_SD / SDS[0]) ** 2),
+            (3, 1.0, mean, covariance * _OWN_SCALE**2),
+        ]
+        total = sum(weight for _, weight in SPREADS) ** 2
+        for all_scale, all_weight in SPREADS:
+            for scale, weight in SPREADS:
+                scales = np.array([all_scale if name == EVERYTHING else scale for name in NAMES])
+                beliefs.append((2, all_weight * weight / total, mean, covariance * np.outer(scales, scales)))
+        climate = np.array([1.0 if name in CLIMATE else 0.0 for name in NAMES]) / SDS
+        noise = np.array(NOISES)
+        by_noise = np.exp(-0.5 * (np.log(noise / USUAL_NOISE) / NOISE_LOG_SD) ** 2)
+        by_noise /= by_noise.sum()
+        every = [
+            (kind, KIND_WEIGHTS[kind] * weight * share, centre + (use - 1.0) * climate, spread)
+            for kind, weight, centre, spread in beliefs
+            for use, share in CLIMATE_USE
+        ]
+        full = np.zeros((len(every), p + 1, p + 1))
+        full[:, :p, :p] = [belief[3] for belief in every]
+        full[:, p, p] = (DRIFT_SD / SDS[0]) ** 2
+        centres = np.column_stack([np.array([belief[2] for belief in every]), np.zeros(len(every))])
+        logs = np.log(np.outer([belief[1] for belief in every], by_noise)).ravel()
+        times = len(noise)
+        return cls(
+            np.repeat(centres, times, axis=0),
+            np.repeat(full, times, axis=0),
+            np.tile(noise, len(every)),
+            np.repeat(np.array([belief[0] for belief in every]), times),
+            logs,
+            logs,
+        )
+
+    @property
+    def weights(self) -> FloatArray:
+        """Probability of each expert, shape (experts,)."""
+        weights = np.exp(self.log_weight - self.log_weight.max())
+        return np.asarray(weights / weights.sum())
+
+    @property
+    def kind_weights(self) -> FloatArray:
+        """Probability of each kind, shape (kinds,)."""
+        return np.bincount(self.kind, self.weights, len(KINDS))
+
+    @property
+    def noise_scale(self) -> float:
+        """Expected variance of the errors over the usual one."""
+        return float(self.weights @ self.noise)
+
+    def collapsed(self) -> tuple[FloatArray, FloatArray]:
+        """Mean and covariance of the factors over all experts; the drift is part of everything."""
+        weights = self.weights
+        onto = np.vstack([np.eye(len(NAMES)), np.eye(len(NAMES))[:1]])
+        centre = weights @ self.mean
+        apart = self.mean - centre
+        covariance = np.tensordot(weights, self.covariance, 1) + (apart.T * weights) @ apart
+        return centre @ onto, onto.T @ covariance @ onto
+
+    def at(self, day: float) -> Experts:
+        """The same on a later day: what is known of the drift fades. A day that is not known comes `USUAL_DAYS` later."""
+        if not self.trips:
+            return replace(self, day=day)
+        days = max(day - self.day, 0.0) if np.isfinite(day) and np.isfinite(self.day) else USUAL_DAYS
+        kept = np.ones(self.mean.shape[1])
+        kept[-1] = np.exp(-days / DRIFT_DAYS)
+        covariance = self.covariance * np.outer(kept, kept)
+        covariance[:, -1, -1] += (DRIFT_SD / SDS[0]) ** 2 * (1.0 - kept[-1] ** 2)
+        return replace(self, mean=self.mean * kept, covariance=covariance, day=day)
+
+    def on_the_road(self) -> Experts:
+        """After runs on a dynamometer: how large the errors on the road are is as unknown as before them."""
+        by_belief = self.weights.reshape(-1, len(NOISES)).sum(axis=1)
+        usual = np.exp(self.log_prior.reshape(-1, len(NOISES)))
+        share = usual / usual.sum(axis=1, keepdims=True)
+        logs = np.log(np.maximum(by_belief[:, None] * share, _LEAST_WEIGHT)).ravel()
+        mean, covariance = self.mean.copy(), self.covariance.copy()
+        mean[:, -1] = 0.0
+        covariance[:, -1, :] = covariance[:, :, -1] = 0.0
+        covariance[:, -1, -1] = (DRIFT_SD / SDS[0]) ** 2
+        return replace(self, mean=mean, covariance=covariance, log_weight=logs, day=float("nan"), trips=0)
+
+    def predict(self, evidence: TripEvidence) -> tuple[FloatArray, FloatArray]:
+        """Mean and standard deviation of the residual energy of trips as measured [Wh], each on its day, none of them learned."""
+        alike = np.unique(np.where(np.isnan(evidence.day), -np.inf, evidence.day))
+        mean, sd = np.empty(len(evidence)), np.empty(len(evidence))
+        for day in alike:
+            its = (
+                np.flatnonzero(evidence.day == day)
+                if np.isfinite(day)
+                else np.flatnonzero(np.isnan(evidence.day))
+            )
+            now = self.at(float(day) if np.isfinite(day) else float("nan")) if self.trips else self
+            x = _with_drift(evidence.factors_wh[its])
+            each = now.mean @ x.T
+            variance = np.einsum("oij,ni,nj->on", now.covariance, x, x)
+            variance += np.outer(self.noise, evidence.usual_wh2[its]) + evidence.measured_wh2[its]
+            mean[its] = self.weights @ each
+            sd[its] = np.sqrt(self.weights @ (variance + (each - mean[its]) ** 2))
+        return mean, sd
+
+    def learn(self, evidence: TripEvidence) -> tuple[Experts, Innovations]:
+        """Forecast and learn trips one after the other, in their order."""
+        now, mean, sd, weights = self, [], [], []
+        for i, x in enumerate(_with_drift(evidence.factors_wh)):
+            now = now.at(float(evidence.day[i]))
+            weight = now.weights
+            weights.append(now.kind_weights)
+            spread = now.covariance @ x
+            known = spread @ x
+            noise = now.noise * evidence.usual_wh2[i] + evidence.measured_wh2[i]
+            each, variance = now.mean @ x, known + noise
+            mean.append(float(weight @ each))
+            total = float(weight @ (variance + (each - mean[-1]) ** 2))
+            sd.append(total**0.5)
+            error = evidence.residual_wh[i] - each
+            density = -0.5 * (TAIL_DF + 1.0) * np.log1p(error**2 / variance / (TAIL_DF - 2.0)) - 0.5 * np.log(
+                variance
+            )
+            unusual = (TAIL_DF + (evidence.residual_wh[i] - mean[-1]) ** 2 / total) / (TAIL_DF + 1.0)
+            gain = spread / (known + noise * max(_LEAST_SCALE, unusual))[:, None]
+            now = replace(
+                now,
+                mean=now.mean + gain * error[:, None],
+                covariance=now.covariance - gain[:, :, None] * spread[:, None, :],
+                log_weight=MEMORY * now.log_weight + (1.0 - MEMORY) * now.log_prior + density,
+                trips=now.trips + 1,
+            )
+        empty = np.empty((0, len(KINDS)))
+        return now, Innovations(np.array(mean), np.array(sd), np.array(weights) if weights else empty)
+
+
+def _with_drift(factors_wh: FloatArray) -> FloatArray:
+    """Energies by factor, and by the drift, which acts on everything."""
+    return np.column_stack([factors_wh, factors_wh[:, 0]])
