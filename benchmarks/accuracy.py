@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import json
 import tempfile
-import time
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
@@ -162,26 +161,3 @@ def planned_routes(path: Path | None = None) -> Iterator[Row]:
             least = 0.85 if name == planned.FREE_FLOW else 0.0
             width = f"width {row['relative_width']['0.9']:.3f} of the energy"
             yield Row(f"90 % interval given {name} covers", row["coverage"]["0.9"], least=least, note=width)
-
-
-def transfer() -> Iterator[Row]:
-    """Bars on the way of a correction from the i3 to the VED's car 10, with the time that it takes."""
-    from tripwatt.evaluation.transfer import evaluate_transfer
-
-    from tripwatt.sources import read_logs
-
-    began = time.perf_counter()
-    run = evaluate_transfer(read_logs(DATA / "tum", "tum"), read_logs(DATA / "ved", "ved"))
-    took = time.perf_counter() - began
-    text = "transfer i3 to car 10"
-    car = next(car for car in run.results["cars"] if car["car"] == "10")
-    pair = car["bars"]["zero_shot_better_than_physics"]
-    high = max(pair["diff_ci95"])
-    yield Row(
-        f"{text}, no own trip: error less that of physics, upper end of the 95 % interval", high, most=0.0
-    )
-    ratio = car["bars"]["ten_trips_within_15_percent_of_own"]["ratio"]
-    yield Row(f"{text}, 10 own trips: error over that of the best model of its own", ratio, most=1.15)
-    zero, alone = car["models"]["zero-shot"]["error"], car["models"]["data-only"]["error"]
-    yield Row(f"{text}, no own trip: error", zero, note=f"{alone:.4f} with data alone, as is")
-    yield Row(f"{text}: running time", took, "s", most=300.0)

@@ -25,6 +25,7 @@ from benchmarks import (
     accuracy,
     anchors,
     argonne,
+    cars,
     gam,
     half_known,
     hostile,
@@ -58,7 +59,7 @@ def suites(results: Path | None, forecast: Path | None, links: Path | None) -> I
     yield Suite(f"{evaluate} forecast", partial(accuracy.forecast, forecast), () if forecast else (tum,))
     yield Suite(f"{bench}coverage", accuracy.synthetic_coverage)
     yield Suite(f"{bench}planned", partial(accuracy.planned_routes, links), () if links else (tum,))
-    yield Suite("tripwatt transfer --from DATA/tum --to DATA/ved", accuracy.transfer, (tum, ved))
+    yield Suite(f"{bench}cars", cars.bounds, (tum, ved, DATA / "sedan", DATA / "twizy"))
     yield Suite(f"{bench}journeys", journeys.rows)
     yield Suite(f"{bench}live", live.rows, (tum,))
     yield Suite(f"{bench}half_known", half_known.rows, (tum,))

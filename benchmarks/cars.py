@@ -36,6 +36,8 @@ from tripwatt.vehicles import RoadLoad, Vehicle, load_vehicle
 LEAST_M = 2000.0
 LAB_AMBIENT_DEGC = 23.0
 LAB_MASS_KG = 1919.0
+NOT_SHOWN = ("rolling", "air", "transients")
+"""Factors of the road: a dynamometer is set to a load, and its driver follows a smooth schedule."""
 LAB_LOAD = {"coastdown_a_n": 179.4, "coastdown_b_n_s_m": 0.28 * 3.6, "coastdown_c_n_s2_m2": 0.0235 * 3.6**2}
 
 
@@ -69,8 +71,8 @@ def sedan_runs(folder: Path) -> Any:
         )
         tables = [lab_table(file, lab) for file in sorted(folder.glob("*.csv"))]
         shown = TripEvidence.from_table(SegmentTable.join(tables), lab)
-        set_load = np.array([name in ("rolling", "air") for name in NAMES])
-        return replace(shown, factors_wh=np.where(set_load, 0.0, shown.factors_wh))
+        hidden = np.array([name in NOT_SHOWN for name in NAMES])
+        return replace(shown, factors_wh=np.where(hidden, 0.0, shown.factors_wh))
 
     return evidence
 

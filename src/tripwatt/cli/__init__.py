@@ -29,7 +29,6 @@ from tripwatt.cli import (
     own_cars,
     serve,
     stores,
-    transfer,
 )
 from tripwatt.errors import TripwattError
 
@@ -72,7 +71,6 @@ forecast.add_commands(app)
 journey.add_commands(app)
 maps.add_commands(app)
 inspect.add_commands(app)
-transfer.add_commands(app)
 logs.add_commands(app)
 cars.add_commands(app)
 export.add_commands(app)

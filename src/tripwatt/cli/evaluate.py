@@ -23,13 +23,16 @@ from tripwatt.cli.options import (
     read_logs,
 )
 from tripwatt.cli.output import check_writable, finished_folds, unfinished_folder, write_whole
-from tripwatt.cli.printing import console, print_json, print_notes, progress
+from tripwatt.cli.printing import console, print_json, print_notes, print_table, progress
 from tripwatt.errors import InvalidInput
 from tripwatt.files import folder_lock
 
 if TYPE_CHECKING:
     from tripwatt.evaluation import EvaluationRun
     from tripwatt.trips import Fleet
+
+CARS = "cars"
+"""The protocol of several cars, each forecast from the others."""
 
 INTERRUPTED = 130
 """Exit code of a run that was stopped from the keyboard."""
@@ -53,7 +56,9 @@ def evaluate(
     ] = Path("out"),
     dataset: DatasetOption = None,
     mapping: MappingOption = None,
-    protocol: Annotated[str, typer.Option(metavar="NAME", help="Comparison: paper or forecast.")] = "paper",
+    protocol: Annotated[
+        str, typer.Option(metavar="NAME", help="Comparison: paper, forecast or cars.")
+    ] = "paper",
     test: Annotated[
         Path | None,
         typer.Option(
@@ -95,10 +100,15 @@ def evaluate(
       tripwatt evaluate logs --mapping my.toml --vehicle vw_id3 --set mass=1900
       # score forecasts before departure and during the trip
       tripwatt evaluate data/tum --protocol forecast
+      # forecast each car of a file as one that nobody has seen, from all others
+      tripwatt evaluate cars.toml --protocol cars
       # continue an interrupted run
       tripwatt evaluate data/tum --resume
     """
     shown = console()
+    if protocol == CARS:
+        _evaluate_cars(data, out, seed, as_json)
+        return
     car, note = car_of(vehicle, data, dataset, mapping)
     names = None if models is None else [name.strip() for name in models.split(",") if name.strip()]
     options: dict[str, Any] = {"protocol": protocol, "models": names, "vehicle": car, "seed": seed}
@@ -117,6 +127,32 @@ def evaluate(
     with folder_lock(unfinished):
         run = _run_and_write(trips, options, jobs, out, unfinished, resume)
     _show(run, out, built_in=data is None, as_json=as_json)
+
+
+def _evaluate_cars(data: Path | None, out: Path, seed: int, as_json: bool) -> None:
+    from tripwatt.evaluation.cars import CarTrips, evaluate_cars, read_cars
+    from tripwatt.report.cars import cars_tables, write_cars
+
+    if data is None:
+        fix = "see docs/explanation/cars.md"
+        raise InvalidInput.of("no cars", "DATA", "nothing", "a TOML file with a table for each car", fix)
+    shown, cars = console(), list[CarTrips]()
+
+    def read() -> None:
+        with shown.status("reading trips"):
+            cars.extend(read_cars(data))
+
+    gather(read, lambda: check_writable(out))
+    unfinished = unfinished_folder(out)
+    with folder_lock(unfinished), progress(shown) as advance:
+        run = evaluate_cars(cars, seed=seed, progress=advance)
+        write_whole(lambda folder: write_cars(run, folder), out, unfinished)
+    if as_json:
+        print_json(run.results)
+        return
+    for table in cars_tables(run.results):
+        print_table(table.caption, table.columns, table.rows, numbers=table.columns[1:])
+    typer.echo(f"Report: {out / 'report.html'}")
 
 
 def _run_and_write(

@@ -7,17 +7,20 @@ with few trips scores all that were not drawn. Beside that the trips are forecas
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import tomllib
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from types import MappingProxyType
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import FloatArray, IntArray
-from tripwatt.errors import Fault, raise_faults
+from tripwatt.auditing import audit
+from tripwatt.errors import Fault, InvalidInput, raise_faults
+from tripwatt.files import MOST_TEXT_BYTES, read_text_file
 from tripwatt.forecasting import ForecastModel, load_model
 from tripwatt.forecasting.fitting import versions
 from tripwatt.forecasting.model import MIN_TRIPS
@@ -28,9 +31,10 @@ from tripwatt.hybrid.parameters import on_road
 from tripwatt.population import Adaptation
 from tripwatt.population.adapting import in_order
 from tripwatt.population.prior import Population, Source, population
+from tripwatt.sources import read_logs
 from tripwatt.trips import Trip
 from tripwatt.uncertainty import Coverage
-from tripwatt.vehicles import Vehicle, without_data
+from tripwatt.vehicles import Vehicle, load_vehicle, without_data
 
 TRIPS: Final = (0, 1, 2, 5, 10, 20)
 DRAWS: Final = 100
@@ -154,6 +158,57 @@ def evaluate_cars(
     return CarsRun(results, pd.concat(rows, ignore_index=True))
 
 
+def read_cars(path: Path) -> list[CarTrips]:
+    """Cars with trips from a TOML file: a table for each data set, with `logs`, `vehicle`, and perhaps `dataset` and `mapping`.
+
+    Paths are relative to the file. Each vehicle that the logs name is a car of its own; its trips are audited.
+
+    Raises
+    ------
+    InvalidInput
+        With every fault of the file, or of the logs.
+    """
+    try:
+        document = tomllib.loads(read_text_file(path, MOST_TEXT_BYTES))
+    except tomllib.TOMLDecodeError as error:
+        raise InvalidInput.of("not a TOML file", f"{path}", f"{error}"[:200], "TOML 1.0") from error
+    raise_faults(_file_faults(document, f"{path}"))
+    found = []
+    for name, about in document.items():
+        mapping = about.get("mapping")
+        if mapping is not None and (path.parent / mapping).is_file():
+            mapping = path.parent / mapping
+        car = about["vehicle"]
+        vehicle = load_vehicle(path.parent / car if car.endswith(".toml") else car)
+        dataset = about.get("dataset", "table" if mapping is not None else "tum")
+        sound = [
+            t
+            for t in audit(read_logs(path.parent / about["logs"], dataset, mapping)).trips
+            if t.observed_energy_wh
+        ]
+        ids = sorted({trip.context.car or "" for trip in sound})
+        for own in ids:
+            trips = tuple(trip for trip in sound if (trip.context.car or "") == own)
+            found.append(CarTrips(f"{name}-{own}" if len(ids) > 1 else name, name, vehicle, trips))
+    return found
+
+
+def _file_faults(document: Mapping[str, Any], where: str) -> Iterator[Fault]:
+    if not document:
+        yield Fault("no cars", where, "an empty file", "a table [NAME] for each data set")
+    for name, about in document.items():
+        place = f"{where}, [{name}]"
+        if not isinstance(about, Mapping):
+            yield Fault("not a table", place, f"{about!r}"[:40], "a table with logs and vehicle")
+            continue
+        for key in ("logs", "vehicle"):
+            if not isinstance(about.get(key), str):
+                yield Fault("missing entry", place, "nothing", f"{key} = a text")
+        for key in about:
+            if key not in ("logs", "vehicle", "dataset", "mapping"):
+                yield Fault("unknown key", place, f"{key}"[:40], "logs, vehicle, dataset, mapping")
+
+
 def evidence_of(car: CarTrips, dataset: str) -> tuple[Vehicle, TripEvidence, SegmentTable]:
     """A car as on the road without values from a data set, and what its trips show of it."""
     vehicle = on_road(without_data(car.vehicle, dataset))
@@ -181,8 +236,8 @@ def _score(
     vehicle, evidence, table = evidence_of(car, car.dataset)
     base = load_model()
     observed = evidence.observed_wh
-    prior = others.prior(vehicle)
-    new = Experts.from_prior(*prior)
+    published = without_data(car.vehicle, car.dataset)
+    new = others.experts(published)
     learners: dict[str, Learner] = {
         "population": partial(_learned, new),
         "constant": partial(_constant, lengths={trip.trip_id: trip.distance_m for trip in car.trips}),
@@ -193,11 +248,12 @@ def _score(
         name: _curve(learner, evidence, trips, draws, seed, needs_trips=name != "population")
         for name, learner in learners.items()
     }
-    zero, order = _in_time(car, base, vehicle, others)
-    mean, sd = new.predict(evidence)
+    zero, order = _in_time(car, base, published, others)
+    mean, _ = new.predict(evidence)
     error = evidence.residual_wh - mean
     total = evidence.factors_wh.sum(axis=0)
-    spread = np.sqrt(total @ prior[1] @ total + float((sd**2).sum()) / max(len(sd), 1))
+    common = total @ new.collapsed()[1] @ total
+    spread = np.sqrt(common + float((new.noise_scale * evidence.usual_wh2 + evidence.measured_wh2).sum()))
     about: dict[str, Any] = {
         "car": car.name,
         "dataset": car.dataset,
@@ -322,7 +378,8 @@ def _in_time(
     """Each trip as the car's model forecasts it without own trips, and before it learns it, in their order."""
     known = Adaptation.before_trips(base, vehicle, others)
     first = model = known.model
-    zero, order = [], []
+    zero: list[tuple[object, ...]] = []
+    order: list[tuple[object, ...]] = []
     for trip in in_order(car.trips):
         for rows, forecast in ((zero, first.forecast(trip)), (order, model.forecast(trip))):
             low, high = forecast.interval(LEVEL)
@@ -355,14 +412,3 @@ def _scores(table: pd.DataFrame) -> dict[str, Any]:
         "needed": needed,
         "width_over_needed": width / needed,
     }
-
-
-NAMES: Final = MappingProxyType(
-    {
-        "population": "population of cars",
-        "constant": "constant Wh/km",
-        "one factor": "one factor on the physics",
-        "by cause": "line by cause",
-    }
-)
-"""Names of the learners for readers."""

@@ -54,7 +54,7 @@ FACTORS: Final = (
     Factor("heating", 0.35, "1", "heat demand with and without recirculated air; how much of it drivers ask for"),
     Factor("cooling", 0.35, "1", "compressors of one car alone are measured; how much of it drivers ask for"),
     Factor("cold", 0.04, "1", "share of the energy moved at the wheels for each 10 K below 15 °C: tyres and oil"),
-    Factor("transients", 0.07, "1", "share of mass times speed times the mean change of speed: what a change of speed loses"),
+    Factor("transients", 0.10, "1", "share of mass times speed times the mean change of speed: what a change of speed loses"),
     Factor("frost", 0.30, "kW", "for each 10 K below freezing: windows, battery, snow"),
     Factor("warm_up", 0.30, "kW", "at departure at 0 °C, fading within 10 minutes: soaked cabin and oil"),
 )  # fmt: skip
@@ -176,17 +176,20 @@ class TripEvidence:
     @classmethod
     def empty(cls) -> TripEvidence:
         """Of no trip."""
-        return cls((), np.empty((0, len(NAMES))), *(np.empty(0) for _ in range(4)), np.empty((0, 4)))
+        nothing = np.empty(0)
+        return cls((), np.empty((0, len(NAMES))), nothing, nothing, nothing, nothing, np.empty((0, 4)))
 
     def take(self, members: Sequence[int] | IntArray) -> TripEvidence:
         """Some of the trips, in this order."""
         index = np.asarray(members, dtype=np.int64)
-        arrays = (getattr(self, f.name)[index] for f in fields(self)[1:])
-        return TripEvidence(tuple(self.trip_ids[i] for i in index), *arrays)
+        arrays = {f.name: getattr(self, f.name)[index] for f in fields(self)[1:]}
+        return TripEvidence(tuple(self.trip_ids[i] for i in index), **arrays)
 
     def __add__(self, later: TripEvidence) -> TripEvidence:
-        arrays = (np.concatenate([getattr(self, f.name), getattr(later, f.name)]) for f in fields(self)[1:])
-        return TripEvidence((*self.trip_ids, *later.trip_ids), *arrays)
+        arrays = {
+            f.name: np.concatenate([getattr(self, f.name), getattr(later, f.name)]) for f in fields(self)[1:]
+        }
+        return TripEvidence((*self.trip_ids, *later.trip_ids), **arrays)
 
     def sums(self, car_model: str, vehicle: str) -> Sums:
         """Sums of the trips as one vehicle of a population; each trip counts by the error that trips of this car have.

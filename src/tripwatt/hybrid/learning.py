@@ -32,7 +32,8 @@ SPREADS: Final = ((0.15, 1.0), (0.3, 0.8), (0.6, 0.5), (1.2, 0.3), (2.4, 0.15))
 factors have scales of their own."""
 
 CLIMATE_USE: Final = ((1.0, 0.7), (0.5, 0.2), (0.0, 0.1))
-"""Share of the simulated climate control that a driver uses, and its weight before any trip."""
+"""Share of the simulated climate control that a driver uses, and its weight before any trip: an assumption, since a log without climate
+control does not show it."""
 
 NOISES: Final = (0.0625, 0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
 USUAL_NOISE: Final = 2.0
@@ -106,7 +107,7 @@ class Experts:
     trips: int = 0
 
     @classmethod
-    def from_prior(cls, mean: FloatArray, covariance: FloatArray) -> Experts:
+    def from_prior(cls, mean: FloatArray, covariance: FloatArray, own: FloatArray | float = 0.0) -> Experts:
         """Before any trip of a car.
 
         Parameters
@@ -115,6 +116,8 @@ class Experts:
             Of the population.
         covariance : ndarray, shape (factors, factors)
             Of a car of the population.
+        own : ndarray, shape (factors,)
+            Variances that no expert narrows: of a car that is unlike those of the population.
         """
         p = len(NAMES)
         zero, one = np.zeros(p), np.zeros((p, p))
@@ -129,17 +132,17 @@ class Experts:
             for scale, weight in SPREADS:
                 scales = np.array([all_scale if name == EVERYTHING else scale for name in NAMES])
                 beliefs.append((2, all_weight * weight / total, mean, covariance * np.outer(scales, scales)))
-        climate = np.array([1.0 if name in CLIMATE else 0.0 for name in NAMES]) / SDS
+        climate = np.isin(NAMES, CLIMATE) / SDS
         noise = np.array(NOISES)
         by_noise = np.exp(-0.5 * (np.log(noise / USUAL_NOISE) / NOISE_LOG_SD) ** 2)
         by_noise /= by_noise.sum()
         every = [
-            (kind, KIND_WEIGHTS[kind] * weight * share, centre + (use - 1.0) * climate, spread)
+            (kind, KIND_WEIGHTS[kind] * weight * share, centre - (1.0 - use) * climate, spread)
             for kind, weight, centre, spread in beliefs
             for use, share in CLIMATE_USE
         ]
         full = np.zeros((len(every), p + 1, p + 1))
-        full[:, :p, :p] = [belief[3] for belief in every]
+        full[:, :p, :p] = np.array([belief[3] for belief in every]) + np.diag(np.broadcast_to(own, p))
         full[:, p, p] = (DRIFT_SD / SDS[0]) ** 2
         centres = np.column_stack([np.array([belief[2] for belief in every]), np.zeros(len(every))])
         logs = np.log(np.outer([belief[1] for belief in every], by_noise)).ravel()
@@ -162,7 +165,7 @@ class Experts:
     @property
     def kind_weights(self) -> FloatArray:
         """Probability of each kind, shape (kinds,)."""
-        return np.bincount(self.kind, self.weights, len(KINDS))
+        return np.asarray(np.bincount(self.kind, self.weights, len(KINDS)), dtype=np.float64)
 
     @property
     def noise_scale(self) -> float:

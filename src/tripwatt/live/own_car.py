@@ -17,7 +17,6 @@ from tripwatt.errors import InvalidInput
 from tripwatt.files import folder_lock, read_text_file, replace_folder, restore_folder
 from tripwatt.forecasting import ForecastModel, load_metadata, load_model, save_model
 from tripwatt.forecasting.fitting import held_out_figures, provenance_of
-from tripwatt.hybrid.parameters import on_road
 from tripwatt.live.diary import Diary, entry
 from tripwatt.modelfile import FORMAT_VERSION
 from tripwatt.population.adapting import (
@@ -256,7 +255,7 @@ class Car:
 
     def _known(self, base: ForecastModel) -> Adaptation:
         """What the car has learned; from its trips again where an older version of tripwatt learned them."""
-        new = Adaptation.before_trips(base, on_road(self.vehicle), population_of(base))
+        new = Adaptation.before_trips(base, self.vehicle, population_of(base))
         place = self._learned / MODEL
         if not place.is_dir():
             return new

@@ -82,10 +82,10 @@ class Adaptation:
 
     @classmethod
     def before_trips(cls, base: ForecastModel, vehicle: Vehicle, cars: Population) -> Adaptation:
-        """A car without a trip, as one of a population."""
-        experts = Experts.from_prior(*cars.prior(vehicle))
+        """A car with its published values and without a trip, as one of a population."""
+        experts = cars.experts(vehicle)
         evidence = TripEvidence.empty()
-        return cls(base, vehicle, experts, evidence, experts.learn(evidence)[1])
+        return cls(base, on_road(vehicle), experts, evidence, experts.learn(evidence)[1])
 
     def with_trips(self, trips: Sequence[Trip]) -> Adaptation:
         """Learn trips after those that were learned, each forecast by what was known before it. O(samples)."""
@@ -178,7 +178,7 @@ def adaptation(
     """
     base.fitted_parts("base")
     require_measured(trips)
-    before = Adaptation.before_trips(base, on_road(vehicle), cars or population_of(base))
+    before = Adaptation.before_trips(base, vehicle, cars or population_of(base))
     return before.with_trips(in_order(trips))
 
 
@@ -217,7 +217,7 @@ def without_trips(base: ForecastModel, vehicle: Vehicle, cars: Population | None
     >>> bool(other.sd_wh > own.sd_wh)
     True
     """
-    return Adaptation.before_trips(base, on_road(vehicle), cars or population_of(base)).model
+    return Adaptation.before_trips(base, vehicle, cars or population_of(base)).model
 
 
 def population_of(base: ForecastModel, *, of_car: bool = False) -> Population:

@@ -21,6 +21,7 @@ import pandas as pd
 from tripwatt.arrays import FloatArray
 from tripwatt.hybrid.factors import FACTORS, NAMES, SDS, TripEvidence
 from tripwatt.hybrid.groups import GroupPosterior, Scales, Sums, fit_scales, group_posterior
+from tripwatt.hybrid.learning import Experts
 from tripwatt.vehicles import Vehicle
 from tripwatt.vehicles.catalogue import beyond_classes, mass_range_kg
 from tripwatt.vehicles.spreads import CLASS_ANCHORS, spreads
@@ -112,15 +113,15 @@ class Population:
         scales = fit_scales(self.sums, usual, math.sqrt(0.5 / ASSUMED_DF)) if counted else usual
         return group_posterior(self.sums, scales)
 
-    def prior(self, vehicle: Vehicle) -> tuple[FloatArray, FloatArray]:
-        """Mean and covariance of the factors of a car without trips, in usual standard deviations.
+    def experts(self, vehicle: Vehicle) -> Experts:
+        """What is believed of a car without trips.
 
         A car model with trips of other vehicles starts from these. Values of a class are less certain than the car's own, the more so the
         further its mass is from the library's cars.
         """
         mean, covariance = self._posterior.weights(vehicle.name)
         shift, variance = _beyond_values(vehicle)
-        return mean + shift, covariance + np.diag(variance)
+        return Experts.from_prior(mean + shift, covariance, variance)
 
     def to_frame(self) -> pd.DataFrame:
         """One row for each factor: its mean over cars, its spread between cars, and what both rest on."""
@@ -167,6 +168,7 @@ def _beyond_values(vehicle: Vehicle) -> tuple[FloatArray, FloatArray]:
         variance[its] = max(0.0, (width / SDS[its]) ** 2 - 1.0)
     variance[0] += (_BEYOND_SHARE * beyond / SDS[0]) ** 2
     if vehicle.body.curb_mass_kg < mass_range_kg()[0]:
-        # rolling resistance in proportion to the mass, or as of the lightest car: the mean of both logarithms
-        shift[NAMES.index("rolling")] = (math.exp(0.5 * beyond) - 1.0) / SDS[NAMES.index("rolling")]
+        # in proportion to mass and power, or as of the lightest car: the mean of both logarithms
+        for its in (NAMES.index("rolling"), NAMES.index("drivetrain")):
+            shift[its] = (math.exp(0.5 * beyond) - 1.0) / SDS[its]
     return shift, variance

@@ -1,0 +1,202 @@
+"""The report of the protocol `cars`: one page, its figure, and the files beside it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import matplotlib.ticker
+from matplotlib.figure import Figure
+
+from tripwatt.report.html import write_page, write_whole
+from tripwatt.report.panel import Panel
+from tripwatt.report.style import legend_below, new_figure, style_context
+from tripwatt.report.tables import Column, Table, in_percent, in_words, tabulated
+from tripwatt.report.words import percent
+
+if TYPE_CHECKING:
+    from tripwatt.evaluation.cars import CarsRun
+
+Record = Mapping[str, Any]
+
+LEARNERS: Final = ("population", "one factor", "by cause", "constant")
+LABELS: Final = {
+    "population": "Population of cars",
+    "one factor": "One factor on the physics",
+    "by cause": "Line by cause",
+    "constant": "Constant Wh/km",
+}
+_STYLE: Final = {
+    "population": ("#0f8797", "-", 2.4),
+    "one factor": ("#d55e00", "--", 1.4),
+    "by cause": ("#7d6bc6", ":", 1.6),
+    "constant": ("#7c7c7c", "-.", 1.4),
+}
+
+
+def write_cars(run: CarsRun, out: Path) -> None:
+    """Write `results.json`, `trips.csv`, `report.html` and `figures/` into a folder, `results.json` last."""
+    results = run.results
+    facts = [
+        ("Cars", f"{len(results['cars'])}"),
+        ("Trips", f"{sum(car['trips'] for car in results['cars'])}"),
+        ("Draws, seed", f"{results['draws']}, {results['seed']}"),
+    ]
+    versions = ", ".join(f"{name} {version}" for name, version in results["versions"].items())
+    write_page(out, "cars.html.jinja", cars_panels(results), facts=facts, versions=versions)
+    run.trips.to_csv(out / "trips.csv", index=False, lineterminator="\n")
+    write_whole(out / "results.json", json.dumps(results, indent=1, allow_nan=False).encode("utf-8"))
+
+
+def cars_panels(results: Record) -> list[Panel]:
+    """The panels of the page."""
+    with style_context():
+        return [
+            Panel(
+                "cars-curves",
+                "Error by the number of own trips",
+                said_of_cars(results),
+                plot_curves(results),
+                (curves_table(results),),
+                wide=True,
+            ),
+            Panel("cars-time", "In order of time", _ORDER, tables=(time_table(results),), wide=True),
+            Panel(
+                "cars-factors",
+                "What cars have in common",
+                _FACTORS,
+                tables=(factors_table(results),),
+                wide=True,
+            ),
+        ]
+
+
+_ORDER: Final = "Each trip is forecast before it is learned. The width that was needed is twice the 90 % quantile of the relative error."
+_FACTORS: Final = (
+    "Mean over cars and spread between cars of each factor by which a car differs from its simulation, from the cars of the package. "
+    "The assumed spread counts as the given degrees of freedom."
+)
+
+
+def cars_tables(results: Record) -> tuple[Table, ...]:
+    """The tables of the page."""
+    return curves_table(results), time_table(results)
+
+
+def said_of_cars(results: Record) -> str:
+    """The error of each car without own trips and with the most that were drawn."""
+    parts = []
+    for car in results["cars"]:
+        first, last = car["curves"]["population"][0], car["curves"]["population"][-1]
+        more = f", {percent(last['error'])} with {last['k']}" if last["k"] else ""
+        parts.append(f"{car['car']} {percent(first['error'])} without own trips{more}")
+    return "; ".join(parts) + "."
+
+
+def curves_table(results: Record) -> Table:
+    """Error of each learner by the number of own trips, a row for each car and learner."""
+    counts = sorted({row["k"] for car in results["cars"] for row in car["curves"]["population"]})
+    rows = [
+        {
+            "label": f"{car['car']}: {LABELS[name].lower()}",
+            **{f"{row['k']}": row["error"] for row in car["curves"][name]},
+        }
+        for car in results["cars"]
+        for name in LEARNERS
+        if car["curves"][name]
+    ]
+    columns = (in_percent(f"{k}", f"{k}") for k in counts)
+    return tabulated("Error [%] by the number of own trips", rows, Column("Car and model", "label"), *columns)
+
+
+def time_table(results: Record) -> Table:
+    """Error, coverage and width in order of time."""
+    rows = [
+        {"label": f"{car['car']}, from trip {score['from'] + 1}", **score}
+        for car in results["cars"]
+        for score in car["in_time"]
+    ]
+    return tabulated(
+        "In order of time, each trip forecast before it is learned",
+        rows,
+        Column("Car", "label"),
+        Column("Trips", "trips", digits=0),
+        in_percent("Error [%]", "error"),
+        in_percent("Bias [%]", "bias"),
+        in_percent("Inside 90 % [%]", "coverage", 0),
+        in_percent("Clopper-Pearson 95 %", "coverage_ci95", 0),
+        in_percent("Width [%]", "width", 0),
+        in_percent("Width needed [%]", "needed", 0),
+    )
+
+
+def factors_table(results: Record) -> Table:
+    """Mean and spread of each factor over the cars of the package."""
+    return tabulated(
+        "Factors by which cars differ from their simulation",
+        results["factors"],
+        Column("Factor", lambda row: row["factor"].replace("_", " ")),
+        in_words("Unit", "unit"),
+        Column("Mean", "mean"),
+        Column("± mean", "mean_sd"),
+        Column("Spread between cars", "car_sd"),
+        Column("Assumed spread", "assumed_sd"),
+        Column("Car models", "car_models", digits=0),
+        Column("Assumed as", "assumed_df", digits=0),
+        in_words("Source of the assumed spread", "source"),
+    )
+
+
+def plot_curves(results: Record) -> Figure:
+    """Error by the number of own trips, a panel for each car."""
+    cars = [car for car in results["cars"] if len(car["curves"]["population"]) > 1]
+    figure = new_figure(
+        2.6 * max(1, (len(cars) + 1) // 2), "Error by own trips", "given the driven speed trace", False
+    )
+    for place, car in enumerate(cars):
+        axes = figure.add_subplot((len(cars) + 1) // 2, 2, place + 1)
+        for name, points in _points(car):
+            colour, line, width = _STYLE[name]
+            axes.plot(
+                *points,
+                color=colour,
+                ls=line,
+                lw=width,
+                marker="o",
+                ms=4,
+                label=LABELS[name],
+                gid=f"{car['car']}-{name}",
+            )
+        if car.get("own_model"):
+            own = 100.0 * car["own_model"]["error"]
+            axes.axhline(own, color="#7c7c7c", lw=1.0, label="Own model, all trips of the first half")
+        axes.set_title(f"{car['car']}: {car['vehicle_title']}"[:48], fontsize=8.5)
+        axes.set_xscale("symlog", linthresh=1.0)
+        axes.xaxis.set_major_locator(
+            matplotlib.ticker.FixedLocator([row["k"] for row in car["curves"]["population"]])
+        )
+        axes.xaxis.set_major_formatter("{x:.0f}")
+        axes.minorticks_off()
+        axes.set(xlabel="own trips", ylabel="error [%]", ylim=(0.0, _top(car)))
+        axes.grid(axis="y")
+    every = {
+        text: line
+        for axes in figure.axes
+        for line, text in zip(*axes.get_legend_handles_labels(), strict=True)
+    }
+    return legend_below(figure, 2, handles=list(every.values()), labels=list(every))
+
+
+def _points(car: Record) -> Iterator[tuple[str, tuple[list[int], list[float]]]]:
+    for name in reversed(LEARNERS):
+        rows = car["curves"][name]
+        if rows:
+            yield name, ([row["k"] for row in rows], [100.0 * row["error"] for row in rows])
+
+
+def _top(car: Record) -> float:
+    """Upper end of the axis [%]: a constant of one trip may err by more than is worth showing."""
+    shown = [row["error"] for name in LEARNERS[:3] for row in car["curves"][name]]
+    return 115.0 * float(max(shown))
