@@ -8,8 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from tripwatt.cli.options import JsonOption, add_command
-from tripwatt.cli.printing import print_json, print_table
-from tripwatt.hybrid.factors import FACTORS
+from tripwatt.cli.printing import change, print_json, print_table
 
 
 def add_commands(app: typer.Typer) -> None:
@@ -95,9 +94,8 @@ def _about_rows(about: dict[str, Any]) -> list[tuple[str, str]]:
 def _adapted_rows(origin: dict[str, Any]) -> list[tuple[str, str]]:
     """Where an adapted model comes from, and what its own trips changed."""
     how, base = origin["adapted"], origin["base"]
-    units = {factor.name: factor.unit for factor in FACTORS}
     changes = [
-        f"{name.replace('_', ' ')} {_change(value['change'], units.get(name))} (± {_change(value['sd'], units.get(name), sign='')})"
+        f"{name.replace('_', ' ')} {change(value, 'change')} (± {change(value, 'sd', sign='')})"
         for name, value in how["parameters"].items()
     ]
     experts = ", ".join(f"{name} {weight:.0%}" for name, weight in how["experts"].items())
@@ -110,10 +108,6 @@ def _adapted_rows(origin: dict[str, Any]) -> list[tuple[str, str]]:
         ("adapted", f"with {how['trips']} own trips; {experts}"),
         ("car against its simulation", ", ".join(changes)),
     ]
-
-
-def _change(value: float, unit: str | None, sign: str = "+") -> str:
-    return f"{value:{sign}.2f} kW" if unit == "kW" else f"{value:{sign}.1%}"
 
 
 def _range(low: float | None, high: float | None) -> str:

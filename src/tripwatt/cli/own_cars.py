@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from tripwatt.cli.options import DatasetOption, JsonOption, MappingOption, add_command, read_logs
-from tripwatt.cli.printing import console, print_json, print_notes, print_table, progress
+from tripwatt.cli.printing import change, console, print_json, print_notes, print_table, progress
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -30,14 +30,17 @@ MOST_REASONS = 10
 """Drives left out that are named one by one."""
 
 WORDS = {
-    "mass": "mass",
+    "everything": "the whole consumption",
     "rolling": "rolling resistance",
     "air": "air drag",
+    "drivetrain": "losses of the drivetrain",
     "base_load": "base load",
-    "drivetrain": "loss of the drivetrain",
-    "hvac": "climate control",
+    "cold": "driving losses for each 10 K below 15 °C",
+    "transients": "losses by changes of speed",
+    "frost": "load for each 10 K below freezing",
+    "warm_up": "load at departure at 0 °C",
 }
-"""Physical parameters in words."""
+"""Factors of a car in words."""
 
 
 def add_commands(app: typer.Typer) -> None:
@@ -237,7 +240,7 @@ def _show_learned(about: Mapping[str, Any]) -> None:
             f"{_percent(latest['needed_width'])} was needed to hold 90% of them"
         )
     rows = [
-        (WORDS.get(name, name), f"{value['change']:+.1%}", f"{value['sd']:.1%}")
+        (WORDS.get(name, name), change(value, "change"), change(value, "sd", sign=""))
         for name, value in about["learned"].items()
     ]
     if rows:
@@ -247,6 +250,8 @@ def _show_learned(about: Mapping[str, Any]) -> None:
             rows,
             numbers=("change", "uncertainty (sd)"),
         )
+        counts = ", ".join(f"{name} {weight:.0%}" for name, weight in about["experts"].items())
+        typer.echo(f"what counts, by the forecasts so far: {counts}")
 
 
 def _show_scores(about: Mapping[str, Any]) -> None:

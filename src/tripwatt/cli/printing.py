@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Final, TextIO
+from typing import TYPE_CHECKING, Any, Final, TextIO
 
 import typer
 
@@ -164,3 +164,14 @@ def progress(shown: Console, what: str = "folds") -> Iterator[Callable[[int, int
             bar.update(task, completed=finished, total=total)
 
         yield advance
+
+
+def change(value: Mapping[str, Any], key: str, sign: str = "+") -> str:
+    """A change of a car against its simulation, or its uncertainty, in its unit.
+
+    Examples
+    --------
+    >>> change({"change": 0.05, "unit": "1"}, "change"), change({"sd": 0.3, "unit": "kW"}, "sd", sign="")
+    ('+5.0%', '0.30 kW')
+    """
+    return f"{value[key]:{sign}.2f} kW" if value["unit"] == "kW" else f"{value[key]:{sign}.1%}"

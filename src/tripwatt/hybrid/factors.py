@@ -61,6 +61,7 @@ FACTORS: Final = (
 """The factors, and how much cars differ in each as far as is published."""
 
 NAMES: Final = tuple(factor.name for factor in FACTORS)
+UNITS: Final = {factor.name: factor.unit for factor in FACTORS}
 SDS: Final = np.array([factor.sd for factor in FACTORS])
 
 MILD_DEGC: Final = 19.0

@@ -195,6 +195,7 @@ class Car:
         """
         diary = self.diary if diary is None else diary
         latest, by_book = diary.latest()
+        adapted = self._adapted()
         return {
             "car": self.name,
             "folder": f"{self.folder}",
@@ -202,7 +203,8 @@ class Car:
             "title": self.vehicle.title,
             "trips": self.store.about()["trips"],
             "in_diary": len(diary),
-            "learned": self._parameters(),
+            "learned": adapted.get("parameters", {}),
+            "experts": adapted.get("experts", {}),
             "score": diary.score.to_dict(),
             "latest": latest.to_dict(),
             "latest_by_book": by_book.to_dict(),
@@ -220,12 +222,14 @@ class Car:
         restore_folder(learned)
         return learned
 
-    def _parameters(self) -> dict[str, dict[str, float]]:
+    def _adapted(self) -> dict[str, Any]:
+        """What the metadata of the model hold of the car; nothing before the first trip or from an older version."""
         path = self._learned / MODEL
         if not path.is_dir():
             return {}
-        adapted = load_metadata(path, check_parts=False)["provenance"]["adapted"]
-        return cast(dict[str, dict[str, float]], adapted["parameters"])
+        about = load_metadata(path, check_parts=False)
+        current = about["format_version"] == FORMAT_VERSION
+        return cast(dict[str, Any], about["provenance"]["adapted"]) if current else {}
 
     def _learn(
         self, given: frozenset[str], progress: Callable[[int, int], None]

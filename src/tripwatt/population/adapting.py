@@ -18,6 +18,7 @@ from tripwatt.forecasting.model import ForecastModel, HeldOut
 from tripwatt.forecasting.ranges import NEVER_KNOWN, training_ranges
 from tripwatt.hybrid import segment_trips
 from tripwatt.hybrid.factors import (
+    UNITS,
     USUAL_SHARE,
     USUAL_W,
     USUAL_WH,
@@ -284,7 +285,10 @@ def about_adaptation(done: Adaptation, about_base: Mapping[str, Any]) -> dict[st
         "trips": len(done.evidence),
         "experts": dict(zip(KINDS, done.experts.kind_weights.tolist(), strict=True)),
         "noise_scale": done.experts.noise_scale,
-        "parameters": {k: {"change": m, "sd": s} for k, (m, s) in done.changes.items()},
+        "parameters": {
+            name: {"change": change, "sd": sd, "unit": UNITS[name]}
+            for name, (change, sd) in done.changes.items()
+        },
     }
     base = {name: about_base[name] for name in ("sha256", "tripwatt", "model", "provenance")}
     return {"adapted": adapted, "base": base}

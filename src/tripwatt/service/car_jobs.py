@@ -59,7 +59,16 @@ SHOWN_REASONS: Final = 20
 MOST_KEPT_MODELS: Final = 16
 """Models of cars that a worker keeps in memory; the one that was used least recently goes first."""
 
-ABOUT: Final = ("score", "latest", "latest_by_book", "by_temperature", "by_season", "by_cause_wh")
+ABOUT: Final = (
+    "learned",
+    "experts",
+    "score",
+    "latest",
+    "latest_by_book",
+    "by_temperature",
+    "by_season",
+    "by_cause_wh",
+)
 """What a car says of itself and its diary that a response passes on."""
 
 HALF_CHARGED: Final = 0.5
@@ -120,10 +129,6 @@ class CarJobs:
         return {
             **_summary(own, about),
             **{key: about[key] for key in ABOUT},
-            "learned": {
-                name: {key: row[key] for key in ("change", "sd")} for name, row in about["learned"].items()
-            },
-            "base_load_w": own.vehicle.auxiliaries.base_load_w,
             "diary": [_entry(row, own.folder) for row in rows],
         }
 

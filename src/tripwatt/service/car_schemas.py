@@ -140,11 +140,13 @@ class SeasonDocument(ResponseModel):
 
 
 class LearnedParameter(ResponseModel):
-    """What the trips say of a physical parameter."""
+    """What the trips show of a factor by which the car differs from its simulation."""
 
     change: float
-    """relative to the published value"""
+    """in the unit"""
     sd: float
+    unit: Literal["1", "kW"]
+    """1: relative to what the simulation gives; kW: a power that it does not have"""
 
 
 class ForecastOnTheWay(ResponseModel):
@@ -220,6 +222,8 @@ class CarResponse(CarSummary):
     """A car, what it learned, and its diary."""
 
     learned: dict[str, LearnedParameter]
+    experts: dict[str, float]
+    """how much each kind of model counts, by its forecasts so far; empty before the first trip"""
     score: ScoreDocument
     latest: ScoreDocument
     """of the last trips"""
@@ -230,8 +234,6 @@ class CarResponse(CarSummary):
     by_cause_wh: dict[str, float]
     diary: list[DiaryEntry]
     """the last trips, newest first"""
-    base_load_w: float
-    """published value [W]"""
     learning: LearningDocument | None
 
 

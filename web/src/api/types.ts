@@ -500,6 +500,9 @@ export interface components {
             learned: {
                 [key: string]: components["schemas"]["LearnedParameter"];
             };
+            experts: {
+                [key: string]: number;
+            };
             score: components["schemas"]["ScoreDocument"];
             latest: components["schemas"]["ScoreDocument"];
             latest_by_book: components["schemas"]["ScoreDocument"];
@@ -513,7 +516,6 @@ export interface components {
                 [key: string]: number;
             };
             diary: components["schemas"]["DiaryEntry"][];
-            base_load_w: number;
             learning: components["schemas"]["LearningDocument"] | null;
         };
         CarSummary: {
@@ -716,6 +718,8 @@ export interface components {
         LearnedParameter: {
             change: number;
             sd: number;
+            /** @enum {string} */
+            unit: "1" | "kW";
         };
         LearningDocument: {
             /** @enum {string} */

@@ -7,7 +7,8 @@ import { DataTable } from "./data-table";
 import { FaultList } from "./faults";
 
 /** Smallest relative change that is worth a line. */
-const LEAST_CHANGE = 0.005;
+/** Factors below this share of their standard deviation are not shown by the trips. */
+const LEAST_SHOWN = 0.5;
 
 function percent(share: number | null, digits = 1): string {
   return share === null ? "–" : `${format.value.figure(PERCENT.from(share), digits)}\u00a0%`;
@@ -53,21 +54,31 @@ function BeforeAfter({
 function Learned({ of }: { of: OwnCar }) {
   const { ownCars: words } = text.value;
   const { signed, figure } = format.value;
-  const changed = Object.entries(of.learned).filter(([, { change }]) => Math.abs(change) >= LEAST_CHANGE);
+  const shown = Object.entries(of.learned).filter(
+    ([, { change, sd }]) => Math.abs(change) >= LEAST_SHOWN * sd,
+  );
+  const counts = Object.entries(of.experts).map(
+    ([name, weight]) => `${words.experts[name as keyof typeof words.experts]} ${percent(weight, 0)}`,
+  );
   return (
-    <ul class="learned">
-      {changed.map(([name, { change, sd }]) => (
-        <li key={name}>
-          {name === "base_load"
-            ? words.baseLoad(figure(of.base_load_w * (1 + change), 0))
-            : words.changed(
-                `${signed(PERCENT.from(change), 0)}\u00a0%`,
+    <>
+      <ul class="learned">
+        {shown.map(([name, { change, sd, unit }]) => {
+          const isPower = unit === "kW";
+          const [of1, digits, sign] = isPower ? [change, 2, "kW"] : [PERCENT.from(change), 0, "%"];
+          return (
+            <li key={name}>
+              {words.changed(
+                `${signed(of1, digits)}\u00a0${sign}`,
                 words.parameters[name as keyof typeof words.parameters],
               )}{" "}
-          <span class="note">{words.sd(figure(PERCENT.from(sd), 0))}</span>
-        </li>
-      ))}
-    </ul>
+              <span class="note">{words.sd(figure(isPower ? sd : PERCENT.from(sd), digits), sign)}</span>
+            </li>
+          );
+        })}
+      </ul>
+      <p class="note">{words.counts(format.value.list(counts))}</p>
+    </>
   );
 }
 
