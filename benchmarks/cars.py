@@ -6,6 +6,7 @@ dynamometer without a trip on the road. `--write` renews docs/results/cars.json.
 
 from __future__ import annotations
 
+import io
 import json
 import tempfile
 import time
@@ -16,8 +17,10 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from PIL import Image
 from tools import DATA, DOCS
 from tools.command import run
+from tools.docs import pages
 
 from benchmarks.measure import Row, report
 from benchmarks.unknown_climb import trips_of
@@ -29,6 +32,9 @@ from tripwatt.hybrid import SegmentTable, segment_table
 from tripwatt.hybrid.factors import NAMES, TripEvidence
 from tripwatt.physics import simulate_trip
 from tripwatt.population import Adaptation, population
+from tripwatt.report.cars import cars_panels, curves_table, factors_table, means_table, time_table
+from tripwatt.report.html import png_bytes
+from tripwatt.report.tables import markdown
 from tripwatt.sources import read_logs
 from tripwatt.trips import Departure, Fleet, Trip, plan_from_trip
 from tripwatt.vehicles import RoadLoad, Vehicle, load_vehicle
@@ -96,6 +102,20 @@ def lab_table(file: Path, car: Vehicle) -> SegmentTable:
     trip = Trip.from_samples(file.stem, samples)
     plan = plan_from_trip(trip).with_departure(Departure(climate="off"))
     return segment_table(plan, simulate_trip(car, plan), trip)
+
+
+def publish(results: dict[str, Any]) -> None:
+    """The results, the figure, and the generated parts of docs/explanation/cars.md."""
+    text = json.dumps(results, indent=1, ensure_ascii=False) + "\n"
+    (DOCS / "results" / "cars.json").write_text(text, encoding="utf-8")
+    shown = cars_panels(results)[0].figure
+    assert shown is not None
+    with Image.open(io.BytesIO(png_bytes(shown))) as image:  # 64 colours are enough, and a third of the size
+        image.convert("RGB").quantize(64).save(DOCS / "images" / "cars-curves.png", optimize=True)
+    page = "explanation/cars.md"
+    pages.renew(page, "factors", markdown(factors_table(results)))
+    tables = (curves_table(results), time_table(results), means_table(results))
+    pages.renew(page, "cars", "\n\n".join(map(markdown, tables)))
 
 
 BOUNDS = {
@@ -199,8 +219,7 @@ def bounds(only: str | None = None, draws: int = 100, write: bool = False) -> It
         scored = [car for car in every if car.name == only]
         done = evaluate_cars([*scored, *others], draws=draws)
     if write:
-        text = json.dumps(done.results, indent=1, ensure_ascii=False) + "\n"
-        (DOCS / "results" / "cars.json").write_text(text, encoding="utf-8")
+        publish(done.results)
     for car in done.results["cars"]:
         if only in (None, car["car"]):
             yield from rows_of(car)

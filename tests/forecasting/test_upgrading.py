@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+from tripwatt.hybrid.car_corrector import HierarchicalCorrector
 
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import load_metadata, load_model
 from tripwatt.forecasting.storage import model_of_parts, upgrade_model
-from tripwatt.hybrid.car_corrector import HierarchicalCorrector
 from tripwatt.modelfile import read_model
 from tripwatt.vehicles import load_vehicle
 

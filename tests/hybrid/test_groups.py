@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
+from tripwatt.hybrid.levels import Level, Mixture
 
 from tripwatt.errors import InvalidInput
 from tripwatt.hybrid.groups import (
@@ -18,7 +19,6 @@ from tripwatt.hybrid.groups import (
     log_likelihood,
     log_likelihood_gradient,
 )
-from tripwatt.hybrid.levels import Level, Mixture
 
 SPLIT = np.array([0, 0, 1])
 SCALES = Scales(((0.7, 0.4), (0.5, 0.9), (0.3, 0.2)), 1.7, (0, 0, 1))

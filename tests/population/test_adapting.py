@@ -8,16 +8,16 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-
-from tripwatt.errors import InvalidInput
 from tripwatt.evaluation.transfer import _source, evaluate_transfer
 from tripwatt.evaluation.transfer_scores import paired_energy_error, resamples, scored
-from tripwatt.forecasting import ForecastModel, load_metadata, load_model, save_model
 from tripwatt.forecasting.donor import DonorModel, unknown_inputs, without_inputs
-from tripwatt.forecasting.fitting import donor_model, fit_with_provenance
-from tripwatt.hybrid import SegmentTable, identify_trips, power_corrector, segment_table, segment_trips
 from tripwatt.hybrid.car_corrector import HierarchicalCorrector
 from tripwatt.hybrid.hierarchy import CarTransfer, Evidence, Members, grid, term_scales
+
+from tripwatt.errors import InvalidInput
+from tripwatt.forecasting import ForecastModel, load_metadata, load_model, save_model
+from tripwatt.forecasting.fitting import donor_model, fit_with_provenance
+from tripwatt.hybrid import SegmentTable, identify_trips, power_corrector, segment_table, segment_trips
 from tripwatt.hybrid.parameters import PARAMETERS, changed, sensitivities
 from tripwatt.hybrid.power import PowerCorrector
 from tripwatt.hybrid.split import SplitCorrector

@@ -32,6 +32,7 @@ WORK: Final = ROOT / "out" / "results"
 RENEW: Final = "run `make results`, which makes what is stale anew"
 TABLES: Final = "src/tripwatt/vehicles/data/table"
 MODEL: Final = "src/tripwatt/models/bmw_i3_tum"
+POPULATION: Final = "src/tripwatt/population/data/population.json"
 
 Probe = Mapping[str, Sequence[Sequence[float]]]
 
@@ -60,21 +61,6 @@ def evaluation(protocol: str, minutes: float, *more: str) -> Result:
         ),
         (f"docs/results/{protocol}.json", *more),
         ("tum",),
-        minutes,
-    )
-
-
-def transfer(source: str, target: str, minutes: float) -> Result:
-    """A model of one car on another."""
-    way = f"{source}-{target}"
-    return Result(
-        f"transfer-{way}",
-        (
-            f"-m tripwatt transfer --from {{data}}/{source} --to {{data}}/{target} --out {{work}}/transfer-{way}",
-            f"-m tools.docs.write_transfer {{work}}/transfer-{way}",
-        ),
-        (f"docs/results/transfer-{way}.json", f"docs/images/transfer-{way}.png"),
-        ("tum", "ved"),
         minutes,
     )
 
@@ -113,6 +99,19 @@ RESULTS: Final = (
         ("tum", "docs/results/forecast.json"),
         1,
     ),
+    Result("population", ("-m tools.data.population {data}",), (POPULATION,), ("tum", "ved", "twizy"), 1),
+    Result(
+        "cars",
+        ("-m benchmarks.cars --write",),
+        (
+            "docs/results/cars.json",
+            "docs/images/cars-curves.png",
+            "docs/explanation/cars.md#cars",
+            "docs/explanation/cars.md#factors",
+        ),
+        ("tum", "ved", "twizy", "sedan", POPULATION, MODEL),
+        2,
+    ),
     evaluation("paper", 4),
     Result(
         "links",
@@ -122,15 +121,6 @@ RESULTS: Final = (
         6,
     ),
     part("routes", "links", "reference/routes.md#links", "tum", minutes=3),
-    transfer("tum", "ved", 2),
-    transfer("ved", "tum", 2),
-    Result(
-        "transfer-covariates",
-        ("-m benchmarks.transfer_covariates",),
-        ("docs/results/transfer-covariates.json",),
-        ("tum", "ved"),
-        1,
-    ),
     part(
         "few-trips",
         "few_trips --cars 12",
@@ -166,7 +156,6 @@ PAGES: Final = (
     "-m tools.docs.publish_results docs/results/forecast.json",
     "-m tools.docs.publish_results docs/results/paper.json",
     "-m tools.docs.publish_results docs/results/links.json",
-    "-m tools.docs.write_transfer",
     "-m tools.docs.write_parameters",
     "-m tools.docs.write_cli",
     "-m tools.docs.write_figures",

@@ -1,12 +1,13 @@
 """`docs/explanation/paper.md`: every figure, table, equation and claim of arXiv:2405.10984 beside ours, with the difference and why.
 
-The numbers come from the `results.json` of the protocol `paper` and of the transfer runs; the figures are those of the report.
+The numbers come from the `results.json` of the protocol `paper` and of the protocol `cars`; the figures are those of the report.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any, Final
 
 from tripwatt.evaluation.paper_studies import CURVE_MODELS
@@ -18,11 +19,11 @@ from tripwatt.report.panels import paper_studies
 from tripwatt.report.panels.gamm_summary import PAPER_TABLE2
 from tripwatt.report.panels.results_table import on_physics_gap, results_table
 from tripwatt.report.panels.running_time import PAPER_SAYS, running_time_table
-from tripwatt.report.tables import DASH, Table, markdown, number, span
+from tripwatt.report.tables import DASH, Table, markdown, number
 from tripwatt.report.view import Record, View
 from tripwatt.report.words import label, listed, percent, points
 
-Transfers = Sequence[Mapping[str, Any]]
+Cars = Mapping[str, Any]
 
 FIGURES: Final = (
     "gamm-diagnosis",
@@ -77,23 +78,23 @@ class Element:
     difference : callable
         Sentence from the results.
     content : callable
-        Text below the heading, from the results and the transfer runs.
+        Text below the heading, from the results of both protocols.
     """
 
     key: str
     paper: str
     ours: str
     difference: Callable[[View], str]
-    content: Callable[[View, Transfers], str]
+    content: Callable[[View, Cars], str]
 
 
 def _same(text: str) -> Callable[[View], str]:
     return lambda view: text
 
 
-def _image(name: str, alt: str, text: str = "") -> Callable[[View, Transfers], str]:
+def _image(name: str, alt: str, text: str = "") -> Callable[[View, Cars], str]:
     shown = f"![{alt}](../images/paper-{name}.png)"
-    return lambda view, transfers: "\n\n".join(filter(None, [shown, text]))
+    return lambda view, cars: "\n\n".join(filter(None, [shown, text]))
 
 
 def _score(view: View, name: str) -> Record:
@@ -108,7 +109,7 @@ def _beside(view: View, name: str) -> str:
     return f"{percent(ours)} here, {percent(paper)} in the paper ({points(ours - paper)})"
 
 
-def _table1(view: View, transfers: Transfers) -> str:
+def _table1(view: View, cars: Cars) -> str:
     return markdown(Table("Variables", ("The paper", "Here"), VARIABLES, frozenset({0, 1})))
 
 
@@ -152,7 +153,7 @@ def on_trip_df(view: View) -> str:
     )
 
 
-def _table2(view: View, transfers: Transfers) -> str:
+def _table2(view: View, cars: Cars) -> str:
     smooths = dict(table2_row(record) for record in view.results.get("table2") or ())
     if not smooths:
         return "The GAMM was not among the models of the run."
@@ -169,8 +170,8 @@ def _table2(view: View, transfers: Transfers) -> str:
     return "\n\n".join([markdown(table), why, on_trip_df(view)])
 
 
-def _panel(spec: PanelSpec) -> Callable[[View, Transfers], str]:
-    def shown(view: View, transfers: Transfers) -> str:
+def _panel(spec: PanelSpec) -> Callable[[View, Cars], str]:
+    def shown(view: View, cars: Cars) -> str:
         content = spec.content(view)
         assert content is not None
         return "\n\n".join([content.sentence, *(markdown(table) for table in content.tables)])
@@ -178,18 +179,18 @@ def _panel(spec: PanelSpec) -> Callable[[View, Transfers], str]:
     return shown
 
 
-def _table3(view: View, transfers: Transfers) -> str:
+def _table3(view: View, cars: Cars) -> str:
     return "\n\n".join([markdown(results_table(view, view.main)), on_physics_gap(view)])
 
 
-def _times(view: View, transfers: Transfers) -> str:
+def _times(view: View, cars: Cars) -> str:
     said = [f"{label(name)}: {words}." for name, words in PAPER_SAYS.items()]
     return "\n\n".join(
         [f"The paper prints no time. Its words on the {' '.join(said)}", markdown(running_time_table(view))]
     )
 
 
-def _trips(view: View, transfers: Transfers) -> str:
+def _trips(view: View, cars: Cars) -> str:
     study = (view.results.get("studies") or {}).get("trips_needed")
     if not study:
         return paper_studies.ABSENT
@@ -201,54 +202,47 @@ def _trips(view: View, transfers: Transfers) -> str:
     return "\n\n".join([paper_studies.on_trips_needed(study, view.scores), image, markdown(table)])
 
 
-def scored_cars(transfers: Transfers) -> list[tuple[str, str, Record, str]]:
-    """From, to, the scores of the models, and the best own model, for each car that has own models."""
-    cars = []
-    for run in transfers:
-        for car in run["cars"]:
-            models = car["models"]
-            own = [name for name in models if name.startswith("own-")]
-            if own:
-                best = min(own, key=lambda name: float(models[name]["error"]))
-                title = str(run["to"]["vehicle_title"])
-                cars.append((str(run["from"]["vehicle_title"]), title, models, best))
-    return cars
+def own_models(cars: Cars) -> list[Record]:
+    """The cars with a model of their own."""
+    return [car for car in cars.get("cars", ()) if car.get("own_model")]
 
 
-def transfer_table(transfers: Transfers) -> Table:
-    """Error on the other car of its physics, of the transferred model without its trips, and of its best own model."""
+def cars_table(cars: Cars) -> Table:
+    """Error on each car of its physics, of the population of other cars without and with own trips, and of its own model."""
     rows = []
-    for start, end, models, best in scored_cars(transfers):
-        cells = [
-            f"{number(models[name]['error'], 100, 1)}\u00a0({span(models[name]['error_ci95'])})"
-            for name in ("physics", "zero-shot", best)
-        ]
-        rows.append((f"{start} → {end}", *cells))
-    columns = ("From → to", "Physics alone [%]", "Transferred, no own trip [%]", "Best own model [%]")
-    return Table("Error on the second car, with its 95 % interval", columns, tuple(rows))
+    for car in own_models(cars):
+        first, last = car["curves"]["population"][0], car["curves"]["population"][-1]
+        errors = (car["physics"], first, last, car["own_model"])
+        rows.append(
+            (str(car["vehicle_title"]), *(number(one["error"], 100, 1) for one in errors), str(last["k"]))
+        )
+    columns = ("Car", "Physics alone [%]", "No own trip [%]", "Own trips [%]", "Own model [%]", "Own trips")
+    return Table("Error on cars that took no part", columns, tuple(rows))
 
 
-def on_transfer(transfers: Transfers) -> str:
-    """Whether a transferred model is as accurate as one of the car's own trips."""
+def on_cars(cars: Cars) -> str:
+    """Whether a model from other cars and own trips is as accurate as one of the car's own trips alone."""
     kept: list[str] = []
     lost: list[str] = []
-    for _, end, models, best in scored_cars(transfers):
-        worse = float(models["zero-shot"]["error"]) > float(models[best]["error"])
-        (lost if worse else kept).append(end)
+    for car in own_models(cars):
+        worse = car["curves"]["population"][-1]["error"] > car["own_model"]["error"]
+        (lost if worse else kept).append(str(car["vehicle_title"]))
     parts = []
     if kept:
-        parts.append(f"for {listed(kept)} the transferred model is no worse than the best own one")
+        parts.append(
+            f"for {listed(kept)} what other cars show, with the same trips, is no worse than the car's own model"
+        )
     if lost:
-        parts.append(f"for {listed(lost)} the best own model has a lower error")
+        parts.append(f"for {listed(lost)} the own model has a lower error")
     said = "; ".join(parts)
-    return f"{said[:1].upper()}{said[1:]}." if said else "No transfer was measured."
+    return f"{said[:1].upper()}{said[1:]}." if said else "No other car was measured."
 
 
-def _transfer(view: View, transfers: Transfers) -> str:
-    if not transfers:
-        return "No transfer was measured."
-    more = "[Transfer to another car](transfer.md) has every model, the learning curves and the reasons."
-    return "\n\n".join([on_transfer(transfers), markdown(transfer_table(transfers)), more])
+def _cars(view: View, cars: Cars) -> str:
+    if not own_models(cars):
+        return "No other car was measured."
+    more = "[Any car](cars.md) has every car, the errors by own trips, and the method."
+    return "\n\n".join([on_cars(cars), markdown(cars_table(cars)), more])
 
 
 def _improved(view: View) -> str:
@@ -345,7 +339,7 @@ ELEMENTS: Final = (
         "Equations 1 to 4 and the four steps",
         "classes and functions",
         _same("none"),
-        lambda view, transfers: _EQUATIONS,
+        lambda view, cars: _EQUATIONS,
     ),
     Element(
         "figure-3",
@@ -359,7 +353,7 @@ ELEMENTS: Final = (
         "Figure 4: smooths and random effects",
         "smooths, surface and random effects",
         _same("a smooth whose band is wider than the data is named in place of its curve"),
-        lambda view, transfers: "\n\n".join(
+        lambda view, cars: "\n\n".join(
             f"![{alt}](../images/paper-{name}.png)"
             for name, alt in (
                 ("gamm-smooths", "Smooths of time, ambient temperature, speed and elevation difference"),
@@ -435,7 +429,7 @@ ELEMENTS: Final = (
         "Claim: over 90 % of the trips are improved",
         "share of trips, on two simulations",
         _improved,
-        lambda view, transfers: markdown(paper_studies.improved_table(view)),
+        lambda view, cars: markdown(paper_studies.improved_table(view)),
     ),
     Element("less-data", "Claim: less data than purely data-driven", "learning curve", _needed, _trips),
     Element(
@@ -446,18 +440,18 @@ ELEMENTS: Final = (
         _times,
     ),
     Element(
-        "transfer",
+        "cars",
         "Claim: another vehicle without sacrificing the accuracy",
-        "transfer in both directions between two cars",
+        "cars that took no part, without and with own trips",
         _same("measured, see there"),
-        _transfer,
+        _cars,
     ),
     Element(
         "trips",
         f"Data: {PAPER_TRIPS} trips",
         "58 reference trips, of 70 of the published data set",
         lambda view: f"{view.main.get('n_trips')} trips scored here",
-        lambda view, transfers: (
+        lambda view, cars: (
             "The data set that was published has 70 trips; the paper scores 72 and names none. The reference trips are the sound "
             "ones of those on which the other systems of the comparison were measured. The reader takes all 70 files; "
             "[other sets of trips](results.md) show how little the errors depend on the choice. "
@@ -468,15 +462,15 @@ ELEMENTS: Final = (
 """Everything that the paper shows or states, in its order."""
 
 
-def render_paper_page(results: Mapping[str, Any], transfers: Transfers = ()) -> str:
+def render_paper_page(results: Mapping[str, Any], cars: Cars = MappingProxyType({})) -> str:
     """The list of all elements with links, and a section for each.
 
     Parameters
     ----------
     results : mapping
         `results.json` of the protocol `paper`.
-    transfers : sequence of mapping
-        `results.json` of transfer runs.
+    cars : mapping
+        `results.json` of the protocol `cars`.
     """
     view = View(results)
     rows = [
@@ -487,7 +481,7 @@ def render_paper_page(results: Mapping[str, Any], transfers: Transfers = ()) -> 
             for e in ELEMENTS
         ),
     ]
-    sections = [f'<a id="{e.key}"></a>\n\n## {e.paper}\n\n{e.content(view, transfers)}' for e in ELEMENTS]
+    sections = [f'<a id="{e.key}"></a>\n\n## {e.paper}\n\n{e.content(view, cars)}' for e in ELEMENTS]
     origin = (
         f"Protocol `{results.get('protocol', '?')}`, seed {results.get('seed', '?')}, {view.note}; written from `results.json` by "
         "`tools.docs.publish_results`."

@@ -46,9 +46,9 @@ def publish(
         for name in ("uncertainty.md", "evaluation.md"):
             update_coverage(results, page.with_name(name))
     if results["protocol"] == "paper":
-        files = sorted(RESULTS.glob("transfer-*-*.json"))
-        transfers = [json.loads(file.read_text(encoding="utf-8")) for file in files]
-        update_paper_page(results, page.with_name("paper.md"), transfers)
+        file = RESULTS / "cars.json"
+        cars = json.loads(file.read_text(encoding="utf-8")) if file.is_file() else {}
+        update_paper_page(results, page.with_name("paper.md"), cars)
         for name in FIGURES:
             drawn = out / "figures" / f"{name}.png"
             if drawn.is_file():

@@ -6,7 +6,7 @@ between markers of its own.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
@@ -170,13 +170,13 @@ def update_coverage(results: Mapping[str, Any], page_path: Path) -> None:
 
 
 def update_paper_page(
-    results: Mapping[str, Any], page_path: Path, transfers: Sequence[Mapping[str, Any]] = ()
+    results: Mapping[str, Any], page_path: Path, cars: Mapping[str, Any] = MappingProxyType({})
 ) -> None:
     """Replace what stands between the markers `paper-page` by the list of the paper's elements beside ours.
 
-    `results` are those of the protocol `paper`, `transfers` those of transfer runs.
+    `results` are those of the protocol `paper`, `cars` those of the protocol `cars`.
     """
-    _between(page_path, "paper-page", render_paper_page(results, transfers))
+    _between(page_path, "paper-page", render_paper_page(results, cars))
 
 
 def _between(path: Path, key: str, shown: str) -> None:

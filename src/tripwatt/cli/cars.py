@@ -74,7 +74,9 @@ def vehicles(
     body: Annotated[
         str | None,
         typer.Option(
-            "--body", metavar="KIND", help="With new: small, hatchback, sedan, estate, suv, van or pickup."
+            "--body",
+            metavar="KIND",
+            help="With new: small, hatchback, sedan, estate, suv, van, pickup or quadricycle.",
         ),
     ] = None,
     heat_pump: Annotated[

@@ -86,18 +86,21 @@ def audit(
 
 
 def fetch(
-    dataset: Annotated[str, typer.Argument(metavar="DATASET", help="Data set: tum.")] = "tum",
+    dataset: Annotated[
+        str, typer.Argument(metavar="DATASET", help="Data set: tum, ved, twizy or sedan.")
+    ] = "tum",
     folder: Annotated[Path | None, typer.Argument(metavar="FOLDER", help="Folder to check.")] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Show where to download a data set, and check that FOLDER is complete.
+    """Show where to download a data set, and check that FOLDER holds all of the TUM set.
 
     The command downloads nothing: the publishers of the data require an account or a name.
 
     For example:
 
-      # show where to download the TUM trips
+      # show where to download the TUM trips, and the trips of other cars
       tripwatt fetch tum
+      tripwatt fetch ved
       # check that the folder is complete; exit code 1 if not
       tripwatt fetch tum data/tum
     """

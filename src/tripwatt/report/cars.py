@@ -62,7 +62,13 @@ def cars_panels(results: Record) -> list[Panel]:
                 (curves_table(results),),
                 wide=True,
             ),
-            Panel("cars-time", "In order of time", _ORDER, tables=(time_table(results),), wide=True),
+            Panel(
+                "cars-time",
+                "In order of time",
+                _ORDER,
+                tables=(time_table(results), means_table(results)),
+                wide=True,
+            ),
             Panel(
                 "cars-factors",
                 "What cars have in common",
@@ -82,7 +88,7 @@ _FACTORS: Final = (
 
 def cars_tables(results: Record) -> tuple[Table, ...]:
     """The tables of the page."""
-    return curves_table(results), time_table(results)
+    return curves_table(results), time_table(results), means_table(results)
 
 
 def said_of_cars(results: Record) -> str:
@@ -129,6 +135,22 @@ def time_table(results: Record) -> Table:
         in_percent("Clopper-Pearson 95 %", "coverage_ci95", 0),
         in_percent("Width [%]", "width", 0),
         in_percent("Width needed [%]", "needed", 0),
+    )
+
+
+def means_table(results: Record) -> Table:
+    """What each car shows without own trips, and what was measured beside the curves."""
+    return tabulated(
+        "Each car without own trips, and its own model fitted to the first half of its trips",
+        results["cars"],
+        Column("Car", lambda car: f"{car['car']}: {car['vehicle_title']}"),
+        Column("Trips", "trips", digits=0),
+        in_percent("Physics [%]", lambda car: car["physics"]["error"]),
+        in_percent("No own trip [%]", lambda car: car["curves"]["population"][0]["error"]),
+        in_percent("Inside 90 % [%]", lambda car: car["without_trips"]["coverage"], 0),
+        Column("Mean error over its sd", "mean_error_over_sd"),
+        in_percent("Own model [%]", lambda car: (car.get("own_model") or {}).get("error")),
+        in_percent("From the dynamometer [%]", lambda car: car.get("lab_to_road", {}).get("error")),
     )
 
 

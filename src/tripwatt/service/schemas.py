@@ -184,7 +184,9 @@ class VehicleFigures(StrictModel):
     """published consumption at the wall [kWh/100 km]"""
     motor_power_kw: float | None = Field(None, ge=5.0, le=1500.0)
     """largest power of all motors together [kW]"""
-    body: Literal["small", "hatchback", "sedan", "estate", "suv", "van", "pickup"] | None = None
+    body: Literal["small", "hatchback", "sedan", "estate", "suv", "van", "pickup", "quadricycle"] | None = (
+        None
+    )
     """kind of body; default: suv"""
     heat_pump: bool | None = None
     """default: false"""

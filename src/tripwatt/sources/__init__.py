@@ -76,10 +76,11 @@ def where_to_get(dataset: str) -> str:
     InvalidInput
         When nothing is known of such a data set.
     """
-    _require_fetchable(dataset)
-    from tripwatt.sources.tum_fetch import where_to_get_tum
+    from tripwatt.sources.public import PUBLIC_SETS
 
-    return where_to_get_tum()
+    if dataset not in PUBLIC_SETS:
+        raise InvalidInput.of("unknown data set", "dataset", repr(dataset), ", ".join(PUBLIC_SETS))
+    return PUBLIC_SETS[dataset]
 
 
 def check_folder(path: Path | str, dataset: str = "tum") -> FolderReport:
@@ -90,12 +91,8 @@ def check_folder(path: Path | str, dataset: str = "tum") -> FolderReport:
     InvalidInput
         When nothing is known of such a data set, there is no such folder, or it holds no trip at all.
     """
-    _require_fetchable(dataset)
+    if dataset != "tum":
+        raise InvalidInput.of("no check of this data set", "dataset", repr(dataset), "tum")
     from tripwatt.sources.tum_fetch import check_tum_folder
 
     return check_tum_folder(path)
-
-
-def _require_fetchable(dataset: str) -> None:
-    if dataset != "tum":
-        raise InvalidInput.of("unknown data set", "dataset", repr(dataset), "tum")

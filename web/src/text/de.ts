@@ -367,6 +367,7 @@ export const de: Text = {
       suv: "Geländewagen (SUV)",
       van: "Van",
       pickup: "Pick-up",
+      quadricycle: "Leichtfahrzeug ohne Heizung",
     },
     heatPump: "Wärmepumpe",
     described: (middle, low, high, unit) => `Mein Auto, WLTP ${middle} ${unit} (${low} bis ${high})`,

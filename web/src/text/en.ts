@@ -365,6 +365,7 @@ export const en = {
       suv: "SUV",
       van: "van",
       pickup: "pickup",
+      quadricycle: "quadricycle, without heating",
     },
     heatPump: "Heat pump",
     described: (middle: string, low: string, high: string, unit: string) =>

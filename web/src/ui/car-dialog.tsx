@@ -42,7 +42,7 @@ const NUMBERS: NumberOfCar[] = [
   { name: "motor_power_kw", label: "power", quantity: () => POWER, scale: 1000, digits: 0 },
 ];
 
-const BODIES = ["small", "hatchback", "sedan", "estate", "suv", "van", "pickup"] as const;
+const BODIES = ["small", "hatchback", "sedan", "estate", "suv", "van", "pickup", "quadricycle"] as const;
 
 function figuresFrom(form: HTMLFormElement): Figures {
   const data = new FormData(form);
