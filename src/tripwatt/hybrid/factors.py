@@ -99,7 +99,7 @@ def factor_power(table: SegmentTable, mass_kg: float) -> FloatArray:
         table.simulated_w,
         column["rolling_w"],
         column["air_w"],
-        column["drivetrain_w"] + column["friction_brakes_w"],
+        column["drivetrain_w"],
         column["base_load_w"],
         column["hvac_w"] * (1.0 - cooling),
         column["hvac_w"] * cooling,

@@ -24,7 +24,7 @@ from tripwatt.hybrid.factors import CLIMATE, EVERYTHING, NAMES, SDS, TAIL_DF, Tr
 KINDS: Final = ("published", "one factor", "population", "own trips")
 """Kinds of experts."""
 
-KIND_WEIGHTS: Final = (0.05, 0.05, 0.85, 0.05)
+KIND_WEIGHTS: Final = (0.05, 0.05, 0.88, 0.02)
 """Weight of each kind before any trip."""
 
 SPREADS: Final = ((0.15, 1.0), (0.3, 0.8), (0.6, 0.5), (1.2, 0.3), (2.4, 0.15))
@@ -52,7 +52,7 @@ MEMORY: Final = 0.98
 
 _ONE_FACTOR_SD: Final = 0.2
 _PUBLISHED_SD: Final = 0.03
-_OWN_SCALE: Final = 4.0
+_OWN_SCALE: Final = 3.0
 _LEAST_SCALE: Final = 0.5
 _LEAST_WEIGHT: Final = 1e-300
 

@@ -48,6 +48,9 @@ TOP_SPEEDS_KM_H: Final = ((90.0, 160.0), (150.0, 200.0), (float("inf"), 240.0))
 RECOVERY_M_S2: Final = 2.0
 """Deceleration up to which cars of these years recover energy without friction brakes, road tests: 0.2 g and more."""
 
+COASTING_M_S2: Final = 0.7
+"""Deceleration that a quadricycle recovers from: lifting the accelerator alone, since its brake pedal acts on friction brakes (Renault, Twizy)."""
+
 RECOVERY_W_PER_KG: Final = 45.0
 """Largest recovery over mass. The cars with a file of their own have 20 to 46 W/kg, newer ones 37 to 46."""
 
@@ -165,6 +168,7 @@ def similar_document(car: Figures, classes: ClassValues) -> dict[str, Any]:
     """
     radius = WHEEL_RADIUS_M[car.body]
     mass, power = float(car.curb_mass["value"]), float(car.motor_power["value"])
+    recovery = COASTING_M_S2 if car.body == QUADRICYCLE else RECOVERY_M_S2
     top_speed = next(speed for limit, speed in TOP_SPEEDS_KM_H if power / mass < limit)
     document = {
         "name": car.title,
@@ -185,7 +189,7 @@ def similar_document(car: Figures, classes: ClassValues) -> dict[str, Any]:
         },
         "regeneration": {
             "max_torque_nm": _class(
-                RECOVERY_M_S2 * (mass + DRIVER_KG) * radius / GEAR_RATIO, "Nm", f"{RECOVERY_M_S2:g} m/s2"
+                recovery * (mass + DRIVER_KG) * radius / GEAR_RATIO, "Nm", f"{recovery:g} m/s2"
             ),
             "max_power_w": _class(
                 min(RECOVERY_W_PER_KG * (mass + DRIVER_KG), power), "W", f"{RECOVERY_W_PER_KG:g} W/kg"
