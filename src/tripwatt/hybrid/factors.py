@@ -16,7 +16,7 @@ import numpy as np
 from tripwatt.arrays import FloatArray, IntArray, eigen
 from tripwatt.hybrid.groups import Sums
 from tripwatt.hybrid.power import PowerCorrector
-from tripwatt.hybrid.segments import SegmentTable
+from tripwatt.hybrid.segments import LINE_CAUSES, SegmentTable
 from tripwatt.trips import Trip
 from tripwatt.vehicles import Vehicle
 
@@ -111,6 +111,15 @@ def factor_power(table: SegmentTable, mass_kg: float) -> FloatArray:
     return np.asarray(np.column_stack(powers) * SDS)
 
 
+def shortfall_power(table: SegmentTable) -> FloatArray:
+    """Power of each segment that the simulated car could not give [W], shape (segments,).
+
+    No car drives so: a speed that the log holds between two samples rises and falls in steps. What the steps add is as unknown as large.
+    """
+    causes = table.features[[f"{cause}_w" for cause in LINE_CAUSES]].to_numpy(dtype=np.float64)
+    return np.asarray(table.simulated_w - causes.sum(axis=1))
+
+
 @dataclass(frozen=True, eq=False)
 class TripEvidence:
     """What trips of one car show of its factors, in the order in which they are learned.
@@ -125,7 +134,7 @@ class TripEvidence:
     usual_wh2 : ndarray, shape (trips,)
         Usual variance of the energy of such a trip.
     measured_wh2 : ndarray, shape (trips,)
-        Variance of the measurement, an unknown climb included.
+        Variance of the measurement, an unknown climb and what a held speed adds included.
     day : ndarray, shape (trips,)
         Departure in days since 1970; NaN where unknown.
     charge : ndarray, shape (trips, 4)
@@ -169,7 +178,7 @@ class TripEvidence:
             np.add.reduceat(rows * table.hours[:, None], table.offsets[:-1], axis=0),
             np.full(len(table), np.nan) if table.observed_w is None else table.totals_wh(table.residual_w),
             usual_variance_wh2(hours, moved),
-            table.energy_errors.own_wh**2,
+            table.energy_errors.own_wh**2 + table.totals_wh(shortfall_power(table)) ** 2,
             np.array([np.nan if at is None else at.timestamp() / 86_400.0 for at in started]),
             np.full((len(table), 4), np.nan) if table.charge is None else table.charge,
         )
@@ -262,7 +271,7 @@ class FactorCorrector(PowerCorrector):
     def predict_with_uncertainty(self, table: SegmentTable) -> tuple[FloatArray, FloatArray]:
         """Residual power [W], and its uncertainty by that of the factors."""
         rows = factor_power(table, self.mass_kg)
-        return rows @ self.mean, rows @ self.factor
+        return rows @ self.mean, np.column_stack([rows @ self.factor, shortfall_power(table)])
 
     def predict_climate(self, table: SegmentTable) -> FloatArray:
         """The part of heating and cooling [W]."""
