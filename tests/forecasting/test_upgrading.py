@@ -1,4 +1,4 @@
-"""Models of older versions forecast as they did, and are written in the format of today."""
+"""Fitted models of older versions forecast as they did, and are written in the format of today; adapted ones are refused."""
 
 import json
 import shutil
@@ -6,23 +6,16 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from tripwatt.hybrid.car_corrector import HierarchicalCorrector
 
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import load_metadata, load_model
 from tripwatt.forecasting.storage import model_of_parts, upgrade_model
+from tripwatt.hybrid.split import SplitCorrector
 from tripwatt.modelfile import read_model
-from tripwatt.vehicles import load_vehicle
-
-
-@pytest.fixture(scope="module")
-def car():
-    return load_vehicle("bmw_i3_60ah", overrides={"mass": 1300.0})
-
 
 OLD = Path(__file__).parents[1] / "fixtures" / "model_0_2_0"
-"""Models that tripwatt 0.2.0 wrote, of every kind of corrector, and what it forecast with them."""
+"""Models that tripwatt 0.2.0 wrote: a fitted one and what it forecast, and one that was adapted to another car."""
 
 
 def forecasts(folder: Path) -> dict:
@@ -46,11 +39,10 @@ def numbers(document: object, place: str = "") -> dict[str, object]:
     return {place: document}
 
 
-@pytest.mark.parametrize("name", ["split", "adapted"])
-def test_a_model_of_0_2_0_forecasts_as_it_did_and_is_upgraded(name: str, tmp_path: Path) -> None:
+def test_a_model_of_0_2_0_forecasts_as_it_did_and_is_upgraded(tmp_path: Path) -> None:
     place = tmp_path / "model"
-    shutil.copytree(OLD / name, place)
-    then, before = json.loads((OLD / f"{name}.json").read_text()), forecasts(place)
+    shutil.copytree(OLD / "split", place)
+    then, before = json.loads((OLD / "split.json").read_text()), forecasts(place)
     for moment, document in then.items():
         found = numbers(before[moment])
         for key, value in numbers(document).items():
@@ -104,14 +96,41 @@ def test_a_model_of_0_1_lacks_parts_and_forecasts(tmp_path: Path) -> None:
     assert model.forecast(plan).energy_wh == pytest.approx(newer.forecast(plan).energy_wh, rel=1e-12)
 
 
-def test_a_car_of_0_1_has_one_share_of_the_correction_for_all_stages() -> None:
-    parts = {name: dict(part) for name, part in read_model(OLD / "adapted").parts.items()}
-    values = json.loads(json.dumps(parts["model.json"]))
-    del values["fitted"]["shares"]
-    values["fitted"]["share"] = 0.3
-    corrector = model_of_parts({**parts, "model.json": values}, version=1).corrector_
-    assert isinstance(corrector, HierarchicalCorrector)
-    assert corrector.shares == (0.3, 0.3)
+def test_a_model_of_0_2_0_is_read_without_what_it_held_for_other_cars(tmp_path: Path) -> None:
+    """It was a second corrector; the trips of a model of today say what they show of the car."""
+    stored = read_model(OLD / "split")
+    assert "elsewhere" in stored.parts["model.json"]
+    of_others = [name for name in stored.parts if name.startswith("corrector-elsewhere")]
+    assert len(of_others) == 2
+    parts = {name: part for name, part in stored.parts.items() if name not in of_others}
+    models = load_model(OLD / "split"), model_of_parts(parts, version=1)
+    plan = tw.read_route([{"length_m": 9000.0, "speed_m_s": 15.0, "grade": 0.0}])
+    first, second = (model.forecast(plan) for model in models)
+    assert first.energy_wh == second.energy_wh
+    assert first.sd_wh == second.sd_wh
+    for model in models:
+        assert isinstance(model.corrector_, SplitCorrector)
+        assert model.evidence_ is None
+    place = tmp_path / "model"
+    shutil.copytree(OLD / "split", place)
+    assert upgrade_model(place)
+    assert '"elsewhere"' not in (place / "model.json").read_text()
+    assert load_model(place).evidence_ is None
+
+
+def test_a_model_of_0_2_0_of_an_adapted_car_is_refused_and_stays(tmp_path: Path) -> None:
+    place = tmp_path / "model"
+    shutil.copytree(OLD / "adapted", place)
+    content = {file.name: file.read_bytes() for file in place.iterdir()}
+    assert load_metadata(place)["format_version"] == 1
+    for read in (load_model, upgrade_model):
+        with pytest.raises(InvalidInput) as caught:
+            read(place)
+        (fault,) = caught.value.faults
+        assert fault.what == "model of an older version"
+        assert fault.fix == "adapt the base again with this version of tripwatt"
+        assert "adapted to a car" in fault.got
+    assert {file.name: file.read_bytes() for file in place.iterdir()} == content
 
 
 def test_a_model_of_an_older_format_that_is_damaged_is_refused(tmp_path: Path) -> None:

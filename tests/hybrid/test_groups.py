@@ -1,14 +1,14 @@
-"""The posterior of groups against its dense form, one Gaussian of all trips, and against the form for few trips."""
+"""The posterior of groups against its dense form: one Gaussian of all trips, and one of all weights."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
-from tripwatt.hybrid.levels import Level, Mixture
 
 from tripwatt.errors import InvalidInput
 from tripwatt.hybrid.groups import (
+    LOG_SD,
     ROOT_SD,
     GroupPosterior,
     Scales,
@@ -206,28 +206,61 @@ def test_sums_are_those_of_the_trips_of_each_group():
         assert getattr(made, name) == pytest.approx(getattr(by_hand, name), rel=1e-12)
 
 
+@pytest.mark.parametrize("root", [ROOT_SD, 0.2])
 @pytest.mark.parametrize("node", [(), ("a",), ("a", "v2"), ("a", "v2", "Bob"), ("b", "v3")])
-def test_groups_and_levels_give_one_posterior(node):
-    """Each node of the tree is a level of the trips below it; the weights of a group are the sum of the levels around it."""
+def test_the_tree_and_one_normal_model_of_all_deviations_give_one_posterior(node, root):
+    """Each node of the tree has a deviation; the weights of a group are the sum of those around it."""
     group, X, y, n = trips()
-    posterior = group_posterior(sums_of(group, X, y, n), SCALES)
+    scales = replace(SCALES, root=root)
+    posterior = group_posterior(sums_of(group, X, y, n), scales)
     names = posterior.tree.names
     paths = [tuple(name for name in GROUPS[g] if name) for g in group]
-    inside = [np.array([path[: len(name)] == name for path in paths], dtype=float) for name in names]
-    levels = tuple(
-        Level(X * its[:, None], SCALES.variances(len(name))) for name, its in zip(names, inside, strict=True)
-    )
-    given = Mixture(levels, np.ones((1, len(levels))), np.array([SCALES.noise]), n, np.zeros(len(n)), y)
-    mean, covariance = given.posterior()
-    around = [float(node[: len(name)] == name) for name in names]
-    total = np.kron(around, np.eye(3))
+    inside = np.array([[path[: len(name)] == name for name in names] for path in paths], dtype=float)
+    design = np.einsum("ik,ip->ikp", inside, X).reshape(len(y), -1)
+    prior = np.concatenate([scales.variances(len(name)) for name in names])
+    weighted = design.T / (scales.noise * n)
+    covariance = np.linalg.inv(weighted @ design + np.diag(1.0 / prior))
+    mean = covariance @ (weighted @ y)
+    total = np.kron([float(node[: len(name)] == name) for name in names], np.eye(3))
     i = names.index(node)
     assert posterior.mean[i] == pytest.approx(total @ mean, rel=1e-9, abs=1e-12)
     assert posterior.covariance[i] == pytest.approx(total @ covariance @ total.T, rel=1e-8, abs=1e-10)
 
 
+def test_the_root_holds_what_all_groups_have_in_common():
+    """With one trip of one group the root's posterior is that of a normal mean; its own scale is kept by new logarithms."""
+    sums = Sums.from_trips([("a",)], np.array([[2.0]]), np.array([3.0]), np.array([0.5]))
+    for root in (0.1, 1.0, ROOT_SD):
+        scales = Scales(((0.4,),), 1.5, (0,), root)
+        found = group_posterior(sums, scales)
+        # y = 2 (w + d) + e: variance 4 (root^2 + 0.4^2) + 1.5 * 0.5, covariance with w 2 root^2
+        gain = 2.0 * root**2 / (4.0 * (root**2 + 0.16) + 0.75)
+        assert found.mean[0, 0] == pytest.approx(3.0 * gain, rel=1e-12)
+        assert found.covariance[0, 0, 0] == pytest.approx(root**2 * (1.0 - 2.0 * gain), rel=1e-10)
+        assert scales.variances(0).tolist() == [root**2]
+        assert scales.with_logs(scales.logs).root == root
+        assert fit_scales(sums, scales).root == root
+    assert Scales(((0.4,),), 1.5, (0,)).root == ROOT_SD
+
+
+def test_a_narrow_prior_keeps_the_scales_and_a_wide_one_lets_them_follow_the_data():
+    """Forty cars that differ by 0.8, against a usual scale of 0.2."""
+    rng = np.random.default_rng(6)
+    cars = [(f"car {i // 10:02d}",) for i in range(400)]
+    X, n = rng.normal(size=(400, 2)), np.full(400, 0.5)
+    own = np.repeat(0.8 * rng.normal(size=(40, 2)), 10, axis=0)
+    y = (X * own).sum(axis=1) + np.sqrt(0.5) * rng.normal(size=400)
+    sums, usual = Sums.from_trips(cars, X, y, n), Scales(((0.2,),), 1.0, (0, 0), 0.5)
+    kept, free, default = (fit_scales(sums, usual, log_sd=sd) for sd in (0.01, 10.0, LOG_SD))
+    assert kept.sds[0][0] == pytest.approx(0.2, rel=0.1)
+    assert free.sds[0][0] == pytest.approx(0.8, rel=0.15)
+    assert fit_scales(sums, usual) == default
+    assert kept.sds[0][0] < fit_scales(sums, usual, log_sd=0.2).sds[0][0] < default.sds[0][0] < free.sds[0][0]
+    assert free.noise == pytest.approx(1.0, rel=0.15)
+
+
 def test_a_tree_has_as_many_levels_as_its_scales():
-    """Cars below what all cars share: two levels, for several donors with a spread."""
+    """Cars below what all cars share: two levels."""
     rng = np.random.default_rng(8)
     cars = [(f"car {i // 20:02d}",) for i in range(400)]
     X, n = rng.normal(size=(400, 2)), np.full(400, 0.5)

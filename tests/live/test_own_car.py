@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime as dt
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,14 +15,20 @@ import pytest
 pytest.importorskip("deltalake", reason="the extra tripwatt[fleet] is not installed")
 
 import tripwatt as tw
+from tripwatt.auditing import audit
 from tripwatt.errors import InvalidInput
+from tripwatt.forecasting import load_metadata
+from tripwatt.hybrid.factors import NAMES, UNITS
+from tripwatt.hybrid.learning import KINDS
 from tripwatt.live import Car, create_car, forget_car, is_car, issue_token, open_car
 from tripwatt.live import own_car as module
-from tripwatt.population import for_car
+from tripwatt.population import adaptation, for_car
 from tripwatt.synthetic import synthetic_fleet
 from tripwatt.trips import Fleet, Log
 
 FIRST = dt.datetime(2024, 3, 1, 8, 0)
+OLD = Path(__file__).parents[1] / "fixtures" / "model_0_2_0" / "adapted"
+"""A model that tripwatt 0.2.0 adapted to a car."""
 
 
 @pytest.fixture(scope="module")
@@ -85,7 +92,12 @@ def test_the_last_model_has_learned_every_trip_and_forecasts_like_one_adapted_to
     assert model.forecast(trip).energy_wh == pytest.approx(adapted.forecast(trip).energy_wh, rel=1e-9)
     about = learned.about()
     assert (about["trips"], about["in_diary"], about["vehicle"]) == (4, 4, "nissan_leaf_24")
-    assert set(about["learned"]) == {"mass", "rolling", "air", "base_load", "drivetrain", "hvac"}
+    assert list(about["learned"]) == list(NAMES)
+    for name, factor in about["learned"].items():
+        assert (sorted(factor), factor["unit"]) == (["change", "sd", "unit"], UNITS[name])
+        assert factor["sd"] > 0.0
+    assert list(about["experts"]) == list(KINDS)
+    assert sum(about["experts"].values()) == pytest.approx(1.0)
 
 
 def test_trips_are_learned_by_departure_once_and_later_ones_go_on(
@@ -109,23 +121,69 @@ def test_causes_of_a_diary_add_up(learned: Car) -> None:
     assert (diary.table["forecast_wh"] < diary.table["high_wh"]).all()
 
 
-def test_how_often_a_model_learns_again(
-    logs: tuple[Log, ...], base: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_each_forecast_of_the_diary_is_that_of_a_model_adapted_to_the_trips_before_it(
+    learned: Car, logs: tuple[Log, ...], base: Path
 ) -> None:
-    """With a third of the trips new it learns after 1, 2, 3, 4 and 6 trips, and at the end."""
-    monkeypatch.setattr(module, "AGAIN", 1 / 3)
-    counts: list[int] = []
-    adaptation = module.adaptation
+    table, fitted = learned.diary.table, tw.load_model(base)
+    published = for_car(fitted, tw.load_vehicle("nissan_leaf_24"))
+    trips = audit(Fleet("same", logs[:4])).trips
+    for k, trip in enumerate(trips):
+        known = adaptation(fitted, trips[:k], learned.vehicle).model if k else published
+        forecast, row = known.forecast(trip), table.iloc[k]
+        assert row["trips_learned"] == k
+        assert row["forecast_wh"] == pytest.approx(forecast.energy_wh, rel=1e-9)
+        low, high = forecast.interval(0.9)
+        assert (row["low_wh"], row["high_wh"]) == (
+            pytest.approx(low, rel=1e-9),
+            pytest.approx(high, rel=1e-9),
+        )
+        assert row["book_forecast_wh"] == pytest.approx(published.forecast(trip).energy_wh, rel=1e-9)
 
-    def counting(base: tw.ForecastModel, trips: list[tw.Trip], vehicle: tw.Vehicle):  # type: ignore[no-untyped-def]
-        counts.append(len(trips))
-        return adaptation(base, trips, vehicle)
 
-    monkeypatch.setattr(module, "adaptation", counting)
-    car = create_car(tmp_path / "car", "nissan_leaf_24", base=base)
-    car.add(logs)
-    assert counts == [1, 2, 3, 4, 6]
-    assert len(car.model().trip_ids_) == 7
+def test_trips_are_learned_after_each_other_in_one_go_or_in_several(
+    logs: tuple[Log, ...], base: Path, tmp_path: Path
+) -> None:
+    """What was learned is kept with the model and taken up again."""
+    at_once = create_car(tmp_path / "once", "nissan_leaf_24", base=base)
+    at_once.add(logs[:6])
+    by_and_by = create_car(tmp_path / "more", "nissan_leaf_24", base=base)
+    for part in (logs[:1], logs[1:4], logs[4:6]):
+        by_and_by.add(part)
+    pd.testing.assert_frame_equal(by_and_by.diary.table, at_once.diary.table, rtol=1e-9)
+    assert by_and_by.about()["experts"] == pytest.approx(at_once.about()["experts"], rel=1e-9)
+    trip = synthetic_fleet(1, seed=9).trips[0]
+    one, other = (car.model().forecast(trip) for car in (at_once, by_and_by))
+    assert one.energy_wh == pytest.approx(other.energy_wh, rel=1e-9)
+    assert one.sd_wh == pytest.approx(other.sd_wh, rel=1e-9)
+
+
+def test_a_car_that_an_older_version_learned_learns_its_trips_again(
+    learned: Car, logs: tuple[Log, ...], base: Path, tmp_path: Path
+) -> None:
+    """Its model of format 1 is not read; store and diary are what they were."""
+    folder = tmp_path / "leaf"
+    shutil.copytree(learned.folder, folder)
+    model = folder / "learned" / "model"
+    shutil.rmtree(model)
+    shutil.copytree(OLD, model)
+    assert load_metadata(model, check_parts=False)["format_version"] == 1
+    car = open_car(folder)
+    trip = synthetic_fleet(1, seed=9).trips[0]
+    expected, again = learned.model().forecast(trip), car.model().forecast(trip)
+    assert again.energy_wh == pytest.approx(expected.energy_wh, rel=1e-9)
+    assert again.sd_wh == pytest.approx(expected.sd_wh, rel=1e-9)
+    assert car.model().trip_ids_ == learned.model().trip_ids_
+    about = car.about()
+    assert about["learned"] == about["experts"] == {}, "nothing that the older version wrote is shown"
+    assert (about["trips"], about["in_diary"]) == (4, 4)
+    before = car.diary.table
+    done = car.add(logs[4:5])
+    assert (done.added, done.entries, done.left_out) == (1, 1, ())
+    pd.testing.assert_frame_equal(car.diary.table.iloc[:4], before)
+    assert car.diary.table["trips_learned"].tolist() == [0, 1, 2, 3, 4]
+    assert load_metadata(model, check_parts=False)["format_version"] > 1
+    assert list(car.about()["learned"]) == list(NAMES)
+    assert len(car.model().trip_ids_) == 5
 
 
 def test_a_crash_between_store_and_model_is_caught_up(

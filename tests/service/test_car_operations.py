@@ -22,6 +22,8 @@ from tests.support.service_schema import conformance
 pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
 
 import tripwatt as tw
+from tripwatt.hybrid.factors import NAMES, UNITS
+from tripwatt.hybrid.learning import KINDS
 from tripwatt.live import open_car
 from tripwatt.service.answering import Answering
 from tripwatt.service.car_operations import CarOperations
@@ -109,6 +111,7 @@ def learned(service: Service, car: str, upload: str, **more: Any) -> dict[str, A
 def test_a_car_learns_an_archive_forecasts_and_is_forgotten(service: Service, folder: Path) -> None:
     made = new_car(service, "my-i3")
     assert (made["trips"], made["in_diary"], made["diary"], made["learning"]) == (0, 0, [], None)
+    assert made["learned"] == made["experts"] == {}
     request = {"links": LINKS, "soc": 0.9, "ambient_temperature_degc": 8.0, "model": "my-i3"}
     by_book = service.client.post("/v1/forecast", json=request).json()
     files = logs_of()
@@ -128,7 +131,12 @@ def test_a_car_learns_an_archive_forecasts_and_is_forgotten(service: Service, fo
     )
     assert [entry["trips_learned"] for entry in car["diary"]] == [4, 3, 2, 1, 0]
     assert car["score"]["trips"] == car["latest"]["trips"] == TRIPS
-    assert set(car["learned"]) >= {"rolling", "base_load", "hvac"}
+    assert list(car["learned"]) == list(NAMES)
+    for name, factor in car["learned"].items():
+        assert (sorted(factor), factor["unit"]) == (["change", "sd", "unit"], UNITS[name])
+        assert 0.0 < factor["sd"] < 2.0
+    assert list(car["experts"]) == list(KINDS)
+    assert sum(car["experts"].values()) == pytest.approx(1.0)
     own = open_car(folder / "my-i3")
     assert car["score"] == own.diary.score.to_dict()
     found = service.client.post("/v1/forecast", json=request).json()

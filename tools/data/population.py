@@ -58,7 +58,7 @@ def _source(fleet: Fleet, car_model: str, vehicle: str) -> Source:
 def evidence(trips: list[Trip], car: Vehicle) -> TripEvidence:
     """What trips show of a car with its values as on the road."""
     road = on_road(car)
-    return TripEvidence.from_table(segment_trips(trips, road), road, trips)
+    return TripEvidence.from_table(segment_trips(trips, road), road)
 
 
 def main(data: Path = DATA) -> int:

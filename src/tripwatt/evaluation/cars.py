@@ -214,7 +214,7 @@ def evidence_of(car: CarTrips, dataset: str) -> tuple[Vehicle, TripEvidence, Seg
     vehicle = on_road(without_data(car.vehicle, dataset))
     trips = in_order(car.trips)
     table = segment_trips(trips, vehicle)
-    return vehicle, TripEvidence.from_table(table, vehicle, trips), table
+    return vehicle, TripEvidence.from_table(table, vehicle), table
 
 
 def _others(cars: Sequence[CarTrips], scored: CarTrips, rest: Population) -> Population:
@@ -251,7 +251,7 @@ def _score(
     zero, order = _in_time(car, base, published, others)
     mean, _ = new.predict(evidence)
     error = evidence.residual_wh - mean
-    total = evidence.factors_wh.sum(axis=0)
+    total = np.append(evidence.factors_wh.sum(axis=0), 0.0)
     common = total @ new.collapsed()[1] @ total
     spread = np.sqrt(common + float((new.noise_scale * evidence.usual_wh2 + evidence.measured_wh2).sum()))
     about: dict[str, Any] = {

@@ -13,11 +13,10 @@ from typing import ClassVar, Final
 
 import numpy as np
 
-from tripwatt.arrays import FloatArray, IntArray, eigen
+from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.hybrid.groups import Sums
 from tripwatt.hybrid.power import PowerCorrector
 from tripwatt.hybrid.segments import LINE_CAUSES, SegmentTable
-from tripwatt.trips import Trip
 from tripwatt.vehicles import Vehicle
 
 EVERYTHING: Final = "everything"
@@ -158,7 +157,7 @@ class TripEvidence:
         return len(self.trip_ids)
 
     @classmethod
-    def from_table(cls, table: SegmentTable, vehicle: Vehicle, trips: Sequence[Trip] = ()) -> TripEvidence:
+    def from_table(cls, table: SegmentTable, vehicle: Vehicle) -> TripEvidence:
         """Of simulated trips. O(segments).
 
         Parameters
@@ -166,20 +165,17 @@ class TripEvidence:
         table : SegmentTable
         vehicle : Vehicle
             The car that was simulated.
-        trips : sequence of Trip
-            The same trips, for their dates.
         """
         rows = factor_power(table, vehicle.body.test_mass_kg)
         moved = table.totals_wh(table.features["moved_w"].to_numpy(dtype=np.float64))
         hours = table.totals_wh(np.ones(len(table.hours)))
-        started = [trip.context.started_at for trip in trips] or [None] * len(table)
         return cls(
             table.trip_ids,
             np.add.reduceat(rows * table.hours[:, None], table.offsets[:-1], axis=0),
             np.full(len(table), np.nan) if table.observed_w is None else table.totals_wh(table.residual_w),
             usual_variance_wh2(hours, moved),
             table.energy_errors.own_wh**2 + table.totals_wh(shortfall_power(table)) ** 2,
-            np.array([np.nan if at is None else at.timestamp() / 86_400.0 for at in started]),
+            table.features["day"].to_numpy(dtype=np.float64)[table.offsets[:-1]],
             np.full((len(table), 4), np.nan) if table.charge is None else table.charge,
         )
 
@@ -236,18 +232,35 @@ def usual_variance_wh2(hours: FloatArray, moved_wh: FloatArray) -> FloatArray:
     return np.asarray(USUAL_WH**2 + (USUAL_W * hours) ** 2 + (USUAL_SHARE * moved_wh) ** 2)
 
 
+DRIFT_DAYS: Final = 60.0
+"""Days in which a slow drift of the consumption is forgotten."""
+
+USUAL_DAYS: Final = 1.0
+"""Between two trips without a date."""
+
+
+def drift_kept(day: FloatArray, since: float) -> FloatArray:
+    """Share of a drift that is left on other days. Shape of `day`."""
+    away = np.abs(day - since)
+    return np.asarray(np.exp(-np.where(np.isfinite(away), away, USUAL_DAYS) / DRIFT_DAYS))
+
+
 @dataclass(frozen=True, eq=False)
 class FactorCorrector(PowerCorrector):
-    """Correction of a car by its factors.
+    """Correction of a car by its factors and its drift.
 
     Attributes
     ----------
     mass_kg : float
         Of the car on the road.
-    mean : ndarray, shape (factors,)
-        In usual standard deviations.
-    factor : ndarray, shape (factors, any)
+    mean : ndarray, shape (factors + 1,)
+        In usual standard deviations; the drift comes last, which acts on everything.
+    factor : ndarray, shape (factors + 1, any)
         ``factor @ factor.T`` is their covariance.
+    day : float
+        Day of the drift, since 1970; NaN where unknown.
+    drift_sd : float
+        Standard deviation of the drift long before and after.
     """
 
     refit: ClassVar[str] = "adapt the base again"
@@ -255,23 +268,22 @@ class FactorCorrector(PowerCorrector):
     mass_kg: float
     mean: FloatArray
     factor: FloatArray
-
-    @classmethod
-    def from_posterior(cls, vehicle: Vehicle, mean: FloatArray, covariance: FloatArray) -> FactorCorrector:
-        """From mean and covariance of the factors of a car, in usual standard deviations."""
-        values, vectors = eigen(0.5 * (covariance + covariance.T))
-        return cls(vehicle.body.test_mass_kg, mean, vectors * np.sqrt(np.maximum(values, 0.0)))
+    day: float
+    drift_sd: float
 
     @property
     def changes(self) -> dict[str, tuple[float, float]]:
-        """Each factor and its standard deviation, in the unit of the factor."""
-        sd = np.sqrt((self.factor**2).sum(axis=1)) * SDS
-        return {n: (float(m), float(s)) for n, m, s in zip(NAMES, self.mean * SDS, sd, strict=True)}
+        """Each factor and its standard deviation, in the unit of the factor; without the drift."""
+        sd = np.sqrt((self.factor[:-1] ** 2).sum(axis=1)) * SDS
+        return {n: (float(m), float(s)) for n, m, s in zip(NAMES, self.mean[:-1] * SDS, sd, strict=True)}
 
     def predict_with_uncertainty(self, table: SegmentTable) -> tuple[FloatArray, FloatArray]:
-        """Residual power [W], and its uncertainty by that of the factors."""
+        """Residual power [W], and its uncertainty by that of the factors and of the drift."""
         rows = factor_power(table, self.mass_kg)
-        return rows @ self.mean, np.column_stack([rows @ self.factor, shortfall_power(table)])
+        kept = drift_kept(table.features["day"].to_numpy(dtype=np.float64), self.day)
+        rows = np.column_stack([rows, rows[:, 0] * kept])
+        forgotten = rows[:, 0] * self.drift_sd * np.sqrt(1.0 - kept**2)
+        return rows @ self.mean, np.column_stack([rows @ self.factor, forgotten, shortfall_power(table)])
 
     def predict_climate(self, table: SegmentTable) -> FloatArray:
         """The part of heating and cooling [W]."""

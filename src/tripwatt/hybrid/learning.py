@@ -18,8 +18,18 @@ from typing import Final
 
 import numpy as np
 
-from tripwatt.arrays import FloatArray, IntArray
-from tripwatt.hybrid.factors import CLIMATE, EVERYTHING, NAMES, SDS, TAIL_DF, TripEvidence
+from tripwatt.arrays import FloatArray, IntArray, eigen
+from tripwatt.hybrid.factors import (
+    CLIMATE,
+    EVERYTHING,
+    NAMES,
+    SDS,
+    TAIL_DF,
+    FactorCorrector,
+    TripEvidence,
+    drift_kept,
+)
+from tripwatt.vehicles import Vehicle
 
 KINDS: Final = ("published", "one factor", "population", "own trips")
 """Kinds of experts."""
@@ -36,16 +46,12 @@ CLIMATE_USE: Final = ((1.0, 0.7), (0.5, 0.2), (0.0, 0.1))
 control does not show it."""
 
 NOISES: Final = (0.0625, 0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
-USUAL_NOISE: Final = 2.0
+USUAL_NOISE: Final = 1.5
 NOISE_LOG_SD: Final = 1.0
 """Variances of a car's errors over the usual one; before any trip log-normal."""
 
-DRIFT_SD: Final = 0.06
-DRIFT_DAYS: Final = 60.0
-"""Slow drift of the consumption by season, tyres and ageing: a share, and the days in which it is forgotten."""
-
-USUAL_DAYS: Final = 1.0
-"""Between two trips without a date."""
+DRIFTS: Final = ((0.02, 0.5), (0.06, 0.5))
+"""Standard deviations of a slow drift of the consumption by season, tyres and ageing, as a share, and their weights before any trip."""
 
 MEMORY: Final = 0.98
 """Share of the experts' evidence that is left after each trip."""
@@ -88,6 +94,8 @@ class Experts:
     covariance : ndarray, shape (experts, factors + 1, factors + 1)
     noise : ndarray, shape (experts,)
         Variance of the errors over the usual one.
+    drift : ndarray, shape (experts,)
+        Variance of the drift before any trip.
     kind : ndarray of int, shape (experts,)
         Place in `KINDS`.
     log_prior, log_weight : ndarray, shape (experts,)
@@ -100,6 +108,7 @@ class Experts:
     mean: FloatArray
     covariance: FloatArray
     noise: FloatArray
+    drift: FloatArray
     kind: IntArray
     log_prior: FloatArray
     log_weight: FloatArray
@@ -137,13 +146,15 @@ class Experts:
         by_noise = np.exp(-0.5 * (np.log(noise / USUAL_NOISE) / NOISE_LOG_SD) ** 2)
         by_noise /= by_noise.sum()
         every = [
-            (kind, KIND_WEIGHTS[kind] * weight * share, centre - (1.0 - use) * climate, spread)
+            (kind, KIND_WEIGHTS[kind] * weight * share * part, centre - (1.0 - use) * climate, spread, sd)
             for kind, weight, centre, spread in beliefs
             for use, share in CLIMATE_USE
+            for sd, part in DRIFTS
         ]
         full = np.zeros((len(every), p + 1, p + 1))
         full[:, :p, :p] = np.array([belief[3] for belief in every]) + np.diag(np.broadcast_to(own, p))
-        full[:, p, p] = (DRIFT_SD / SDS[0]) ** 2
+        drift = (np.array([belief[4] for belief in every]) / SDS[0]) ** 2
+        full[:, p, p] = drift
         centres = np.column_stack([np.array([belief[2] for belief in every]), np.zeros(len(every))])
         logs = np.log(np.outer([belief[1] for belief in every], by_noise)).ravel()
         times = len(noise)
@@ -151,6 +162,7 @@ class Experts:
             np.repeat(centres, times, axis=0),
             np.repeat(full, times, axis=0),
             np.tile(noise, len(every)),
+            np.repeat(drift, times),
             np.repeat(np.array([belief[0] for belief in every]), times),
             logs,
             logs,
@@ -173,23 +185,28 @@ class Experts:
         return float(self.weights @ self.noise)
 
     def collapsed(self) -> tuple[FloatArray, FloatArray]:
-        """Mean and covariance of the factors over all experts; the drift is part of everything."""
+        """Mean and covariance of the factors and the drift over all experts."""
         weights = self.weights
-        onto = np.vstack([np.eye(len(NAMES)), np.eye(len(NAMES))[:1]])
         centre = weights @ self.mean
         apart = self.mean - centre
-        covariance = np.tensordot(weights, self.covariance, 1) + (apart.T * weights) @ apart
-        return centre @ onto, onto.T @ covariance @ onto
+        return centre, np.tensordot(weights, self.covariance, 1) + (apart.T * weights) @ apart
+
+    def corrector(self, vehicle: Vehicle) -> FactorCorrector:
+        """The correction of the car by what is known of it."""
+        mean, covariance = self.collapsed()
+        values, vectors = eigen(0.5 * (covariance + covariance.T))
+        factor = vectors * np.sqrt(np.maximum(values, 0.0))
+        drift_sd = float(np.sqrt(self.weights @ self.drift))
+        return FactorCorrector(vehicle.body.test_mass_kg, mean, factor, self.day, drift_sd)
 
     def at(self, day: float) -> Experts:
-        """The same on a later day: what is known of the drift fades. A day that is not known comes `USUAL_DAYS` later."""
+        """The same on another day: what is known of the drift fades. A day that is not known comes `USUAL_DAYS` later."""
         if not self.trips:
             return replace(self, day=day)
-        days = max(day - self.day, 0.0) if np.isfinite(day) and np.isfinite(self.day) else USUAL_DAYS
         kept = np.ones(self.mean.shape[1])
-        kept[-1] = np.exp(-days / DRIFT_DAYS)
+        kept[-1] = drift_kept(np.array([day]), self.day)[0]
         covariance = self.covariance * np.outer(kept, kept)
-        covariance[:, -1, -1] += (DRIFT_SD / SDS[0]) ** 2 * (1.0 - kept[-1] ** 2)
+        covariance[:, -1, -1] += self.drift * (1.0 - kept[-1] ** 2)
         return replace(self, mean=self.mean * kept, covariance=covariance, day=day)
 
     def on_the_road(self) -> Experts:
@@ -201,27 +218,19 @@ class Experts:
         mean, covariance = self.mean.copy(), self.covariance.copy()
         mean[:, -1] = 0.0
         covariance[:, -1, :] = covariance[:, :, -1] = 0.0
-        covariance[:, -1, -1] = (DRIFT_SD / SDS[0]) ** 2
+        covariance[:, -1, -1] = self.drift
         return replace(self, mean=mean, covariance=covariance, log_weight=logs, day=float("nan"), trips=0)
 
     def predict(self, evidence: TripEvidence) -> tuple[FloatArray, FloatArray]:
         """Mean and standard deviation of the residual energy of trips as measured [Wh], each on its day, none of them learned."""
-        alike = np.unique(np.where(np.isnan(evidence.day), -np.inf, evidence.day))
-        mean, sd = np.empty(len(evidence)), np.empty(len(evidence))
-        for day in alike:
-            its = (
-                np.flatnonzero(evidence.day == day)
-                if np.isfinite(day)
-                else np.flatnonzero(np.isnan(evidence.day))
-            )
-            now = self.at(float(day) if np.isfinite(day) else float("nan")) if self.trips else self
-            x = _with_drift(evidence.factors_wh[its])
-            each = now.mean @ x.T
-            variance = np.einsum("oij,ni,nj->on", now.covariance, x, x)
-            variance += np.outer(self.noise, evidence.usual_wh2[its]) + evidence.measured_wh2[its]
-            mean[its] = self.weights @ each
-            sd[its] = np.sqrt(self.weights @ (variance + (each - mean[its]) ** 2))
-        return mean, sd
+        kept = drift_kept(evidence.day, self.day) if self.trips else np.ones(len(evidence))
+        x = _with_drift(evidence.factors_wh) * np.column_stack([np.ones((len(kept), len(NAMES))), kept])
+        each = self.mean @ x.T
+        variance = np.einsum("oij,ni,nj->on", self.covariance, x, x)
+        variance += np.outer(self.noise, evidence.usual_wh2) + evidence.measured_wh2
+        variance += np.outer(self.drift, (1.0 - kept**2) * evidence.factors_wh[:, 0] ** 2)
+        mean = self.weights @ each
+        return mean, np.sqrt(self.weights @ (variance + (each - mean) ** 2))
 
     def learn(self, evidence: TripEvidence) -> tuple[Experts, Innovations]:
         """Forecast and learn trips one after the other, in their order."""

@@ -16,7 +16,7 @@ from tripwatt.hybrid.energy_errors import EnergyErrors, unknown_climb_wh
 from tripwatt.physics import Simulation, simulate_trip
 from tripwatt.physics.simulate import CAUSES
 from tripwatt.trips import TEMPERATURES, Plan, Trip, plan_from_trip, raise_faults, resample, table_of
-from tripwatt.units import SECONDS_PER_HOUR
+from tripwatt.units import SECONDS_PER_DAY, SECONDS_PER_HOUR
 from tripwatt.vehicles import Vehicle
 
 SEGMENT_S: Final = 30.0
@@ -251,6 +251,7 @@ def segment_table(
         "payload_mass_kg": departure.payload_mass_kg or 0.0,
         **{name: _known(getattr(departure, name)) for name in TEMPERATURES},
         "soc": _known(departure.bms_soc),
+        "day": np.nan if departure.departs_at is None else departure.departs_at.timestamp() / SECONDS_PER_DAY,
         "winter": {"winter": 1.0, "summer": 0.0}.get(departure.season or "", np.nan),
     }
     simulated = np.asarray(features["simulated_w"])

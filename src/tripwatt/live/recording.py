@@ -35,6 +35,7 @@ from tripwatt.live.usual import LONGER, usual_departure
 from tripwatt.trips import Context, Departure, Log
 from tripwatt.trips.departure import FIRST_S
 from tripwatt.trips.samples import Sampled
+from tripwatt.units import SECONDS_PER_DAY
 
 JOURNAL: Final = "journal.ndjson"
 
@@ -44,7 +45,6 @@ FUTURE_S: Final = 120.0
 LEAST_ROWS: Final = 3
 """Fewest samples of a table that can be read again."""
 
-SECONDS_PER_DAY: Final = 86_400.0
 ERASE_EVERY_S: Final = 3600.0
 
 SLACK_LINES: Final = 1000

@@ -22,7 +22,6 @@ from tripwatt.hybrid.factors import (
     USUAL_SHARE,
     USUAL_W,
     USUAL_WH,
-    FactorCorrector,
     TripEvidence,
 )
 from tripwatt.hybrid.familiarity import Range
@@ -42,6 +41,9 @@ ADAPTED: Final = "population"
 
 PRIOR_TRIPS: Final = 10.0
 """Weight of the usual scores beside the own trips', in trips: the fewest that show a 90 % interval at all."""
+
+_MOST: Final = 9.0
+"""Largest square of a standardised error that counts for the scale."""
 
 _LEVELS: Final = 40
 """Scores that a model on another car keeps."""
@@ -70,8 +72,15 @@ class Adaptation:
 
     Examples
     --------
-    >>> adapted = adaptation(base, trips, vehicle)  # doctest: +SKIP
-    >>> adapted.model.forecast(plan)  # doctest: +SKIP
+    >>> import tripwatt as tw
+    >>> car = tw.load_vehicle("vw_id3")
+    >>> new = Adaptation.before_trips(tw.load_model(), car, population())
+    >>> known = new.with_trips(tw.synthetic_fleet(3, vehicle=car).trips)
+    >>> known.model
+    <ForecastModel Volkswagen ID.3 58 kWh, population corrector, 3 trips>
+    >>> again = new.with_evidence(known.evidence, known.ranges)
+    >>> again.changes == known.changes, len(again.innovations.sd_wh)
+    (True, 3)
     """
 
     base: ForecastModel
@@ -83,19 +92,63 @@ class Adaptation:
 
     @classmethod
     def before_trips(cls, base: ForecastModel, vehicle: Vehicle, cars: Population) -> Adaptation:
-        """A car with its published values and without a trip, as one of a population."""
+        """Take a car with its published values and without a trip as one of a population.
+
+        Parameters
+        ----------
+        base : ForecastModel
+            Fitted.
+        vehicle : Vehicle
+            The car with its published values.
+        cars : Population
+            What is known of other cars.
+
+        Returns
+        -------
+        Adaptation
+            Without trips.
+        """
         experts = cars.experts(vehicle)
         evidence = TripEvidence.empty()
         return cls(base, on_road(vehicle), experts, evidence, experts.learn(evidence)[1])
 
     def with_trips(self, trips: Sequence[Trip]) -> Adaptation:
-        """Learn trips after those that were learned, each forecast by what was known before it. O(samples)."""
+        """Learn trips after those that were learned, each forecast by what was known before it. O(samples).
+
+        Parameters
+        ----------
+        trips : sequence of Trip
+            Of the car, at least one, with measured energy, in the order in which they are learned.
+
+        Returns
+        -------
+        Adaptation
+            With these trips as well.
+
+        Raises
+        ------
+        InvalidInput
+            When there is no trip, or one has no measured energy.
+        """
         table = segment_trips(trips, self.vehicle)
-        evidence, ranges = TripEvidence.from_table(table, self.vehicle, trips), training_ranges(table)
+        evidence, ranges = TripEvidence.from_table(table, self.vehicle), training_ranges(table)
         return self.with_evidence(evidence, _joined(self.ranges, ranges) if self.ranges else ranges)
 
     def with_evidence(self, evidence: TripEvidence, ranges: Mapping[str, Range]) -> Adaptation:
-        """Learn trips of which the energies by factor are known already."""
+        """Learn trips of which the energies by factor are known already. O(trips x experts x factors^2).
+
+        Parameters
+        ----------
+        evidence : TripEvidence
+            Of trips with measured energy, in the order in which they are learned.
+        ranges : mapping of str to Range
+            Of the quantities that forecasts compare with own trips, over all trips of the result.
+
+        Returns
+        -------
+        Adaptation
+            With these trips as well.
+        """
         experts, seen = self.experts.learn(evidence)
         return replace(
             self,
@@ -107,12 +160,12 @@ class Adaptation:
 
     @property
     def changes(self) -> Mapping[str, tuple[float, float]]:
-        """Each factor and its standard deviation, in its unit."""
-        return FactorCorrector.from_posterior(self.vehicle, *self.experts.collapsed()).changes
+        """Mean change of each factor and its standard deviation, relative or in kW as its unit is."""
+        return self.experts.corrector(self.vehicle).changes
 
     @property
     def model(self) -> ForecastModel:
-        """The model of the car."""
+        """The model of the car: it forecasts and is stored like any other. Without a base that is fitted it raises `InvalidInput`."""
         _, usual = self.base.fitted_parts("base")
         own = (self.evidence.residual_wh - self.innovations.mean_wh) / self.innovations.sd_wh
         scale = np.array([USUAL_WH, USUAL_W, USUAL_SHARE]) * np.sqrt(self.experts.noise_scale)
@@ -122,7 +175,7 @@ class Adaptation:
             vehicle=self.vehicle,
             corrector=ADAPTED,
             seed=self.base.seed,
-            corrector_=FactorCorrector.from_posterior(self.vehicle, *self.experts.collapsed()),
+            corrector_=self.experts.corrector(self.vehicle),
             uncertainty_=replace(
                 usual,
                 process=replace(usual.process, split=False),
@@ -165,7 +218,7 @@ def adaptation(
     Raises
     ------
     InvalidInput
-        When the base is not fitted, or a trip has no measured energy.
+        When the base is not fitted, there is no trip, or one has no measured energy.
 
     Examples
     --------
@@ -222,13 +275,27 @@ def without_trips(base: ForecastModel, vehicle: Vehicle, cars: Population | None
 
 
 def population_of(base: ForecastModel, *, of_car: bool = False) -> Population:
-    """The cars of the package, and that of a base which they do not have.
+    """Join the cars of the package and that of a base which they do not have.
 
     Parameters
     ----------
     base : ForecastModel
+        Its trips count where it has their evidence.
     of_car : bool
         Whether the base's trips take the place of those that the package has of its car model: for that car, changed.
+
+    Returns
+    -------
+    Population
+        That of the package, with or without the car of the base.
+
+    Examples
+    --------
+    >>> from tripwatt.forecasting import load_model
+    >>> population_of(load_model()) is population()
+    True
+    >>> [source.vehicle for source in population_of(load_model(), of_car=True).sources]
+    ['ved-10', 'ved-541', 'twizy', 'base']
     """
     cars, name = population(), base.vehicle.name
     if base.evidence_ is None or (not of_car and any(source.car_model == name for source in cars.sources)):
@@ -238,7 +305,24 @@ def population_of(base: ForecastModel, *, of_car: bool = False) -> Population:
 
 
 def in_order(trips: Iterable[Trip]) -> list[Trip]:
-    """Trips with measured energy by their departure; without a date of each they stay as they are."""
+    """Sort trips with measured energy by their departure; without a date of each they stay as they are.
+
+    Parameters
+    ----------
+    trips : iterable of Trip
+        In any order; those without measured energy are left out.
+
+    Returns
+    -------
+    list of Trip
+        In the order in which they are learned.
+
+    Examples
+    --------
+    >>> from tripwatt.synthetic import synthetic_fleet
+    >>> [f"{trip.context.started_at:%m}" for trip in in_order(synthetic_fleet(3).trips)]
+    ['06', '07', '12']
+    """
     measured = [trip for trip in trips if trip.observed_energy_wh is not None]
     if any(trip.context.started_at is None for trip in measured):
         return measured
@@ -266,9 +350,21 @@ def adapt_model(
     model, provenance, evaluation
         As of `fit_with_provenance`; the provenance nests the base's with its digest.
 
+    Raises
+    ------
+    InvalidInput
+        When the base is not fitted, or no sound trip has measured energy.
+
     Examples
     --------
-    >>> model, provenance, evaluation = adapt_model(fleet, vehicle, base, load_metadata())  # doctest: +SKIP
+    >>> from tripwatt.forecasting import load_metadata, load_model
+    >>> from tripwatt.synthetic import synthetic_fleet
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> car = load_vehicle("vw_id3")
+    >>> logs = synthetic_fleet(3, vehicle=car)
+    >>> model, provenance, evaluation = adapt_model(logs, car, load_model(), load_metadata())
+    >>> model.corrector, provenance["adapted"]["trips"], evaluation["protocol"]
+    ('population', 3, 'own trips, each forecast before it was learned')
     """
     sound = audit(fleet)
     done = adaptation(base, sound.trips, vehicle)
@@ -280,7 +376,29 @@ def adapt_model(
 
 
 def about_adaptation(done: Adaptation, about_base: Mapping[str, Any]) -> dict[str, Any]:
-    """What was learned of a car, and the base, as plain values."""
+    """Give what was learned of a car, and the base, as plain values.
+
+    Parameters
+    ----------
+    done : Adaptation
+        The car.
+    about_base : mapping
+        The base's metadata, as `load_metadata` gives them.
+
+    Returns
+    -------
+    dict
+        `adapted`: trips, probability of each kind of expert, variance of the errors over the usual one, and each factor with its
+        unit; `base`: digest, version of tripwatt, model and provenance.
+
+    Examples
+    --------
+    >>> from tripwatt.forecasting import load_metadata, load_model
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> new = Adaptation.before_trips(load_model(), load_vehicle("vw_id3"), population())
+    >>> list(about_adaptation(new, load_metadata())["adapted"])
+    ['trips', 'experts', 'noise_scale', 'parameters']
+    """
     adapted = {
         "trips": len(done.evidence),
         "experts": dict(zip(KINDS, done.experts.kind_weights.tolist(), strict=True)),
@@ -295,15 +413,32 @@ def about_adaptation(done: Adaptation, about_base: Mapping[str, Any]) -> dict[st
 
 
 def scores_of(own: FloatArray) -> ConformalScores:
-    """Standardised errors: those of a t distribution, and those of own trips, of which the latest count most.
+    """Join the standardised errors of a t distribution and those of own trips, of which the latest count most.
 
-    The usual ones count as `PRIOR_TRIPS` trips, so that one trip alone neither narrows nor blows up an interval. Own ones
-    fade as the experts' evidence does, so that the coverage follows a car whose errors change.
+    The usual ones count as `PRIOR_TRIPS` trips, so that one trip alone neither narrows nor blows up an interval, and have the
+    scale of all. Own ones fade as the experts' evidence does, so that the coverage follows a car whose errors change.
+
+    Parameters
+    ----------
+    own : ndarray, shape (trips,)
+        Errors of own trips over their standard deviations [1], the latest last; may be empty.
+
+    Returns
+    -------
+    ConformalScores
+        As many as a model on another car keeps.
+
+    Examples
+    --------
+    >>> usual, calm = scores_of(np.empty(0)), scores_of(np.full(30, 0.5))
+    >>> calm.factor(0.9) < usual.factor(0.9)
+    True
     """
     levels = (np.arange(_LEVELS) + 0.5) / _LEVELS
     usual = np.array([t4_half_width(level) for level in levels.tolist()]) / np.sqrt(T_VARIANCE)
     fading = MEMORY ** np.arange(len(own))[::-1]
     share = PRIOR_TRIPS / (PRIOR_TRIPS + fading.sum())
+    usual *= np.sqrt(share + (1.0 - share) * (fading @ np.minimum(own**2, _MOST)) / max(fading.sum(), 1.0))
     weight = np.append(np.full(_LEVELS, share / _LEVELS), fading * (1.0 - share) / max(fading.sum(), 1.0))
     values = np.append(usual, np.abs(own))
     order = np.argsort(values)

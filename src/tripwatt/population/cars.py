@@ -53,7 +53,7 @@ def for_car(
     Raises
     ------
     InvalidInput
-        When there is no such model or car, or the model cannot be transferred.
+        When there is no such model or car, or the model is not fitted.
 
     Examples
     --------

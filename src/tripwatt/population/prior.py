@@ -26,8 +26,9 @@ from tripwatt.vehicles import Vehicle
 from tripwatt.vehicles.catalogue import beyond_classes, mass_range_kg
 from tripwatt.vehicles.spreads import CLASS_ANCHORS, spreads
 
-CAR_MODEL_SHARE: Final = 0.6
-"""Share of the variance between vehicles that is between car models; the rest is vehicle, driver and log. An assumption."""
+CAR_MODEL_SHARE: Final = 0.3
+"""Share of the variance between vehicles that is between car models; the rest is vehicle, driver and log. An assumption: Leafs of one year and
+battery differ by as much as cars of different models."""
 
 ROOT_SD: Final = 0.5
 """Prior standard deviation of what all cars have in common, over that between cars: simulations are made to be right on average."""
@@ -45,11 +46,18 @@ class Source:
 
     Attributes
     ----------
-    car_model, vehicle : str
+    car_model : str
+        Name of its car, such as "nissan_leaf_24".
+    vehicle : str
+        Name of the vehicle itself.
     dataset : str
         Name of the data set, such as "tum".
     trips : int
-    citation, licence : str
+        Trips in the sums.
+    citation : str
+        Whom to cite for the data set.
+    licence : str
+        Of the data set.
     """
 
     car_model: str
@@ -69,14 +77,37 @@ class Population:
     sums : Sums
         Groups are pairs of car model and vehicle; features are the factors in usual standard deviations.
     sources : tuple of Source
+        One for each vehicle: its data set, citation and licence.
 
     Examples
     --------
     >>> everybody = population()
     >>> sorted({source.dataset for source in everybody.sources})
     ['tum', 'twizy', 'ved']
+    >>> [source.vehicle for source in everybody.without({"ved"}).sources]
+    ['tum', 'twizy']
     >>> list(everybody.to_frame().columns)
     ['unit', 'mean', 'mean_sd', 'car_sd', 'assumed_sd', 'car_models', 'assumed_df', 'source']
+
+    A car without trips:
+
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> new = everybody.experts(load_vehicle("vw_id3"))
+    >>> new.trips, round(float(new.weights.sum()), 6)
+    (0, 1.0)
+
+    Trips of one more BMW i3, in place of those that the package has of this car model:
+
+    >>> from tripwatt.hybrid import segment_trips
+    >>> from tripwatt.synthetic import synthetic_fleet
+    >>> car, trips = load_vehicle("bmw_i3_60ah"), synthetic_fleet(3).trips
+    >>> evidence = TripEvidence.from_table(segment_trips(trips, car), car)
+    >>> source = Source(car.name, "mine", "exports", len(evidence), "", "")
+    >>> [source.vehicle for source in everybody.with_car(source, evidence).sources]
+    ['ved-10', 'ved-541', 'twizy', 'mine']
+    >>> alone = Population.from_evidence([(source, evidence)])
+    >>> Population.from_dict(alone.to_dict()).sums.groups
+    (('bmw_i3_60ah', 'mine'),)
     """
 
     sums: Sums
@@ -84,20 +115,55 @@ class Population:
 
     @classmethod
     def from_evidence(cls, cars: Sequence[tuple[Source, TripEvidence]]) -> Population:
-        """Of cars with their trips."""
+        """Sum up the trips of some vehicles. O(trips x factors^2).
+
+        Parameters
+        ----------
+        cars : sequence of (Source, TripEvidence)
+            Each vehicle and what its trips show, simulated with its values as on the road.
+
+        Returns
+        -------
+        Population
+            Of these vehicles alone.
+        """
         total = Sums.empty(len(NAMES))
         for source, evidence in cars:
             total = total + evidence.sums(source.car_model, source.vehicle)
         return cls(total, tuple(source for source, _ in cars))
 
     def without(self, datasets: Collection[str]) -> Population:
-        """Without the vehicles of some data sets."""
+        """Leave out the vehicles of some data sets.
+
+        Parameters
+        ----------
+        datasets : collection of str
+            Names of data sets, as of `Source.dataset`; others are ignored.
+
+        Returns
+        -------
+        Population
+            Of the other vehicles.
+        """
         kept = tuple(source for source in self.sources if source.dataset not in datasets)
         groups = {(source.car_model, source.vehicle) for source in kept}
         return Population(self.sums.take([i for i, g in enumerate(self.sums.groups) if g in groups]), kept)
 
     def with_car(self, source: Source, evidence: TripEvidence) -> Population:
-        """With the trips of one more vehicle, which take the place of those of its car model."""
+        """Add the trips of one more vehicle, which take the place of those of its car model.
+
+        Parameters
+        ----------
+        source : Source
+            The vehicle.
+        evidence : TripEvidence
+            What its trips show.
+
+        Returns
+        -------
+        Population
+            Of the vehicles of all other car models, and this one.
+        """
         others = [i for i, (model, _) in enumerate(self.sums.groups) if model != source.car_model]
         own = evidence.sums(source.car_model, source.vehicle)
         kept = tuple(other for other in self.sources if other.car_model != source.car_model)
@@ -114,17 +180,35 @@ class Population:
         return group_posterior(self.sums, scales)
 
     def experts(self, vehicle: Vehicle) -> Experts:
-        """What is believed of a car without trips.
+        """Make what is believed of a car without trips.
 
         A car model with trips of other vehicles starts from these. Values of a class are less certain than the car's own, the more so the
         further its mass is from the library's cars.
+
+        Parameters
+        ----------
+        vehicle : Vehicle
+            The car with its published values; its name, anchor and mass count.
+
+        Returns
+        -------
+        Experts
+            Before any trip; factors are in usual standard deviations.
         """
         mean, covariance = self._posterior.weights(vehicle.name)
         shift, variance = _beyond_values(vehicle)
         return Experts.from_prior(mean + shift, covariance, variance)
 
     def to_frame(self) -> pd.DataFrame:
-        """One row for each factor: its mean over cars, its spread between cars, and what both rest on."""
+        """Give the mean of each factor over cars, its spread between cars, and what both rest on.
+
+        Returns
+        -------
+        DataFrame
+            One row for each factor. Its unit, "1" for a relative change or "kW"; in this unit the mean over cars with its standard
+            deviation, the standard deviation between cars, and the assumed one; the number of car models with trips, the degrees of
+            freedom of the assumption, and its source.
+        """
         mean = self._posterior.weights()[0]
         root = np.sqrt(np.diag(self._posterior.covariance[0]))
         between = sum((self._posterior.scales.variances(level) for level in (1, 2)), np.zeros(len(FACTORS)))
@@ -137,7 +221,13 @@ class Population:
         return pd.DataFrame(rows, index=pd.Index(NAMES, name="factor"), columns=columns)
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain values, as the file that comes with the package has them."""
+        """Give plain values, as the file that comes with the package has them.
+
+        Returns
+        -------
+        dict
+            `factors`, the usual standard deviation of each; `sources`; and `sums` as nested lists.
+        """
         arrays = self.sums.to_arrays()
         sources = [{name: getattr(s, name) for name in Source.__slots__} for s in self.sources]
         rounded = {name: np.asarray(v).tolist() for name, v in arrays.items()}
@@ -145,7 +235,23 @@ class Population:
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Population:
-        """Reverse of `to_dict`."""
+        """Make a population of plain values: the reverse of `to_dict`.
+
+        Parameters
+        ----------
+        values : mapping
+            As of `to_dict`.
+
+        Returns
+        -------
+        Population
+            With the same sums and sources.
+
+        Raises
+        ------
+        KeyError, TypeError or ValueError
+            When they are no such values.
+        """
         sums = Sums.from_arrays({name: np.array(value) for name, value in values["sums"].items()})
         return cls(sums, tuple(Source(**source) for source in values["sources"]))
 
@@ -155,7 +261,18 @@ POPULATION_FILE: Final = Path(__file__).parent / "data" / "population.json"
 
 @cache
 def population() -> Population:
-    """The cars whose trips may be used by everybody: sums that `python -m tools.data.population` makes."""
+    """Load the cars whose trips may be used by everybody: sums that `python -m tools.data.population` makes.
+
+    Returns
+    -------
+    Population
+        That of the package, read once.
+
+    Examples
+    --------
+    >>> sorted({source.car_model for source in population().sources})
+    ['bmw_i3_60ah', 'nissan_leaf_24', 'renault_twizy']
+    """
     return Population.from_dict(json.loads(POPULATION_FILE.read_text(encoding="utf-8")))
 
 

@@ -31,6 +31,7 @@ from tripwatt.sources.mapping import (
 from tripwatt.trips import COLUMNS, Context, Flag, Fleet, Log, raise_faults
 from tripwatt.trips.energy import resolution
 from tripwatt.trips.inertia import WRONG_SIGN, apparent_mass
+from tripwatt.units import SECONDS_PER_DAY
 from tripwatt.vehicles import load_vehicle
 
 WRONG_SHARE: Final = 0.01
@@ -49,7 +50,6 @@ WH_PER_KWH: Final = 1000.0
 OCV_PARTS: Final = 1000
 WHOLE_PERCENT: Final = 0.01
 """Step of a state of charge that does not change."""
-SECONDS_PER_DAY: Final = 86_400.0
 
 
 def read_table(path: Path | str, mapping: Path | str | ColumnMapping | None = None) -> Fleet:
