@@ -39,6 +39,11 @@ WORDS = {
     "transients": "losses by changes of speed",
     "frost": "load for each 10 K below freezing",
     "warm_up": "load at departure at 0 °C",
+    "frosty": "the whole consumption around -8 °C",
+    "cold_days": "the whole consumption around 2 °C",
+    "mild": "the whole consumption around 12 °C",
+    "warm": "the whole consumption around 22 °C",
+    "hot": "the whole consumption around 32 °C",
 }
 """Factors of a car in words."""
 

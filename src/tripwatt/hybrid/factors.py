@@ -1,14 +1,15 @@
 """Named factors by which a car on the road differs from its simulation, and what the trips of a car show of them.
 
 The residual energy of a trip, observed minus simulated, is linear in a few factors with names: everything is larger by a share, road load,
-drivetrain, base load, heating, cooling; losses in the cold and with changes of speed; loads below freezing and while the car warms up. Their
-features follow from the simulation, so a car needs no second simulation for them.
+drivetrain, base load, heating, cooling; losses in the cold and with changes of speed; loads below freezing and while the car warms up; shares around a
+temperature. Their features follow from the simulation, so a car needs no second simulation for them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from types import MappingProxyType
 from typing import ClassVar, Final
 
 import numpy as np
@@ -44,6 +45,11 @@ class Factor:
     source: str
 
 
+SEASONS: Final = MappingProxyType({"frosty": -8.0, "cold_days": 2.0, "mild": 12.0, "warm": 22.0, "hot": 32.0})
+"""Shares of the consumption around an outside temperature [°C]: what trips at 20 °C show is not shown for -10 °C."""
+
+_SEASON: Final = "half of the spread of the whole consumption; an assumption"
+
 FACTORS: Final = (
     Factor(EVERYTHING, 0.10, "1", "measured consumption of cars of one model and of published figures differs by 5 to 15 %"),
     Factor("rolling", 0.12, "1", "neighbouring classes of the EU tyre label lie 15 % apart (Regulation (EU) 2020/740, annex I)"),
@@ -56,6 +62,7 @@ FACTORS: Final = (
     Factor("transients", 0.10, "1", "share of mass times speed times the mean change of speed: what a change of speed loses"),
     Factor("frost", 0.30, "kW", "for each 10 K below freezing: windows, battery, snow"),
     Factor("warm_up", 0.30, "kW", "at departure at 0 °C, fading within 10 minutes: soaked cabin and oil"),
+    *(Factor(name, 0.06, "1", _SEASON) for name in SEASONS),
 )  # fmt: skip
 """The factors, and how much cars differ in each as far as is published."""
 
@@ -67,6 +74,8 @@ MILD_DEGC: Final = 19.0
 """Outside air above which climate control cools, by half [°C]."""
 
 _TURN_K: Final = 1.5
+_NEAR_K: Final = 8.0
+_SEASONS_DEGC: Final = (-20.0, 45.0)
 _UNKNOWN_DEGC: Final = 15.0
 _FADING_S: Final = 600.0
 
@@ -107,7 +116,10 @@ def factor_power(table: SegmentTable, mass_kg: float) -> FloatArray:
         100.0 * np.maximum(0.0, -ambient),
         50.0 * np.maximum(0.0, 20.0 - ambient) * np.exp(-column["time_s"] / _FADING_S),
     )
-    return np.asarray(np.column_stack(powers) * SDS)
+    inside = np.clip(ambient, *_SEASONS_DEGC)
+    near = np.exp(-0.5 * ((inside[:, None] - np.array(list(SEASONS.values()))) / _NEAR_K) ** 2)
+    seasons = table.simulated_w[:, None] * near / np.sqrt((near**2).sum(axis=1, keepdims=True))
+    return np.asarray(np.column_stack([*powers, seasons]) * SDS)
 
 
 def shortfall_power(table: SegmentTable) -> FloatArray:
