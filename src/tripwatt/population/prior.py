@@ -30,7 +30,7 @@ CAR_MODEL_SHARE: Final = 0.3
 """Share of the variance between vehicles that is between car models; the rest is vehicle, driver and log. An assumption: Leafs of one year and
 battery differ by as much as cars of different models."""
 
-ROOT_SD: Final = 0.5
+ROOT_SD: Final = 0.35
 """Prior standard deviation of what all cars have in common, over that between cars: simulations are made to be right on average."""
 
 ASSUMED_DF: Final = 4
