@@ -196,6 +196,8 @@ class Population:
             Before any trip; factors are in usual standard deviations.
         """
         mean, covariance = self._posterior.weights(vehicle.name)
+        if not self.sums.groups:  # a tree without cars has no levels
+            covariance = covariance + np.eye(len(NAMES))
         shift, variance = _beyond_values(vehicle)
         return Experts.from_prior(mean + shift, covariance, variance)
 
