@@ -233,39 +233,6 @@ def test_arguments_that_cannot_be_used_are_refused_at_once(pair: list[CarTrips])
         evaluate_cars(pair, draws=-3)
 
 
-def louder(car: CarTrips, factor: float) -> CarTrips:
-    """The same trips with more current."""
-    trips = tuple(
-        Trip.from_samples(t.trip_id, t.samples.assign(current_a=factor * t.samples["current_a"]), t.context)
-        for t in car.trips
-    )
-    return replace(car, trips=trips)
-
-
-def zero_forecasts(cars: Sequence[CarTrips], car: str) -> list[float]:
-    trips = evaluate_cars(cars, trips=(0,), draws=1).trips
-    found: list[float] = trips.loc[trips["car"] == car, "zero_forecast_wh"].tolist()
-    return found
-
-
-def test_a_car_is_forecast_from_the_trips_of_others_and_never_from_those_of_its_data_set(
-    pair: list[CarTrips],
-) -> None:
-    leaf, id3 = pair
-    before = zero_forecasts(pair, "leaf")
-    assert zero_forecasts([louder(leaf, 1.3), id3], "leaf") == before
-    assert zero_forecasts([leaf, louder(id3, 1.3)], "leaf") > before
-    sibling = replace(id3, dataset="one")
-    alone = zero_forecasts([leaf], "leaf")
-    assert (
-        zero_forecasts([leaf, sibling], "leaf")
-        == zero_forecasts([leaf, louder(sibling, 1.3)], "leaf")
-        == alone
-    )
-    same_model = replace(louder(leaf, 1.3), name="other leaf", dataset="three")
-    assert zero_forecasts([leaf, id3, same_model], "leaf") == before
-
-
 def test_a_car_with_many_trips_scores_its_second_half_alone(
     pair: list[CarTrips], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -298,7 +265,7 @@ def test_runs_on_a_dynamometer_are_learned_for_the_road(pair: list[CarTrips]) ->
 
     def lab(vehicle: tw.Vehicle) -> Any:
         asked.append(vehicle.name)
-        return module.evidence_of(louder(leaf, 1.0), leaf.dataset)[1]
+        return module.evidence_of(leaf, leaf.dataset)[1]
 
     run = evaluate_cars([replace(leaf, lab=lab), id3], trips=(0,), draws=1)
     with_lab, without = run.results["cars"]

@@ -83,9 +83,16 @@ def test_the_package_has_no_set_whose_licence_forbids_it() -> None:
     licences = {source.dataset: source.licence for source in population().sources}
     assert licences == {"tum": "CC BY 4.0", "ved": "Apache-2.0", "twizy": "CC BY 4.0"}
     stored = json.loads(POPULATION_FILE.read_text(encoding="utf-8"))
-    assert set(stored) == {"factors", "sources", "sums"}  # no trip
+    assert set(stored) == {"factors", "sources", "sums", "logs"}  # no trip
     assert "sedan" not in POPULATION_FILE.read_text(encoding="utf-8")
     assert stored["factors"] == dict(zip(NAMES, SDS.tolist(), strict=True))  # made by the factors of now
+
+
+def test_stored_spreads_are_those_of_the_sums() -> None:
+    again = Population(population().sums, population().sources)
+    assert again.to_frame()["car_sd"].to_numpy() == pytest.approx(
+        population().to_frame()["car_sd"].to_numpy(), rel=1e-4
+    )
 
 
 def test_plain_values_and_back() -> None:

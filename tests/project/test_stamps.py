@@ -53,7 +53,6 @@ FOLLOWS = {
     "docs/explanation/paper.md": {"paper-page"},
     "docs/explanation/evaluation.md": {"coverage"},
     "docs/explanation/uncertainty.md": {"coverage"},
-    "docs/explanation/transfer.md": {"tum-ved", "ved-tum", "covariates"},
     "docs/explanation/car-model.md": {"parameters"},
     "docs/reference/vehicles.md": {"licences"},
     "docs/howto/fleet.md": {"costs"},

@@ -11,11 +11,11 @@ from tools.docs.paper_page import (
     FIGURES,
     SCHEMATICS,
     VARIABLES,
-    on_transfer,
+    cars_table,
+    on_cars,
     on_trip_df,
     render_paper_page,
     table2_row,
-    transfer_table,
 )
 from tools.docs.schematics import plot_hybrid, plot_simulation
 
@@ -61,7 +61,7 @@ def test_no_element_is_without_numbers(page: str) -> None:
     for words in (
         "not in this run",
         "was not among the models",
-        "No transfer was measured",
+        "No other car was measured",
         "alone, with the models",
     ):
         assert words not in page
@@ -114,30 +114,24 @@ def test_variables_are_those_of_the_papers_table() -> None:
     assert dict(VARIABLES)["Battery current"].startswith("`current_a` [A], + discharges")
 
 
-def run_of(car: str, zero_shot: float, own: float) -> dict:
-    ends = [0.1, 0.2]
-    models = {
-        "physics": {"error": 0.3, "error_ci95": ends},
-        "zero-shot": {"error": zero_shot, "error_ci95": ends},
-        "own-a": {"error": 0.9, "error_ci95": ends},
-        "own-b": {"error": own, "error_ci95": ends},
+def scored(car: str, after: float, own: float | None) -> dict:
+    curve = [{"k": 0, "error": 0.2}, {"k": 20, "error": after}]
+    return {
+        "vehicle_title": car,
+        "physics": {"error": 0.3},
+        "curves": {"population": curve},
+        "own_model": None if own is None else {"error": own},
     }
-    return {"from": {"vehicle_title": "first"}, "to": {"vehicle_title": car}, "cars": [{"models": models}]}
 
 
-def test_transfer_is_judged_by_the_best_own_model() -> None:
-    runs = [run_of("Leaf", 0.10, 0.15), run_of("i3", 0.07, 0.05)]
-    assert on_transfer(runs) == (
-        "For Leaf the transferred model is no worse than the best own one; for i3 the best own model has a lower error."
+def test_other_cars_are_judged_by_their_own_model() -> None:
+    cars = {"cars": [scored("Leaf", 0.10, 0.15), scored("i3", 0.07, 0.05), scored("few trips", 0.1, None)]}
+    assert on_cars(cars) == (
+        "For Leaf what other cars show, with the same trips, is no worse than the car's own model; "
+        "for i3 the own model has a lower error."
     )
-    assert on_transfer([]) == "No transfer was measured."
-    rows = transfer_table(runs).rows
-    assert rows[0] == (
-        "first → Leaf",
-        "30.0\u00a0(10.0\u00a0to\u00a020.0)",
-        "10.0\u00a0(10.0\u00a0to\u00a020.0)",
-        "15.0\u00a0(10.0\u00a0to\u00a020.0)",
-    )
+    assert on_cars({}) == "No other car was measured."
+    assert cars_table(cars).rows[0] == ("Leaf", "30.0", "20.0", "10.0", "15.0", "20")
 
 
 def test_the_schematics_show_what_the_code_does() -> None:

@@ -3,7 +3,7 @@
 python -m tools.quality.same_numbers results OLD NEW
 python -m tools.quality.same_numbers forecasts OLD/bin/python NEW/bin/python
 
-OLD and NEW of `results` are JSON files, such as `results.json` of `tripwatt evaluate` and `tripwatt transfer`, or two checkouts, of
+OLD and NEW of `results` are JSON files, such as `results.json` of `tripwatt evaluate`, or two checkouts, of
 which every file of `docs/results` is compared. Every number has to agree to 1e-9 relative. Running times and versions are left aside;
 texts may change. A renamed place counts under its new name (`RENAMED`), and a new place is listed. Exit code 1 when a number differs
 or is missing.

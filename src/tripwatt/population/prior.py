@@ -112,6 +112,7 @@ class Population:
 
     sums: Sums
     sources: tuple[Source, ...] = ()
+    logs: tuple[float, ...] = ()
 
     @classmethod
     def from_evidence(cls, cars: Sequence[tuple[Source, TripEvidence]]) -> Population:
@@ -170,14 +171,18 @@ class Population:
         return Population(self.sums.take(others) + own, (*kept, source))
 
     @cached_property
-    def _posterior(self) -> GroupPosterior:
+    def _scales(self) -> Scales:
         parts = len(FACTORS)
         shares = (CAR_MODEL_SHARE, 1.0 - CAR_MODEL_SHARE)
         usual = Scales(tuple((share**0.5,) * parts for share in shares), 1.0, tuple(range(parts)), ROOT_SD)
-        counted = self.sums.count.sum() > 0
+        if self.logs:
+            return usual.with_logs(np.array(self.logs))
         # the logarithm of a standard deviation of n degrees of freedom has about this standard deviation
-        scales = fit_scales(self.sums, usual, math.sqrt(0.5 / ASSUMED_DF)) if counted else usual
-        return group_posterior(self.sums, scales)
+        return fit_scales(self.sums, usual, math.sqrt(0.5 / ASSUMED_DF)) if self.sums.groups else usual
+
+    @cached_property
+    def _posterior(self) -> GroupPosterior:
+        return group_posterior(self.sums, self._scales)
 
     def experts(self, vehicle: Vehicle) -> Experts:
         """Make what is believed of a car without trips.
@@ -233,7 +238,8 @@ class Population:
         arrays = self.sums.to_arrays()
         sources = [{name: getattr(s, name) for name in Source.__slots__} for s in self.sources]
         rounded = {name: np.asarray(v).tolist() for name, v in arrays.items()}
-        return {"factors": dict(zip(NAMES, SDS.tolist(), strict=True)), "sources": sources, "sums": rounded}
+        factors = dict(zip(NAMES, SDS.tolist(), strict=True))
+        return {"factors": factors, "sources": sources, "sums": rounded, "logs": self._scales.logs.tolist()}
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Population:
@@ -255,7 +261,7 @@ class Population:
             When they are no such values.
         """
         sums = Sums.from_arrays({name: np.array(value) for name, value in values["sums"].items()})
-        return cls(sums, tuple(Source(**source) for source in values["sources"]))
+        return cls(sums, tuple(Source(**source) for source in values["sources"]), tuple(values["logs"]))
 
 
 POPULATION_FILE: Final = Path(__file__).parent / "data" / "population.json"
