@@ -24,7 +24,7 @@ from tripwatt.cli.options import (
 )
 from tripwatt.cli.output import check_writable, finished_folds, unfinished_folder, write_whole
 from tripwatt.cli.printing import console, print_json, print_notes, print_table, progress
-from tripwatt.errors import InvalidInput
+from tripwatt.errors import Fault, InvalidInput, raise_faults
 from tripwatt.files import folder_lock
 
 if TYPE_CHECKING:
@@ -107,6 +107,14 @@ def evaluate(
     """
     shown = console()
     if protocol == CARS:
+        others = {
+            "--dataset": dataset,
+            "--mapping": mapping,
+            "--test": test,
+            "--models": models,
+            "--vehicle": vehicle,
+        }
+        _without_effect({**others, "--set": overrides, "--resume": resume or None})
         _evaluate_cars(data, out, seed, as_json)
         return
     car, note = car_of(vehicle, data, dataset, mapping)
@@ -127,6 +135,12 @@ def evaluate(
     with folder_lock(unfinished):
         run = _run_and_write(trips, options, jobs, out, unfinished, resume)
     _show(run, out, built_in=data is None, as_json=as_json)
+
+
+def _without_effect(given: dict[str, Any]) -> None:
+    """Raise `InvalidInput` for options that the protocol of cars has no use for."""
+    allowed = "only with another --protocol: the file names data and cars"
+    raise_faults(Fault("option has no effect", k, f"{v}", allowed) for k, v in given.items() if v is not None)
 
 
 def _evaluate_cars(data: Path | None, out: Path, seed: int, as_json: bool) -> None:

@@ -130,8 +130,13 @@ def evaluate_cars(
     faults = [
         Fault("value out of range", name, f"{got}", allowed)
         for name, got, allowed, right in (
-            ("trips", list(trips), "whole numbers of 0 or more", bool(trips) and min(trips, default=-1) >= 0),
-            ("draws", draws, "1 or more", draws >= 1),
+            (
+                "trips",
+                list(trips),
+                "whole numbers of 0 or more",
+                bool(trips) and all(isinstance(k, int) and k >= 0 for k in trips),
+            ),
+            ("draws", draws, "a whole number of 1 or more", isinstance(draws, int) and draws >= 1),
             ("cars", len(cars), "at least 1", len(cars) >= 1),
         )
         if not right
@@ -173,24 +178,32 @@ def read_cars(path: Path) -> list[CarTrips]:
     except tomllib.TOMLDecodeError as error:
         raise InvalidInput.of("not a TOML file", f"{path}", f"{error}"[:200], "TOML 1.0") from error
     raise_faults(_file_faults(document, f"{path}"))
-    found = []
+    found: list[CarTrips] = []
+    faults: list[Fault] = []
     for name, about in document.items():
-        mapping = about.get("mapping")
-        if mapping is not None and (path.parent / mapping).is_file():
-            mapping = path.parent / mapping
-        car = about["vehicle"]
-        vehicle = load_vehicle(path.parent / car if car.endswith(".toml") else car)
-        dataset = about.get("dataset", "table" if mapping is not None else "tum")
-        sound = [
-            t
-            for t in audit(read_logs(path.parent / about["logs"], dataset, mapping)).trips
-            if t.observed_energy_wh
-        ]
-        ids = sorted({trip.context.car or "" for trip in sound})
-        for own in ids:
-            trips = tuple(trip for trip in sound if (trip.context.car or "") == own)
-            found.append(CarTrips(f"{name}-{own}" if len(ids) > 1 else name, name, vehicle, trips))
+        try:
+            found += _cars_of(name, about, path.parent)
+        except InvalidInput as error:
+            faults += error.faults
+    raise_faults(faults)
     return found
+
+
+def _cars_of(name: str, about: Mapping[str, str], place: Path) -> Iterator[CarTrips]:
+    mapping: Path | str | None = about.get("mapping")
+    if mapping is not None and (place / mapping).is_file():
+        mapping = place / mapping
+    car = about["vehicle"]
+    vehicle = load_vehicle(place / car if car.endswith(".toml") else car)
+    dataset = about.get("dataset", "table" if mapping is not None else "tum")
+    judged = audit(read_logs(place / about["logs"], dataset, mapping))
+    sound = [trip for trip in judged.trips if trip.observed_energy_wh is not None]
+    if not sound:
+        raise InvalidInput.of("no sound trips", f"[{name}]", f"{judged}", "at least 1 with measured energy")
+    ids = sorted({trip.context.car or "" for trip in sound})
+    for own in ids:
+        trips = tuple(trip for trip in sound if (trip.context.car or "") == own)
+        yield CarTrips(f"{name}-{own}" if len(ids) > 1 else name, name, vehicle, trips)
 
 
 def _file_faults(document: Mapping[str, Any], where: str) -> Iterator[Fault]:
@@ -202,11 +215,13 @@ def _file_faults(document: Mapping[str, Any], where: str) -> Iterator[Fault]:
             yield Fault("not a table", place, f"{about!r}"[:40], "a table with logs and vehicle")
             continue
         for key in ("logs", "vehicle"):
-            if not isinstance(about.get(key), str):
+            if key not in about:
                 yield Fault("missing entry", place, "nothing", f"{key} = a text")
-        for key in about:
+        for key, value in about.items():
             if key not in ("logs", "vehicle", "dataset", "mapping"):
                 yield Fault("unknown key", place, f"{key}"[:40], "logs, vehicle, dataset, mapping")
+            elif not isinstance(value, str):
+                yield Fault("not a text", f"{place}, {key}", f"{value!r}"[:40], f"{key} = a text")
 
 
 def evidence_of(car: CarTrips, dataset: str) -> tuple[Vehicle, TripEvidence, SegmentTable]:
@@ -302,7 +317,11 @@ def _curve(
     """Mean error over draws of k trips, and with the whole first half in its order."""
     n = len(evidence)
     half = n // 2 if n >= FEW else n
-    counts = [k for k in trips if k < half and (n >= FEW or n - k >= LEAST_SCORED) and (k or not needs_trips)]
+    counts = [
+        k
+        for k in trips
+        if k < half and (n >= FEW or n - k >= LEAST_SCORED or not k) and (k or not needs_trips)
+    ]
     rows = []
     for k in counts:
         rng = np.random.default_rng((seed, k))

@@ -15,6 +15,7 @@ from typing import ClassVar, Final
 import numpy as np
 
 from tripwatt.arrays import FloatArray, IntArray
+from tripwatt.errors import InvalidInput
 from tripwatt.hybrid.groups import Sums
 from tripwatt.hybrid.power import PowerCorrector
 from tripwatt.hybrid.segments import LINE_CAUSES, SegmentTable
@@ -165,6 +166,11 @@ class TripEvidence:
         """Measured energy [Wh], shape (trips,)."""
         return np.asarray(self.residual_wh + self.factors_wh[:, 0] / SDS[0])
 
+    @property
+    def is_current(self) -> bool:
+        """Whether its factors are those of this version."""
+        return bool(self.factors_wh.shape[1] == len(NAMES))
+
     def __len__(self) -> int:
         return len(self.trip_ids)
 
@@ -223,7 +229,9 @@ class TripEvidence:
             error = y - X @ (inverse @ ((X.T / (usual * weight)) @ y))
             square = error**2 + np.einsum("ij,jk,ik->i", X, inverse, X)
             weight = (TAIL_DF + error**2 / usual) / (TAIL_DF + 1.0)
-            own = np.maximum(square / weight - self.measured_wh2, 0.0) / self.usual_wh2
+            # of an error the share that is not of its measurement, and what the measurement hides of it
+            share = noise * self.usual_wh2 / usual
+            own = (share**2 * square / weight + share * self.measured_wh2) / self.usual_wh2
             noise = max((_USUAL_DF + float(own.sum())) / (_USUAL_DF + len(y)), _LEAST_NOISE)
         return Sums.from_trips([(car_model, vehicle)] * len(y), X, y, usual * weight)
 
@@ -251,9 +259,9 @@ USUAL_DAYS: Final = 1.0
 """Between two trips without a date."""
 
 
-def drift_kept(day: FloatArray, since: float) -> FloatArray:
+def drift_kept(day: FloatArray, since: float | None) -> FloatArray:
     """Share of a drift that is left on other days. Shape of `day`."""
-    away = np.abs(day - since)
+    away = np.abs(day - (np.nan if since is None else since))
     return np.asarray(np.exp(-np.where(np.isfinite(away), away, USUAL_DAYS) / DRIFT_DAYS))
 
 
@@ -269,8 +277,8 @@ class FactorCorrector(PowerCorrector):
         In usual standard deviations; the drift comes last, which acts on everything.
     factor : ndarray, shape (factors + 1, any)
         ``factor @ factor.T`` is their covariance.
-    day : float
-        Day of the drift, since 1970; NaN where unknown.
+    day : float or None
+        Day of the drift, since 1970; None where unknown.
     drift_sd : float
         Standard deviation of the drift long before and after.
     """
@@ -280,8 +288,15 @@ class FactorCorrector(PowerCorrector):
     mass_kg: float
     mean: FloatArray
     factor: FloatArray
-    day: float
+    day: float | None
     drift_sd: float
+
+    def __post_init__(self) -> None:
+        if self.mean.shape != (len(NAMES) + 1,):
+            got, allowed = f"{len(self.mean) - 1} factors", f"{len(NAMES)} factors"
+            raise InvalidInput.of(
+                "model of an older version", "model.json, corrector", got, allowed, self.refit
+            )
 
     @property
     def changes(self) -> dict[str, tuple[float, float]]:

@@ -278,6 +278,7 @@ class GroupPosterior:
             "sds": np.array(self.scales.sds),
             "noise": np.array([self.scales.noise]),
             "split": np.array(self.scales.split),
+            "root": np.array([self.scales.root]),
         }
 
     @classmethod
@@ -288,7 +289,8 @@ class GroupPosterior:
             for name, depth in zip(arrays["names"], arrays["depth"], strict=True)
         ]
         sds = tuple(tuple(row) for row in arrays["sds"].tolist())
-        scales = Scales(sds, float(arrays["noise"][0]), tuple(arrays["split"].tolist()))
+        root = float(arrays.get("root", [ROOT_SD])[0])
+        scales = Scales(sds, float(arrays["noise"][0]), tuple(arrays["split"].tolist()), root)
         return cls(Tree.from_names(names), scales, arrays["mean"], arrays["covariance"])
 
 

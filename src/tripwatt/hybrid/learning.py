@@ -197,7 +197,8 @@ class Experts:
         values, vectors = eigen(0.5 * (covariance + covariance.T))
         factor = vectors * np.sqrt(np.maximum(values, 0.0))
         drift_sd = float(np.sqrt(self.weights @ self.drift))
-        return FactorCorrector(vehicle.body.test_mass_kg, mean, factor, self.day, drift_sd)
+        day = self.day if np.isfinite(self.day) else None
+        return FactorCorrector(vehicle.body.test_mass_kg, mean, factor, day, drift_sd)
 
     def at(self, day: float) -> Experts:
         """The same on another day: what is known of the drift fades. A day that is not known comes `USUAL_DAYS` later."""

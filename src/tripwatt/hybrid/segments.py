@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime as dt
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
@@ -251,7 +252,7 @@ def segment_table(
         "payload_mass_kg": departure.payload_mass_kg or 0.0,
         **{name: _known(getattr(departure, name)) for name in TEMPERATURES},
         "soc": _known(departure.bms_soc),
-        "day": np.nan if departure.departs_at is None else departure.departs_at.timestamp() / SECONDS_PER_DAY,
+        "day": _day(departure.departs_at),
         "winter": {"winter": 1.0, "summer": 0.0}.get(departure.season or "", np.nan),
     }
     simulated = np.asarray(features["simulated_w"])
@@ -360,6 +361,13 @@ def resimulated(table: SegmentTable, plans: Sequence[Plan], vehicle: Vehicle) ->
         even = new.simulated_w + (observed - table.simulated_w) - change
         observed = np.where(table.energy_errors.along[rows], observed, even)
     return replace(table, features=new.features, simulated_w=new.simulated_w, observed_w=observed)
+
+
+def _day(at: dt.datetime | None) -> float:
+    """Days since 1970; a time without a zone counts as UTC on every machine."""
+    if at is None:
+        return np.nan
+    return (at if at.tzinfo else at.replace(tzinfo=dt.UTC)).timestamp() / SECONDS_PER_DAY
 
 
 def _known(value: float | None) -> float:

@@ -265,7 +265,8 @@ class Car:
             return new
         if load_metadata(place, check_parts=False)["format_version"] == FORMAT_VERSION:
             stored = load_model(place)
-            return new if stored.evidence_ is None else new.with_evidence(stored.evidence_, stored.ranges_)
+            if stored.evidence_ is not None and stored.evidence_.is_current:
+                return new.with_evidence(stored.evidence_, stored.ranges_)
         seen = self.diary.trip_ids
         trips = audit(Fleet(self.name, tuple(self.store.logs()))).trips
         return new.with_trips([trip for trip in _by_date(trips) if trip.trip_id in seen])

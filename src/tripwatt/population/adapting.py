@@ -39,8 +39,8 @@ from tripwatt.vehicles import Vehicle
 ADAPTED: Final = "population"
 """Name of the corrector of a model on another car."""
 
-PRIOR_TRIPS: Final = 10.0
-"""Weight of the usual scores beside the own trips', in trips: the fewest that show a 90 % interval at all."""
+PRIOR_TRIPS: Final = 20.0
+"""Weight of the usual scores beside the own trips', in trips: twice the fewest that show a 90 % interval at all."""
 
 _MOST: Final = 9.0
 """Largest square of a standardised error that counts for the scale."""
@@ -132,7 +132,7 @@ class Adaptation:
         """
         table = segment_trips(trips, self.vehicle)
         evidence, ranges = TripEvidence.from_table(table, self.vehicle), training_ranges(table)
-        return self.with_evidence(evidence, _joined(self.ranges, ranges) if self.ranges else ranges)
+        return self.with_evidence(evidence, _widened(self.ranges, ranges))
 
     def with_evidence(self, evidence: TripEvidence, ranges: Mapping[str, Range]) -> Adaptation:
         """Learn trips of which the energies by factor are known already. O(trips x experts x factors^2).
@@ -298,7 +298,11 @@ def population_of(base: ForecastModel, *, of_car: bool = False) -> Population:
     ['ved-10', 'ved-541', 'twizy', 'base']
     """
     cars, name = population(), base.vehicle.name
-    if base.evidence_ is None or (not of_car and any(source.car_model == name for source in cars.sources)):
+    if (
+        base.evidence_ is None
+        or not base.evidence_.is_current
+        or (not of_car and any(source.car_model == name for source in cars.sources))
+    ):
         return cars
     own = Source(name, "base", "", len(base.evidence_), "", "")
     return cars.with_car(own, base.evidence_)
@@ -447,11 +451,23 @@ def scores_of(own: FloatArray) -> ConformalScores:
     return ConformalScores.from_errors(np.interp(spread, level, values[order]).tolist())
 
 
-def _joined(one: Mapping[str, Range], other: Mapping[str, Range]) -> dict[str, Range]:
-    """Ranges over both; an input that the other lacks has none."""
-    joined = {}
-    for name, old in one.items():
-        new = other.get(name, NEVER_KNOWN)
-        known = np.isfinite(new.low) and np.isfinite(old.low)
-        joined[name] = Range(min(old.low, new.low), max(old.high, new.high), old.sd) if known else new
-    return joined
+def _joined(base: Mapping[str, Range], own: Mapping[str, Range]) -> dict[str, Range]:
+    """Ranges over the trips of both cars; an input that the car's log lacks has none."""
+    return {
+        name: _both(old, own[name]) if name in own and np.isfinite(own[name].low) else NEVER_KNOWN
+        for name, old in base.items()
+    }
+
+
+def _widened(before: Mapping[str, Range], now: Mapping[str, Range]) -> dict[str, Range]:
+    """Ranges of own trips with further ones."""
+    return {name: _both(before.get(name, new), new) for name, new in now.items()}
+
+
+def _both(one: Range, other: Range) -> Range:
+    """A range over two; where one is not known, the other."""
+    if not np.isfinite(one.low):
+        return other
+    if not np.isfinite(other.low):
+        return one
+    return Range(min(one.low, other.low), max(one.high, other.high), one.sd)

@@ -58,7 +58,7 @@ def cars_panels(results: Record) -> list[Panel]:
                 "cars-curves",
                 "Error by the number of own trips",
                 said_of_cars(results),
-                plot_curves(results),
+                plot_curves(results) if any(map(_has_curve, results["cars"])) else None,
                 (curves_table(results),),
                 wide=True,
             ),
@@ -173,7 +173,7 @@ def factors_table(results: Record) -> Table:
 
 def plot_curves(results: Record) -> Figure:
     """Error by the number of own trips, a panel for each car."""
-    cars = [car for car in results["cars"] if len(car["curves"]["population"]) > 1]
+    cars = [car for car in results["cars"] if _has_curve(car)]
     figure = new_figure(
         2.6 * max(1, (len(cars) + 1) // 2), "Error by own trips", "given the driven speed trace", False
     )
@@ -209,6 +209,10 @@ def plot_curves(results: Record) -> Figure:
         for line, text in zip(*axes.get_legend_handles_labels(), strict=True)
     }
     return legend_below(figure, 2, handles=list(every.values()), labels=list(every))
+
+
+def _has_curve(car: Record) -> bool:
+    return len(car["curves"]["population"]) > 1
 
 
 def _points(car: Record) -> Iterator[tuple[str, tuple[list[int], list[float]]]]:
