@@ -209,3 +209,16 @@ def test_a_stamp_moves_with_what_it_wrote(
         moved.restamped(RESULT, stamp, old)
     with pytest.raises(ValueError, match="-m two"):
         moved.restamped(RESULT, {**stamp, "settings": ["-m two"]}, old)
+
+
+def test_a_result_without_other_cars_does_not_rest_on_their_forecasts(project: Path) -> None:
+    at = {"simulation": [[1.0, 2.0]], "forecast own trips": [[1.0]], "forecast bmw_i3_60ah": [[1.0]]}
+    own, others = RESULT, RESULT._replace(other_cars=True)
+    assert set(make_results.resting(own, at)) == {"simulation", "forecast bmw_i3_60ah"}
+    assert set(make_results.resting(others, at)) == set(at)
+    now = at | {"forecast own trips": [[2.0]]}
+    for result, changed in ((own, ""), (others, "the code computes something else")):
+        made = make_results.stamp(result, probe.digest(make_results.resting(result, at)))
+        assert changed in "; ".join(make_results.stale(result, {"one": made}, now, at))
+        if not changed:
+            assert not list(make_results.stale(result, {"one": made}, now, at))
