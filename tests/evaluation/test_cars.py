@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -117,3 +118,15 @@ def test_one_factor_is_exact_on_a_car_that_takes_a_share_more() -> None:
 def test_what_cannot_be_scored_is_refused(cars, options, words) -> None:
     with pytest.raises(InvalidInput, match=words):
         evaluate_cars(cars, **options)
+
+
+def test_a_public_set_is_known_by_its_own_name(data_dir, tmp_path) -> None:
+    """So that values of the library from its logs, and its sums in the package, are left out."""
+    folder = tmp_path / "mine"
+    folder.mkdir()
+    for name in ("TripA08.csv", "TripB20.csv"):
+        shutil.copy(data_dir / "tum" / name, folder / name)
+    file = tmp_path / "cars.toml"
+    file.write_text('[i3]\nlogs = "mine"\nvehicle = "bmw_i3_60ah"\n', encoding="utf-8")
+    (car,) = protocol.read_cars(file)
+    assert (car.name, car.dataset, len(car.trips)) == ("i3", "tum", 2)

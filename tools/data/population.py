@@ -1,4 +1,4 @@
-"""Make the sums of cars that come with the package anew: ``python -m tools.data.population [DATA]``.
+"""Make the sums of cars that come with the package anew: ``python -m tools.data.population [--data DATA]``.
 
 DATA has the folders `tum`, `ved` and `twizy`. Only sums over all trips of a vehicle go into the file; no data set whose licence limits its use is read.
 """

@@ -114,7 +114,7 @@ RESULTS: Final = (
         ("tum", "docs/results/forecast.json"),
         1,
     ),
-    Result("population", ("-m tools.data.population {data}",), (POPULATION,), ("tum", "ved", "twizy"), 1),
+    Result("population", ("-m tools.data.population",), (POPULATION,), ("tum", "ved", "twizy"), 1),
     Result(
         "cars",
         ("-m benchmarks.cars --write",),

@@ -166,7 +166,8 @@ def evaluate_cars(
 def read_cars(path: Path) -> list[CarTrips]:
     """Cars with trips from a TOML file: a table for each data set, with `logs`, `vehicle`, and perhaps `dataset` and `mapping`.
 
-    Paths are relative to the file. Each vehicle that the logs name is a car of its own; its trips are audited.
+    Paths are relative to the file. Each vehicle that the logs name is a car of its own; its trips are audited. The data set of tables, of which
+    nothing takes part where they are scored, has the name of their table in the file.
 
     Raises
     ------
@@ -196,14 +197,15 @@ def _cars_of(name: str, about: Mapping[str, str], place: Path) -> Iterator[CarTr
     car = about["vehicle"]
     vehicle = load_vehicle(place / car if car.endswith(".toml") else car)
     dataset = about.get("dataset", "table" if mapping is not None else "tum")
-    judged = audit(read_logs(place / about["logs"], dataset, mapping))
+    fleet = read_logs(place / about["logs"], dataset, mapping)
+    judged, known_as = audit(fleet), name if dataset == "table" else fleet.name
     sound = [trip for trip in judged.trips if trip.observed_energy_wh is not None]
     if not sound:
         raise InvalidInput.of("no sound trips", f"[{name}]", f"{judged}", "at least 1 with measured energy")
     ids = sorted({trip.context.car or "" for trip in sound})
     for own in ids:
         trips = tuple(trip for trip in sound if (trip.context.car or "") == own)
-        yield CarTrips(f"{name}-{own}" if len(ids) > 1 else name, name, vehicle, trips)
+        yield CarTrips(f"{name}-{own}" if len(ids) > 1 else name, known_as, vehicle, trips)
 
 
 def _file_faults(document: Mapping[str, Any], where: str) -> Iterator[Fault]:

@@ -7,7 +7,6 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-import matplotlib.ticker
 from matplotlib.figure import Figure
 
 from tripwatt.report.html import write_page, write_whole
@@ -28,6 +27,9 @@ LABELS: Final = {
     "by cause": "Line by cause",
     "constant": "Constant Wh/km",
 }
+MOST_LETTERS: Final = 32
+"""Of the title of a small figure."""
+
 _STYLE: Final = {
     "population": ("#0f8797", "-", 2.4),
     "one factor": ("#d55e00", "--", 1.4),
@@ -106,7 +108,7 @@ def curves_table(results: Record) -> Table:
     counts = sorted({row["k"] for car in results["cars"] for row in car["curves"]["population"]})
     rows = [
         {
-            "label": f"{car['car']}: {LABELS[name].lower()}",
+            "label": f"{car['car']}: {LABELS[name][:1].lower()}{LABELS[name][1:]}",
             **{f"{row['k']}": row["error"] for row in car["curves"][name]},
         }
         for car in results["cars"]
@@ -194,13 +196,10 @@ def plot_curves(results: Record) -> Figure:
         if car.get("own_model"):
             own = 100.0 * car["own_model"]["error"]
             axes.axhline(own, color="#7c7c7c", lw=1.0, label="Own model, all trips of the first half")
-        axes.set_title(f"{car['car']}: {car['vehicle_title']}"[:48], fontsize=8.5)
-        axes.set_xscale("symlog", linthresh=1.0)
-        axes.xaxis.set_major_locator(
-            matplotlib.ticker.FixedLocator([row["k"] for row in car["curves"]["population"]])
-        )
-        axes.xaxis.set_major_formatter("{x:.0f}")
-        axes.minorticks_off()
+        axes.set_title(f"{car['car']}: {car['vehicle_title']}"[:MOST_LETTERS], fontsize=8.0)
+        counts = [row["k"] for row in car["curves"]["population"]]
+        axes.set_xticks(range(len(counts)), [f"{k}" for k in counts])
+        axes.set_xlim(-0.3, len(counts) - 0.7)
         axes.set(xlabel="own trips", ylabel="error [%]", ylim=(0.0, _top(car)))
         axes.grid(axis="y")
     every = {
@@ -216,10 +215,12 @@ def _has_curve(car: Record) -> bool:
 
 
 def _points(car: Record) -> Iterator[tuple[str, tuple[list[int], list[float]]]]:
+    """Place and error [%] of each learner."""
+    place = {row["k"]: i for i, row in enumerate(car["curves"]["population"])}
     for name in reversed(LEARNERS):
         rows = car["curves"][name]
         if rows:
-            yield name, ([row["k"] for row in rows], [100.0 * row["error"] for row in rows])
+            yield name, ([place[row["k"]] for row in rows], [100.0 * row["error"] for row in rows])
 
 
 def _top(car: Record) -> float:
