@@ -12,6 +12,7 @@ import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +35,7 @@ from tripwatt.physics import simulate_trip
 from tripwatt.population import Adaptation, population
 from tripwatt.report.cars import cars_panels, curves_table, factors_table, means_table, time_table
 from tripwatt.report.html import png_bytes
-from tripwatt.report.tables import markdown
+from tripwatt.report.tables import Column, markdown, tabulated
 from tripwatt.sources import read_logs
 from tripwatt.trips import Departure, Fleet, Trip, plan_from_trip
 from tripwatt.vehicles import RoadLoad, Vehicle, load_vehicle
@@ -68,19 +69,51 @@ def sedan_runs(folder: Path) -> Any:
     """The runs of the sedan on a dynamometer as evidence of a car: its road load and mass are those that were set."""
 
     def evidence(vehicle: Vehicle) -> TripEvidence:
-        load = RoadLoad(
-            "coastdown", coastdown_mass_kg=LAB_MASS_KG, coastdown_air_density_kg_m3=1.2, **LAB_LOAD
-        )
-        body = replace(vehicle.body, curb_mass_kg=LAB_MASS_KG - vehicle.body.driver_mass_kg)
-        lab = replace(
-            vehicle, body=body, road_load=load, auxiliaries=replace(vehicle.auxiliaries, moving_load_w=0.0)
-        )
+        lab = on_dynamometer(vehicle)
         tables = [lab_table(file, lab) for file in sorted(folder.glob("*.csv"))]
         shown = TripEvidence.from_table(SegmentTable.join(tables), lab)
         hidden = np.array([name in NOT_SHOWN for name in NAMES])
         return replace(shown, factors_wh=np.where(hidden, 0.0, shown.factors_wh))
 
     return evidence
+
+
+def on_dynamometer(vehicle: Vehicle) -> Vehicle:
+    """The car with the load and the mass that were set, without what it draws on a road alone."""
+    load = RoadLoad("coastdown", coastdown_mass_kg=LAB_MASS_KG, coastdown_air_density_kg_m3=1.2, **LAB_LOAD)
+    body = replace(vehicle.body, curb_mass_kg=LAB_MASS_KG - vehicle.body.driver_mass_kg)
+    return replace(
+        vehicle, body=body, road_load=load, auxiliaries=replace(vehicle.auxiliaries, moving_load_w=0.0)
+    )
+
+
+def stage_rows(folder: Path) -> Iterator[Row]:
+    """Each stage of the sedan on the dynamometer, with published values: nothing is fitted."""
+    car = on_dynamometer(load_vehicle("tesla_model_3_lr"))
+    tables = [lab_table(file, car) for file in sorted(folder.glob("*.csv"))]
+    whole = SegmentTable.join(tables)
+    observed, simulated = (whole.totals_wh(w) for w in (whole.observed_power_w, whole.simulated_w))
+    steady = np.array(["_CS_" in name or "_SPEED_" in name for name in whole.trip_ids])
+    for what, its in (("constant speeds", steady), ("cycles", ~steady)):
+        error = simulated[its] / observed[its] - 1.0
+        yield Row(
+            f"sedan on the dynamometer, {what}: mean error of {its.sum()} runs",
+            float(np.abs(error).mean()),
+            note=f"bias {error.mean():+.3f}",
+        )
+    stands = whole.features["speed_m_s"].to_numpy() < 0.01
+    yield Row(
+        "sedan standing: measured power",
+        float(whole.observed_power_w[stands].mean()),
+        "W",
+        note=f"published base load {car.auxiliaries.base_load_w:g} W",
+    )
+    # segments in which both say that the battery is charged
+    charged = (whole.observed_power_w < 0.0) & (whole.simulated_w < 0.0)
+    gained = [float(w[charged] @ whole.hours[charged]) for w in (whole.simulated_w, whole.observed_power_w)]
+    yield Row(
+        "sedan, recovered energy: simulated over measured, half-minutes that charge", gained[0] / gained[1]
+    )
 
 
 def lab_table(file: Path, car: Vehicle) -> SegmentTable:
@@ -116,6 +149,10 @@ def publish(results: dict[str, Any]) -> None:
     pages.renew(page, "factors", markdown(factors_table(results)))
     tables = (curves_table(results), time_table(results), means_table(results))
     pages.renew(page, "cars", "\n\n".join(map(markdown, tables)))
+    stages = stage_rows(DATA / "sedan" / "lab")
+    columns = [Column(name.capitalize(), attrgetter(name)) for name in ("name", "figure", "note")]
+    table = tabulated("The sedan on the dynamometer, published values", stages, *columns)
+    pages.renew(page, "dynamometer", markdown(table))
 
 
 BOUNDS = {
@@ -223,6 +260,7 @@ def bounds(only: str | None = None, draws: int = 100, write: bool = False) -> It
     for car in done.results["cars"]:
         if only in (None, car["car"]):
             yield from rows_of(car)
+    yield from stage_rows(DATA / "sedan" / "lab")
     yield from speed_rows(every)
 
 

@@ -123,6 +123,7 @@ RESULTS: Final = (
             "docs/images/cars-curves.png",
             "docs/explanation/cars.md#cars",
             "docs/explanation/cars.md#factors",
+            "docs/explanation/cars.md#dynamometer",
         ),
         ("tum", "ved", "twizy", "sedan", POPULATION, MODEL),
         2,

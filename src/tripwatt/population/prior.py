@@ -78,6 +78,8 @@ class Population:
         Groups are pairs of car model and vehicle; features are the factors in usual standard deviations.
     sources : tuple of Source
         One for each vehicle: its data set, citation and licence.
+    logs : tuple of float
+        Logarithms of the spreads, as of `Scales.logs`, where they were found before: their search imports slow modules.
 
     Examples
     --------

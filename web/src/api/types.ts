@@ -1198,7 +1198,7 @@ export interface components {
             usable_battery_kwh?: number | null;
             consumption_kwh_per_100km?: number | null;
             motor_power_kw?: number | null;
-            body?: ("small" | "hatchback" | "sedan" | "estate" | "suv" | "van" | "pickup") | null;
+            body?: ("small" | "hatchback" | "sedan" | "estate" | "suv" | "van" | "pickup" | "quadricycle") | null;
             heat_pump?: boolean | null;
             /** @enum {string} */
             procedure?: "wltp" | "epa";
