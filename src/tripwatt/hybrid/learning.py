@@ -1,7 +1,7 @@
 """A car learned trip by trip: each trip is forecast by several experts before any of them learns it.
 
-An expert is a belief about the factors of a car and the scale of its errors: the published values, one factor for everything, the population of
-cars with wider or narrower spreads, the car's own trips alone. Each is a Kalman filter of the factors `w` and of a slow drift `g` of the consumption
+An expert is a belief about the factors of a car and the scale of its errors: the published values, one factor for everything, a line by cause, the
+population of cars with wider or narrower spreads, the car's own trips alone. Each is a Kalman filter of the factors `w` and of a slow drift `g` of the consumption
 
     y_i = x_i' w + s_i g_i + e_i,   e_i ~ t(lambda n_i + m_i),   g_i = g_(i-1) exp(-dt / tau) + ...
 
@@ -31,10 +31,10 @@ from tripwatt.hybrid.factors import (
 )
 from tripwatt.vehicles import Vehicle
 
-KINDS: Final = ("published", "one factor", "population", "own trips")
+KINDS: Final = ("published", "one factor", "line by cause", "population", "own trips")
 """Kinds of experts."""
 
-KIND_WEIGHTS: Final = (0.05, 0.05, 0.88, 0.02)
+KIND_WEIGHTS: Final = (0.05, 0.05, 0.15, 0.73, 0.02)
 """Weight of each kind before any trip."""
 
 SPREADS: Final = ((0.15, 1.0), (0.3, 0.8), (0.6, 0.5), (1.2, 0.3), (2.4, 0.15))
@@ -116,7 +116,13 @@ class Experts:
     trips: int = 0
 
     @classmethod
-    def from_prior(cls, mean: FloatArray, covariance: FloatArray, own: FloatArray | float = 0.0) -> Experts:
+    def from_prior(
+        cls,
+        mean: FloatArray,
+        covariance: FloatArray,
+        shift: FloatArray | float = 0.0,
+        own: FloatArray | float = 0.0,
+    ) -> Experts:
         """Before any trip of a car.
 
         Parameters
@@ -125,22 +131,26 @@ class Experts:
             Of the population.
         covariance : ndarray, shape (factors, factors)
             Of a car of the population.
+        shift : ndarray, shape (factors,)
+            What is expected of the car whatever the population is: of one that is unlike those with published values.
         own : ndarray, shape (factors,)
             Variances that no expert narrows: of a car that is unlike those of the population.
         """
         p = len(NAMES)
-        zero, one = np.zeros(p), np.zeros((p, p))
+        zero, one = np.zeros(p) + shift, np.zeros((p, p))
+        mean = mean + shift
         one[0, 0] = 1.0
         beliefs = [
             (0, 1.0, zero, one * (_PUBLISHED_SD / SDS[0]) ** 2),
             (1, 1.0, zero, one * (_ONE_FACTOR_SD / SDS[0]) ** 2),
-            (3, 1.0, mean, covariance * _OWN_SCALE**2),
+            (2, 1.0, zero, np.eye(p)),
+            (4, 1.0, mean, covariance * _OWN_SCALE**2),
         ]
         total = sum(weight for _, weight in SPREADS) ** 2
         for all_scale, all_weight in SPREADS:
             for scale, weight in SPREADS:
                 scales = np.array([all_scale if name == EVERYTHING else scale for name in NAMES])
-                beliefs.append((2, all_weight * weight / total, mean, covariance * np.outer(scales, scales)))
+                beliefs.append((3, all_weight * weight / total, mean, covariance * np.outer(scales, scales)))
         climate = np.isin(NAMES, CLIMATE) / SDS
         noise = np.array(NOISES)
         by_noise = np.exp(-0.5 * (np.log(noise / USUAL_NOISE) / NOISE_LOG_SD) ** 2)

@@ -206,7 +206,7 @@ class Population:
         if not self.sums.groups:  # a tree without cars has no levels
             covariance = covariance + np.eye(len(NAMES))
         shift, variance = _beyond_values(vehicle)
-        return Experts.from_prior(mean + shift, covariance, variance)
+        return Experts.from_prior(mean, covariance, shift, variance)
 
     def to_frame(self) -> pd.DataFrame:
         """Give the mean of each factor over cars, its spread between cars, and what both rest on.

@@ -471,6 +471,7 @@ export const de: Text = {
     experts: {
       published: "veröffentlichte Werte",
       "one factor": "ein Faktor",
+      "line by cause": "jede Ursache für sich",
       population: "was Autos gemeinsam haben",
       "own trips": "eigene Fahrten allein",
     },

@@ -471,6 +471,7 @@ export const en = {
     experts: {
       published: "published values",
       "one factor": "one factor",
+      "line by cause": "each cause by itself",
       population: "what cars have in common",
       "own trips": "own trips alone",
     },
