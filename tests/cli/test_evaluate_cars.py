@@ -18,6 +18,7 @@ from tripwatt.errors import InvalidInput
 from tripwatt.evaluation import cars as module
 from tripwatt.evaluation.cars import CarTrips, evaluate_cars, read_cars
 from tripwatt.hybrid.factors import NAMES
+from tripwatt.hybrid.learning import KINDS
 from tripwatt.trips import Trip
 from tripwatt.vehicles import render_vehicle
 
@@ -152,7 +153,7 @@ def test_the_table_of_trips_has_each_trip_before_and_after_it_was_learned(
     later = trips[trips.groupby("car").cumcount() > 0]
     assert (later["forecast_wh"] != later["zero_forecast_wh"]).all()
     weights = trips.filter(like="weight_")
-    assert weights.shape[1] == 4
+    assert weights.shape[1] == len(KINDS)
     assert weights.sum(axis=1).to_numpy() == pytest.approx(1.0)
     error = (trips["zero_forecast_wh"] - trips["observed_energy_wh"]).abs()
     for car in results["cars"]:
