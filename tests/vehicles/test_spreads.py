@@ -5,7 +5,8 @@ import re
 import pytest
 from tests.support import ROOT
 
-from tripwatt.hybrid.parameters import PARAMETERS, on_road, parameters_of
+from tripwatt.hybrid.factors import FACTORS
+from tripwatt.hybrid.parameters import on_road
 from tripwatt.vehicles import (
     load_vehicle,
 )
@@ -33,16 +34,6 @@ def test_the_better_a_car_is_known_the_narrower() -> None:
     assert levels[2]["drivetrain"] == pytest.approx((0.02**2 + loss_sd() ** 2) ** 0.5 / 0.13)
 
 
-def test_parameters_have_the_widths_of_the_car() -> None:
-    assert parameters_of(load_vehicle("bmw_i3_60ah")) == PARAMETERS
-    found = {p.name: p for p in parameters_of(load_vehicle("vw_id4_pro"))}
-    usual = {p.name: p for p in PARAMETERS}
-    assert found["mass"] == usual["mass"]
-    assert found["air"].width == spreads("road_load")["air"]
-    assert found["air"].keys == usual["air"].keys
-    assert "coast-down" in found["air"].source
-
-
 def test_on_the_road_an_anchored_car_has_more_drag_once() -> None:
     car = load_vehicle("vw_id4_pro")
     road = on_road(car)
@@ -58,7 +49,7 @@ def test_on_the_road_an_anchored_car_has_more_drag_once() -> None:
 def test_the_page_of_the_cars_shows_the_spreads() -> None:
     """The rows of the anchors in docs/reference/vehicles.md, in percent."""
     page = (ROOT / "docs" / "reference" / "vehicles.md").read_text(encoding="utf-8")
-    published = {p.name: p.width for p in PARAMETERS}
+    published = {factor.name: factor.sd for factor in FACTORS}
     for anchor in ("road_load", "certification", "class", "published"):
         widths = {**published, **spreads(anchor)}
         shown = " | ".join(f"{100.0 * widths[name]:.0f} %" for name in ("rolling", "air", "drivetrain"))

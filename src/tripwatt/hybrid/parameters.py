@@ -6,10 +6,8 @@ from the trips that they are used on.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from types import MappingProxyType
 from typing import Final, cast
 
 import numpy as np
@@ -19,8 +17,7 @@ from tripwatt.hybrid.segments import SegmentTable, segment_table
 from tripwatt.physics import Simulation, simulate_trip
 from tripwatt.trips import Plan
 from tripwatt.vehicles import Vehicle
-from tripwatt.vehicles.catalogue import beyond_classes
-from tripwatt.vehicles.spreads import CLASS_ANCHORS, road_gain, spreads
+from tripwatt.vehicles.spreads import road_gain
 from tripwatt.vehicles.vehicle import Entry, Value
 
 _STEP: Final = 0.02
@@ -101,44 +98,6 @@ PARAMETERS: Final = (
     ),
 )
 """What is calibrated, with its width and where that comes from."""
-
-
-def parameters_of(vehicle: Vehicle) -> tuple[Parameter, ...]:
-    """The parameters with the widths of a car: the better its values are anchored, the narrower.
-
-    A car whose values were held against nothing has the widths of `PARAMETERS`. Those of a car with values of a class grow with the distance of its
-    mass from the library's cars.
-
-    Examples
-    --------
-    >>> from tripwatt.vehicles import load_vehicle
-    >>> [round(p.width, 2) for p in parameters_of(load_vehicle("vw_id4_pro")) if p.name in ("rolling", "air")]
-    [0.16, 0.07]
-    """
-    beyond = beyond_classes(vehicle.body.curb_mass_kg) if vehicle.anchor in CLASS_ANCHORS else 0.0
-    widths = spreads(vehicle.anchor, beyond)
-    parameters = tuple(
-        replace(p, width=widths[p.name], source=f"{p.source}; {_ANCHORED[vehicle.anchor]}")
-        if p.name in widths
-        else p
-        for p in PARAMETERS
-    )
-    if not beyond:
-        return parameters
-    # loads of the class, on which no figure of the car depends
-    return tuple(replace(p, width=math.hypot(p.width, beyond)) if p.name in _LOADS else p for p in parameters)
-
-
-_LOADS: Final = ("base_load", "hvac")
-
-
-_ANCHORED: Final = MappingProxyType(
-    {
-        "road_load": "measured coast-down and certified consumption",
-        "certification": "certified consumption, road load of a class",
-        "class": "values of a class",
-    }
-)
 
 
 def on_road(vehicle: Vehicle) -> Vehicle:

@@ -77,11 +77,6 @@ class PowerCorrector:
         """
         raise InvalidInput.of("corrector cannot be fitted", type(self).__name__, fix=self.refit)
 
-    @property
-    def processes(self) -> tuple[GPCorrector, ...]:
-        """Its Gaussian processes, which can be put on another car: one, or one for each channel."""
-        return ()
-
     def predict(self, table: SegmentTable) -> FloatArray:
         """Predict the residual power of each row.
 
@@ -226,11 +221,6 @@ class GPCorrector(PowerCorrector):
         """Residual power [W]."""
         return self._mean(self.model.features(table.features)[0], table)
 
-    @property
-    def processes(self) -> tuple[GPCorrector, ...]:
-        """Itself."""
-        return (self,)
-
     def outside_factor(self, table: SegmentTable) -> FloatArray:
         """From the prior of the process: of time beyond that of the training, and of the part that does not count."""
         share = self.familiarity.share(table.features)[:, None]
@@ -351,11 +341,6 @@ class EnsembleCorrector(PowerCorrector):
     def predict(self, table: SegmentTable) -> FloatArray:
         """Mean residual power [W]."""
         return np.asarray(np.mean([m.predict(table) for m in self.members], axis=0))
-
-    @property
-    def processes(self) -> tuple[GPCorrector, ...]:
-        """Those of all members; the other members have no uncertainty of their own."""
-        return tuple(process for member in self.members for process in member.processes)
 
     def outside_factor(self, table: SegmentTable) -> FloatArray:
         """Of the first member; trees fade outside of their range and have no variance of their own."""

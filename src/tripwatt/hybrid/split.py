@@ -127,11 +127,6 @@ class SplitCorrector(PowerCorrector):
     def _parts(self) -> tuple[PowerCorrector, ...]:
         return (self.climate, self.drive) if self.split_ else (self.joint,)
 
-    @property
-    def processes(self) -> tuple[GPCorrector, ...]:
-        """Those of its parts."""
-        return tuple(process for part in self._parts for process in part.processes)
-
     def predict(self, table: SegmentTable) -> FloatArray:
         """Residual power [W]."""
         return np.asarray(sum(part.predict(table) for part in self._parts))
