@@ -68,10 +68,13 @@ def test_a_descent_needs_less_than_its_reserve_and_may_need_nothing(model):
 def test_a_pass_is_not_crossed_with_an_empty_battery(model):
     """The way down would bring back what the way up takes; a car that stops on the way up does not get it."""
     trip = asked(model, "pass")
-    low = trip.leaving_with(max(trip.soc_needed(0.0, 0.5) - 0.03, 0.0))
+    needed, surely = trip.soc_needed(0.0, 0.5), trip.soc_needed(0.0, 0.9)
+    low = trip.leaving_with(
+        max(needed - max(0.03, 1.5 * (surely - needed)), 0.0)
+    )  # short by more than its spread
     assert min(low.soc_along(0.5)) < 0.0
     assert low.soc_along(0.5)[-1] > min(low.soc_along(0.5))
-    assert low.p_arrive(0.0) < 0.25  # a car without trips may take less than expected
+    assert low.p_arrive(0.0) < 0.1
     assert "battery_empty" in [flag.code for flag in low.flags]
 
 

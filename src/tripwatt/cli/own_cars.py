@@ -39,11 +39,11 @@ WORDS = {
     "transients": "losses by changes of speed",
     "frost": "load for each 10 K below freezing",
     "warm_up": "load at departure at 0 °C",
-    "frosty": "the whole consumption around -8 °C",
-    "cold_days": "the whole consumption around 2 °C",
-    "mild": "the whole consumption around 12 °C",
-    "warm": "the whole consumption around 22 °C",
-    "hot": "the whole consumption around 32 °C",
+    "near_minus_8": "the whole consumption around -8 °C",
+    "near_2": "the whole consumption around 2 °C",
+    "near_12": "the whole consumption around 12 °C",
+    "near_22": "the whole consumption around 22 °C",
+    "near_32": "the whole consumption around 32 °C",
 }
 """Factors of a car in words."""
 

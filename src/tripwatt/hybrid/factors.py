@@ -46,7 +46,9 @@ class Factor:
     source: str
 
 
-SEASONS: Final = MappingProxyType({"frosty": -8.0, "cold_days": 2.0, "mild": 12.0, "warm": 22.0, "hot": 32.0})
+SEASONS: Final = MappingProxyType(
+    {"near_minus_8": -8.0, "near_2": 2.0, "near_12": 12.0, "near_22": 22.0, "near_32": 32.0}
+)
 """Shares of the consumption around an outside temperature [°C]: what trips at 20 °C show is not shown for -10 °C."""
 
 _SEASON: Final = "half of the spread of the whole consumption; an assumption"
