@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import reprlib
 from collections.abc import Iterable, Mapping, Sequence, Sized
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from importlib.util import find_spec
 from types import MappingProxyType
 from typing import Any, Final, Self
@@ -71,6 +71,8 @@ class Fault:
         What would have been right.
     fix : str
         What the user can do, empty when `allowed` is enough.
+    count : int
+        Cells, rows or files that this fault stands for.
 
     Examples
     --------
@@ -83,6 +85,12 @@ class Fault:
     got: str = ""
     allowed: str = ""
     fix: str = ""
+    count: int = 1
+
+    @property
+    def texts(self) -> dict[str, str]:
+        """Its texts that are not empty, by name."""
+        return {name: text for name, text in asdict(self).items() if text and isinstance(text, str)}
 
     def __str__(self) -> str:
         text = f"{self.what}: {printable(self.where[:MOST_CHARACTERS])}"

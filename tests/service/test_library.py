@@ -11,7 +11,6 @@ from tripwatt.service.library import (
     described,
     example_summaries,
     examples,
-    usable_energy_wh,
     vehicles,
 )
 from tripwatt.service.problems import Problem
@@ -25,7 +24,7 @@ def test_the_usable_energy_is_the_mean_voltage_times_the_displayed_charge() -> N
     points = [low + (high - low) * k / 100.0 for k in range(101)]
     mean_v = sum(float(open_circuit_voltage(np.array([p]), battery)[0]) for p in points) / 101.0
     expected_wh = battery.capacity_ah * mean_v * (high - low)
-    assert usable_energy_wh(car) == pytest.approx(expected_wh, rel=1e-12)
+    assert usable_energy_wh(car.battery) == pytest.approx(expected_wh, rel=1e-12)
     assert 0.0 < low < high < 1.0
 
 
@@ -37,7 +36,7 @@ def test_the_cars_of_the_library() -> None:
         "name": "bmw_i3_60ah",
         "title": car.title,
         "test_mass_kg": car.body.test_mass_kg,
-        "usable_energy_wh": usable_energy_wh(car),
+        "usable_energy_wh": usable_energy_wh(car.battery),
         "has_climate": True,
         "anchor": car.anchor,
     }

@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.auditing import consistency, ranges, road, signals, stamps
-from tripwatt.auditing.findings import Cut, Finding, array, between, whole
+from tripwatt.auditing.findings import Consequence, Cut, Finding, array, between, whole
 from tripwatt.errors import Fault, raise_faults
 from tripwatt.trips import (
     Fleet,
@@ -27,6 +27,7 @@ from tripwatt.trips import (
     structure_faults,
     value_faults,
 )
+from tripwatt.trips.reading import Alike, alike
 
 __all__ = ["Audit", "Finding", "audit"]
 
@@ -52,6 +53,8 @@ class Audit:
         In the order of the logs.
     n_logs : int
         How many logs were audited.
+    lost_distance_m, lost_duration_s : float
+        Of the drives that are not used.
 
     Examples
     --------
@@ -66,6 +69,8 @@ class Audit:
     trips: tuple[Trip, ...]
     findings: tuple[Finding, ...]
     n_logs: int
+    lost_distance_m: float = 0.0
+    lost_duration_s: float = 0.0
 
     @property
     def set_aside(self) -> dict[str, str]:
@@ -75,6 +80,22 @@ class Audit:
             if finding.consequence == "set aside":
                 reasons.setdefault(finding.trip, []).append(finding.what)
         return {trip: "; ".join(what) for trip, what in reasons.items()}
+
+    def groups(self) -> tuple[tuple[Consequence, Alike], ...]:
+        """Group the findings by consequence and kind.
+
+        Returns
+        -------
+        tuple of (str, Alike)
+            What costs a drive first, the most frequent kind first.
+        """
+        return tuple(
+            (consequence, group)
+            for consequence in ("set aside", "trimmed", "split", "noted")
+            for group in alike(
+                (f.what, f.trip, 1, f"{f}") for f in self.findings if f.consequence == consequence
+            )
+        )
 
     def frame(self) -> pd.DataFrame:
         """Tabulate the findings.
@@ -143,7 +164,9 @@ def audit(logs: Fleet | Iterable[Recorded]) -> Audit:
     ordered = without_repeats([f for _, f in findings], len(trips))
     sound = _without_fault(legs, ordered)
     used_trips = tuple(Trip.from_log(leg) for leg, ok in zip(legs, sound, strict=True) if ok)
-    return Audit(used_trips, ordered, len(trips))
+    lost = [leg for leg, ok in zip(legs, sound, strict=True) if not ok]
+    far, long = sum(leg.distance_m for leg in lost), sum(leg.duration_s for leg in lost)
+    return Audit(used_trips, ordered, len(trips), float(far), float(long))
 
 
 def _audit_log(trip: Recorded) -> tuple[list[Recorded], list[Finding]]:

@@ -69,6 +69,11 @@ FACTORS: Final = (
 )  # fmt: skip
 """The factors, and how much cars differ in each as far as is published."""
 
+ACTS_DEGC: Final = MappingProxyType(
+    {"heating": (-60.0, 19.0), "cooling": (19.0, 60.0), "cold": (-60.0, 15.0), "frost": (-60.0, 0.0), "warm_up": (-60.0, 15.0)}
+)  # fmt: skip
+"""Outside temperatures [°C] between which a factor acts; those of a season act within `_NEAR_K` of theirs, the others always."""
+
 NAMES: Final = tuple(factor.name for factor in FACTORS)
 UNITS: Final = {factor.name: factor.unit for factor in FACTORS}
 SDS: Final = np.array([factor.sd for factor in FACTORS])
@@ -90,6 +95,19 @@ wheels: climate, wind, traffic and what the log does not hold. How much larger o
 
 TAIL_DF: Final = 4.0
 """Degrees of freedom of the errors' t distribution, as Lange, Little and Taylor (1989) advise for few data."""
+
+
+def acts_between(name: str) -> tuple[float, float]:
+    """Outside temperatures [°C] between which a factor acts.
+
+    Examples
+    --------
+    >>> acts_between("frost"), acts_between("near_2"), acts_between("rolling")
+    ((-60.0, 0.0), (-6.0, 10.0), (-60.0, 60.0))
+    """
+    if name in SEASONS:
+        return SEASONS[name] - _NEAR_K, SEASONS[name] + _NEAR_K
+    return ACTS_DEGC.get(name, (-60.0, 60.0))
 
 
 def factor_power(table: SegmentTable, mass_kg: float) -> FloatArray:

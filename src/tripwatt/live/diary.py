@@ -13,6 +13,7 @@ import pandas as pd
 
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import Forecast
+from tripwatt.hybrid.factors import acts_between
 from tripwatt.trips import Trip
 from tripwatt.uncertainty import Coverage
 
@@ -338,6 +339,29 @@ class Diary:
             }
             for name, score in scores.items()
         }
+
+    def seen_degc(self, factor: str) -> tuple[float, float] | None:
+        """Outside temperatures of the trips that show a factor of the car.
+
+        Parameters
+        ----------
+        factor : str
+            A name of `tripwatt.hybrid.factors.NAMES`.
+
+        Returns
+        -------
+        (float, float) or None
+            Lowest and highest [°C]; None where no trip shows it.
+
+        Examples
+        --------
+        >>> Diary.empty().seen_degc("heating") is None
+        True
+        """
+        air = self.table["ambient_temperature_degc"].to_numpy(dtype=np.float64)
+        low, high = acts_between(factor)
+        seen = air[(air >= low) & (air <= high)]
+        return (float(seen.min()), float(seen.max())) if len(seen) else None
 
     def by_cause_wh(self) -> dict[str, float]:
         """Sum where the energy went: the forecasts by cause, and what was measured beside their sum.

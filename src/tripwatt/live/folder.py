@@ -13,7 +13,7 @@ import pandas as pd
 from tripwatt.errors import InvalidInput
 from tripwatt.files import write_file
 from tripwatt.live.on_the_way import MadeForecast, read_forecasts, write_forecasts
-from tripwatt.live.own_car import LIVE
+from tripwatt.live.own_car import LIVE, VALID_NAME
 from tripwatt.sources.canonical import read_canonical
 from tripwatt.trips import Context, Log
 
@@ -23,9 +23,6 @@ FORECASTS: Final = "forecasts.json"
 NAMES: Final = re.compile(r"\d{8}T\d{6}Z")
 NAMED: Final = "%Y%m%dT%H%M%SZ"
 """Name of a finished trip: its departure in UTC."""
-
-VALID_NAME: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9._-]{0,63}")
-"""Names of cars: they are parts of paths and of URLs."""
 
 
 def live_folder(place: Path) -> Path:

@@ -6,7 +6,9 @@ Each new trip is forecast by a model that has not seen it, before the model is a
 from __future__ import annotations
 
 import json
+import re
 import shutil
+import unicodedata
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -49,6 +51,8 @@ LEARNED: Final = "learned"
 MODEL: Final = "model"
 DIARY: Final = "diary.parquet"
 MOST_ABOUT_BYTES: Final = 1 << 16
+VALID_NAME: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9._-]{0,63}")
+"""Names of folders of cars: they are parts of paths and of URLs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,6 +92,8 @@ class Car:
         With its published values.
     base : Path or None
         Model that is adapted to the trips; None for the bundled one.
+    label : str
+        As its owner calls it.
 
     Examples
     --------
@@ -103,6 +109,7 @@ class Car:
     folder: Path
     vehicle: Vehicle
     base: Path | None = None
+    label: str = ""
 
     @property
     def name(self) -> str:
@@ -198,12 +205,16 @@ class Car:
         adapted = self._adapted()
         return {
             "car": self.name,
+            "label": self.label,
             "folder": f"{self.folder}",
             "vehicle": self.vehicle.name,
             "title": self.vehicle.title,
             "trips": self.store.about()["trips"],
             "in_diary": len(diary),
-            "learned": adapted.get("parameters", {}),
+            "learned": {
+                name: {**value, "seen_degc": diary.seen_degc(name)}
+                for name, value in adapted.get("parameters", {}).items()
+            },
             "experts": adapted.get("experts", {}),
             "score": diary.score.to_dict(),
             "latest": latest.to_dict(),
@@ -298,17 +309,34 @@ def _by_date(trips: Iterable[Trip]) -> list[Trip]:
     return [*dated, *sorted(in_order(others), key=lambda trip: trip.trip_id)]
 
 
-def create_car(folder: Path | str, vehicle: Vehicle | str | Path, *, base: Path | str | None = None) -> Car:
+def folder_name(label: str) -> str:
+    """A name for the folder of a car, from what its owner calls it.
+
+    Examples
+    --------
+    >>> folder_name("My Model 3"), folder_name("Zoé"), folder_name("my-leaf"), folder_name("???")
+    ('My-Model-3', 'Zoe', 'my-leaf', 'car')
+    """
+    folded = unicodedata.normalize("NFKD", label.replace("ß", "ss")).encode("ascii", "ignore").decode()
+    return re.sub(r"[^A-Za-z0-9._]+", "-", folded).strip("-.")[:64] or "car"
+
+
+def create_car(
+    folder: Path | str, vehicle: Vehicle | str | Path, *, base: Path | str | None = None, label: str = ""
+) -> Car:
     """Make the folder of a car whose model will be adapted to its trips.
 
     Parameters
     ----------
     folder : path
-        New or empty; its name is that of the car.
+        New or empty. A name that cannot be part of a URL, such as "My Model 3", becomes the label of the car, and the folder is
+        called after it: "My-Model-3".
     vehicle : Vehicle, str or path
         A car, the name of one of the library, or a TOML file.
     base : path, optional
         A stored model to adapt; the bundled one by default.
+    label : str
+        As its owner calls the car; the name of the folder by default.
 
     Returns
     -------
@@ -325,7 +353,8 @@ def create_car(folder: Path | str, vehicle: Vehicle | str | Path, *, base: Path 
     >>> import tripwatt as tw
     >>> car = tw.create_car("my-leaf", "nissan_leaf_24")  # doctest: +SKIP
     """
-    place = Path(folder)
+    wanted = Path(folder)
+    place = _place(wanted)
     car = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
     if place.exists() and (not place.is_dir() or any(place.iterdir())):
         raise InvalidInput.of("folder in use", f"{place}", "not empty", "a new or empty folder")
@@ -339,6 +368,7 @@ def create_car(folder: Path | str, vehicle: Vehicle | str | Path, *, base: Path 
             "tripwatt_car": FORMAT,
             "vehicle": car.name,
             "base": None if root is None else f"{root}",
+            "label": label or wanted.name,
         }
         (made / ABOUT).write_text(json.dumps(about, indent=2) + "\n", encoding="utf-8")
 
@@ -396,7 +426,7 @@ def open_car(folder: Path | str) -> Car:
     >>> tw.open_car("my-leaf").diary.score  # doctest: +SKIP
     Score(trips=12, error=0.09, weighted_error=0.08, bias=0.01, coverage=0.92, width=0.4)
     """
-    place = Path(folder)
+    place = _place(Path(folder))
     if not is_car(place):
         got = "a folder" if place.is_dir() else "a file" if place.exists() else "no such folder"
         fix = "make one: tripwatt car new"
@@ -404,6 +434,7 @@ def open_car(folder: Path | str) -> Car:
     try:
         about = json.loads(read_text_file(place / ABOUT, MOST_ABOUT_BYTES))
         number, name, base = about["tripwatt_car"], about["vehicle"], about["base"]
+        label = f"{about.get('label', place.name)}"
     except (ValueError, KeyError, TypeError) as error:
         raise InvalidInput.of(
             "damaged file", f"{place / ABOUT}", f"{error}"[:200], "the description of a car"
@@ -417,7 +448,13 @@ def open_car(folder: Path | str) -> Car:
             "install a newer tripwatt",
         )
     car = replace(load_vehicle(place / VEHICLE), name=f"{name}")
-    return Car(place.absolute(), car, None if base is None else Path(f"{base}"))
+    return Car(place.absolute(), car, None if base is None else Path(f"{base}"), label)
+
+
+def _place(folder: Path) -> Path:
+    """The folder of a car by its name or its label."""
+    usual = folder.name == "" or VALID_NAME.fullmatch(folder.name) is not None or is_car(folder)
+    return folder if usual else folder.with_name(folder_name(folder.name))
 
 
 def forget_car(folder: Path | str) -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -251,4 +251,4 @@ class RoadCar(Recorder):
 
 def fault_fields(fault: Fault) -> dict[str, str]:
     """The fields of a fault that are not empty."""
-    return {name: text for name, text in asdict(fault).items() if text}
+    return fault.texts

@@ -37,6 +37,13 @@ def open_circuit_voltage(soc: FloatArray, battery: Battery) -> FloatArray:
     return battery.cells_in_series * np.interp(soc, battery.ocv_soc, battery.ocv_v)
 
 
+def usable_energy_wh(battery: Battery) -> float:
+    """Energy between 0 and 1 of the displayed state of charge [Wh]."""
+    window = np.linspace(battery.displayed_zero_soc, battery.displayed_full_soc, 101)
+    mean_v = float(open_circuit_voltage(window, battery).mean())
+    return battery.capacity_ah * mean_v * float(window[-1] - window[0])
+
+
 def internal_resistance(soc: FloatArray, temperature_degc: FloatArray, battery: Battery) -> FloatArray:
     """Resistance of the pack [ohm]: table over state of charge, Arrhenius law over temperature. Shape of `soc`.
 

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Hashable, Mapping
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
-import numpy as np
 import orjson
 from cachetools import LRUCache
 
 from tripwatt.auditing import audit
-from tripwatt.errors import InvalidInput
+from tripwatt.errors import Fault, InvalidInput
 from tripwatt.files import write_file
 from tripwatt.forecasting import ForecastModel
 from tripwatt.live import (
@@ -29,24 +28,15 @@ from tripwatt.live import (
     open_car,
 )
 from tripwatt.live.diary import CAUSE
-from tripwatt.live.folder import VALID_NAME, forecasts_of
-from tripwatt.live.own_car import UPLOADS, state_of
-from tripwatt.physics.battery import open_circuit_voltage
+from tripwatt.live.folder import forecasts_of
+from tripwatt.live.own_car import UPLOADS, VALID_NAME, folder_name, state_of
 from tripwatt.service.car_schemas import LogsRequest, plain
-from tripwatt.service.library import usable_energy_wh
 from tripwatt.service.problems import MAX_FAULTS, Problem, fault_document
-from tripwatt.sources.columnar import open_table, table_files
-from tripwatt.sources.mapping import (
-    POWER,
-    TIME_STAMPS,
-    UNITS,
-    ColumnMapping,
-    mapping_from_tables,
-    parse_tables,
-)
-from tripwatt.sources.suggest import Suggestion, suggest_mapping
-from tripwatt.sources.table import read_table
+from tripwatt.sources.kinds import Changes, Kind, proposed_kinds
+from tripwatt.sources.mapping import TIME_STAMPS, UNITS
+from tripwatt.sources.table import read_kinds
 from tripwatt.trips import Fleet
+from tripwatt.trips.reading import Alike, FileReading, ReadingReport
 from tripwatt.vehicles import Vehicle
 
 PROGRESS: Final = "progress.json"
@@ -54,6 +44,7 @@ PROGRESS: Final = "progress.json"
 
 TABLES: Final = "tables"
 SHOWN_FINDINGS: Final = 40
+SHOWN_FAULTS: Final = 5
 SHOWN_TRIPS: Final = 200
 SHOWN_REASONS: Final = 20
 MOST_KEPT_MODELS: Final = 16
@@ -70,9 +61,6 @@ ABOUT: Final = (
     "by_cause_wh",
 )
 """What a car says of itself and its diary that a response passes on."""
-
-HALF_CHARGED: Final = 0.5
-"""State of charge whose open-circuit voltage stands for the battery's nominal voltage."""
 
 
 @dataclass(frozen=True)
@@ -134,8 +122,8 @@ class CarJobs:
 
     def create(self, name: str, vehicle: Vehicle | str) -> dict[str, Any]:
         """Make a car, and return it as `show`."""
-        create_car(named_folder(self.folder, name), vehicle)
-        return self.show(name)
+        made = create_car(require_folder(self.folder) / folder_name(name), vehicle, label=name)
+        return self.show(made.name)
 
     def forget(self, name: str) -> dict[str, Any]:
         """Erase a car."""
@@ -148,28 +136,21 @@ class CarJobs:
         return {"token": issue_token(self.car(name).folder)}
 
     def logs(self, name: str, upload: str, request: LogsRequest) -> dict[str, Any]:
-        """Return how the tables of an upload are read, and what they hold then, as `LogsResponse`."""
+        """Return how the files of an upload are read, and what they hold then, as `LogsResponse`."""
         own = self.car(name)
         tables = uploaded(own.folder, upload)
-        proposal = suggest_mapping(tables)
-        document, assumed = changed_tables(proposal, request, own.vehicle)
-        shown = _shown_mapping(document, proposal)
-        used = {entry["column"] for entry in shown}
-        # where a file has a row for each value, signals stand for columns
-        columns = list(dict.fromkeys([*_columns(tables), *used]))
-        preview, faults = None, []
+        kinds = kinds_of(tables, request, own.vehicle)
+        preview, faults, report = None, [], None
         try:
-            preview = preview_of(read_table(tables, mapping_from_tables(document, "mapping")))
+            fleet = read_kinds(tables, kinds)
+            preview, report = preview_of(fleet), fleet.report
         except InvalidInput as error:
             faults = [fault_document(fault) for fault in _by_file(error, tables).faults[:MAX_FAULTS]]
         return {
-            "columns": columns,
             "fields": [{"ours": ours, "units": units_of(ours)} for ours in UNITS],
-            "shipped": proposal.shipped,
-            "mapping": shown,
-            "unused": [column for column in columns if column not in used],
-            "current_positive": document.get("current", {}).get("positive", "discharge"),
-            "assumed": assumed,
+            "kinds": [_kind(n, kind) for n, kind in enumerate(kinds) if kind.tables],
+            "files": _files(kinds, report, request.ignored, tables),
+            "report": [_alike(group, tables) for group in report.groups()] if report else [],
             "preview": preview,
             "faults": faults,
         }
@@ -180,7 +161,7 @@ class CarJobs:
         tables = uploaded(own.folder, upload)
         progress = tables.parent / PROGRESS
         try:
-            fleet = read_table(tables, mapping_of(tables, request, own.vehicle))
+            fleet = read_kinds(tables, kinds_of(tables, request, own.vehicle))
         except InvalidInput as error:
             raise _by_file(error, tables) from error
         done = own.add(fleet, progress=lambda n, total: _write_progress(progress, n, total))
@@ -258,49 +239,41 @@ def units_of(ours: str) -> list[str]:
     return [*UNITS[ours], *(TIME_STAMPS if ours == "time_s" else ())]
 
 
-def mapping_of(tables: Path, request: LogsRequest, vehicle: Vehicle) -> ColumnMapping:
-    """The mapping that is proposed for tables, with the changes of a request."""
-    return mapping_from_tables(changed_tables(suggest_mapping(tables), request, vehicle)[0], "mapping")
-
-
-def changed_tables(
-    proposal: Suggestion, request: LogsRequest, vehicle: Vehicle
-) -> tuple[dict[str, Any], dict[str, float]]:
-    """The tables of a proposed mapping with the changes of a request, and values of the battery that the car fills in."""
-    mapping = parse_tables(proposal.toml, "mapping")
-    columns = mapping.setdefault("columns", {})
-    for ours, choice in request.changes.items():
-        before = columns.pop(ours, {})
-        if choice is not None:
-            same = before if before.get("column") == choice.column else {}
-            given = {"format": same.get("format"), "unit": choice.unit or same.get("unit")}
-            columns[ours] = {"column": choice.column, **{name: text for name, text in given.items() if text}}
-    if request.current_positive is not None:
-        mapping["current"] = {"positive": request.current_positive}
-    battery, assumed = mapping.setdefault("battery", {}), {}
-    measured = {POWER, "current_a"} & columns.keys()
-    if measured and "voltage_v" not in columns:
-        half_v = open_circuit_voltage(np.array([HALF_CHARGED]), vehicle.battery)
-        assumed["nominal_voltage_v"] = float(half_v[0])
-    elif not measured and {"soc", "displayed_soc"} & columns.keys():
-        assumed["usable_capacity_kwh"] = usable_energy_wh(vehicle) / 1000.0
-    battery.update(assumed)
-    if not battery:
-        del mapping["battery"]
-    return mapping, assumed
+def kinds_of(tables: Path, request: LogsRequest, vehicle: Vehicle) -> list[Kind]:
+    """The kinds of files of an upload, with the changes of a request."""
+    changes = {
+        int(number): Changes(
+            {ours: None if choice is None else choice.model_dump() for ours, choice in kind.changes.items()},
+            kind.current_positive,
+        )
+        for number, kind in request.kinds.items()
+        if number.isdigit()
+    }
+    return proposed_kinds(tables, vehicle, changes, request.ignored)
 
 
 def preview_of(fleet: Fleet) -> dict[str, Any]:
     """The audit of some logs, as `LogsPreview`."""
     audited = audit(fleet)
     sound = [trip for trip in audited.trips if trip.observed_energy_wh is not None]
+    starts = sorted(trip.context.started_at for trip in sound if trip.context.started_at is not None)
+    air = [trip.departure.ambient_temperature_degc for trip in sound if "ambient_temperature_degc" in trip]
+    known = [value for value in air if value is not None]
     return {
         "logs": len(fleet.logs),
         "drives": len(sound),
         "distance_m": float(sum(trip.distance_m for trip in sound)),
+        "duration_s": float(sum(trip.duration_s for trip in sound)),
         "energy_wh": float(sum(trip.observed_energy_wh or 0.0 for trip in sound)),
-        "findings": [asdict(finding) for finding in audited.findings[:SHOWN_FINDINGS]],
-        "n_findings": len(audited.findings),
+        "from_date": starts[0].isoformat() if starts else None,
+        "to_date": starts[-1].isoformat() if starts else None,
+        "ambient_degc": [min(known), max(known)] if known else None,
+        "lost_distance_m": audited.lost_distance_m,
+        "lost_duration_s": audited.lost_duration_s,
+        "findings": [
+            {**asdict(group), "consequence": consequence}
+            for consequence, group in audited.groups()[:SHOWN_FINDINGS]
+        ],
     }
 
 
@@ -322,27 +295,85 @@ def _by_file(error: InvalidInput, tables: Path) -> InvalidInput:
     """The same faults with files by their names: clients need not know where the service keeps them."""
     folder = f"{tables}{os.sep}"
     return InvalidInput(
-        replace(fault, **{name: text.replace(folder, "") for name, text in asdict(fault).items()})
+        Fault(**{name: text.replace(folder, "") for name, text in fault.texts.items()}, count=fault.count)
         for fault in error.faults
     )
 
 
-def _columns(tables: Path) -> list[str]:
-    largest = max(table_files(tables), key=lambda file: os.stat(file).st_size)
-    return [name for name in dict.fromkeys(open_table(largest).names) if name]
-
-
-def _shown_mapping(tables: Mapping[str, Any], proposal: Suggestion) -> list[dict[str, str]]:
-    why = {(guess.ours, guess.column): guess.why for guess in proposal.guesses}
-    return [
+def _kind(number: int, kind: Kind) -> dict[str, Any]:
+    """A kind of files, as `KindDocument`."""
+    guesses = () if kind.proposal is None else kind.proposal.guesses
+    why = {(guess.ours, guess.column): guess.why for guess in guesses}
+    mapping = [
         {
             "ours": ours,
             "column": str(entry.get("column", "")),
             "unit": str(entry.get("unit") or units_of(ours)[0]).lower(),
             "why": why.get((ours, str(entry.get("column", ""))), ""),
         }
-        for ours, entry in tables.get("columns", {}).items()
+        for ours, entry in kind.tables.get("columns", {}).items()
     ]
+    used = [entry["column"] for entry in mapping]
+    # where a file has a row for each value, signals stand for columns
+    columns = [column for column in dict.fromkeys([*kind.names, *used]) if column]
+    return {
+        "number": number,
+        "files": len(kind.files),
+        "columns": columns,
+        "mapping": mapping,
+        "shipped": None if kind.proposal is None else kind.proposal.shipped,
+        "unused": [column for column in columns if column not in used],
+        "current_positive": kind.tables.get("current", {}).get("positive", "discharge"),
+        "assumed": kind.assumed,
+    }
+
+
+def _files(
+    kinds: Sequence[Kind], report: ReadingReport | None, ignored: Sequence[str], tables: Path
+) -> list[dict[str, Any]]:
+    """The files of an upload, as `FileDocument`."""
+    if report is None:
+        read = [
+            FileReading(f.name, kind=n, faults=kind.faults)
+            for n, kind in enumerate(kinds)
+            for f in kind.files
+        ]
+    else:
+        read = [*report.files]
+    nothing: dict[str, Any] = {
+        "kind": None,
+        "state": "ignored",
+        "rows": 0,
+        "rows_used": 0,
+        "logs": 0,
+        "faults": [],
+    }
+    return [
+        *(
+            {
+                "name": file.name,
+                "kind": file.kind if kinds[file.kind].tables else None,
+                "state": file.state,
+                "rows": file.rows,
+                "rows_used": file.rows_used,
+                "logs": file.logs,
+                "faults": [
+                    fault_document(fault)
+                    for fault in (
+                        _by_file(InvalidInput(file.faults), tables).faults[:SHOWN_FAULTS]
+                        if file.faults
+                        else ()
+                    )
+                ],
+            }
+            for file in read
+        ),
+        *({"name": name, **nothing} for name in ignored),
+    ]
+
+
+def _alike(group: Alike, tables: Path) -> dict[str, Any]:
+    return {**asdict(group), "example": group.example.replace(f"{tables}{os.sep}", "")}
 
 
 def _entry(row: Mapping[Hashable, Any], car: Path) -> dict[str, Any]:
@@ -367,6 +398,7 @@ def _learned(done: Learned) -> dict[str, Any]:
 def _summary(own: Car, about: Mapping[str, Any]) -> dict[str, Any]:
     return {
         "name": own.name,
+        "label": own.label,
         "vehicle": own.vehicle.name,
         "title": own.vehicle.title,
         "trips": about["trips"],

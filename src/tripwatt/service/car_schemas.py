@@ -6,7 +6,7 @@ from typing import Any, Literal
 
 from pydantic import Field
 
-from tripwatt.live.folder import VALID_NAME
+from tripwatt.live.own_car import VALID_NAME
 from tripwatt.service.schemas import ProblemFault, ResponseModel, StrictModel, VehicleFigures
 from tripwatt.sources.mapping import UNITS
 
@@ -16,8 +16,8 @@ NAME_PATTERN = f"^{VALID_NAME.pattern}$"
 class NewCarRequest(StrictModel):
     """A car to keep: a name, and either a car of the library or a few figures."""
 
-    name: str = Field(pattern=NAME_PATTERN)
-    """name of the car; it is the name of its folder and of its model"""
+    name: str = Field(min_length=1, max_length=100)
+    """any name, such as "My Model 3"; the name of its folder and of its model is made from it"""
     vehicle: str | None = Field(None, max_length=200)
     """name of a car of the library"""
     vehicle_figures: VehicleFigures | None = None
@@ -31,13 +31,22 @@ class ColumnChoice(StrictModel):
     """null for the unit that was proposed, or ours"""
 
 
-class LogsRequest(StrictModel):
-    """How uploaded tables are to be read."""
+class KindChanges(StrictModel):
+    """How the files of one kind are to be read."""
 
     changes: dict[str, ColumnChoice | None] = Field(default_factory=dict, max_length=len(UNITS))
     """our column -> column of the table in place of the proposed one; null to leave it out"""
     current_positive: Literal["discharge", "charge"] | None = None
     """null for the sign that was proposed"""
+
+
+class LogsRequest(StrictModel):
+    """How uploaded files are to be read."""
+
+    kinds: dict[str, KindChanges] = Field(default_factory=dict, max_length=100)
+    """number of a kind of files -> what is read otherwise than proposed"""
+    ignored: list[str] = Field(default_factory=list, max_length=4000)
+    """names of files that are left out"""
 
 
 class UploadResponse(ResponseModel):
@@ -65,48 +74,87 @@ class FieldDocument(ResponseModel):
     units: list[str]
 
 
-class FindingDocument(ResponseModel):
-    """One thing that is wrong with a log."""
+class AlikeDocument(ResponseModel):
+    """Things of one kind, told in one line."""
 
-    trip: str
-    from_s: float
-    to_s: float
     what: str
+    count: int
+    places: int
+    """files or drives in which they are"""
+    example: str
+    """the first one in full"""
+
+
+class FindingsDocument(AlikeDocument):
+    """Findings of the audit of one kind."""
+
     consequence: Literal["trimmed", "split", "set aside", "noted"]
 
 
 class LogsPreview(ResponseModel):
-    """The audit of the tables as they are mapped."""
+    """What would be learned of the files as they are read."""
 
     logs: int
     drives: int
     """sound drives with measured energy"""
     distance_m: float
-    """of the sound drives"""
+    """of the sound drives, as the three below"""
+    duration_s: float
     energy_wh: float
-    """of the sound drives"""
-    findings: list[FindingDocument]
-    """the first ones"""
-    n_findings: int
+    from_date: str | None
+    """departure of the first one, ISO 8601; null where no date is known"""
+    to_date: str | None
+    ambient_degc: tuple[float, float] | None
+    """lowest and highest mean outside temperature of the sound drives; null where it is not known"""
+    lost_distance_m: float
+    """of the drives that are left out"""
+    lost_duration_s: float
+    findings: list[FindingsDocument]
+    """what the audit changed, those that cost a drive first"""
 
 
-class LogsResponse(ResponseModel):
-    """The proposed or chosen mapping of uploaded tables, with what they hold when they are read by it."""
+class KindDocument(ResponseModel):
+    """Files with the same columns, and the mapping by which they are read."""
 
+    number: int
+    files: int
     columns: list[str]
-    """columns of the largest table"""
-    fields: list[FieldDocument]
-    """our columns and their units"""
+    """of the largest file"""
     mapping: list[MappedColumnDocument]
     shipped: str | None
-    """the bundled mapping whose columns the table has"""
+    """the bundled mapping whose columns the files have"""
     unused: list[str]
     """columns that are ignored"""
     current_positive: Literal["discharge", "charge"]
     assumed: dict[str, float]
     """values of the battery that the car's published values fill in"""
+
+
+class FileDocument(ResponseModel):
+    """One uploaded table."""
+
+    name: str
+    kind: int | None
+    """number of its kind; null for a file that is ignored or has no columns"""
+    state: Literal["read", "in part", "left out", "ignored"]
+    rows: int
+    rows_used: int
+    logs: int
+    faults: list[ProblemFault]
+    """the first ones"""
+
+
+class LogsResponse(ResponseModel):
+    """How uploaded files are read, and what they hold then."""
+
+    fields: list[FieldDocument]
+    """our columns and their units"""
+    kinds: list[KindDocument]
+    files: list[FileDocument]
+    report: list[AlikeDocument]
+    """what could not be read as it stands, the most frequent first"""
     preview: LogsPreview | None
-    """null where the tables cannot be read so"""
+    """null where nothing can be used"""
     faults: list[ProblemFault]
     """why not"""
 
@@ -147,6 +195,8 @@ class LearnedParameter(ResponseModel):
     sd: float
     unit: Literal["1", "kW"]
     """1: relative to what the simulation gives; kW: a power that it does not have"""
+    seen_degc: tuple[float, float] | None
+    """outside temperatures of the trips that show it; null where none does: then it is what cars have in common"""
 
 
 class ForecastOnTheWay(ResponseModel):
@@ -209,6 +259,9 @@ class CarSummary(ResponseModel):
     """A car of the service."""
 
     name: str
+    """of its folder and its model"""
+    label: str
+    """as its owner calls it"""
     vehicle: str
     title: str
     trips: int

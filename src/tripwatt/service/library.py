@@ -9,7 +9,7 @@ import numpy as np
 
 from tripwatt.certification import certified_interval
 from tripwatt.forecasting import load_model
-from tripwatt.physics.battery import open_circuit_voltage
+from tripwatt.physics.battery import usable_energy_wh
 from tripwatt.service.problems import Problem
 from tripwatt.service.schemas import ExampleSummary, ForecastRequest
 from tripwatt.synthetic import synthetic_fleet
@@ -42,16 +42,9 @@ def _values(car: Vehicle) -> dict[str, Any]:
     return {
         "title": car.title,
         "test_mass_kg": car.body.test_mass_kg,
-        "usable_energy_wh": usable_energy_wh(car),
+        "usable_energy_wh": usable_energy_wh(car.battery),
         "anchor": car.anchor,
     }
-
-
-def usable_energy_wh(car: Vehicle) -> float:
-    """Return the energy between 0 and 1 of the displayed state of charge [Wh]."""
-    window = np.linspace(car.battery.displayed_zero_soc, car.battery.displayed_full_soc, 101)
-    mean_v = float(open_circuit_voltage(window, car.battery).mean())
-    return car.battery.capacity_ah * mean_v * float(window[-1] - window[0])
 
 
 @cache

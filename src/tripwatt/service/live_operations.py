@@ -16,7 +16,7 @@ from starlette.responses import Response
 
 from tripwatt.errors import Fault, InvalidInput, excerpt
 from tripwatt.live import sample_from_abrp
-from tripwatt.live.folder import VALID_NAME
+from tripwatt.live.own_car import VALID_NAME
 from tripwatt.live.telemetry import FIRST_TIME_S, LAST_TIME_S
 from tripwatt.service.answering import json_response
 from tripwatt.service.live import LiveCars

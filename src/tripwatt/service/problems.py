@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import Any, Final
 
 import orjson
@@ -117,7 +117,7 @@ def refusal(status: int, content: bytes, instance: str) -> Response:
 
 def fault_document(fault: Fault) -> dict[str, str]:
     """Return the fields of a fault that are not empty, with long texts cut and unencodable characters replaced."""
-    return {name: _printable(text) for name, text in asdict(fault).items() if text}
+    return {name: _printable(text) for name, text in fault.texts.items()}
 
 
 def _printable(text: str) -> str:

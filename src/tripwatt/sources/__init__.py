@@ -13,6 +13,7 @@ from tripwatt.trips import Fleet
 
 if TYPE_CHECKING:
     from tripwatt.sources.tum_fetch import FolderReport
+    from tripwatt.vehicles import Vehicle
 
 DATASETS: Final[Mapping[str, str]] = MappingProxyType(
     {
@@ -24,8 +25,19 @@ DATASETS: Final[Mapping[str, str]] = MappingProxyType(
 """Name of a data set -> its reader, imported when it is used."""
 
 
-def read_logs(path: Path | str, dataset: str = "tum", mapping: Path | str | None = None) -> Fleet:
+def read_logs(
+    path: Path | str,
+    dataset: str = "tum",
+    mapping: Path | str | None = None,
+    *,
+    strict: bool = False,
+    vehicle: Vehicle | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Fleet:
     """Read all logs of a data set.
+
+    A cell that cannot be read is missing, a row that cannot be read and a file with too little left are left out; the report of the
+    fleet tells each. Only nothing usable is an error.
 
     Parameters
     ----------
@@ -34,17 +46,24 @@ def read_logs(path: Path | str, dataset: str = "tum", mapping: Path | str | None
     dataset : str
         A key of `DATASETS`.
     mapping : path or str, optional
-        For `dataset="table"`: a TOML file, or the name of a mapping that comes with the package.
+        For `dataset="table"`: a TOML file, or the name of a mapping that comes with the package. Without one, header and values
+        of the files propose it.
+    strict : bool
+        Refuse everything that cannot be read as it stands, with every fault.
+    vehicle : Vehicle, optional
+        For tables without a mapping: the car, whose battery gives the energy of a state of charge.
+    progress : callable, optional
+        For tables: called with the files that were read and their number.
 
     Returns
     -------
     Fleet
-        Logs as they came, with notes on the data set.
+        Logs as they came, with notes on the data set; `Fleet.report` says what was left out.
 
     Raises
     ------
     InvalidInput
-        With every fault of everything that is wrong with the data set.
+        When nothing of the data set can be used; with `strict`, with every fault of everything that is wrong with it.
 
     Examples
     --------
@@ -58,14 +77,14 @@ def read_logs(path: Path | str, dataset: str = "tum", mapping: Path | str | None
     if dataset == "table":
         from tripwatt.sources.table import read_table
 
-        return read_table(path, mapping)
+        return read_table(path, mapping, strict=strict, vehicle=vehicle, progress=progress)
     if mapping is not None:
         raise InvalidInput.of(
             "mapping has no effect", "mapping", f"{mapping}", "only with the data set 'table'"
         )
     module, _, name = DATASETS[dataset].partition(":")
-    reader = cast(Callable[[Path], Fleet], getattr(import_module(module), name))
-    return reader(Path(path))
+    reader = cast(Callable[..., Fleet], getattr(import_module(module), name))
+    return reader(Path(path), strict=strict)
 
 
 def where_to_get(dataset: str) -> str:

@@ -17,7 +17,7 @@ from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 from typing import Any, Final, TypeVar
 
-from tripwatt.errors import InvalidInput
+from tripwatt.errors import Fault, InvalidInput
 from tripwatt.files import MOST_CONTENT_BYTES, read_file, require_small_content
 from tripwatt.sources.columnar import MOST_ROWS, SUFFIXES
 from tripwatt.sources.delimited import MOST_COLUMNS
@@ -102,12 +102,14 @@ def unpack(path: Path | str, folder: Path, *, content: bytes | None = None) -> l
 
 
 @contextmanager
-def unpacked(path: Path | str) -> Iterator[Path]:
+def unpacked(path: Path | str, faults: list[Fault] | None = None) -> Iterator[Path]:
     """A path that readers of tables read: the file or folder itself, or a temporary folder with its unpacked tables.
 
     Parameters
     ----------
     path : path
+    faults : list, optional
+        Takes those of files that cannot be unpacked; without it, they are refused.
 
     Yields
     ------
@@ -125,8 +127,14 @@ def unpacked(path: Path | str) -> Iterator[Path]:
         return
     with tempfile.TemporaryDirectory() as folder:
         for file in packed:
-            if file.is_file() and (is_packed(file) or file.suffix.lower() in SUFFIXES):
+            if not file.is_file() or not (is_packed(file) or file.suffix.lower() in SUFFIXES):
+                continue
+            try:
                 unpack(file, Path(folder))
+            except InvalidInput as error:
+                if faults is None:
+                    raise
+                faults += error.faults
         yield Path(folder)
 
 

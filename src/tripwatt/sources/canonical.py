@@ -76,7 +76,7 @@ def canonical_of_text(content: bytes, where: str = "table") -> pd.DataFrame:
     >>> canonical_of_text(b"time_s,speed_m_s\n0,0\n1,2.5\n2,4")["speed_m_s"].tolist()
     [0.0, 2.5, 4.0]
     """
-    table = CsvTable(Path(where), open_delimited(Path(where), content), ".")
+    table = CsvTable(Path(where), (open_delimited(Path(where), content),))
     return _samples_of(table, where, REQUIRED_COLUMNS, LEAST_SAMPLES)
 
 

@@ -17,7 +17,15 @@ import pandas as pd
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.files import MOST_CONTENT_BYTES, read_file
-from tripwatt.sources.delimited import MOST_COLUMNS, Delimited, open_delimited, read_numbers, read_texts
+from tripwatt.sources.delimited import (
+    MOST_COLUMNS,
+    Delimited,
+    even_rows,
+    open_delimited,
+    read_numbers,
+    read_texts,
+    sections,
+)
 from tripwatt.trips import raise_faults
 
 if TYPE_CHECKING:
@@ -61,31 +69,60 @@ class TableFile(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class CsvTable:
-    """A delimited text file."""
+    """A delimited text file; a column that a part of it lacks is empty there.
+
+    Attributes
+    ----------
+    path : Path
+    parts : tuple of Delimited
+        Its rows below each of its headers.
+    decimal : str
+    faults : list of Fault or None
+        Takes what cannot be read; None to refuse it.
+    """
 
     path: Path
-    source: Delimited
-    decimal: str
+    parts: tuple[Delimited, ...]
+    decimal: str = "."
+    faults: list[Fault] | None = None
 
     @property
     def names(self) -> Sequence[str]:
-        """Columns of the header."""
-        return self.source.names
-
-    def _position(self, name: str) -> int:
-        return self.source.names.index(name)
+        """Columns of its headers."""
+        if len(self.parts) == 1:
+            return self.parts[0].names
+        return [*dict.fromkeys(name for part in self.parts for name in part.names)]
 
     def numbers(self, names: Sequence[str]) -> list[FloatArray]:
-        """Columns as float64, with every cell that is none named."""
-        return read_numbers(self.source, [self._position(n) for n in names], self.decimal)
+        """Columns as float64; every cell that is none is a fault."""
+        columns: list[list[FloatArray]] = [[] for _ in names]
+        for part in self.parts:
+            there = {name: part.names.index(name) for name in names if name in part.names}
+            read = dict(
+                zip(there, read_numbers(part, list(there.values()), self.decimal, self.faults), strict=True)
+            )
+            rows = len(next(iter(read.values()))) if read else len(read_texts(part, [0])[0])
+            for column, name in zip(columns, names, strict=True):
+                column.append(read[name] if name in read else np.full(rows, np.nan))
+        return [pieces[0] if len(pieces) == 1 else np.concatenate(pieces) for pieces in columns]
 
     def texts(self, name: str) -> list[str]:
         """One column as text."""
-        return read_texts(self.source, [self._position(name)])[0]
+        cells: list[str] = []
+        for part in self.parts:
+            there = name in part.names
+            texts = read_texts(part, [part.names.index(name) if there else 0])[0]
+            cells += texts if there else [""] * len(texts)
+        return cells
 
     def row(self, index: int) -> int:
         """1-based line of the file."""
-        return self.source.header_line + 1 + index
+        for part in self.parts[:-1]:
+            rows = part.data.count(b"\n", part.body_offset)
+            if index < rows:
+                return part.header_line + 1 + index
+            index -= rows
+        return self.parts[-1].header_line + 1 + index
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,6 +131,7 @@ class ParquetTable:
 
     path: Path
     file: pq.ParquetFile
+    faults: list[Fault] | None = None
 
     @property
     def names(self) -> Sequence[str]:
@@ -127,7 +165,8 @@ class ParquetTable:
 
     def numbers(self, names: Sequence[str]) -> list[FloatArray]:
         """Columns as float64, with every one that holds no numbers named."""
-        faults, values = [], []
+        faults: list[Fault] = []
+        values: list[FloatArray] = []
         for name in names:
             where = f"{self.path} column {name!r}"
             column = self._column(name)
@@ -138,8 +177,15 @@ class ParquetTable:
             try:
                 values.append(np.asarray(pd.to_numeric(column), dtype=np.float64))
             except (ValueError, TypeError) as error:
-                faults.append(Fault("not a number", where, f"{column.dtype}: {error}"[:120], "numbers"))
-        raise_faults(faults)
+                number = np.asarray(pd.to_numeric(column, errors="coerce"), dtype=np.float64)
+                bad = int((np.isnan(number) & column.notna()).sum())
+                got = f"{column.dtype}: {error}"[:120]
+                faults.append(Fault("not a number", where, got, "numbers", count=bad))
+                values.append(number)
+        if self.faults is None or len(values) < len(names):
+            raise_faults(faults)
+        else:
+            self.faults.extend(faults)
         return values
 
     def texts(self, name: str) -> list[str]:
@@ -152,20 +198,44 @@ class ParquetTable:
         return index + 1
 
 
-def open_table(path: Path, decimal: str = ".") -> TableFile:
+def open_table(
+    path: Path, decimal: str = ".", names: Sequence[str] = (), faults: list[Fault] | None = None
+) -> TableFile:
     """A CSV or Parquet file as columns.
+
+    Parameters
+    ----------
+    path : Path
+    decimal : str
+    names : sequence of str
+        Header of a text file that has none.
+    faults : list, optional
+        Takes what cannot be read; without it, that is refused when the columns are read.
 
     Raises
     ------
     InvalidInput
         When it cannot be read in the format of its suffix.
     """
-    if path.suffix.lower() != ".parquet":
-        return CsvTable(path, open_delimited(path), decimal)
-    return _open_parquet(path)
+    if path.suffix.lower() == ".parquet":
+        return _open_parquet(path, faults)
+    source = open_delimited(path, names=names)
+    if faults is None:
+        return CsvTable(path, (source,), decimal)
+    parts = []
+    for part in sections(source):
+        if part.names != source.names:
+            got, where = f"{len(part.names)} columns", f"{path} row {part.header_line}"
+            faults.append(
+                Fault("another header", where, got, f"the {len(source.names)} columns of the first")
+            )
+        even, uneven = even_rows(part)
+        parts.append(even)
+        faults += uneven
+    return CsvTable(path, tuple(parts), decimal, faults)
 
 
-def _open_parquet(path: Path) -> ParquetTable:
+def _open_parquet(path: Path, faults: list[Fault] | None) -> ParquetTable:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -182,7 +252,7 @@ def _open_parquet(path: Path) -> ParquetTable:
         got = f"{rows} rows of {columns} columns in {len(content)} bytes"
         allowed = f"at most {most_rows} rows of {MOST_COLUMNS} columns"
         raise InvalidInput.of("Parquet file too large", f"{path}", got, allowed)
-    return ParquetTable(path, file)
+    return ParquetTable(path, file, faults)
 
 
 def _unreadable(path: Path, error: Exception) -> Fault:
@@ -211,19 +281,10 @@ def table_files(path: Path) -> list[Path]:
     return files
 
 
-def read_all(read: Callable[[Item], Read], items: Iterable[Item]) -> tuple[list[Read], list[InvalidInput]]:
-    """Results of reading items side by side, and the errors of those that cannot be read, each in their order."""
-
-    def one(item: Item) -> Read | InvalidInput:
-        try:
-            return read(item)
-        except InvalidInput as error:
-            return error
-
+def read_all(read: Callable[[Item], Read], items: Iterable[Item]) -> list[Read]:
+    """Results of reading items side by side, in their order."""
     with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
-        results = list(pool.map(one, items))
-    errors = [result for result in results if isinstance(result, InvalidInput)]
-    return [result for result in results if not isinstance(result, InvalidInput)], errors
+        return list(pool.map(read, items))
 
 
 def require_folder(folder: Path, allowed: str, fix: str) -> None:

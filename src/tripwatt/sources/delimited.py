@@ -7,9 +7,11 @@ time, line by line, to find every fault that a user has to mend.
 from __future__ import annotations
 
 import csv
+import io
 import re
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -28,10 +30,18 @@ MOST_HEADER_BYTES: Final = 1_000_000
 """Longest header."""
 MOST_COLUMNS: Final = 10_000
 """Most columns; loggers write up to some hundreds."""
+MOST_TITLE_LINES: Final = 50
+"""Lines above the header."""
+MOST_SECTIONS: Final = 2000
+"""Different headers in one file."""
+MOST_CUT_SHARE: Final = 0.05
+"""More rows than this of one length below that of the header were not cut off: the logger leaves out empty ends."""
 SHOWN_ROWS: Final = 5
 """Rows named for one kind of fault in one column; the others are counted."""
 NULL_TEXTS: Final = ("", "NaN", "nan", "NAN", "NA", "N/A", "n/a", "null", "NULL", "None", "-nan", "#N/A", "-")
 _DECIMAL_COMMA: Final = re.compile(r"[+-]?\d+,\d+")
+_VALUE: Final = re.compile(r"[-+]?[.,]?\d[-+\d.,:/ eETZ]*")
+"""A cell that is no name of a column: a number, a date, a time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +68,7 @@ class Delimited:
     body_offset : int
         Where the line after the header starts in `data`.
     header_line : int
-        1-based line of the header.
+        1-based line of the header; 0 for a file without one.
     """
 
     path: Path
@@ -90,42 +100,154 @@ def column_key(name: str) -> str:
     return opened.replace("[ ", "[")
 
 
-def open_delimited(path: Path, content: bytes | None = None) -> Delimited:
-    """Read a file and understand its header.
+def open_delimited(path: Path, content: bytes | None = None, names: Sequence[str] = ()) -> Delimited:
+    """Read a file and understand its header, which may stand below a title.
 
     Parameters
     ----------
     path : path
     content : bytes, optional
         What is in the file; `path` is then only its name for messages, and no file is read.
+    names : sequence of str
+        Header of a file that has none, as the file before it has it.
 
     Raises
     ------
     InvalidInput
-        When there is no such file, or it is empty, not text, or has no rows below its header.
+        When there is no such file, or it is empty, not text, or has no header or no rows below it.
     """
     data = _text_bytes(path, read_file(path) if content is None else content)
-    offset, line = 0, 1
-    while data[offset : offset + 1] in (b"\r", b"\n"):  # blank lines above the header
-        line += data[offset : offset + 1] == b"\n"
-        offset += 1
+    offset, line, delimiter, own = _header(path, data)
+    if own is None:
+        if not names:
+            got = f"a first line of values: {_excerpt(_decode(data[offset : offset + 40]))}"
+            fix = "add the header of the other files"
+            raise InvalidInput.of("no header", f"{path}", got, "names of columns in the first line", fix)
+        return Delimited(path, tuple(names), delimiter, data, offset, line - 1)
     end = data.find(b"\n", offset)
-    header = data[offset : end if end >= 0 else len(data)]
-    if len(header) > MOST_HEADER_BYTES:
-        got = f"a first line of {len(header)} bytes"
-        raise InvalidInput.of("header too long", f"{path}", got, f"at most {MOST_HEADER_BYTES} bytes")
-    text = _decode(header).strip("\r\n")
-    delimiter = max(DELIMITERS, key=text.count)
-    if text.count(delimiter) >= MOST_COLUMNS:
-        got = f"{text.count(delimiter) + 1} columns"
-        raise InvalidInput.of("too many columns", f"{path}", got, f"at most {MOST_COLUMNS}")
-    cells = tuple(cell.strip() for cell in _fields(text, delimiter))
     if end < 0 or not data[end:].strip():
         raise InvalidInput.of(
-            "no samples", f"{path}", f"a header of {len(cells)} columns without rows below", "rows"
+            "no samples", f"{path}", f"a header of {len(own)} columns without rows below", "rows"
         )
-    data = data[: end + 1] + _without_headers(data[end + 1 :], header.strip(b"\r"), delimiter)
-    return Delimited(path, cells, delimiter, data, end + 1, line)
+    data = data[: end + 1] + _without_headers(data[end + 1 :], data[offset:end].strip(b"\r"), delimiter)
+    return Delimited(path, own, delimiter, data, end + 1, line)
+
+
+def _header(path: Path, data: bytes) -> tuple[int, int, str, tuple[str, ...] | None]:
+    """Offset, 1-based line, delimiter and cells of the header; None for the cells where the first line has values.
+
+    A title has fewer cells than the line below it. `sep=;` is a line for spreadsheets.
+    """
+    offset, stated = 0, ""
+    head: list[tuple[int, int, str]] = []
+    lines = data[: 2 * MOST_HEADER_BYTES].split(b"\n", MOST_TITLE_LINES)[:MOST_TITLE_LINES]
+    for line, raw in enumerate(lines, start=1):
+        if len(raw) > MOST_HEADER_BYTES:
+            got = f"a first line of {len(raw)} bytes"
+            raise InvalidInput.of("header too long", f"{path}", got, f"at most {MOST_HEADER_BYTES} bytes")
+        text = _decode(raw).strip("\r\n")
+        if text.lower().startswith("sep=") and len(text) == len("sep=") + 1:
+            stated = text[-1]
+        elif text.strip() and len(head) < MOST_TITLE_LINES:
+            head.append((offset, line, text))
+        offset += len(raw) + 1
+    for (offset, line, text), (_, _, below) in zip(head, [*head[1:], head[-1]], strict=True):
+        delimiter = stated or max(DELIMITERS, key=text.count)
+        cells = tuple(cell.strip() for cell in _fields(text, delimiter))
+        if text.count(delimiter) >= MOST_COLUMNS:
+            got = f"{text.count(delimiter) + 1} columns"
+            raise InvalidInput.of("too many columns", f"{path}", got, f"at most {MOST_COLUMNS}")
+        if len([cell for cell in cells if cell]) > 1 and not _is_title(cells, below, delimiter):
+            return offset, line, delimiter, None if _has_values(cells) else cells
+    offset, line, text = head[0]
+    delimiter = stated or max(DELIMITERS, key=text.count)
+    return offset, line, delimiter, tuple(cell.strip() for cell in _fields(text, delimiter))
+
+
+def _is_title(cells: Sequence[str], below: str, delimiter: str) -> bool:
+    """Whether a line stands above the header: the line below has more names, or another delimiter and more cells."""
+    longest = max((_fields(below, other) for other in {delimiter, max(DELIMITERS, key=below.count)}), key=len)
+    is_header = not any(_VALUE.fullmatch(cell.strip()) for cell in longest)
+    return is_header and len(longest) > len(cells)
+
+
+def _has_values(cells: Sequence[str]) -> bool:
+    filled = [cell for cell in cells if cell]
+    return 2 * sum(_VALUE.fullmatch(cell) is not None for cell in filled) > len(filled)
+
+
+def sections(source: Delimited) -> list[Delimited]:
+    """The parts of a file below each of its headers: an app that is updated may write another one in the middle. O(bytes).
+
+    Raises
+    ------
+    InvalidInput
+        When there are more than `MOST_SECTIONS`.
+    """
+    names = {column_key(name) for name in source.names if name}
+    starts = "|".join(re.escape(name) for name in source.names if name)
+    begin = re.compile(
+        rf"\n[\"' ]*(?:{starts})[\"' ]*{re.escape(source.delimiter)}[^\n]*".encode(), re.IGNORECASE
+    )
+    found = [
+        (match, tuple(c.strip() for c in _fields(_decode(match[0]).strip("\r\n"), source.delimiter)))
+        for match in (begin.finditer(source.data, max(source.body_offset - 1, 0)) if starts else ())
+    ]
+    found = [(m, cells) for m, cells in found if 2 * len(names & set(map(column_key, cells))) >= len(names)]
+    if len(found) > MOST_SECTIONS:
+        got = f"{len(found)} lines that are headers"
+        raise InvalidInput.of("too many headers", f"{source.path}", got, f"at most {MOST_SECTIONS}")
+    parts = [replace(source, data=source.data[: found[0][0].start() + 1])] if found else [source]
+    line = source.header_line
+    for k, (match, cells) in enumerate(found):
+        end = found[k + 1][0].start() + 1 if k + 1 < len(found) else len(source.data)
+        line += parts[-1].data.count(b"\n", parts[-1].body_offset) + 1
+        body = source.data[match.end() + 1 : end]
+        parts.append(replace(source, names=cells, data=body, body_offset=0, header_line=line))
+    return [part for part in parts if part.data[part.body_offset :].strip()]
+
+
+def even_rows(source: Delimited) -> tuple[Delimited, list[Fault]]:
+    """The same rows with as many cells as the header has, and the faults of those that have others. O(bytes).
+
+    Cells that were appended to the right are cut off, ends that a logger leaves out are empty, and a row that was cut off in the
+    middle is an empty row.
+
+    Raises
+    ------
+    InvalidInput
+        When no row has the width of the header: its cells cannot be told apart.
+    """
+    width, mark = _body_width(source), source.delimiter.encode()
+    body = source.data[source.body_offset :]
+    codes = np.frombuffer(body, np.uint8)
+    starts = np.append(0, np.flatnonzero(codes[:-1] == ord("\n")) + 1)
+    counts = np.add.reduceat((codes == ord(mark)).view(np.uint8), starts, dtype=np.int64) + 1
+    odd = np.flatnonzero(counts != width)
+    if not len(odd):
+        return source, []
+    lines = body.split(b"\n")
+    for i in odd[:-1].tolist():
+        lines[i] = lines[i] if lines[i].strip() else _line([""] * width, source.delimiter)
+    fields = {
+        int(i): _fields(_decode(lines[i]).strip("\r"), source.delimiter) for i in odd if lines[i].strip()
+    }
+    wrong = {i: cells for i, cells in fields.items() if len(cells) != width}
+    short = Counter(len(cells) for cells in wrong.values() if len(cells) < width)
+    usual = {n for n, count in short.items() if count > MOST_CUT_SHARE * len(lines)}
+    last = max((i for i, line in enumerate(lines) if line.strip()), default=-1)
+    is_cut = last == len(lines) - 1 and len(wrong.get(last, [])) not in (0, *usual)
+    for i, cells in wrong.items():
+        kept = cells[:width] if len(cells) > width else cells if len(cells) in usual else []
+        lines[i] = _line([*kept, *[""] * (width - len(kept))], source.delimiter)
+    uneven = {i: len(cells) for i, cells in wrong.items() if any(cells[width:]) or len(cells) < width}
+    is_cut &= uneven.get(last, width) < width
+    faults = list(_row_faults(source, uneven, width, last if is_cut else -1))
+    if is_cut:
+        faults.append(_cut_off_fault(source, source.header_line + 1 + last, width, wrong[last]))
+    if uneven and min(uneven.values()) > width and len(uneven) == sum(bool(line.strip()) for line in lines):
+        raise InvalidInput(faults)
+    return replace(source, data=b"\n".join(lines), body_offset=0), faults
 
 
 def _without_headers(body: bytes, header: bytes, delimiter: str) -> bytes:
@@ -181,37 +303,80 @@ def read_texts(source: Delimited, wanted: Sequence[int]) -> list[list[str]]:
     try:
         table = _parsed(source, wanted, pa.binary(), strings_can_be_null=False)
     except _UNREADABLE as error:
-        raise InvalidInput(_body_faults(source, (), _reason(error))) from error
+        _, faults = even_rows(source)
+        got = str(error).splitlines()[0][:200]
+        unreadable = Fault("not a readable CSV file", f"{source.path}", got, "rows of cells")
+        raise InvalidInput(faults or [unreadable]) from error
     return [[_decode(cell).strip() for cell in column.to_pylist()] for column in table]
 
 
-def read_numbers(source: Delimited, wanted: Sequence[int], decimal: str = ".") -> list[FloatArray]:
+def read_numbers(
+    source: Delimited, wanted: Sequence[int], decimal: str = ".", faults: list[Fault] | None = None
+) -> list[FloatArray]:
     """The columns at the given positions of the header, as float64; empty cells are NaN. O(bytes).
+
+    Parameters
+    ----------
+    source : Delimited
+    wanted : sequence of int
+    decimal : str
+        Its decimal separator.
+    faults : list, optional
+        Takes the faults; what cannot be read is then NaN, and a row of another length what `even_rows` makes of it.
 
     Raises
     ------
     InvalidInput
-        With every row of the wrong length and every cell that is not a number.
+        Without `faults`, with every row of the wrong length and every cell that is not a number.
     """
     reason = ""
-    nulls = {"null_values": list(NULL_TEXTS), "quoted_strings_can_be_null": True}
     try:
-        table = _parsed(source, wanted, pa.float64(), **nulls, decimal_point=decimal)
-        columns = [np.asarray(column.to_numpy(), dtype=np.float64) for column in table]
-        sound = all(np.nanmax(np.abs(values), initial=0.0) <= LARGEST_NUMBER for values in columns)
+        columns = _fast_numbers(source, wanted, decimal)
+        if all(np.nanmax(np.abs(values), initial=0.0) <= LARGEST_NUMBER for values in columns):
+            return columns
     except _UNREADABLE as error:
-        sound, reason = False, _reason(error)
-    if not sound:
-        raise InvalidInput(_body_faults(source, wanted, reason, decimal))
+        reason = str(error).splitlines()[0][:200]
+    even, found = even_rows(source)
+    try:
+        texts = read_texts(even, wanted)
+    except InvalidInput as error:
+        raise InvalidInput([*found, *error.faults]) from error
+    columns = []
+    for position, cells in zip(wanted, texts, strict=True):
+        values, bad = numbers_of(cells, decimal)
+        columns.append(values)
+        found += _cell_faults(even, position, [(even.header_line + 1 + i, cells[i]) for i in bad], decimal)
+    if faults is None:
+        raise InvalidInput(
+            found or [Fault("not a readable CSV file", f"{source.path}", reason, "rows of numbers")]
+        )
+    faults += found
     return columns
+
+
+def numbers_of(cells: Sequence[str], decimal: str) -> tuple[FloatArray, list[int]]:
+    """Numbers of texts, and the places of those that are none; a number with the other decimal separator is both."""
+    values, bad = np.full(len(cells), np.nan), []
+    for i, cell in enumerate(cells):
+        text = cell.strip('"').strip()
+        if text in NULL_TEXTS:
+            continue
+        value = _value(text.replace(decimal, "."))
+        if value is None or not abs(value) <= LARGEST_NUMBER:
+            bad.append(i)
+            value = _value(text.replace(",", ".")) if _DECIMAL_COMMA.fullmatch(text) else None
+        values[i] = np.nan if value is None else value
+    return values, bad
+
+
+def _fast_numbers(source: Delimited, wanted: Sequence[int], decimal: str) -> list[FloatArray]:
+    nulls = {"null_values": list(NULL_TEXTS), "quoted_strings_can_be_null": True}
+    table = _parsed(source, wanted, pa.float64(), **nulls, decimal_point=decimal)
+    return [np.asarray(column.to_numpy(), dtype=np.float64) for column in table]
 
 
 _UNREADABLE: Final = (pa.ArrowInvalid, pa.ArrowKeyError, UnicodeDecodeError)
 """What Arrow raises for a damaged row; the last where its message quotes the row."""
-
-
-def _reason(error: Exception) -> str:
-    return str(error).splitlines()[0][:200]
 
 
 def _parsed(source: Delimited, wanted: Sequence[int], kind: Any, **options: Any) -> list[Any]:
@@ -242,40 +407,6 @@ def _body_width(source: Delimited) -> int:
     return header
 
 
-def _body_faults(
-    source: Delimited, wanted: Sequence[int], reason: str, decimal: str = "."
-) -> tuple[Fault, ...]:
-    """Every fault below the header, line by line. O(bytes), only after the fast reader failed."""
-    width = _body_width(source)
-    lines = source.data[source.body_offset :].split(b"\n")
-    first_line = source.header_line + 1
-    bad_cells: dict[int, list[tuple[int, str]]] = {}
-    bad_rows: list[tuple[int, int]] = []
-    last = max((i for i, line in enumerate(lines) if line.strip()), default=-1)
-    cut_off = last >= 0 and last == len(lines) - 1  # a whole file ends in a line break
-    cut_fault: Fault | None = None
-    for number, line in enumerate(lines, start=first_line):
-        if not line.strip():
-            continue
-        text = _decode(line).strip("\r")
-        cells = _fields(text, source.delimiter) if '"' in text else text.split(source.delimiter)
-        if len(cells) != width:
-            if cut_off and number - first_line == last and len(cells) < width:
-                cut_fault = _cut_off_fault(source, number, len(cells), width, cells)
-            else:
-                bad_rows.append((number, len(cells)))
-            continue
-        for position in wanted:
-            cell = cells[position].strip().strip('"').strip()
-            value = _value(cell.replace(decimal, "."))
-            if cell not in NULL_TEXTS and (value is None or not abs(value) <= LARGEST_NUMBER):
-                bad_cells.setdefault(position, []).append((number, cell))
-    faults = [*_row_faults(source, bad_rows, width), *_cell_faults(source, bad_cells)]
-    if cut_fault:
-        faults.append(cut_fault)
-    return tuple(faults) or (Fault("not a readable CSV file", f"{source.path}", reason, "rows of numbers"),)
-
-
 def _value(cell: str) -> float | None:
     try:
         return float(cell)
@@ -283,41 +414,52 @@ def _value(cell: str) -> float | None:
         return None
 
 
-def _cut_off_fault(source: Delimited, line: int, got: int, width: int, cells: Sequence[str]) -> Fault:
-    position = min(got - 1, len(source.names) - 1)
+def _line(cells: Sequence[str], delimiter: str) -> bytes:
+    text = io.StringIO()
+    csv.writer(text, delimiter=delimiter, lineterminator="").writerow(cells)
+    return text.getvalue().encode()
+
+
+def _cut_off_fault(source: Delimited, line: int, width: int, cells: Sequence[str]) -> Fault:
+    position = min(len(cells) - 1, len(source.names) - 1)
     return Fault(
         "truncated file",
         source.where(line, source.names[position]),
-        f"the last line ends in {_excerpt(cells[-1])}, field {got} of {width}",
+        f"the last line ends in {_excerpt(cells[-1])}, field {len(cells)} of {width}",
         f"{width} fields and a line break",
         "fetch the file again, or delete the last line to use the rest",
     )
 
 
-def _row_faults(source: Delimited, rows: Sequence[tuple[int, int]], width: int) -> Iterator[Fault]:
-    what = "wrong number of columns"
-    for line, fields in rows[:SHOWN_ROWS]:
-        comma = source.delimiter == "," and fields > width
+def _row_faults(source: Delimited, fields: Mapping[int, int], width: int, cut: int) -> Iterator[Fault]:
+    """A fault for each of the first rows of another length, by their places in the body, and one for the others."""
+    rows = [(place, n) for place, n in fields.items() if place != cut]
+    what, where = "wrong number of columns", f"{source.path}"
+    for place, n in rows[:SHOWN_ROWS]:
+        comma = source.delimiter == "," and n > width
         fix = (
             "export with a decimal point, or with ';' between columns" if comma else "mend or delete the row"
         )
-        yield Fault(what, f"{source.path} row {line}", f"{fields}", f"{width}", fix)
-    if len(rows) > SHOWN_ROWS:
-        yield Fault(what, f"{source.path}", f"{len(rows) - SHOWN_ROWS} more rows", f"{width}")
+        yield Fault(what, f"{where} row {source.header_line + 1 + place}", f"{n}", f"{width}", fix)
+    more = len(rows) - SHOWN_ROWS
+    if more > 0:
+        yield Fault(what, where, f"{more} more rows", f"{width}", count=more)
 
 
-def _cell_faults(source: Delimited, cells: dict[int, list[tuple[int, str]]]) -> Iterator[Fault]:
-    """A fault for each cell while they are few, else the first of the column and how many more there are."""
-    for position, bad in sorted(cells.items()):
-        counted = len(bad) > SHOWN_ROWS
-        for line, text in bad[:1] if counted else bad:
-            what, allowed, fix = "not a number", "a number with a decimal point, or an empty cell", ""
-            if _DECIMAL_COMMA.fullmatch(text):
-                what, fix = "decimal comma", "export the file with a decimal point"
-            elif _value(text) is not None:
-                what, allowed = "number out of range", f"a finite number of at most {LARGEST_NUMBER:g}"
-            got = _excerpt(text) + (and_more(bad) if counted else "")
-            yield Fault(what, source.where(line, source.names[position]), got, allowed, fix)
+def _cell_faults(
+    source: Delimited, position: int, bad: Sequence[tuple[int, str]], decimal: str
+) -> Iterator[Fault]:
+    """A fault for each cell of a column while they are few, else the first and how many more there are."""
+    counted = len(bad) > SHOWN_ROWS
+    for line, text in bad[:1] if counted else bad:
+        what, allowed, fix = "not a number", "a number with a decimal point, or an empty cell", ""
+        if _DECIMAL_COMMA.fullmatch(text):
+            what, fix = "decimal comma", "export the file with a decimal point"
+        elif _value(text.replace(decimal, ".")) is not None:
+            what, allowed = "number out of range", f"a finite number of at most {LARGEST_NUMBER:g}"
+        got = _excerpt(text) + (and_more(bad) if counted else "")
+        where = source.where(line, source.names[position])
+        yield Fault(what, where, got, allowed, fix, count=len(bad) if counted else 1)
 
 
 def _excerpt(text: str) -> str:

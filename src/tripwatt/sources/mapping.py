@@ -97,7 +97,7 @@ _TABLES: Final = MappingProxyType(
         "long": ("name", "value"),
     }
 )
-_ENTRY_KEYS: Final = ("column", "unit", "format", "optional")
+_ENTRY_KEYS: Final = ("column", "date", "unit", "format", "optional")
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,12 +113,15 @@ class MappedColumn:
         `strptime` format of time stamps; empty for ISO 8601.
     optional : bool
         Whether a table may lack the column.
+    date : str
+        Column of the day, where `column` has the time of day alone.
     """
 
     column: str
     unit: str
     format: str = ""
     optional: bool = False
+    date: str = ""
 
     def __str__(self) -> str:
         return f"{self.column!r} [{self.unit}]"
@@ -211,7 +214,7 @@ def parse_mapping(text: str, source: str) -> ColumnMapping:
     Examples
     --------
     >>> parse_mapping('[columns]\ntime_s = {column = "t"}\nspeed_m_s = {column = "v", unit = "mph"}', "my.toml").columns["speed_m_s"]
-    MappedColumn(column='v', unit='mph', format='', optional=False)
+    MappedColumn(column='v', unit='mph', format='', optional=False, date='')
     """
     return mapping_from_tables(parse_tables(text, source), source)
 
@@ -263,6 +266,7 @@ def mapping_from_tables(tables: Mapping[str, Any], source: str) -> ColumnMapping
             str(entry.get("unit", _own_unit(ours))).lower(),
             str(entry.get("format", "")),
             bool(entry.get("optional", False)),
+            str(entry.get("date", "")),
         )
         for ours, entry in tables["columns"].items()
     }

@@ -188,6 +188,18 @@ def unit_in(ours: str, name: str) -> str | None:
     return next((unit for unit in units if unit in UNITS[ours]), None)
 
 
+def unit_named(ours: str, text: str) -> str | None:
+    """The unit of our column `ours` that a text is, if it is one.
+
+    Examples
+    --------
+    >>> unit_named("speed_m_s", "MPH"), unit_named("voltage_v", "bar")
+    ('mph', None)
+    """
+    unit = _unit(text.strip())
+    return unit if unit in UNITS[ours] else None
+
+
 def is_something_else(name: str) -> bool:
     """Whether a column is none of ours by its name alone, so that its values need not be checked.
 

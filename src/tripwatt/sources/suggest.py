@@ -6,6 +6,7 @@ no unit, physics gives it: in the wrong unit of speed the car would have a mass 
 
 from __future__ import annotations
 
+import contextlib
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -14,9 +15,11 @@ from types import MappingProxyType
 from typing import Final
 
 import numpy as np
+import pandas as pd
 
 from tripwatt.arrays import FloatArray, IntArray
-from tripwatt.errors import InvalidInput
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.sources.clocks import clock_only, decided_format
 from tripwatt.sources.columnar import TableFile, open_table, table_files
 from tripwatt.sources.delimited import column_key
 from tripwatt.sources.evidence import (
@@ -39,6 +42,13 @@ from tripwatt.sources.mapping import (
 )
 from tripwatt.sources.naming import NAMES, candidates, is_something_else, unit_in, words
 from tripwatt.trips import COLUMNS
+
+MOST_BAD: Final = 0.1
+"""A column of numbers has up to this share of other cells for one number."""
+MOST_BESIDE: Final = 60
+"""Other files whose time stamps are looked at."""
+DAY_FORMATS: Final = ("%Y-%m-%d", "%Y/%m/%d", "%d.%m.%Y", "%m/%d/%Y", "%d/%m/%Y", "%d-%m-%Y", "%m-%d-%Y", "%d.%m.%y", "%m/%d/%y", "%d/%m/%y", "%Y%m%d", "%d-%b-%Y")  # fmt: skip
+_DAY_NAME: Final = re.compile(r"\b(date|day|datum|tag|fecha|jour)\b")
 
 SPARSE_SHARE: Final = 0.2
 """With more missing values than this in a measured column the logger writes what changes."""
@@ -81,6 +91,7 @@ class Guess:
     unit: str
     why: str
     format: str = ""
+    date: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,16 +118,26 @@ class Suggestion:
     unused: tuple[str, ...] = ()
 
 
-def suggest_mapping(path: Path | str) -> Suggestion:
+def suggest_mapping(path: Path | str, names: Sequence[str] = (), beside: Sequence[Path] = ()) -> Suggestion:
     """Propose a mapping for a CSV or Parquet file, or for the largest one of a folder.
+
+    Parameters
+    ----------
+    path : path
+    names : sequence of str
+        Header of a file that has none.
+    beside : sequence of Path
+        Other files of the same logger, which tell the order of day and month. Those of a folder are taken by themselves.
 
     Raises
     ------
     InvalidInput
         When there is none or it cannot be read as a table.
     """
-    path = max(table_files(Path(path)), key=lambda file: file.stat().st_size)
-    table, columns, decimal = _readable(path)
+    files = table_files(Path(path))
+    path = max(files, key=lambda file: file.stat().st_size)
+    beside = [*beside, *(file for file in files if file != path)]
+    table, columns, decimal = _readable(path, names)
     long = _long(path, table)
     if long is not None:
         return long
@@ -134,6 +155,8 @@ def suggest_mapping(path: Path | str) -> Suggestion:
         {n: v for n, v in columns.items() if n not in taken and not is_something_else(n)},
     )
     guesses |= {g[0]: Guess(*g) for g in flow.columns}
+    if "time_s" in guesses and guesses["time_s"].unit == "timestamp":
+        guesses["time_s"] = _with_day(guesses["time_s"], table, beside)
     if {"voltage_v", "current_a"} <= guesses.keys():
         guesses.pop(POWER, None)
     guesses = {ours: guesses[ours] for ours in NAMES if ours in guesses}
@@ -176,26 +199,57 @@ def _long(path: Path, table: TableFile) -> Suggestion | None:
     return None
 
 
-def _readable(path: Path) -> tuple[TableFile, dict[str, FloatArray], str]:
+def _readable(path: Path, names: Sequence[str]) -> tuple[TableFile, dict[str, FloatArray], str]:
     """The table, every column of it that holds numbers, and its decimal separator."""
-    table = open_table(path)
-    columns = _numbers(table)
-    if path.suffix.lower() != ".parquet" and len(columns) < len({n for n in table.names if n}):
-        comma = open_table(path, ",")
-        with_comma = _numbers(comma)
-        if len(with_comma) > len(columns):
-            return comma, with_comma, ","
-    return table, columns, "."
-
-
-def _numbers(table: TableFile) -> dict[str, FloatArray]:
+    faults: list[Fault] = []
+    table = open_table(path, names=names, faults=faults)
     columns: dict[str, FloatArray] = {}
+    commas, cells = 0, 0
     for name in dict.fromkeys(n for n in table.names if n):
+        faults.clear()
         try:
-            (columns[name],) = table.numbers([name])
+            (values,) = table.numbers([name])
         except InvalidInput:
             continue
-    return columns
+        known = int(np.isfinite(values).sum())
+        by_comma = sum(fault.count for fault in faults if fault.what == "decimal comma")
+        if sum(fault.count for fault in faults) - by_comma <= MOST_BAD * known:
+            columns[name] = values
+            commas, cells = commas + by_comma, cells + known * (by_comma > 0)
+    return table, columns, "," if commas > 0.5 * cells else "."
+
+
+def _with_day(guess: Guess, table: TableFile, beside: Sequence[Path]) -> Guess:
+    """The guess of a time stamp with the column of its day, and with day and month in the order that all files show."""
+    if clock_only(guess.format):
+        for name in (n for n in table.names if n != guess.column and _DAY_NAME.search(words(n))):
+            form = next((f for f in DAY_FORMATS if _fits(table.texts(name), f)), None)
+            if form is not None:
+                why = f"{guess.why}; the day is in {_quote(name)}"
+                guess = replace(guess, date=name, format=f"{form} {guess.format}", why=why)
+                break
+    texts = [_stamp_texts(table, guess)]
+    for file in beside[:MOST_BESIDE]:
+        with contextlib.suppress(InvalidInput, ValueError):
+            texts.append(_stamp_texts(open_table(file, faults=[]), guess))
+    order = np.argsort([0, *range(1, len(texts))])
+    decided = decided_format([texts[k] for k in order], guess.format)
+    if decided == guess.format:
+        return guess
+    return replace(guess, format=decided, why=f"{guess.why.partition('; CHECK')[0]}; by all files {decided}")
+
+
+def _stamp_texts(table: TableFile, guess: Guess) -> list[str]:
+    if not guess.date:
+        return table.texts(guess.column)
+    return [
+        f"{day} {time}" for day, time in zip(table.texts(guess.date), table.texts(guess.column), strict=True)
+    ]
+
+
+def _fits(texts: Sequence[str], form: str) -> bool:
+    some = pd.Series([text for text in (*texts[:50], *texts[-50:]) if text], dtype=object)
+    return len(some) > 0 and bool(pd.to_datetime(some, format=form, errors="coerce").notna().all())
 
 
 def _trip_column(table: TableFile, columns: Mapping[str, FloatArray]) -> tuple[str | None, IntArray]:
@@ -416,7 +470,8 @@ def _render(
     lines.append("[columns]")
     for guess in guesses.values():
         name, unit = _quote(guess.column), SPELLED.get(guess.unit, guess.unit)
-        stamp = f", format = {_quote(guess.format)}" if guess.format else ""
+        more = {"date": guess.date, "format": guess.format}
+        stamp = "".join(f", {key} = {_quote(text)}" for key, text in more.items() if text)
         lines.append(f'{guess.ours} = {{ column = {name}, unit = "{unit}"{stamp} }}  # {_comment(guess.why)}')
     if flow.sign and {"current_a", POWER} & guesses.keys():
         lines += ["", "[current]", f'positive = "{flow.sign}"  # {flow.why_sign}']

@@ -7,6 +7,7 @@ UTF-8, 1 s) are read alike. The logs win over the sheet: state of charge, distan
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -31,6 +32,7 @@ from tripwatt.trips import (
     structure_faults,
 )
 from tripwatt.trips.elevation import elevation_over_distance
+from tripwatt.trips.reading import FileReading, ReadingReport
 from tripwatt.units import M_S_PER_KM_H
 
 CITATION: Final = (
@@ -82,22 +84,25 @@ ALL_TRIP_IDS: Final = tuple(f"Trip{short}" for short in _PUBLISHED)
 """The 70 trips that were published."""
 
 
-def read_tum(folder: Path | str) -> Fleet:
+def read_tum(folder: Path | str, *, strict: bool = False) -> Fleet:
     """Read a folder of `TripA*.csv` and `TripB*.csv`, with `Overview.xlsx` for their context.
 
     Parameters
     ----------
     folder : path
+    strict : bool
+        Refuse everything that cannot be read as it stands.
 
     Returns
     -------
     Fleet
         Raw trips in the order of their ids. Without the sheet season and weather are None and `notes` has a note.
+        What is left out is in `report`.
 
     Raises
     ------
     InvalidInput
-        With every fault of the folder, of all its files and of the sheet.
+        When no trip can be read; with `strict`, with every fault of the folder, of all its files and of the sheet.
 
     Examples
     --------
@@ -116,11 +121,26 @@ def read_tum(folder: Path | str) -> Fleet:
     except InvalidInput as error:
         faults += error.faults
 
-    logs, errors = read_all(
-        lambda item: read_tum_file(item[1], item[0], contexts.get(item[0])), files.items()
-    )
-    raise_faults([*faults, *(fault for error in errors for fault in error.faults)])
-    return Fleet("tum", tuple(logs), tuple(notes), REFERENCE_TRIPS, CITATION)
+    kept: dict[str, list[Fault]] = {trip_id: [] for trip_id in files}
+
+    def read_one(item: tuple[str, Path]) -> Log | None:
+        trip_id, path = item
+        try:
+            return read_tum_file(path, trip_id, contexts.get(trip_id), None if strict else kept[trip_id])
+        except InvalidInput as error:
+            kept[trip_id] += error.faults
+            return None
+
+    logs = {log.trip_id: log for log in read_all(read_one, files.items()) if log is not None}
+    raise_faults([*faults, *itertools.chain(*kept.values())] if strict or not logs else ())
+    readings = []
+    for name, path in files.items():
+        rows = len(logs[name]) if name in logs else 0
+        readings.append(FileReading(path.name, rows, rows, int(name in logs), tuple(kept[name])))
+    if faults:
+        readings.append(FileReading(OVERVIEW_NAME, faults=tuple(faults)))
+    report = ReadingReport(tuple(readings))
+    return Fleet("tum", tuple(logs.values()), tuple(notes), REFERENCE_TRIPS, CITATION, report)
 
 
 def trip_files(folder: Path) -> tuple[dict[str, Path], list[Flag]]:
@@ -174,8 +194,12 @@ def is_tum_log(path: Path) -> bool:
     return {column_key("Time [s]"), column_key("Velocity [km/h]")} <= names
 
 
-def read_tum_file(path: Path, trip_id: str, context: Context | None = None) -> Log:
+def read_tum_file(
+    path: Path, trip_id: str, context: Context | None = None, faults: list[Fault] | None = None
+) -> Log:
     """One trip file as a log, its elevation interpolated over distance. See `read_tum`.
+
+    `faults` takes what cannot be read; without it, that is refused.
 
     Raises
     ------
@@ -184,7 +208,7 @@ def read_tum_file(path: Path, trip_id: str, context: Context | None = None) -> L
     """
     source = open_delimited(path)
     chosen = _choose(source)
-    values = read_numbers(source, list(chosen))
+    values = read_numbers(source, list(chosen), faults=faults)
     samples = pd.DataFrame(
         {
             raw.ours: column if raw.factor == 1.0 else column * raw.factor

@@ -9,6 +9,7 @@ so that steps are irregular and every other signal keeps its last value.
 from __future__ import annotations
 
 import datetime as dt
+import itertools
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -23,6 +24,7 @@ from tripwatt.errors import Fault, InvalidInput, and_more
 from tripwatt.sources.columnar import read_all, require_folder
 from tripwatt.sources.delimited import Delimited, RawColumn, column_key, open_delimited, read_numbers
 from tripwatt.trips import COLUMNS, Context, Flag, Fleet, Log, raise_faults
+from tripwatt.trips.reading import FileReading, ReadingReport
 from tripwatt.units import M_S_PER_KM_H
 
 CITATION: Final = (
@@ -65,12 +67,14 @@ class _Week:
     file: str
 
 
-def read_ved(folder: Path | str) -> Fleet:
+def read_ved(folder: Path | str, *, strict: bool = False) -> Fleet:
     """Read the electric cars of a folder of weekly files `VED_*_week.csv`.
 
     Parameters
     ----------
     folder : path
+    strict : bool
+        Refuse everything that cannot be read as it stands.
 
     Returns
     -------
@@ -81,7 +85,7 @@ def read_ved(folder: Path | str) -> Fleet:
     Raises
     ------
     InvalidInput
-        With every fault of the folder and of all its files.
+        When no trip can be read; with `strict`, with every fault of the folder and of all its files.
 
     Examples
     --------
@@ -93,15 +97,29 @@ def read_ved(folder: Path | str) -> Fleet:
     folder = Path(folder)
     files = _week_files(folder)
 
-    weeks, errors = read_all(_read_week, files)
-    raise_faults(fault for error in errors for fault in error.faults)
+    kept: dict[Path, list[Fault]] = {file: [] for file in files}
+
+    def read_one(file: Path) -> _Week | None:
+        try:
+            return _read_week(file, None if strict else kept[file])
+        except InvalidInput as error:
+            kept[file] += error.faults
+            return None
+
+    weeks = [week for week in read_all(read_one, files) if week is not None]
+    raise_faults(itertools.chain(*kept.values()) if strict or not weeks else ())
     with_engine = frozenset().union(*(w.with_engine for w in weeks))
     trips, notes = _trips(weeks, with_engine)
+    rows = {week.file: len(week.samples) for week in weeks}
+    readings = [
+        FileReading(f.name, rows.get(f.name, 0), rows.get(f.name, 0), int(f.name in rows), tuple(kept[f]))
+        for f in files
+    ]
     if not trips:
         got = f"{len(files)} weekly files, no trip of an electric car"
         raise InvalidInput.of("no trips", f"{folder}", got, "trips with a traction battery and no engine")
     notes.append(Flag("no_elevation", "VED"))
-    return Fleet("ved", tuple(trips), tuple(notes), None, CITATION)
+    return Fleet("ved", tuple(trips), tuple(notes), None, CITATION, ReadingReport(tuple(readings)))
 
 
 def _week_files(folder: Path) -> list[Path]:
@@ -114,11 +132,11 @@ def _week_files(folder: Path) -> list[Path]:
     return files
 
 
-def _read_week(path: Path) -> _Week:
+def _read_week(path: Path, faults: list[Fault] | None) -> _Week:
     source = open_delimited(path)
     positions = _positions(source)
-    values = dict(zip(positions, read_numbers(source, list(positions.values())), strict=True))
-    keys = _integer_keys(source, values)
+    values = dict(zip(positions, read_numbers(source, list(positions.values()), faults=faults), strict=True))
+    keys = _integer_keys(source, values, faults)
     has_battery = np.isfinite(values["HV Battery Voltage[V]"])
     has_engine = np.zeros(len(has_battery), dtype=bool)
     for name in _ENGINE:
@@ -146,19 +164,26 @@ def _positions(source: Delimited) -> Mapping[str, int]:
     return {name: there[column_key(name)] for name in (*needed, *_ENGINE) if column_key(name) in there}
 
 
-def _integer_keys(source: Delimited, values: Mapping[str, FloatArray]) -> tuple[IntArray, ...]:
-    """Car and trip number of every row."""
-    faults = []
+def _integer_keys(
+    source: Delimited, values: dict[str, FloatArray], kept: list[Fault] | None
+) -> tuple[IntArray, ...]:
+    """Car and trip number of every row; where faults are `kept`, rows without them go."""
+    faults, wrong = [], np.zeros(len(values["VehId"]), dtype=bool)
     for name in _KEYS:
         column = values[name]
         whole = (column == np.round(column)) | (name == "DayNum")
         bad = ~(np.isfinite(column) & whole & (column >= 0.0) & (column <= LARGEST_KEY))
+        wrong |= bad
         if bad.any():
             row = int(np.flatnonzero(bad)[0])
             got = f"{column[row]:g}{and_more(np.flatnonzero(bad))}"
             where = source.where(source.header_line + 1 + row, name)
-            faults.append(Fault("not a whole number", where, got, "a whole number"))
-    raise_faults(faults)
+            faults.append(Fault("not a whole number", where, got, "a whole number", count=int(bad.sum())))
+    if kept is None:
+        raise_faults(faults)
+    elif faults:
+        kept += faults
+        values.update({name: column[~wrong] for name, column in values.items()})
     return values["VehId"].astype(np.int64), values["Trip"].astype(np.int64)
 
 

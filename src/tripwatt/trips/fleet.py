@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from tripwatt.trips.flags import Flag
+from tripwatt.trips.reading import ReadingReport
 from tripwatt.trips.trip import Recorded, Trip
 
 
@@ -27,6 +28,8 @@ class Fleet:
         data set defines none.
     citation : str
         Attribution that the data's licence requires, empty when it requires none.
+    report : ReadingReport or None
+        What a reader took of each file; None for logs that were made.
 
     Examples
     --------
@@ -41,6 +44,7 @@ class Fleet:
     notes: tuple[Flag, ...] = ()
     reference: Mapping[str, float | None] | None = None
     citation: str = ""
+    report: ReadingReport | None = None
 
     @property
     def trips(self) -> tuple[Trip, ...]:

@@ -1,0 +1,131 @@
+"""Times of logs: text as seconds, the order of day and month, and clocks that are set while a car drives."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+import pandas as pd
+
+from tripwatt.arrays import FloatArray, running_sum
+from tripwatt.sources.evidence import stamp_format
+from tripwatt.units import SECONDS_PER_DAY, SECONDS_PER_HOUR
+
+EARLIEST_YEAR, LATEST_YEAR = 1970, 2199
+"""Years of a time stamp of a log."""
+FIRST_LOGGERS_S: Final = 1.1e9
+"""An earlier clock [s since 1970], before November 2004, was not set yet."""
+GAP_S: Final = 60.0
+MOVING_M_S: Final = 1.0
+LONGEST_STEP: Final = 10.0
+"""A step of so many usual ones beside a full hour is the hour of daylight saving time."""
+SHORTER: Final = 0.3
+"""The order of day and month is changed where the files then follow each other within this share of the time."""
+
+
+def clock_only(form: str) -> bool:
+    """Whether a format has a time of day and no day."""
+    return bool(form) and not re.search("%[djUVxcsDF]", form)
+
+
+def seconds_of(texts: pd.Series, form: str) -> FloatArray:
+    """Seconds since 1970 of time stamps in a format, ISO 8601 without one; NaN for what is none.
+
+    A time of day counts from its first one, over midnight.
+
+    Examples
+    --------
+    >>> seconds_of(pd.Series(["23:59:59", "00:00:01", "-"]), "%H:%M:%S")
+    array([ 0.,  2., nan])
+    """
+    stamps = pd.to_datetime(texts, format=form or "ISO8601", utc=True, errors="coerce")
+    values = np.asarray((stamps - pd.Timestamp(0, tz="UTC")).dt.total_seconds(), dtype=np.float64)
+    if not clock_only(form):
+        years = np.asarray(stamps.dt.year, dtype=np.float64)
+        return np.where((years >= EARLIEST_YEAR) & (years <= LATEST_YEAR), values, np.nan)
+    known = np.isfinite(values)
+    midnight = running_sum(np.diff(values[known]) < -0.5 * SECONDS_PER_DAY)
+    values[known] += SECONDS_PER_DAY * midnight - values[known][:1].sum()
+    return values
+
+
+def decided_format(files: Sequence[Sequence[str]], form: str) -> str:
+    """The format of the time stamps of some files, in their order, near the one that is assumed.
+
+    Where most texts do not have the assumed one, it is found anew. Where day and month may stand either way round, one text with
+    a day after the 12th decides, else the way in which the files follow each other in less time.
+
+    Examples
+    --------
+    >>> decided_format([["05/04/2024 08:00:00"], ["06/04/2024 08:00:00"], ["13/04/2024 08:00:00"]], "%m/%d/%Y %H:%M:%S")
+    '%d/%m/%Y %H:%M:%S'
+    """
+    ends = [text for texts in files for text in (*texts[:3], *texts[-3:]) if text]
+    forms = [form]
+    if clock_only(form) or not ends:
+        return form
+    if (
+        not form
+        or pd.to_datetime(pd.Series(ends), format=form, errors="coerce", utc=True).isna().mean() > 0.5
+    ):
+        if not form and np.isnan(seconds_of(pd.Series(ends, dtype=object), "")).mean() <= 0.5:
+            return form
+        other = stamp_format(ends)
+        forms = [form if other is None else other[0]]
+    if {"%d", "%m"} <= set(re.findall("%.", forms[0])) and not forms[0].startswith("%Y"):
+        forms.append(forms[0].replace("%d", "%_").replace("%m", "%d").replace("%_", "%m"))
+    starts = [next((text for text in texts if text), "") for texts in files]
+    fits, spans = [], []
+    for one in forms:
+        fits.append(float(np.isfinite(seconds_of(pd.Series(ends, dtype=object), one)).mean()))
+        at = seconds_of(pd.Series(starts, dtype=object), one)
+        spans.append(float(np.abs(np.diff(at[np.isfinite(at)])).sum()))
+    if len(forms) > 1 and (fits[1] > fits[0] or (fits[1] == fits[0] and spans[1] < SHORTER * spans[0])):
+        return forms[1]
+    return forms[0]
+
+
+def steady_clock(time: FloatArray, speed: FloatArray) -> tuple[FloatArray, list[str]]:
+    """Stamps [s since 1970] in the order of the rows as if nobody had set the clock, and codes of what was done.
+
+    An hour of daylight saving time is taken back, rows before the clock was set follow on from the first one after it, and rows in
+    another order are sorted by the caller (``rows_sorted``) unless parts of them cover the same time: then the clock was set back,
+    and the audit splits the log there.
+
+    Examples
+    --------
+    >>> steady_clock(np.array([1.7e9 + 3599, 1.7e9 + 0, 1.7e9 + 1]), np.array([9.0, 9.0, 9.0]))[0] - 1.7e9
+    array([3599., 3600., 3601.])
+    """
+    codes: list[str] = []
+    if len(time) < 2:
+        return time, codes
+    time, step = time.copy(), np.diff(time)
+    usual = float(np.median(step[step > 0.0])) if (step > 0.0).any() else 1.0
+    unset = np.flatnonzero((time[:-1] < FIRST_LOGGERS_S) & (time[1:] >= FIRST_LOGGERS_S))
+    if len(unset) == 1 and bool((time[: int(unset[0]) + 1] < FIRST_LOGGERS_S).all()):
+        last = int(unset[0])
+        time[: last + 1] += time[last + 1] - time[last] - usual
+        codes.append("clock_unset")
+    step = np.diff(time)
+    near = np.minimum(speed[:-1], speed[1:]) > MOVING_M_S
+    back = (
+        (step + SECONDS_PER_HOUR > 0.0)
+        & (step + SECONDS_PER_HOUR <= max(GAP_S, LONGEST_STEP * usual))
+        & (step < 0.0)
+    )
+    ahead = near & (step - SECONDS_PER_HOUR > 0.0) & (step - SECONDS_PER_HOUR <= LONGEST_STEP * usual)
+    if 0 < back.sum() + ahead.sum() <= 2:
+        time[1:] += SECONDS_PER_HOUR * (np.cumsum(back) - np.cumsum(ahead))
+        codes.append("clock_daylight_saving")
+    falls = np.flatnonzero(np.diff(time) < 0.0)
+    if len(falls):
+        edges = [0, *(falls + 1).tolist(), len(time)]
+        parts = sorted((float(time[a:b].min()), float(time[a:b].max())) for a, b in itertools.pairwise(edges))
+        apart = all(later[0] >= earlier[1] for earlier, later in itertools.pairwise(parts))
+        if apart or len(falls) > LONGEST_STEP:
+            codes.append("rows_sorted")
+    return time, codes

@@ -1,0 +1,231 @@
+"""Files of one logger: grouped by their columns, each group with its mapping."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.files import file_head
+from tripwatt.physics.battery import open_circuit_voltage, usable_energy_wh
+from tripwatt.sources.columnar import open_table, table_files
+from tripwatt.sources.delimited import column_key, open_delimited
+from tripwatt.sources.mapping import POWER, ColumnMapping, load_mapping, mapping_from_tables, parse_tables
+from tripwatt.sources.raw_files import NEEDED
+from tripwatt.sources.suggest import Suggestion, suggest_mapping
+from tripwatt.trips import COLUMNS
+from tripwatt.vehicles import Vehicle
+
+HEAD_BYTES: Final = 1 << 16
+"""Enough of a file for its header."""
+ALIKE: Final = 0.7
+"""Share of columns in common from which files are of one kind."""
+HALF_CHARGED: Final = 0.5
+"""State of charge whose open-circuit voltage stands for the battery's nominal voltage."""
+
+
+@dataclass(frozen=True, slots=True)
+class Changes:
+    """What a user changes of a proposed mapping.
+
+    Attributes
+    ----------
+    columns : mapping of str to (mapping or None)
+        Our column -> `column` and `unit` in place of the proposed ones; None to leave it out.
+    current_positive : str or None
+    """
+
+    columns: Mapping[str, Mapping[str, str | None] | None] = field(default_factory=dict)
+    current_positive: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """Files with the same columns, and how they are read.
+
+    Attributes
+    ----------
+    files : mapping of Path to tuple of str
+        Files, and the header of those that have none.
+    names : tuple of str
+        Columns of the largest file.
+    tables : mapping
+        The mapping as the tables of its TOML.
+    mapping : ColumnMapping or None
+        None where it lacks what is needed; `faults` say what.
+    faults : tuple of Fault
+    proposal : Suggestion or None
+        None for a mapping that was given.
+    assumed : mapping of str to float
+        Values of the battery that the car's published values fill in.
+    """
+
+    files: Mapping[Path, tuple[str, ...]]
+    names: tuple[str, ...]
+    tables: Mapping[str, Any] = field(default_factory=dict)
+    mapping: ColumnMapping | None = None
+    faults: tuple[Fault, ...] = ()
+    proposal: Suggestion | None = None
+    assumed: Mapping[str, float] = field(default_factory=dict)
+
+
+def given_kind(path: Path, mapping: Path | str | ColumnMapping) -> Kind:
+    """All files of a folder, to be read by one mapping."""
+    checked = mapping if isinstance(mapping, ColumnMapping) else load_mapping(mapping)
+    files = table_files(path)
+    headers, _ = _headers(files)
+    return Kind({file: headers[file][1] if file in headers else () for file in files}, (), mapping=checked)
+
+
+def proposed_kinds(
+    path: Path,
+    vehicle: Vehicle | None = None,
+    changes: Mapping[int, Changes] | None = None,
+    ignored: Sequence[str] = (),
+) -> list[Kind]:
+    """The kinds of files of a folder, each with a mapping that its header and values propose.
+
+    Parameters
+    ----------
+    path : Path
+        A table or a folder of tables.
+    vehicle : Vehicle, optional
+        The car, whose battery gives the energy of a state of charge, and a voltage that is not logged.
+    changes : mapping of int to Changes, optional
+        By the number of the kind.
+    ignored : sequence of str
+        Names of files that are left out.
+
+    Returns
+    -------
+    list of Kind
+        That of the largest file first; a file without columns is a kind of its own.
+
+    Raises
+    ------
+    InvalidInput
+        When there is no table.
+    """
+    headers, faults = _headers(table_files(path))
+    groups: list[tuple[frozenset[str], list[Path]]] = []
+    for file in sorted(headers, key=lambda file: -file.stat().st_size):
+        keys = frozenset(column_key(name) for name in headers[file][0])
+        for other, files in groups:
+            if len(keys & other) >= ALIKE * len(keys | other):
+                files.append(file)
+                break
+        else:
+            groups.append((keys, [file]))
+    kinds = []
+    for number, (_, files) in enumerate(groups):
+        kept = [file for file in files if file.name not in ignored]
+        kind = Kind({file: headers[file][1] for file in sorted(kept)}, headers[(kept or files)[0]][0])
+        change = (changes or {}).get(number, Changes())
+        kinds.append(_with_mapping(kind, kept, vehicle, change) if kept else kind)
+    bare = {file: its for file, its in faults.items() if file.name not in ignored}
+    return [*kinds, *(Kind({file: ()}, (), faults=its) for file, its in bare.items())]
+
+
+def _with_mapping(kind: Kind, files: Sequence[Path], vehicle: Vehicle | None, changes: Changes) -> Kind:
+    try:
+        own = [name for name in kind.names if name in COLUMNS]
+        proposal = (
+            None
+            if set(NEEDED) <= set(own)
+            else suggest_mapping(files[0], kind.files[files[0]], beside=files[1:])
+        )
+        tables = (
+            {"columns": {n: {"column": n} for n in own}}
+            if proposal is None
+            else parse_tables(proposal.toml, "mapping")
+        )
+        tables, assumed = _changed(tables, changes, vehicle)
+        kind = replace(kind, tables=tables, proposal=proposal, assumed=assumed)
+        return replace(kind, mapping=mapping_from_tables(tables, "the proposed mapping"))
+    except InvalidInput as error:
+        return replace(kind, faults=error.faults)
+
+
+def _changed(
+    tables: dict[str, Any], changes: Changes, vehicle: Vehicle | None
+) -> tuple[dict[str, Any], dict[str, float]]:
+    """A proposed mapping with the changes of a user, and the values of the battery that the car fills in."""
+    columns = tables.setdefault("columns", {})
+    for ours, choice in changes.columns.items():
+        before = columns.pop(ours, {})
+        if choice is not None:
+            same = before if before.get("column") == choice["column"] else {}
+            given = {
+                **{k: same.get(k) for k in ("format", "date", "unit")},
+                **{k: v for k, v in choice.items() if v},
+            }
+            columns[ours] = {key: text for key, text in given.items() if text}
+    if changes.current_positive is not None:
+        tables["current"] = {"positive": changes.current_positive}
+    battery, assumed = tables.setdefault("battery", {}), {}
+    measured = {POWER, "current_a"} & columns.keys()
+    if vehicle is not None and measured and "voltage_v" not in columns:
+        assumed["nominal_voltage_v"] = float(
+            open_circuit_voltage(np.array([HALF_CHARGED]), vehicle.battery)[0]
+        )
+    elif vehicle is not None and not measured and {"soc", "displayed_soc"} & columns.keys():
+        assumed["usable_capacity_kwh"] = usable_energy_wh(vehicle.battery) / 1000.0
+    battery.update(assumed)
+    if not battery:
+        del tables["battery"]
+    return tables, assumed
+
+
+def _headers(
+    files: Sequence[Path],
+) -> tuple[dict[Path, tuple[tuple[str, ...], tuple[str, ...]]], dict[Path, tuple[Fault, ...]]]:
+    """Columns of each file and, for one without a header, those again; and the faults of files that have no columns.
+
+    A file without a header continues the nearest file before it, in the order of names, that has as many columns.
+    """
+    found: dict[Path, tuple[tuple[str, ...], tuple[str, ...]]] = {}
+    faults: dict[Path, tuple[Fault, ...]] = {}
+    bare: dict[Path, tuple[Fault, ...]] = {}
+    ordered = sorted(files, key=_natural)
+    for file in ordered:
+        try:
+            if file.suffix.lower() == ".parquet":
+                found[file] = tuple(open_table(file).names), ()
+            else:
+                found[file] = open_delimited(file, file_head(file, HEAD_BYTES)).names, ()
+        except InvalidInput as error:
+            if error.faults[0].what == "no header":
+                bare[file] = error.faults
+            else:
+                faults[file] = error.faults
+    for file, its in bare.items():
+        place = ordered.index(file)
+        near = [*reversed(ordered[:place]), *ordered[place + 1 :]]
+        names = next(
+            (found[f][0] for f in near if f in found and f not in bare and _fits(file, found[f][0])), None
+        )
+        if names is None:
+            faults[file] = its
+        else:
+            found[file] = names, names
+    return found, faults
+
+
+def _fits(file: Path, names: tuple[str, ...]) -> bool:
+    """Whether the first row of a file without a header has a cell for each name."""
+    try:
+        head = open_delimited(file, file_head(file, HEAD_BYTES), names)
+    except InvalidInput:
+        return False
+    first = head.data[head.body_offset :].partition(b"\n")[0]
+    return first.count(head.delimiter.encode()) + 1 == len(names)
+
+
+def _natural(path: Path) -> list[tuple[int, str]]:
+    """Names in the order of people: 2 before 10."""
+    return [(int(part), "") if part.isdigit() else (0, part) for part in re.split(r"(\d+)", f"{path}")]

@@ -1,0 +1,321 @@
+"""Drives out of the columns of files: by their ids, over several files, once where a file was copied; and their logs."""
+
+from __future__ import annotations
+
+import datetime as dt
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+import pandas as pd
+
+from tripwatt.arrays import FloatArray, IntArray
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.sources.clocks import GAP_S, steady_clock
+from tripwatt.sources.mapping import POWER, UNITS, ColumnMapping
+from tripwatt.sources.raw_files import NEEDED, RawFile, in_ours
+from tripwatt.trips import COLUMNS, Context, Flag, Log
+from tripwatt.trips.energy import resolution
+from tripwatt.vehicles import load_vehicle
+
+WRONG_SHARE: Final = 0.01
+"""Up to this share of impossible values are a sensor's dropouts and the audit's affair; more is a fault."""
+WRONG_COLUMN: Final = 0.2
+"""With more impossible values a column is something else, or in another unit: none of it is used."""
+CONTINUED_S: Final = 5.0
+CONTINUED_STEPS: Final = 3.0
+"""A file that begins so soon after another one ended continues its drive."""
+REVERSING_M_S: Final = -10.0
+WH_PER_KWH: Final = 1000.0
+OCV_PARTS: Final = 1000
+WHOLE_PERCENT: Final = 0.01
+"""Step of a state of charge that does not change."""
+
+
+@dataclass(eq=False)
+class RawDrive:
+    """Samples with one id in canonical columns and units, before they become a log; the time may count since 1970.
+
+    Attributes
+    ----------
+    name : str
+    files : list of RawFile
+        The files that it is in, the first one first.
+    samples : DataFrame
+    car : str or None
+    """
+
+    name: str
+    files: list[RawFile]
+    samples: pd.DataFrame
+    car: str | None = None
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """First and last time [s]."""
+        time = self.samples["time_s"]
+        return float(time.iloc[0]), float(time.iloc[-1])
+
+
+def drives_of(file: RawFile) -> list[RawDrive]:
+    """Drives of one file, after values that contradict their unit became faults of it.
+
+    Raises
+    ------
+    InvalidInput
+        When nothing of it can be used.
+    """
+    ours = {name: file.values["time_s"] if name == "time_s" else in_ours(file, name) for name in file.values}
+    _blank_wrong(file, ours)
+    frame = pd.DataFrame(ours)
+    timeless = np.isnan(ours["time_s"])
+    if timeless.all():
+        raise InvalidInput.of(
+            "no times", f"{file.path}", f"{len(frame)} rows without a time", "a time in each row"
+        )
+    if timeless.any():
+        lost = int(timeless.sum()) - len(frame) + file.rows  # without empty rows
+        file.notes += [Flag("rows_without_time", file.path.name, float(lost), "1")] if lost > 0 else []
+    drives = []
+    for name, rows in _groups(file, len(frame)):
+        rows = rows[~timeless[rows]]
+        car = None
+        if file.vehicles is not None:
+            cars = sorted({file.vehicles[int(i)] for i in rows})
+            if cars == [""] or len(cars) != 1:
+                where = f"{file.path} column {file.mapping.vehicle_column!r}, trip {name}"
+                got = ", ".join(map(repr, cars[:4]))
+                file.faults.append(
+                    Fault("no single vehicle", where, got, "one vehicle for each trip", count=len(rows))
+                )
+                continue
+            car = cars[0]
+        if len(rows) < 2:
+            where = f"{file.path}, trip {name}"
+            file.faults.append(Fault("too few samples", where, f"{len(rows)}", "at least 2"))
+            continue
+        drives.append(RawDrive(name, [file], _in_order(file, frame, name, rows), car))
+        file.rows_used += len(rows)
+    return drives
+
+
+def _groups(file: RawFile, rows: int) -> list[tuple[str, IntArray]]:
+    if file.trips is None:
+        return [(file.path.stem, np.arange(rows))]
+    places = pd.Series(np.arange(rows)).groupby(np.array(file.trips, dtype=object), sort=False)
+    outside = sum(not text for text in file.trips)
+    if outside:
+        file.notes.append(Flag("rows_without_trip", file.path.name, float(outside), "1"))
+    return [(str(name), np.asarray(its)) for name, its in places if str(name)]
+
+
+def _in_order(file: RawFile, frame: pd.DataFrame, name: str, rows: IntArray) -> pd.DataFrame:
+    """Samples of one id with the clock that they would have if nobody had set it, and notes on gaps."""
+    samples = frame.iloc[rows].reset_index(drop=True)
+    time = np.asarray(samples["time_s"], dtype=np.float64)
+    codes: list[str] = []
+    if file.stamped:
+        time, codes = steady_clock(time, np.asarray(samples["speed_m_s"], dtype=np.float64))
+        samples["time_s"] = time
+    if "rows_sorted" in codes:
+        samples = samples.sort_values("time_s", kind="stable", ignore_index=True)
+        time = np.asarray(samples["time_s"])
+    file.notes += [Flag(code, f"{file.path.name}, trip {name}") for code in codes]
+    step = np.diff(time)
+
+    def row(i: int) -> str:
+        return f"row {file.row(int(rows[i + 1]))}, trip {name}"
+
+    for i in np.flatnonzero(step > GAP_S)[:3].tolist():
+        file.notes.append(Flag("samples_missing", f"{file.path.name} {row(i)}", float(step[i]), "s"))
+    for i in np.flatnonzero(step < -GAP_S)[:1].tolist():
+        file.notes.append(Flag("time_goes_back", f"{file.path.name} {row(i)}", float(-step[i]), "s"))
+        if file.trips is not None:
+            got = f"the time starts again, {time[i + 1]:g} s after {time[i]:g} s"
+            where, fix = f"{file.path} {row(i)}", "give each trip its own id"
+            file.faults.append(Fault("duplicate trip id", where, got, "one id per trip", fix))
+    return samples
+
+
+def _blank_wrong(file: RawFile, ours: dict[str, FloatArray]) -> None:
+    """Remove values that are impossible with the mapping's unit where they are too many for a sensor's dropouts.
+
+    Raises
+    ------
+    InvalidInput
+        When none of the speed can be used.
+    """
+    for name, values in [*ours.items()]:
+        if name not in COLUMNS or name == "time_s":
+            continue
+        column, entry = COLUMNS[name], file.entries[name]
+        lowest = REVERSING_M_S if name == "speed_m_s" else column.minimum
+        with np.errstate(invalid="ignore"):
+            bad = np.flatnonzero((values < lowest) | (values > column.maximum))
+        known = int(np.isfinite(values).sum())
+        if not known:
+            place = f"{file.path} column {entry.column!r}"
+            if not entry.optional:
+                file.faults.append(Fault("empty column", place, "no value", f"{name} in {entry.unit}"))
+        elif len(bad) > WRONG_SHARE * known:
+            file.faults.append(_range_fault(file, name, bad, lowest))
+            if len(bad) > WRONG_COLUMN * known and name not in NEEDED:
+                del ours[name]
+            else:
+                ours[name] = values.copy()
+                ours[name][bad] = np.nan
+    if not np.isfinite(ours["speed_m_s"]).any():
+        raise InvalidInput.of("no speed", f"{file.path}", "no value that can be one", "a speed in most rows")
+
+
+def _range_fault(file: RawFile, name: str, bad: IntArray, lowest: float) -> Fault:
+    column, entry, raw = COLUMNS[name], file.entries[name], file.values[name]
+    values = in_ours(file, name)
+    factor, offset = UNITS[name][entry.unit]
+    low, high = sorted(((lowest - offset) / factor, (column.maximum - offset) / factor))
+    worst = int(bad[np.argmax(np.abs(values[bad]))])
+    by_row = file.trips is None and file.mapping.long_name is None
+    row = f" row {file.row(worst)}" if by_row else ""
+    where = f"{file.path}{row} column {entry.column!r}"
+    got = f"{raw[worst]:g} {entry.unit} (and {len(bad) - 1} more rows)"
+    is_12_v = name == "voltage_v" and 9.0 <= float(np.nanmedian(values)) <= 16.0
+    traction = "map the voltage of the traction battery, not of the 12 V on-board system"
+    fix = traction if is_12_v else "check the unit in the mapping"
+    return Fault("value out of range", where, got, f"{low:g} to {high:g} {entry.unit}", fix, count=len(bad))
+
+
+def with_own_names(drives: Sequence[RawDrive]) -> list[RawDrive]:
+    """Drives with an id of their own each: a name that is taken gets that of the folder before it, or a number."""
+    taken: dict[str, RawFile] = {}
+    for drive in drives:
+        file, name, number = drive.files[0], drive.name, 2
+        if name in taken:
+            where, got = f"{file.path}, trip {name}", f"{taken[name].path.name} and {file.path.name}"
+            file.faults.append(Fault("duplicate trip id", where, got, "one id per trip"))
+            drive.name = f"{file.path.parent.name}-{name}"
+        while drive.name in taken:
+            drive.name, number = f"{name}-{number}", number + 1
+        taken[drive.name] = file
+    return [*drives]
+
+
+def without_copies(drives: Sequence[RawDrive]) -> list[RawDrive]:
+    """Drives without those whose times and speeds another one has."""
+    seen: dict[bytes, RawDrive] = {}
+    for drive in drives:
+        table = drive.samples[[*NEEDED]]
+        other = seen.setdefault(table.to_numpy(dtype=np.float64).tobytes(), drive)
+        if other is not drive:
+            where, got = f"{drive.files[0].path}, trip {drive.name}", f"the samples of {other.name}"
+            rows = len(table)
+            drive.files[0].faults.append(
+                Fault("copy of another drive", where, got, "each drive once", count=rows)
+            )
+            drive.files[0].rows_used -= rows
+    return [*seen.values()]
+
+
+def joined(drives: Sequence[RawDrive]) -> list[RawDrive]:
+    """Drives in their order, those together that go on in the next file without a break."""
+    whole = [d for d in drives if d.files[0].stamped and d.files[0].trips is None]
+    ahead = sorted(whole, key=lambda drive: drive.ends)
+    gone = set()
+    for drive, after in itertools.pairwise(ahead):
+        step = np.diff(np.asarray(drive.samples["time_s"]))
+        usual = float(np.median(step)) if len(step) else 0.0
+        pause = after.ends[0] - drive.ends[1]
+        if 0.0 < pause <= max(CONTINUED_S, CONTINUED_STEPS * usual) and drive.car == after.car:
+            after.samples = pd.concat([drive.samples, after.samples], ignore_index=True)
+            after.files = [*drive.files, *after.files]
+            after.name = drive.name
+            after.files[-1].notes.append(Flag("drive_continued", after.files[-1].path.name, drive.name))
+            gone.add(id(drive))
+    return [drive for drive in drives if id(drive) not in gone]
+
+
+def _from_epoch(seconds: float) -> dt.datetime | None:
+    try:
+        return dt.datetime.fromtimestamp(float(seconds), tz=dt.UTC).replace(tzinfo=None)
+    except (ValueError, OverflowError, OSError):
+        return None
+
+
+def log_of(drive: RawDrive) -> Log:
+    """The log of a drive."""
+    file, samples = drive.files[0], drive.samples
+    mapping = file.mapping
+    time = np.asarray(samples["time_s"], dtype=np.float64)
+    context = Context(car=drive.car, started_at=_from_epoch(float(time[0])) if file.stamped else None)
+    if file.stamped:
+        time = time - time[0]
+    signals = {c: np.asarray(samples[c], dtype=np.float64) for c in samples.columns if c != "time_s"}
+    columns = {"time_s": time, **{c: _held(time, x, mapping.hold_s) for c, x in signals.items()}}
+    energy_std: float | None = None
+    common_std = 0.0
+    nominal = mapping.nominal_voltage_v
+    if nominal is not None and (POWER in columns or "current_a" in columns):
+        voltage = columns.get("voltage_v", np.full(len(time), np.nan))
+        columns["voltage_v"] = np.where(np.isnan(voltage), nominal, voltage)
+    if POWER in columns:
+        columns["current_a"] = columns.pop(POWER) * mapping.discharge_sign / columns["voltage_v"]
+    elif "current_a" in columns:
+        columns["current_a"] = columns["current_a"] * mapping.discharge_sign
+    elif mapping.usable_capacity_kwh is not None:
+        columns["observed_energy_wh"], energy_std = _energy_from_soc(columns, mapping)
+        common_std = mapping.usable_capacity_uncertainty
+    order = [*(c for c in COLUMNS if c in columns), *(c for c in columns if c not in COLUMNS)]
+    log = Log.from_samples(drive.name, pd.DataFrame({c: columns[c] for c in order}), context)
+    if energy_std is None:
+        return log
+    return replace(log, observed_energy_std_wh=energy_std, observed_energy_common_std=common_std)
+
+
+def _held(time: FloatArray, values: FloatArray, hold_s: float) -> FloatArray:
+    """Missing values replaced by the last one while it is not older than `hold_s`."""
+    known = np.isfinite(values)
+    if hold_s <= 0.0 or known.all() or not known.any():
+        return values
+    last = np.maximum.accumulate(np.where(known, np.arange(len(values)), -1))
+    fresh = (last >= 0) & (time - time[np.maximum(last, 0)] <= hold_s)
+    return np.where(fresh, values[np.maximum(last, 0)], np.nan)
+
+
+def _energy_from_soc(columns: Mapping[str, FloatArray], mapping: ColumnMapping) -> tuple[FloatArray, float]:
+    """Cumulative energy [Wh] as the used share of the usable capacity, and the standard error of its last value.
+
+    Both ends are rounded to a step r of the state of charge, an error of variance r^2/12 each; the capacity has the
+    relative error of the mapping.
+    """
+    soc = columns["soc"] if "soc" in columns else columns["displayed_soc"]
+    time = columns["time_s"]
+    known = np.isfinite(soc)
+    capacity_wh = WH_PER_KWH * (mapping.usable_capacity_kwh or math.nan)
+    if not known.any():
+        return np.full(len(soc), np.nan), math.nan
+    filled = np.interp(time, time[known], soc[known])
+    energy, slope = _share_of_energy(filled, mapping, displayed="soc" not in columns)
+    energy = capacity_wh * (energy[0] - energy)
+    step = resolution(soc[known]) if np.ptp(soc[known]) > 0.0 else WHOLE_PERCENT
+    from_rounding = capacity_wh * step / math.sqrt(12.0) * math.hypot(slope[0], slope[-1])
+    from_capacity = mapping.usable_capacity_uncertainty * float(abs(energy[-1]))
+    return energy, math.hypot(from_rounding, from_capacity)
+
+
+def _share_of_energy(
+    soc: FloatArray, mapping: ColumnMapping, *, displayed: bool
+) -> tuple[FloatArray, FloatArray]:
+    """Share of the energy of a full battery in each charge, and its slope: the integral of the car's open-circuit voltage.
+
+    A state of charge counts charge, and a full battery gives each part of it at a higher voltage. Without a car both count alike.
+    """
+    if mapping.battery_vehicle is None:
+        return soc, np.ones(len(soc))
+    battery = load_vehicle(mapping.battery_vehicle).battery
+    low, high = (battery.displayed_zero_soc, battery.displayed_full_soc) if displayed else (0.0, 1.0)
+    parts = np.linspace(0.0, 1.0, OCV_PARTS + 1)
+    voltage = np.interp(low + (high - low) * parts, battery.ocv_soc, battery.ocv_v)
+    held = np.append(0.0, np.cumsum(0.5 * (voltage[1:] + voltage[:-1]))) / OCV_PARTS
+    return np.interp(soc, parts, held / held[-1]), np.interp(soc, parts, voltage / held[-1])

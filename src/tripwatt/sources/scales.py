@@ -1,0 +1,160 @@
+"""Units that differ from a mapping's, found from what many files have in common.
+
+The way by positions and by the odometer gives the unit of the speed, the temperature of the battery that of the air.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from tripwatt.arrays import FloatArray
+from tripwatt.errors import InvalidInput
+from tripwatt.sources.columnar import TableFile
+from tripwatt.sources.evidence import SPEED_UNITS
+from tripwatt.sources.mapping import M_S_PER_MPH
+from tripwatt.sources.naming import unit_in, words
+from tripwatt.units import M_S_PER_KM_H
+
+PLACES: Final = (
+    re.compile(r"^(gps |v p |position )?(lat|latitude)\b"),
+    re.compile(r"^(gps |v p |position )?(lon|lng|long|longitude)\b"),
+)
+ODOMETER: Final = re.compile(r"^(odo|odometer|mileage|kilometerstand|v p odometer)\b")
+M_PER_DEGREE: Final = 111_195.0
+LONGEST_STEP_S: Final = 30.0
+SLOWEST_M_S: Final = 3.0
+"""Positions of a slower car are mostly their own error."""
+LEAST_M: Final = 2000.0
+LEAST_BY_ODOMETER_M: Final = 20_000.0
+NEAR: Final = 0.15
+"""Units of speed differ by 1.6 and more; positions and odometers by a few percent."""
+CLEARER: Final = 0.7
+HOTTEST_DEGC: Final = 57.0
+
+
+@dataclass(frozen=True, slots=True)
+class Ways:
+    """Ways [m] of one file by the speed in its assumed unit, and by positions and odometer over the same samples."""
+
+    speed_at_positions: float = 0.0
+    positions: float = 0.0
+    speed_at_odometer: float = 0.0
+    odometer: float = 0.0
+
+
+def ways_of(table: TableFile, time_s: FloatArray, speed_m_s: FloatArray) -> Ways:
+    """The ways of a file. O(samples).
+
+    Parameters
+    ----------
+    table : TableFile
+    time_s, speed_m_s : ndarray, shape (rows,)
+        NaN where they are missing.
+    """
+    step = np.diff(time_s)
+    mean = 0.5 * (speed_m_s[1:] + speed_m_s[:-1])
+    with np.errstate(invalid="ignore"):
+        use = (step > 0.0) & (step <= LONGEST_STEP_S) & np.isfinite(mean)
+    columns = [next((n for n in table.names if form.search(words(n))), None) for form in (*PLACES, ODOMETER)]
+    latitude, longitude, odometer = (None if n is None else _degrees(table, n) for n in columns)
+    driven, on_map, counted, by_odometer = 0.0, 0.0, 0.0, 0.0
+    if latitude is not None and longitude is not None:
+        north = np.diff(latitude) * M_PER_DEGREE
+        east = np.diff(longitude) * M_PER_DEGREE * np.cos(np.radians(latitude[1:]))
+        with np.errstate(invalid="ignore"):
+            seen = use & (mean > SLOWEST_M_S) & np.isfinite(north) & np.isfinite(east)
+        driven, on_map = float((mean * step)[seen].sum()), float(np.hypot(north, east)[seen].sum())
+    if odometer is not None and use.any():
+        to_m = 1609.344 if "mi" in (columns[2] or "").lower() else 1000.0
+        moved = np.diff(odometer)
+        both = use & np.isfinite(moved) & (moved >= 0.0)
+        counted, by_odometer = float((mean * step)[both].sum()), to_m * float(moved[both].sum())
+    return Ways(driven, on_map, counted, by_odometer)
+
+
+def speed_unit_of(assumed: str, ways: Iterable[Ways]) -> str:
+    """Unit of the speed by the ways of some files; the assumed one where they do not tell.
+
+    Examples
+    --------
+    >>> speed_unit_of("km/h", [Ways(10_000.0, 16_200.0)]), speed_unit_of("km/h", [])
+    ('mph', 'km/h')
+    """
+    sums = np.array([(w.speed_at_positions, w.positions, w.speed_at_odometer, w.odometer) for w in ways])
+    now = {"kmh": M_S_PER_KM_H, "kph": M_S_PER_KM_H, "mph": M_S_PER_MPH}.get(assumed) or SPEED_UNITS.get(
+        assumed
+    )
+    if not len(sums) or now is None:
+        return assumed
+    total = sums.sum(axis=0)
+    for by_speed, other, least in ((total[0], total[1], LEAST_M), (total[2], total[3], LEAST_BY_ODOMETER_M)):
+        if by_speed > 0.0 and other >= least:
+            ratio = other / by_speed
+            fitting = [u for u, factor in SPEED_UNITS.items() if abs(np.log(ratio * now / factor)) < NEAR]
+            if fitting and abs(np.log(ratio)) >= NEAR:
+                return fitting[0]
+            return assumed
+    return assumed
+
+
+def air_unit_of(assumed: str, air: Sequence[FloatArray], battery_degc: Sequence[FloatArray]) -> str:
+    """Unit of the outside temperature of some files: that in which it is nearer to the battery's.
+
+    Without one, values that no air has in °C are in °F.
+
+    Examples
+    --------
+    >>> air_unit_of("degc", [np.array([68.0, 50.0])], [np.array([22.0, 15.0])]), air_unit_of("degc", [np.array([21.0])], [])
+    ('degf', 'degc')
+    """
+    values = np.concatenate([*air, np.zeros(0)])
+    known = np.isfinite(values)
+    if assumed not in ("degc", "degf", "c", "f", "°c", "°f") or not known.any():
+        return assumed
+    if len(battery_degc) == len(air):
+        battery = np.concatenate(battery_degc)
+        both = known & np.isfinite(battery) & (np.abs(values) < 150.0)
+        if both.any():
+            as_c = float(np.median(np.abs(values[both] - battery[both])))
+            as_f = float(np.median(np.abs((values[both] - 32.0) / 1.8 - battery[both])))
+            if min(as_c, as_f) < CLEARER * max(as_c, as_f):
+                return (
+                    assumed if (as_f < as_c) == (assumed.endswith("f")) else "degf" if as_f < as_c else "degc"
+                )
+            return assumed
+    hot = float(np.quantile(values[known], 0.98)) > HOTTEST_DEGC
+    return "degf" if hot and assumed.endswith("c") else assumed
+
+
+def is_stated(ours: str, column: str) -> bool:
+    """Whether a column's name has the unit in it.
+
+    Examples
+    --------
+    >>> is_stated("speed_m_s", "Speed (OBD)(km/h)"), is_stated("speed_m_s", "Speed")
+    (True, False)
+    """
+    return unit_in(ours, column) is not None
+
+
+def _degrees(table: TableFile, name: str) -> FloatArray | None:
+    """A column of numbers; of degrees and minutes as in "48 12.345"."""
+    try:
+        texts = table.texts(name)
+    except InvalidInput:
+        return None
+    if not any(" " in text.strip() for text in texts[:50]):
+        return table.numbers([name])[0]
+    values = np.full(len(texts), np.nan)
+    for i, text in enumerate(texts):
+        parts = text.replace(",", ".").split()
+        try:
+            values[i] = abs(float(parts[0])) + float(parts[1]) / 60.0 if len(parts) == 2 else float(text)
+        except (ValueError, IndexError):
+            continue
+    return values

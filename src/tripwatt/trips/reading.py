@@ -1,0 +1,145 @@
+"""What a reader took of each file, and what it left out and why."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Final, Literal
+
+from tripwatt.errors import Fault
+
+_FIGURES: Final = re.compile(r"[-+]?\d[\d.,:]*")
+
+
+@dataclass(frozen=True, slots=True)
+class Alike:
+    """Things of one kind that are told in one line.
+
+    Attributes
+    ----------
+    what : str
+        The kind.
+    count : int
+        How many there are.
+    places : int
+        Files or trips in which they are.
+    example : str
+        The first one in full.
+
+    Examples
+    --------
+    >>> print(Alike("not a number", 12, 3, "a.csv row 7 column 'Ambient': got 'ERR'"))
+    not a number: 12 in 3 places, for example a.csv row 7 column 'Ambient': got 'ERR'
+    """
+
+    what: str
+    count: int
+    places: int
+    example: str
+
+    def __str__(self) -> str:
+        number = f"{self.count}" if self.places <= 1 else f"{self.count} in {self.places} places"
+        return f"{self.what}: {number}, for example {self.example}"
+
+
+def alike(things: Iterable[tuple[str, str, int, str]]) -> tuple[Alike, ...]:
+    """Group things by kind, the most frequent kind first.
+
+    Parameters
+    ----------
+    things : iterable of (str, str, int, str)
+        Kind, place, count and the thing in full. Kinds that differ by figures alone are one kind.
+
+    Returns
+    -------
+    tuple of Alike
+
+    Examples
+    --------
+    >>> [(a.what, a.count) for a in alike([("3 gaps", "A", 1, "A: 3 gaps"), ("5 gaps", "B", 1, "B: 5 gaps")])]
+    [('3 gaps', 2)]
+    """
+    groups: dict[str, list[tuple[str, str, int, str]]] = {}
+    for thing in things:
+        groups.setdefault(_FIGURES.sub("#", thing[0]), []).append(thing)
+    made = [
+        Alike(its[0][0], sum(n for _, _, n, _ in its), len({place for _, place, _, _ in its}), its[0][3])
+        for its in groups.values()
+    ]
+    return tuple(sorted(made, key=lambda group: -group.count))
+
+
+@dataclass(frozen=True, slots=True)
+class FileReading:
+    """What was taken of one file.
+
+    Attributes
+    ----------
+    name : str
+        Of the file, as it was given.
+    rows, rows_used : int
+        Rows with a value, and those of them that are in a log.
+    logs : int
+        Logs in it.
+    faults : tuple of Fault
+        What could not be read.
+    kind : int
+        Files with the same columns have the same number.
+
+    Examples
+    --------
+    >>> FileReading("a.csv", rows=10, rows_used=9, logs=1).state
+    'in part'
+    """
+
+    name: str
+    rows: int = 0
+    rows_used: int = 0
+    logs: int = 0
+    faults: tuple[Fault, ...] = ()
+    kind: int = 0
+
+    @property
+    def state(self) -> Literal["read", "in part", "left out"]:
+        """Whether all of it was read."""
+        if not self.logs:
+            return "left out"
+        return "in part" if self.faults or self.rows_used < self.rows else "read"
+
+
+@dataclass(frozen=True, slots=True)
+class ReadingReport:
+    """What a reader took of its files.
+
+    Attributes
+    ----------
+    files : tuple of FileReading
+        In the order in which they were read.
+
+    Examples
+    --------
+    >>> fault = Fault("empty file", "b.csv", "0 bytes", "a header and rows")
+    >>> report = ReadingReport((FileReading("a.csv", 10, 9, 1), FileReading("b.csv", faults=(fault,))))
+    >>> print(report)
+    2 files: 1 read, 1 left out; 9 of 10 rows are used
+    >>> report.groups()[0].what
+    'empty file'
+    """
+
+    files: tuple[FileReading, ...]
+
+    def groups(self) -> tuple[Alike, ...]:
+        """What could not be read, by kind."""
+        return alike((f.what, file.name, f.count, f"{f}") for file in self.files for f in file.faults)
+
+    @property
+    def faults(self) -> Sequence[Fault]:
+        """Everything that could not be read."""
+        return [fault for file in self.files for fault in file.faults]
+
+    def __str__(self) -> str:
+        out = sum(file.state == "left out" for file in self.files)
+        rows, used = sum(file.rows for file in self.files), sum(file.rows_used for file in self.files)
+        left = f"{len(self.files) - out} read, {out} left out; " if out else ""
+        return f"{len(self.files)} files: {left}{used} of {rows} rows are used"
