@@ -146,13 +146,14 @@ class Segment:
 
 @dataclass
 class Car:
-    """Where a car is between two drives: position, odometer, charge, weather."""
+    """Where a car is between two drives: position, height, odometer, charge, weather."""
 
     latitude: float
     longitude: float
     odometer_km: float
     soc: float
     ambient_degc: float
+    height_m: float = 520.0
 
     def drive(self, window: Window, start_s: float, times: FloatArray, bend: float) -> pd.DataFrame:
         """Rows of a drive at some times [s] since its start. O(seconds)."""
@@ -172,16 +173,17 @@ class Car:
         }  # fmt: skip
         rows = pd.DataFrame({name: np.interp(times, second, values) for name, values in fine.items()})
         self.latitude, self.longitude = float(north[-1]), float(east[-1])
+        self.height_m = float(window.height[-1])
         self.odometer_km, self.soc = float(fine["odometer"][-1]), float(fine["soc"][-1])
         return self._completed(rows, start_s + times)
 
-    def stand(self, start_s: float, times: FloatArray, current_a: float, height_m: float) -> pd.DataFrame:
+    def stand(self, start_s: float, times: FloatArray, current_a: float) -> pd.DataFrame:
         """Rows of a car that stands; a negative current charges it. O(rows)."""
         zero = np.zeros(len(times))
         voltage = 375.0 - 0.1 * current_a
         rows = pd.DataFrame(
             {
-                "v": zero, "u": zero + voltage, "i": zero + current_a, "height": zero + height_m, "heating": zero,
+                "v": zero, "u": zero + voltage, "i": zero + current_a, "height": zero + self.height_m, "heating": zero,
                 "aircon": zero, "lat": zero + self.latitude, "lon": zero + self.longitude,
                 "odometer": zero + self.odometer_km,
                 "soc": self.soc - voltage * current_a * times / SECONDS_PER_HOUR / BATTERY_WH,

@@ -143,9 +143,17 @@ def _text(file: LogFile, look: Look, rng: np.random.Generator, units: Sequence[s
     end = look.delimiter if look.trailing else ""
     for row, is_blank in zip(file.rows, blank.tolist(), strict=True):
         lines += [""] if is_blank else []
-        lines.append(look.line(row.cells[: row.keep]) if row.keep else look.line(row.cells) + end)
+        lines.append(
+            _cut(look.line(row.cells[: row.keep]), look, rng) if row.keep else look.line(row.cells) + end
+        )
     text = look.newline.join(lines) + ("" if file.cut_end else look.newline)
     return text.encode(ENCODINGS[look.encoding])
+
+
+def _cut(line: str, look: Look, rng: np.random.Generator) -> str:
+    """A line whose last cell was cut too; between quotes it stays whole."""
+    last = 0 if look.quoted or line.endswith('"') else len(line) - line.rfind(look.delimiter) - 1
+    return line[: len(line) - int(rng.integers(0, max(last, 1)))]
 
 
 def _workbook(file: LogFile, look: Look, units: Sequence[str]) -> bytes:

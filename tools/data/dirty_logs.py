@@ -8,7 +8,7 @@ planted takes away what a careful person needs: fewer than one row in a hundred 
 from __future__ import annotations
 
 import datetime as dt
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
@@ -48,6 +48,7 @@ EDGE: Final = 3
 
 OFTEN: Final = (
     "temperature in °F", "speed in mph", "date and time apart", "day first", "month first", "ambiguous dates", "newest first",
+    "units row",
 )  # fmt: skip
 SETTINGS_DIRT: Final = (
     "temperature in °F", "speed in mph", "date and time apart", "day first", "month first", "ambiguous dates", "units row",
@@ -454,7 +455,7 @@ class Calendar:
         return Segment(rows.assign(drive=number, instant=np.arange(len(rows))), number)
 
     def _stand(self, t: float, times: FloatArray, current: float) -> Segment:
-        rows = self.car.stand(t, times, current, 520.0)
+        rows = self.car.stand(t, times, current)
         first, self.standing = self.standing, self.standing + len(rows)
         return Segment(rows.assign(drive=-1, instant=first + np.arange(len(rows))), -1)
 
@@ -543,7 +544,9 @@ def _log_file(book: Book, name: str, segments: Sequence[Segment], *, shifted: bo
 # The folder
 
 
-def write_dirty_folder(folder: Path, logger: str, seed: int, *, clean: bool = False) -> Truth:
+def write_dirty_folder(
+    folder: Path, logger: str, seed: int, *, faults: Collection[str] | None = None
+) -> Truth:
     """Write a folder of dirty logs. O(rows x columns).
 
     Parameters
@@ -554,8 +557,9 @@ def write_dirty_folder(folder: Path, logger: str, seed: int, *, clean: bool = Fa
         One of `FORMATS`.
     seed : int
         Folders of equal logger and seed are equal to the last byte.
-    clean : bool
-        No dirt at all.
+    faults : collection of str, optional
+        Kinds of dirt of `FAULTS` to plant where the format can have them, in place of those that the seed draws; none
+        makes a clean folder.
 
     Returns
     -------
@@ -567,8 +571,9 @@ def write_dirty_folder(folder: Path, logger: str, seed: int, *, clean: bool = Fa
     wanted = frozenset(
         name
         for name, chance in zip(FAULTS, drawn, strict=True)
-        if not clean and chance < (SETTING_CHANCE if name in OFTEN else CHANCE)
+        if chance < (SETTING_CHANCE if name in OFTEN else CHANCE)
     )
+    wanted = wanted if faults is None else frozenset(faults)
     table, settings = TABLES[logger], _settings(logger, rng, wanted)
     book = Book(rng, table, settings, _look(logger, rng, wanted), wanted)
     book.planted |= _settings_faults(settings, logger) | _look_faults(book.look)

@@ -367,7 +367,8 @@ def plain_names(s: Settings) -> tuple[list[str], list[str]]:
         *(["", ""] if s.split_stamp else ["" if s.stamp else "s"]),
         s.speed, "V", "A", "%", temperature, s.height, "", "", "mi" if s.speed == "mph" else "km",
     ]  # fmt: skip
-    clock = list(names[:2]) if s.split_stamp else [names[1]]
+    together = "/".join(names[:2]) if s.stamp and s.variant % 2 else names[1]
+    clock = list(names[:2]) if s.split_stamp else [together]
     bare = [*clock, *names[2:]]
     if s.units_row:
         return bare, units
@@ -417,9 +418,10 @@ TABLES: Final[Mapping[str, Format]] = MappingProxyType(
             _teslalogger, _teslalogger_ours, _POWER, (*_SPARE, "soc"), "pos_{n:03d}", (1.0, 2.0), "%Y-%m-%d %H:%M:%S",
         ),
         "ovms": Format(
-            _ovms, _ovms_ours, _FLOW, (*_SPARE, "displayed_soc"), "metrics-{date}-{n:02d}", (1.0, 2.0), "%Y-%m-%d %H:%M:%S",
+            _ovms, _ovms_ours, _FLOW, (*_SPARE, "displayed_soc"), "metrics-{date}-{n:02d}", (1.0, 2.0), "%Y-%m-%d %H:%M:%S", also=MappingProxyType({"battery_power_w": (("v.b.power", "kW"),)}),
         ),
-        "abrp": Format(_abrp, _abrp_ours, _POWER, (*_SPARE, "displayed_soc"), "telemetry_{n:02d}", (1.0, 2.0, 3.0)),
+        "abrp": Format(_abrp, _abrp_ours, _POWER, (*_SPARE, "displayed_soc"), "telemetry_{n:02d}", (1.0, 2.0, 3.0),
+            also=MappingProxyType({"current_a": (("current", "A"),)})),
         "car_scanner": Format(
             _car_scanner, _car_scanner_ours, _FLOW, (*_SPARE, "soc"), "{date} {n:02d}-00-00", (1.0, 1.5, 2.0), jitter_s=0.2,
             dated=False, long=True,

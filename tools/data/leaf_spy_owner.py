@@ -107,13 +107,14 @@ class Owner:
                 t = _after(before)
             yield (drive := self._drive(t, short=not long and rng.random() < 0.15))
             t = _after(drive)
-            if k + 1 < number and rng.random() < 0.4:
+            if k + 1 < number and rng.random() < 0.3:
                 yield (charge := self._stand(t, float(rng.uniform(330.0, 1200.0)), -16.0))
                 t = _after(charge)
-            t += float(rng.integers(900, 7200)) if rng.random() < 0.8 else 0.0
+            else:
+                t += float(rng.integers(900, 7200))
 
     def _drive(self, t: float, *, short: bool) -> Segment:
-        found = _errands() if short else windows(240, 1200)
+        found = _errands() if short else windows(240, 1350)
         window = found[int(self.rng.integers(len(found)))]
         times = sample_times(self.rng, len(window.speed) - 1.0, STEPS)
         rows = self.car.drive(window, t, times, float(self.rng.uniform(0.0, 6.0)))
@@ -121,7 +122,7 @@ class Owner:
         return Segment(rows.assign(drive=number, instant=np.arange(len(rows))), number)
 
     def _stand(self, t: float, duration_s: float, current: float) -> Segment:
-        rows = self.car.stand(t, sample_times(self.rng, duration_s, STEPS), current, 520.0)
+        rows = self.car.stand(t, sample_times(self.rng, duration_s, STEPS), current)
         return Segment(rows.assign(drive=-1, instant=np.arange(len(rows))), -1)
 
 
