@@ -29,6 +29,7 @@ from tripwatt.sources.mapping import (
     parse_mapping,
 )
 from tripwatt.trips import COLUMNS, Context, Flag, Fleet, Log, raise_faults
+from tripwatt.trips.coarse_speed import rebuild_speed
 from tripwatt.trips.energy import resolution
 from tripwatt.trips.inertia import WRONG_SIGN, apparent_mass
 from tripwatt.units import SECONDS_PER_DAY
@@ -304,7 +305,7 @@ def _trips_of(
             where = f"{table.path}, trip {name}"
             faults.append(Fault("too few samples", where, f"{len(samples)}", "at least 2"))
             continue
-        trips.append(_trip(name, samples, mapping, stamped=stamped, car=car))
+        trips.append(_trip(name, samples, mapping, notes, stamped=stamped, car=car))
     raise_faults(faults)
     return trips, notes
 
@@ -371,7 +372,13 @@ def _reused_id(where: Callable[[int], str], time: FloatArray) -> Iterator[Fault]
 
 
 def _trip(
-    name: str, samples: pd.DataFrame, mapping: ColumnMapping, *, stamped: bool, car: str | None = None
+    name: str,
+    samples: pd.DataFrame,
+    mapping: ColumnMapping,
+    notes: list[Flag],
+    *,
+    stamped: bool,
+    car: str | None = None,
 ) -> Log:
     time = np.asarray(samples["time_s"], dtype=np.float64)
     context = Context(car=car, started_at=_from_epoch(float(time[0])) if stamped else None)
@@ -379,6 +386,10 @@ def _trip(
         time = time - time[0]
     signals = {c: np.asarray(samples[c], dtype=np.float64) for c in samples.columns if c != "time_s"}
     columns = {"time_s": time, **{c: _held(time, x, mapping.hold_s) for c, x in signals.items()}}
+    rebuilt = rebuild_speed(time, signals["speed_m_s"], columns["speed_m_s"])
+    columns["speed_m_s"] = rebuilt.speed_m_s
+    steps = (rebuilt.held_s, "s"), (round(rebuilt.step_m_s, 3), "m_s")
+    notes += [Flag("speed_rebuilt", f"trip {name}", value, unit) for value, unit in steps if value]
     energy_std: float | None = None
     common_std = 0.0
     nominal = mapping.nominal_voltage_v

@@ -26,7 +26,7 @@ from typing import Final
 
 import numpy as np
 
-from tripwatt.arrays import FloatArray, IntArray
+from tripwatt.arrays import FloatArray
 from tripwatt.trips.energy import resolution
 
 FINE_M_S: Final = 0.15
@@ -35,19 +35,26 @@ FINE_M_S: Final = 0.15
 COARSEST_M_S: Final = 1.0
 """A longer step [m/s] is that of a few values that a log happens to have."""
 
-FEWEST_VALUES: Final = 10
-"""A step, or a time between refreshes, of fewer different values is a coincidence."""
+FEWEST: Final = 10
+"""A step of fewer different values is a coincidence, and so is a time between fewer refreshes."""
 
 SHORTEST_HOLD_S: Final = 0.5
 """Shorter holding disappears in the means over seconds of a simulation."""
+
+LONGEST_HOLD_S: Final = 30.0
+"""Between values that are older [s] a car may stop and start again: no curve stands for its speed."""
+
+LONGEST_SMOOTHED_S: Final = 4.0
+"""Between samples further apart [s] a car changes its speed by much more than the rounding: smoothing gains nothing."""
 
 JERK_INTENSITY: Final = 0.1
 """Intensity of the random walk of a car's acceleration [m^2/s^5]: the one of 0.03, 0.1, 0.3, 1, 3 and 10 that leaves the least error of
 energy on TUM trips in whole km/h and mph every second."""
 
 _ROWS_HELD: Final = 1.5
-_SHORTEST_STEP_S: Final = 0.05
+_SHORTEST_GAP_S: Final = 0.05
 _CERTAIN: Final = 1e6
+"""Weight of a standstill beside that of a rounded value."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,11 +64,11 @@ class Rebuilt:
     Attributes
     ----------
     speed_m_s : ndarray, shape (samples,)
-        Speed [m/s]; missing where it was missing and not bridged.
+        Speed [m/s], NaN where it is missing.
     held_s : float
-        Usual time between two refreshes of the value [s], 0 where each row is a measurement.
+        Usual time between two refreshes of the value [s]; 0 where nothing was done about it.
     step_m_s : float
-        Step of rounding [m/s], 0 where it is fine.
+        Step of rounding [m/s]; 0 where nothing was done about it.
     """
 
     speed_m_s: FloatArray
@@ -69,10 +76,10 @@ class Rebuilt:
     step_m_s: float
 
 
-def rebuild_speed(time_s: FloatArray, speed_m_s: FloatArray, bridged_s: float = 0.0) -> Rebuilt:
+def rebuild_speed(time_s: FloatArray, speed_m_s: FloatArray, filled_m_s: FloatArray | None = None) -> Rebuilt:
     """Rebuild the speed of a coarse log from its measurements; that of a fine log stays as it is. O(samples log(samples)).
 
-    The result is within half a step of rounding of every refreshed value, is 0 where the car stands, and is never negative where
+    The result is within half a step of rounding of every refreshed value, is 0 while the car stands, and is never negative where
     the log is not. Rows whose time does not increase keep their value.
 
     Parameters
@@ -81,9 +88,8 @@ def rebuild_speed(time_s: FloatArray, speed_m_s: FloatArray, bridged_s: float = 
         Time [s].
     speed_m_s : ndarray, shape (samples,)
         Speed as logged [m/s], NaN where it is missing.
-    bridged_s : float
-        Missing values between two samples that are no more than this apart [s] are bridged by a line. A car that stands at the first
-        one stands until the usual step before the second one.
+    filled_m_s : ndarray, shape (samples,), optional
+        The same with missing values replaced by the last ones, where they may be. The result is a line there, and 0 after a 0.
 
     Returns
     -------
@@ -100,22 +106,29 @@ def rebuild_speed(time_s: FloatArray, speed_m_s: FloatArray, bridged_s: float = 
     >>> rebuild_speed(time, true).speed_m_s is true
     True
     """
-    known = np.isfinite(time_s) & np.isfinite(speed_m_s)
-    latest = np.maximum.accumulate(np.where(known, time_s, -np.inf))
-    rows = np.flatnonzero(known & (latest > np.append(-np.inf, latest)[: len(latest)]))
-    time, speed = time_s[rows], speed_m_s[rows]
-    held, step = refresh_time(time, speed), _rounding_step(speed)
-    rebuilt = speed_m_s
+    speed = speed_m_s if filled_m_s is None else np.where(filled_m_s == 0.0, 0.0, speed_m_s)
+    rows = np.flatnonzero(np.isfinite(time_s) & np.isfinite(speed))
+    rows = rows[np.diff(np.maximum.accumulate(time_s[rows]), prepend=-np.inf) > 0.0]
+    time, logged = time_s[rows], speed[rows]
+    held, step = refresh_time(time, logged), _rounding_step(logged)
+    held = held if held <= LONGEST_HOLD_S else 0.0
+    at, value = _refreshed(time, logged, held) if held else (time, logged)
+    if step and float(np.median(np.diff(at))) > LONGEST_SMOOTHED_S:
+        step = 0.0
     if held or step:
-        rebuilt = speed_m_s.copy()
-        rebuilt[rows] = _rebuilt(time, speed, held, step)
-    if bridged_s > 0.0 and len(rows) > 1 and not known.all():
-        rebuilt = _bridged(time_s, rebuilt, rows, bridged_s, held)
-    return Rebuilt(rebuilt, held, step)
+        speed = speed.copy()
+        value = _smoothed(at, value, step) if step else value
+        speed[rows] = _monotone(at, value, time) if held else value
+    if filled_m_s is not None and len(rows):
+        missing = np.isnan(speed) & np.isfinite(filled_m_s)
+        speed = np.where(missing, np.interp(time_s, time, speed[rows]), speed)
+    return Rebuilt(speed, held, step)
 
 
 def refresh_time(time_s: FloatArray, speed_m_s: FloatArray) -> float:
-    """Usual time between two refreshes of the speed of the moving car [s]; 0 where each row is a measurement. O(samples).
+    """Usual time between two refreshes of the speed of the moving car [s]; 0 where each row is a measurement.
+
+    O(samples log(samples)).
 
     Parameters
     ----------
@@ -136,81 +149,48 @@ def refresh_time(time_s: FloatArray, speed_m_s: FloatArray) -> float:
     >>> refresh_time(time, speed), refresh_time(time, speed[10 * (np.arange(300) // 10)])
     (0.0, 10.0)
     """
-    if len(time_s) < FEWEST_VALUES:
-        return 0.0
-    starts = _starts(speed_m_s)
+    starts = np.flatnonzero(np.diff(speed_m_s, prepend=np.nan) != 0.0)
     value = speed_m_s[starts]
-    moved_on = (np.abs(np.diff(value)) > 1.01 * max(_rounding_step(speed_m_s), FINE_M_S)) & (value[:-1] > 0.0)
-    stood = np.diff(time_s[starts])[1:][moved_on[1:]]
-    if len(stood) < FEWEST_VALUES:
-        return 0.0
-    usual = float(np.median(stood))
-    row = float(np.median(np.diff(time_s)))
-    return usual if usual >= max(_ROWS_HELD * row, SHORTEST_HOLD_S) else 0.0
-
-
-def _starts(speed: FloatArray) -> IntArray:
-    return np.flatnonzero(np.append(True, np.diff(speed) != 0.0))
+    least = 1.01 * max(_rounding_step(speed_m_s), FINE_M_S)
+    moved_on = (np.abs(np.diff(value)) > least) & (value[:-1] > 0.0)
+    stood = np.diff(time_s[starts])[moved_on]
+    usual = float(np.median(stood)) if len(stood) >= FEWEST else 0.0
+    fresh = usual < SHORTEST_HOLD_S or usual < _ROWS_HELD * float(np.median(np.diff(time_s)))
+    return 0.0 if fresh else usual
 
 
 def _rounding_step(speed: FloatArray) -> float:
     """Step of rounding [m/s]; 0 where it is fine or of too few values."""
     step = resolution(speed)
-    coarse = FINE_M_S < step <= COARSEST_M_S and len(np.unique(speed)) >= FEWEST_VALUES
-    return step if coarse else 0.0
-
-
-def _rebuilt(time: FloatArray, speed: FloatArray, held: float, step: float) -> FloatArray:
-    at, value = _refreshed(time, speed, held) if held else (time, speed)
-    if step:
-        value = _smoothed(at, value, step)
-    if not held:
-        return value
-    from scipy.interpolate import PchipInterpolator  # scipy is slow to import
-
-    between = PchipInterpolator(at, value)(np.minimum(time, at[-1]))
-    return np.asarray(np.maximum(between, value.min()), dtype=np.float64)  # monotone but for the last digit
+    return step if FINE_M_S < step <= COARSEST_M_S and len(np.unique(speed)) >= FEWEST else 0.0
 
 
 def _refreshed(time: FloatArray, speed: FloatArray, held: float) -> tuple[FloatArray, FloatArray]:
     """Times and values of the measurements: each change, and the last refresh of a value that stood for long."""
-    starts = _starts(speed)
-    rest = np.append(time[starts[1:]], time[-1]) - held
-    slack = 0.5 * float(np.median(np.diff(time)))
-    rested = rest - time[starts] >= held - slack
-    at = np.append(time[starts], rest[rested])
-    order = np.argsort(at, kind="stable")
-    return at[order], np.append(speed[starts], speed[starts][rested])[order]
+    starts = np.flatnonzero(np.diff(speed, prepend=np.nan) != 0.0)
+    last = np.append(time[starts[1:]], time[-1]) - held
+    rested = last - time[starts] > held - 0.5 * float(np.median(np.diff(time)))
+    at = np.append(time[starts], last[rested])
+    order = np.argsort(at)
+    return at[order], np.append(speed[starts], speed[starts[rested]])[order]
+
+
+def _monotone(at: FloatArray, value: FloatArray, time: FloatArray) -> FloatArray:
+    from scipy.interpolate import PchipInterpolator  # scipy is slow to import
+
+    curve = PchipInterpolator(at, value)(np.minimum(time, at[-1]))
+    return np.asarray(np.maximum(curve, value.min()))  # monotone but for the last digit
 
 
 def _smoothed(time: FloatArray, speed: FloatArray, step: float) -> FloatArray:
     from scipy.linalg import solveh_banded
 
-    gap = np.maximum(np.diff(time), _SHORTEST_STEP_S)
-    first, last = 1.0 / gap[:-1], 1.0 / gap[1:]
-    middle = -(first + last)
+    gap = np.maximum(np.diff(time), _SHORTEST_GAP_S)
+    parts = 1.0 / gap[:-1], -1.0 / gap[:-1] - 1.0 / gap[1:], 1.0 / gap[1:]
     weight = step**2 / 12.0 / (0.5 * JERK_INTENSITY * (gap[:-1] + gap[1:]))
     trust = np.where(speed == 0.0, _CERTAIN, 1.0)
-    bands = np.zeros((3, len(time)))
-    bands[2] = trust
-    for shift, part in enumerate((first, middle, last)):
-        bands[2, shift : len(time) - 2 + shift] += weight * part**2
-    bands[1, 1:-1] += weight * first * middle
-    bands[1, 2:] += weight * middle * last
-    bands[0, 2:] += weight * first * last
+    bands = np.vstack((np.zeros((2, len(time))), trust))
+    for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2)):
+        bands[2 + i - j, j : len(time) - 2 + j] += weight * parts[i] * parts[j]
     half = np.where(speed == 0.0, 0.0, 0.5 * step)
-    smooth = solveh_banded(bands, trust * speed)
-    return np.asarray(np.clip(smooth, speed - half, speed + half), dtype=np.float64)
-
-
-def _bridged(time: FloatArray, speed: FloatArray, rows: IntArray, longest: float, held: float) -> FloatArray:
-    at, value = time[rows], speed[rows]
-    usual = max(held, float(np.median(np.diff(at))))
-    stands = np.flatnonzero((value[:-1] == 0.0) & (np.diff(at) > 2.0 * usual))
-    after = np.clip(np.searchsorted(at, time), 1, len(at))
-    apart = np.append(at, np.inf)[after] - at[after - 1]
-    apart = np.where(after == len(at), time - at[-1], apart)
-    line = np.interp(
-        time, np.insert(at, stands + 1, at[stands + 1] - usual), np.insert(value, stands + 1, 0.0)
-    )
-    return np.where(np.isnan(speed) & (time >= at[0]) & (apart <= longest), line, speed)
+    return np.asarray(np.clip(solveh_banded(bands, trust * speed), speed - half, speed + half))
