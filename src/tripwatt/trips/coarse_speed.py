@@ -56,6 +56,9 @@ _SHORTEST_GAP_S: Final = 0.05
 _CERTAIN: Final = 1e6
 """Weight of a standstill beside that of a rounded value."""
 
+_DIGITS: Final = 12
+"""A cubic is monotone, and 0 in a standstill, but for the last digits."""
+
 
 @dataclass(frozen=True, slots=True)
 class Rebuilt:
@@ -179,7 +182,7 @@ def _monotone(at: FloatArray, value: FloatArray, time: FloatArray) -> FloatArray
     from scipy.interpolate import PchipInterpolator  # scipy is slow to import
 
     curve = PchipInterpolator(at, value)(np.minimum(time, at[-1]))
-    return np.asarray(np.maximum(curve, value.min()))  # monotone but for the last digit
+    return np.asarray(np.maximum(np.round(curve, _DIGITS), value.min()))
 
 
 def _smoothed(time: FloatArray, speed: FloatArray, step: float) -> FloatArray:
