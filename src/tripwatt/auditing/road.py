@@ -10,6 +10,7 @@ import pandas as pd
 
 from tripwatt.arrays import distance_driven
 from tripwatt.auditing.findings import Finding, array, has, whole
+from tripwatt.auditing.signals import MOVING_M_S
 from tripwatt.trips import STEEPEST_GRADE
 from tripwatt.trips.coarse_speed import LONGEST_HOLD_S, refresh_time
 
@@ -28,8 +29,6 @@ DEFAULT_AMBIENT_DEGC: Final = (-40.0, 85.0, 127.0, 127.5, 215.0)
 COARSE_S: Final = 5.0
 """From this time between speeds [s] on, the simulated energy of TUM trips is off by 1 % in the median and by 3 % in one of ten; at
 10 s it is 3 % and 6 %."""
-
-MOVING_M_S: Final = 1.0
 
 
 def elevation_findings(samples: pd.DataFrame, trip_id: str) -> Iterator[Finding]:
@@ -74,10 +73,8 @@ def coarse_findings(samples: pd.DataFrame, trip_id: str) -> Iterator[Finding]:
     time, speed = time[known], speed[known]
     gaps = np.diff(time)[np.maximum(speed[1:], speed[:-1]) > MOVING_M_S]
     every = max(float(np.median(gaps)), refresh_time(time, speed)) if len(gaps) else 0.0
-    if every > LONGEST_HOLD_S:
-        what = f"speed is a new value every {every:.1f} s: the drive cannot be simulated"
-        yield whole(samples, trip_id, what, "set aside")
-    elif every >= COARSE_S:
-        what = f"speed is a new value every {every:.1f} s: accelerations between are unknown, "
-        what += "the simulated energy may be off by several percent"
-        yield whole(samples, trip_id, what, "noted")
+    if every >= COARSE_S:
+        rare = every > LONGEST_HOLD_S
+        unknown = "accelerations between are unknown, the simulated energy may be off by several percent"
+        what = f"speed is a new value every {every:.1f} s: {'the drive cannot be simulated' if rare else unknown}"
+        yield whole(samples, trip_id, what, "set aside" if rare else "noted")

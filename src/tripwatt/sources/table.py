@@ -305,7 +305,9 @@ def _trips_of(
             where = f"{table.path}, trip {name}"
             faults.append(Fault("too few samples", where, f"{len(samples)}", "at least 2"))
             continue
-        trips.append(_trip(name, samples, mapping, notes, stamped=stamped, car=car))
+        trip, its_notes = _trip(name, samples, mapping, stamped=stamped, car=car)
+        trips.append(trip)
+        notes += its_notes
     raise_faults(faults)
     return trips, notes
 
@@ -372,14 +374,8 @@ def _reused_id(where: Callable[[int], str], time: FloatArray) -> Iterator[Fault]
 
 
 def _trip(
-    name: str,
-    samples: pd.DataFrame,
-    mapping: ColumnMapping,
-    notes: list[Flag],
-    *,
-    stamped: bool,
-    car: str | None = None,
-) -> Log:
+    name: str, samples: pd.DataFrame, mapping: ColumnMapping, *, stamped: bool, car: str | None = None
+) -> tuple[Log, list[Flag]]:
     time = np.asarray(samples["time_s"], dtype=np.float64)
     context = Context(car=car, started_at=_from_epoch(float(time[0])) if stamped else None)
     if stamped:
@@ -389,7 +385,7 @@ def _trip(
     rebuilt = rebuild_speed(time, signals["speed_m_s"], columns["speed_m_s"])
     columns["speed_m_s"] = rebuilt.speed_m_s
     steps = (rebuilt.held_s, "s"), (round(rebuilt.step_m_s, 3), "m_s")
-    notes += [Flag("speed_rebuilt", f"trip {name}", value, unit) for value, unit in steps if value]
+    notes = [Flag("speed_rebuilt", f"trip {name}", value, unit) for value, unit in steps if value]
     energy_std: float | None = None
     common_std = 0.0
     nominal = mapping.nominal_voltage_v
@@ -406,8 +402,8 @@ def _trip(
     order = [*(c for c in COLUMNS if c in columns), *(c for c in columns if c not in COLUMNS)]
     log = Log.from_samples(name, pd.DataFrame({c: columns[c] for c in order}), context)
     if energy_std is None:
-        return log
-    return replace(log, observed_energy_std_wh=energy_std, observed_energy_common_std=common_std)
+        return log, notes
+    return replace(log, observed_energy_std_wh=energy_std, observed_energy_common_std=common_std), notes
 
 
 def _held(time: FloatArray, values: FloatArray, hold_s: float) -> FloatArray:

@@ -56,9 +56,6 @@ _SHORTEST_GAP_S: Final = 0.05
 _CERTAIN: Final = 1e6
 """Weight of a standstill beside that of a rounded value."""
 
-_DIGITS: Final = 12
-"""A cubic is monotone, and 0 in a standstill, but for the last digits."""
-
 
 @dataclass(frozen=True, slots=True)
 class Rebuilt:
@@ -79,7 +76,7 @@ class Rebuilt:
     step_m_s: float
 
 
-def rebuild_speed(time_s: FloatArray, speed_m_s: FloatArray, filled_m_s: FloatArray | None = None) -> Rebuilt:
+def rebuild_speed(time_s: FloatArray, speed_m_s: FloatArray, filled: FloatArray | None = None) -> Rebuilt:
     """Rebuild the speed of a coarse log from its measurements; that of a fine log stays as it is. O(samples log(samples)).
 
     The result is within half a step of rounding of every refreshed value, is 0 while the car stands, and is never negative where
@@ -91,7 +88,7 @@ def rebuild_speed(time_s: FloatArray, speed_m_s: FloatArray, filled_m_s: FloatAr
         Time [s].
     speed_m_s : ndarray, shape (samples,)
         Speed as logged [m/s], NaN where it is missing.
-    filled_m_s : ndarray, shape (samples,), optional
+    filled : ndarray, shape (samples,), optional
         The same with missing values replaced by the last ones, where they may be. The result is a line there, and 0 after a 0.
 
     Returns
@@ -109,7 +106,7 @@ def rebuild_speed(time_s: FloatArray, speed_m_s: FloatArray, filled_m_s: FloatAr
     >>> rebuild_speed(time, true).speed_m_s is true
     True
     """
-    speed = speed_m_s if filled_m_s is None else np.where(filled_m_s == 0.0, 0.0, speed_m_s)
+    speed = speed_m_s if filled is None else np.where(filled == 0.0, 0.0, speed_m_s)
     rows = np.flatnonzero(np.isfinite(time_s) & np.isfinite(speed))
     rows = rows[np.diff(np.maximum.accumulate(time_s[rows]), prepend=-np.inf) > 0.0]
     time, logged = time_s[rows], speed[rows]
@@ -119,11 +116,10 @@ def rebuild_speed(time_s: FloatArray, speed_m_s: FloatArray, filled_m_s: FloatAr
     if step and float(np.median(np.diff(at))) > LONGEST_SMOOTHED_S:
         step = 0.0
     if held or step:
-        speed = speed.copy()
-        value = _smoothed(at, value, step) if step else value
+        value, speed = _smoothed(at, value, step) if step else value, speed.copy()
         speed[rows] = _monotone(at, value, time) if held else value
-    if filled_m_s is not None and len(rows):
-        missing = np.isnan(speed) & np.isfinite(filled_m_s)
+    if filled is not None and len(rows):
+        missing = np.isnan(speed) & np.isfinite(filled)
         speed = np.where(missing, np.interp(time_s, time, speed[rows]), speed)
     return Rebuilt(speed, held, step)
 
@@ -182,7 +178,7 @@ def _monotone(at: FloatArray, value: FloatArray, time: FloatArray) -> FloatArray
     from scipy.interpolate import PchipInterpolator  # scipy is slow to import
 
     curve = PchipInterpolator(at, value)(np.minimum(time, at[-1]))
-    return np.asarray(np.maximum(np.round(curve, _DIGITS), value.min()))
+    return np.asarray(np.maximum(curve.round(12), value.min()))  # the last digits are not monotone
 
 
 def _smoothed(time: FloatArray, speed: FloatArray, step: float) -> FloatArray:
