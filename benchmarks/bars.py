@@ -26,6 +26,7 @@ from benchmarks import (
     anchors,
     argonne,
     cars,
+    coarse_speed,
     gam,
     half_known,
     hostile,
@@ -63,6 +64,7 @@ def suites(results: Path | None, forecast: Path | None, links: Path | None) -> I
     yield Suite(f"{bench}journeys", journeys.rows)
     yield Suite(f"{bench}live", live.rows, (tum,))
     yield Suite(f"{bench}half_known", half_known.rows, (tum,))
+    yield Suite(f"{bench}coarse_speed", coarse_speed.rows, (tum,))
     yield Suite(f"{bench}unknown_climb", unknown_climb.bounds, (tum,))
     yield Suite(f"{bench}argonne", argonne.bars, (DATA / "cycles", REFERENCE / "anl_d3_i3.csv"))
     yield Suite(f"{bench}physics_trips", physics_trips.bars, (tum,))

@@ -4,7 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tripwatt.auditing.road import ambient_findings, elevation_findings
+import tripwatt as tw
+from tripwatt.auditing.road import ambient_findings, coarse_findings, elevation_findings
 
 NO = np.nan
 
@@ -63,3 +64,42 @@ def test_air_that_stays_the_same_for_an_hour_is_not_measured():
 def test_the_ends_of_the_usual_codings_are_not_measured(value):
     assert len(ambient([value] * 3)) == 1
     assert ambient([value + 0.25] * 3) == []
+
+
+def coarse(speed, time):
+    return told(coarse_findings(pd.DataFrame({"time_s": time, "speed_m_s": speed}), "t"))
+
+
+def test_a_speed_that_is_new_every_five_seconds_is_coarse():
+    time = np.arange(0.0, 1200.0)
+    speed = 12.0 + 8.0 * np.sin(time / 20.0)
+    words = "speed is a new value every {} s: accelerations between are unknown, "
+    words += "the simulated energy may be off by several percent"
+    assert coarse(speed, time) == []
+    assert coarse(speed[4 * (np.arange(1200) // 4)], time) == []
+    assert coarse(speed[5 * (np.arange(1200) // 5)], time) == [(0.0, 1199.0, "noted", words.format("5.0"))]
+    assert coarse(speed[::4], time[::4]) == []
+    assert coarse(speed[::5], time[::5]) == [(0.0, 1195.0, "noted", words.format("5.0"))]
+    assert coarse(speed[::30], time[::30]) == [(0.0, 1170.0, "noted", words.format("30.0"))]
+
+
+def test_a_speed_every_half_minute_is_no_drive():
+    time = np.arange(0.0, 4000.0)
+    speed = 12.0 + 8.0 * np.sin(time / 20.0)
+    words = "speed is a new value every 31.0 s: the drive cannot be simulated"
+    assert coarse(speed[::31], time[::31]) == [(0.0, 3999.0, "set aside", words)]
+    assert coarse(speed[31 * (np.arange(4000) // 31)], time) == [(0.0, 3999.0, "set aside", words)]
+
+
+def test_a_car_that_stands_may_be_logged_seldom():
+    time = np.append(np.arange(0.0, 100.0), 100.0 + 60.0 * np.arange(1, 200))
+    speed = np.where(time < 100.0, 10.0 + np.sin(time), 0.0)
+    assert coarse(speed, time) == []
+    assert coarse([0.0, 0.0], [0.0, 60.0]) == []
+    assert coarse([NO], [0.0]) == []
+
+
+def test_no_log_of_the_public_sets_is_coarse(data_dir):
+    for name in ("tum", "ved"):
+        logs = tw.read_logs(data_dir / name, name).logs
+        assert [f for log in logs for f in coarse_findings(log.samples, log.trip_id)] == []

@@ -259,6 +259,7 @@ def _judge_leg(leg: Recorded) -> tuple[Recorded, list[Finding]]:
         *signals.frozen_sensor_findings(samples, name),
         *road.elevation_findings(samples, name),
         *road.ambient_findings(samples, name),
+        *road.coarse_findings(samples, name),
     ]
     for blank in (signals.blank_stuck_heater, consistency.blank_soc_faults, ranges.blank_fahrenheit):
         samples, more = blank(samples, name)

@@ -18,6 +18,7 @@ from tripwatt.sources.clocks import GAP_S, steady_clock
 from tripwatt.sources.mapping import POWER, UNITS, ColumnMapping
 from tripwatt.sources.raw_files import NEEDED, RawFile, in_ours
 from tripwatt.trips import COLUMNS, Context, Flag, Log
+from tripwatt.trips.coarse_speed import rebuild_speed
 from tripwatt.trips.energy import resolution
 from tripwatt.vehicles import load_vehicle
 
@@ -253,6 +254,11 @@ def log_of(drive: RawDrive) -> Log:
         time = time - time[0]
     signals = {c: np.asarray(samples[c], dtype=np.float64) for c in samples.columns if c != "time_s"}
     columns = {"time_s": time, **{c: _held(time, x, mapping.hold_s) for c, x in signals.items()}}
+    rebuilt = rebuild_speed(time, signals["speed_m_s"], columns["speed_m_s"])
+    columns["speed_m_s"] = rebuilt.speed_m_s
+    steps = (rebuilt.held_s, "s"), (round(rebuilt.step_m_s, 3), "m_s")
+    notes = [Flag("speed_rebuilt", f"trip {drive.name}", value, unit) for value, unit in steps if value]
+    file.notes += [note for note in notes if note not in file.notes]
     energy_std: float | None = None
     common_std = 0.0
     nominal = mapping.nominal_voltage_v
