@@ -94,7 +94,7 @@ def test_the_last_model_has_learned_every_trip_and_forecasts_like_one_adapted_to
     assert (about["trips"], about["in_diary"], about["vehicle"]) == (4, 4, "nissan_leaf_24")
     assert list(about["learned"]) == list(NAMES)
     for name, factor in about["learned"].items():
-        assert (sorted(factor), factor["unit"]) == (["change", "sd", "unit"], UNITS[name])
+        assert (sorted(factor), factor["unit"]) == (["change", "sd", "seen_degc", "unit"], UNITS[name])
         assert factor["sd"] > 0.0
     assert list(about["experts"]) == list(KINDS)
     assert sum(about["experts"].values()) == pytest.approx(1.0)

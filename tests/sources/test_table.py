@@ -61,7 +61,7 @@ def mapping(tmp_path):
 
 def faults_of(path, mapping):
     with pytest.raises(InvalidInput) as caught:
-        read_table(path, mapping)
+        read_table(path, mapping, strict=True)
     return caught.value.faults
 
 
@@ -253,10 +253,11 @@ def test_two_trips_with_one_id_and_all_faults_at_once(tmp_path, mapping):
     folder = tmp_path / "logs"
     folder.mkdir()
     driven().to_csv(folder / "a.csv", index=False)
-    driven().to_parquet(folder / "a.parquet")
+    driven().assign(Speed=30.0).to_parquet(folder / "a.parquet")
     (fault,) = faults_of(folder, mapping)
     assert fault.what == "duplicate trip id"
-    driven().assign(Volt=12.0).to_csv(folder / "b.csv", index=False)
+    (folder / "a.parquet").unlink()
+    driven().assign(Volt=12.0, Speed=20.0).to_csv(folder / "b.csv", index=False)
     (folder / "c.parquet").write_bytes(b"no parquet")
     faults = faults_of(folder, mapping)
     assert {f.what for f in faults} == {"value out of range", "unreadable Parquet file"}

@@ -19,7 +19,7 @@ from tripwatt.trips.messages import message
 
 def faults_of(folder):
     with pytest.raises(InvalidInput) as caught:
-        read_tum(folder)
+        read_tum(folder, strict=True)
     return caught.value.faults
 
 

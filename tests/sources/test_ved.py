@@ -30,7 +30,7 @@ def week(*trips):
 
 def faults_of(folder):
     with pytest.raises(InvalidInput) as caught:
-        read_ved(folder)
+        read_ved(folder, strict=True)
     return caught.value.faults
 
 

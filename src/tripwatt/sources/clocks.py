@@ -42,10 +42,11 @@ def seconds_of(texts: pd.Series, form: str) -> FloatArray:
     array([ 0.,  2., nan])
     """
     stamps = pd.to_datetime(texts, format=form or "ISO8601", utc=True, errors="coerce")
-    values = np.asarray((stamps - pd.Timestamp(0, tz="UTC")).dt.total_seconds(), dtype=np.float64)
     if not clock_only(form):
-        years = np.asarray(stamps.dt.year, dtype=np.float64)
-        return np.where((years >= EARLIEST_YEAR) & (years <= LATEST_YEAR), values, np.nan)
+        stamps = stamps.where((stamps.dt.year >= EARLIEST_YEAR) & (stamps.dt.year <= LATEST_YEAR))
+    values = np.array((stamps - pd.Timestamp(0, tz="UTC")).dt.total_seconds(), dtype=np.float64)
+    if not clock_only(form):
+        return values
     known = np.isfinite(values)
     midnight = running_sum(np.diff(values[known]) < -0.5 * SECONDS_PER_DAY)
     values[known] += SECONDS_PER_DAY * midnight - values[known][:1].sum()

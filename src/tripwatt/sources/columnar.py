@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import os
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -57,6 +57,10 @@ class TableFile(Protocol):
     def names(self) -> Sequence[str]:
         """Columns as the file names them."""
 
+    @property
+    def units(self) -> Mapping[str, str]:
+        """Units of columns that stand beside their names."""
+
     def numbers(self, names: Sequence[str]) -> list[FloatArray]:
         """Columns as float64."""
 
@@ -92,6 +96,11 @@ class CsvTable:
         if len(self.parts) == 1:
             return self.parts[0].names
         return [*dict.fromkeys(name for part in self.parts for name in part.names)]
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        """Units of columns from a line below the header."""
+        return dict(zip(self.parts[0].names, self.parts[0].units, strict=False))
 
     def numbers(self, names: Sequence[str]) -> list[FloatArray]:
         """Columns as float64; every cell that is none is a fault."""
@@ -137,6 +146,11 @@ class ParquetTable:
     def names(self) -> Sequence[str]:
         """Columns of the schema; the index of rows that pandas writes beside them is none."""
         return [str(name) for name in self.file.schema_arrow.names if not INDEX.fullmatch(str(name))]
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        """None: a schema has no units."""
+        return {}
 
     def _column(self, name: str) -> pd.Series:
         import pyarrow as pa

@@ -40,6 +40,31 @@ SHOWN_ROWS: Final = 5
 """Rows named for one kind of fault in one column; the others are counted."""
 NULL_TEXTS: Final = ("", "NaN", "nan", "NAN", "NA", "N/A", "n/a", "null", "NULL", "None", "-nan", "#N/A", "-")
 _DECIMAL_COMMA: Final = re.compile(r"[+-]?\d+,\d+")
+_UNITS: Final = frozenset(
+    [
+        "km/h",
+        "m/s",
+        "mph",
+        "v",
+        "a",
+        "w",
+        "kw",
+        "%",
+        "°c",
+        "c",
+        "degc",
+        "°f",
+        "f",
+        "degf",
+        "s",
+        "h",
+        "m",
+        "km",
+        "ft",
+        "ppm",
+        "nm",
+    ]
+)
 _VALUE: Final = re.compile(r"[-+]?[.,]?\d[-+\d.,:/ eETZ]*")
 """A cell that is no name of a column: a number, a date, a time."""
 
@@ -68,7 +93,9 @@ class Delimited:
     body_offset : int
         Where the line after the header starts in `data`.
     header_line : int
-        1-based line of the header; 0 for a file without one.
+        1-based line of the header, or of the units below it; 0 for a file without one.
+    units : tuple of str
+        Units of the columns, from a line below the header.
     """
 
     path: Path
@@ -77,6 +104,7 @@ class Delimited:
     data: bytes
     body_offset: int
     header_line: int
+    units: tuple[str, ...] = ()
 
     def where(self, line: int, column: str) -> str:
         """Place of a cell, as the user sees it in an editor."""
@@ -130,6 +158,13 @@ def open_delimited(path: Path, content: bytes | None = None, names: Sequence[str
             "no samples", f"{path}", f"a header of {len(own)} columns without rows below", "rows"
         )
     data = data[: end + 1] + _without_headers(data[end + 1 :], data[offset:end].strip(b"\r"), delimiter)
+    units = tuple(c.strip() for c in _fields(_decode(data[end + 1 :].partition(b"\n")[0]), delimiter))
+    if (
+        len(units) == len(own)
+        and sum(unit.lower() in _UNITS for unit in units) > 1
+        and not _has_values(units)
+    ):
+        return Delimited(path, own, delimiter, data, data.find(b"\n", end + 1) + 1, line + 1, units)
     return Delimited(path, own, delimiter, data, end + 1, line)
 
 
@@ -173,7 +208,7 @@ def _is_title(cells: Sequence[str], below: str, delimiter: str) -> bool:
 
 def _has_values(cells: Sequence[str]) -> bool:
     filled = [cell for cell in cells if cell]
-    return 2 * sum(_VALUE.fullmatch(cell) is not None for cell in filled) > len(filled)
+    return 2 * sum(_VALUE.fullmatch(cell) is not None for cell in filled) >= len(filled)
 
 
 def sections(source: Delimited) -> list[Delimited]:
@@ -394,11 +429,16 @@ def _parsed(source: Delimited, wanted: Sequence[int], kind: Any, **options: Any)
     return [table[name] for name in chosen]
 
 
-def _body_width(source: Delimited) -> int:
-    """Fields of a row: the header's, or one fewer or more where only one of them ends in a delimiter."""
+def first_row(source: Delimited) -> list[str]:
+    """Cells of the first row."""
     end = source.data.find(b"\n", source.body_offset)
     first = source.data[source.body_offset : end if end >= 0 else len(source.data)]
-    row = _fields(_decode(first).strip("\r\n"), source.delimiter)
+    return _fields(_decode(first).strip("\r\n"), source.delimiter) or [""]
+
+
+def _body_width(source: Delimited) -> int:
+    """Fields of a row: the header's, or one fewer or more where only one of them ends in a delimiter."""
+    row = first_row(source)
     header = len(source.names)
     if len(row) == header - 1 and not source.names[-1]:
         return header - 1

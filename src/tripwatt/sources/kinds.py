@@ -14,7 +14,7 @@ from tripwatt.errors import Fault, InvalidInput
 from tripwatt.files import file_head
 from tripwatt.physics.battery import open_circuit_voltage, usable_energy_wh
 from tripwatt.sources.columnar import open_table, table_files
-from tripwatt.sources.delimited import column_key, open_delimited
+from tripwatt.sources.delimited import column_key, first_row, open_delimited
 from tripwatt.sources.mapping import POWER, ColumnMapping, load_mapping, mapping_from_tables, parse_tables
 from tripwatt.sources.raw_files import NEEDED
 from tripwatt.sources.suggest import Suggestion, suggest_mapping
@@ -222,8 +222,8 @@ def _fits(file: Path, names: tuple[str, ...]) -> bool:
         head = open_delimited(file, file_head(file, HEAD_BYTES), names)
     except InvalidInput:
         return False
-    first = head.data[head.body_offset :].partition(b"\n")[0]
-    return first.count(head.delimiter.encode()) + 1 == len(names)
+    cells = first_row(head)
+    return len(cells[:-1] if not cells[-1] else cells) in (len(names), len([name for name in names if name]))
 
 
 def _natural(path: Path) -> list[tuple[int, str]]:

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import FloatArray, IntArray
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, InvalidInput, and_more
 from tripwatt.sources.clocks import GAP_S, steady_clock
 from tripwatt.sources.mapping import POWER, UNITS, ColumnMapping
 from tripwatt.sources.raw_files import NEEDED, RawFile, in_ours
@@ -22,8 +22,12 @@ from tripwatt.trips.coarse_speed import rebuild_speed
 from tripwatt.trips.energy import resolution
 from tripwatt.vehicles import load_vehicle
 
-WRONG_SHARE: Final = 0.01
-"""Up to this share of impossible values are a sensor's dropouts and the audit's affair; more is a fault."""
+CHANGED: Final = {
+    "rows_sorted": ("rows out of order", "they were sorted by their times"),
+    "clock_unset": ("clock was not set", "the first times follow from those after them"),
+    "clock_daylight_saving": ("clock was set", "an hour was taken out"),
+}
+"""What was done to the times of a drive: fault, and what stands in it."""
 WRONG_COLUMN: Final = 0.2
 """With more impossible values a column is something else, or in another unit: none of it is used."""
 CONTINUED_S: Final = 5.0
@@ -124,7 +128,11 @@ def _in_order(file: RawFile, frame: pd.DataFrame, name: str, rows: IntArray) -> 
     if "rows_sorted" in codes:
         samples = samples.sort_values("time_s", kind="stable", ignore_index=True)
         time = np.asarray(samples["time_s"])
-    file.notes += [Flag(code, f"{file.path.name}, trip {name}") for code in codes]
+    for code in codes:
+        what, got = CHANGED[code]
+        file.faults.append(
+            Fault(what, f"{file.path}, trip {name}", got, "times that increase by the same clock")
+        )
     step = np.diff(time)
 
     def row(i: int) -> str:
@@ -142,7 +150,7 @@ def _in_order(file: RawFile, frame: pd.DataFrame, name: str, rows: IntArray) -> 
 
 
 def _blank_wrong(file: RawFile, ours: dict[str, FloatArray]) -> None:
-    """Remove values that are impossible with the mapping's unit where they are too many for a sensor's dropouts.
+    """Remove values that are impossible with the mapping's unit; where they are many, all of their column.
 
     Raises
     ------
@@ -157,19 +165,23 @@ def _blank_wrong(file: RawFile, ours: dict[str, FloatArray]) -> None:
         with np.errstate(invalid="ignore"):
             bad = np.flatnonzero((values < lowest) | (values > column.maximum))
         known = int(np.isfinite(values).sum())
-        if not known:
+        if known and not len(bad):
+            continue
+        if known:
+            fault = _range_fault(file, name, bad, lowest)
+        else:
             place = f"{file.path} column {entry.column!r}"
-            if not entry.optional:
-                file.faults.append(Fault("empty column", place, "no value", f"{name} in {entry.unit}"))
-        elif len(bad) > WRONG_SHARE * known:
-            file.faults.append(_range_fault(file, name, bad, lowest))
-            if len(bad) > WRONG_COLUMN * known and name not in NEEDED:
-                del ours[name]
-            else:
-                ours[name] = values.copy()
-                ours[name][bad] = np.nan
-    if not np.isfinite(ours["speed_m_s"]).any():
-        raise InvalidInput.of("no speed", f"{file.path}", "no value that can be one", "a speed in most rows")
+            fault = Fault("empty column", place, "no value", f"{name} in {entry.unit}")
+        if name in NEEDED and len(bad) == known:
+            raise InvalidInput([fault])
+        is_named = any(repr(entry.column) in other.where for other in file.faults)
+        if known or not (entry.optional or is_named):
+            file.faults.append(fault)
+        if known and len(bad) > WRONG_COLUMN * known and name not in NEEDED:
+            del ours[name]
+        elif known:
+            ours[name] = values.copy()
+            ours[name][bad] = np.nan
 
 
 def _range_fault(file: RawFile, name: str, bad: IntArray, lowest: float) -> Fault:
@@ -181,7 +193,7 @@ def _range_fault(file: RawFile, name: str, bad: IntArray, lowest: float) -> Faul
     by_row = file.trips is None and file.mapping.long_name is None
     row = f" row {file.row(worst)}" if by_row else ""
     where = f"{file.path}{row} column {entry.column!r}"
-    got = f"{raw[worst]:g} {entry.unit} (and {len(bad) - 1} more rows)"
+    got = f"{raw[worst]:g} {entry.unit}" + and_more(bad)
     is_12_v = name == "voltage_v" and 9.0 <= float(np.nanmedian(values)) <= 16.0
     traction = "map the voltage of the traction battery, not of the 12 V on-board system"
     fix = traction if is_12_v else "check the unit in the mapping"

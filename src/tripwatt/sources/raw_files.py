@@ -264,7 +264,7 @@ def with_seconds(file: RawFile) -> None:
         _add_fault(file, "invalid time", bad, repr(texts[int(bad[0])][:40]), allowed, fix)
     zoned = texts.str.contains(_ZONE).to_numpy(dtype=bool)
     if file.stamped and 0 < int((zoned & given).sum()) < int(given.sum()):
-        few = np.flatnonzero(given & (zoned == (2 * (zoned & given).sum() <= given.sum())))
+        few = np.flatnonzero(given & (zoned == (2 * (zoned & given).sum() < given.sum())))
         got = f"{texts[int(few[0])][:40]!r}, {'with' if zoned[few[0]] else 'without'} a time zone unlike most rows"
         _add_fault(file, "times with and without time zone", few, got, "the same in every row")
         time[few] = np.nan

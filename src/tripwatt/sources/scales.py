@@ -29,6 +29,8 @@ M_PER_DEGREE: Final = 111_195.0
 LONGEST_STEP_S: Final = 30.0
 SLOWEST_M_S: Final = 3.0
 """Positions of a slower car are mostly their own error."""
+FASTEST_M_S: Final = 90.0
+"""Of whatever unit, a car is not as fast: a cell that cannot be."""
 LEAST_M: Final = 2000.0
 LEAST_BY_ODOMETER_M: Final = 20_000.0
 NEAR: Final = 0.15
@@ -59,7 +61,7 @@ def ways_of(table: TableFile, time_s: FloatArray, speed_m_s: FloatArray) -> Ways
     step = np.diff(time_s)
     mean = 0.5 * (speed_m_s[1:] + speed_m_s[:-1])
     with np.errstate(invalid="ignore"):
-        use = (step > 0.0) & (step <= LONGEST_STEP_S) & np.isfinite(mean)
+        use = (step > 0.0) & (step <= LONGEST_STEP_S) & (mean < FASTEST_M_S)
     columns = [next((n for n in table.names if form.search(words(n))), None) for form in (*PLACES, ODOMETER)]
     latitude, longitude, odometer = (None if n is None else _degrees(table, n) for n in columns)
     driven, on_map, counted, by_odometer = 0.0, 0.0, 0.0, 0.0

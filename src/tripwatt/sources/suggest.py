@@ -40,7 +40,7 @@ from tripwatt.sources.mapping import (
     shipped_mappings,
     shipped_text,
 )
-from tripwatt.sources.naming import NAMES, candidates, is_something_else, unit_in, words
+from tripwatt.sources.naming import NAMES, candidates, is_something_else, unit_in, unit_named, words
 from tripwatt.trips import COLUMNS
 
 MOST_BAD: Final = 0.1
@@ -190,6 +190,12 @@ def _long(path: Path, table: TableFile) -> Suggestion | None:
                 text = text.replace(f"column = {_quote(entry.column)}", f"column = {_quote(likely[0])}")
             elif not entry.optional:
                 missing.append(f"the signal of {ours}, {entry.column!r} is not in the file")
+        more = _more_signals(mapping, table, signals, {guess.column for guess in guesses.values()})
+        guesses |= {guess.ours: guess for guess in more}
+        added = [
+            f'{g.ours} = {{ column = {_quote(g.column)}, unit = "{g.unit}", optional = true }}' for g in more
+        ]
+        text = text.replace("[columns]\n", "\n".join(["[columns]", *added, ""]))
         shown = ", ".join(_quote(s) for s in signals[:40]) + (" ..." if len(signals) > 40 else "")
         head = [f"# Proposed for {_comment(path.name)}: the shipped mapping {name!r}. Check every line."]
         head += [f"# TO DO: {what}" for what in missing]
@@ -197,6 +203,24 @@ def _long(path: Path, table: TableFile) -> Suggestion | None:
         head.append(f"# Signals of the file: {_comment(shown)}")
         return Suggestion("\n".join([*head, text]), tuple(guesses.values()), tuple(missing), name)
     return None
+
+
+def _more_signals(
+    mapping: ColumnMapping, table: TableFile, signals: Sequence[str], taken: set[str]
+) -> list[Guess]:
+    """Signals that a shipped mapping lacks, where a column of the file has their unit."""
+    unit_column = next((n for n in table.names if column_key(n) in ("units", "unit")), None)
+    if unit_column is None:
+        return []
+    names = table.texts(next(n for n in table.names if column_key(n) == column_key(mapping.long_name or "")))
+    units = dict(zip(names, table.texts(unit_column), strict=True))
+    more = []
+    for ours in (ours for ours in NAMES if ours not in mapping.columns and ours != POWER):
+        likely = candidates(ours, [signal for signal in signals if signal not in taken])
+        unit = unit_named(ours, units[likely[0]]) if likely else None
+        if unit is not None:
+            more.append(Guess(ours, likely[0], unit, NAME_AND_UNIT))
+    return more
 
 
 def _readable(path: Path, names: Sequence[str]) -> tuple[TableFile, dict[str, FloatArray], str]:
@@ -291,7 +315,8 @@ def _with_unit(ours: str, name: str, table: TableFile, values: FloatArray | None
     known = values[np.isfinite(values)]
     if not len(known):
         return None
-    said = None if name == ours else unit_in(ours, name)
+    stated = table.units.get(name)
+    said = None if name == ours else unit_in(ours, f"{name} [{stated}]" if stated else name)
     if name == ours:
         own = COLUMNS[ours].unit.lower() if ours in COLUMNS else "w"
         since_1970 = ours == "time_s" and known[0] > SINCE_1970

@@ -110,7 +110,7 @@ def read_kinds(
             drives += drives_of(file) if file.values else []
         except InvalidInput as error:
             file.leave_out(error.faults)
-    drives = joined(without_copies(with_own_names(drives)))
+    drives = joined(with_own_names(without_copies(drives)))
     logs = _logs(drives)
     packed = [FileReading(Path(fault.where).name, faults=(fault,)) for fault in faults]
     report = ReadingReport((*packed, *(file.reading for file in sorted(files, key=lambda file: file.path))))
