@@ -99,7 +99,8 @@ def wrong_columns(fleet: Fleet, truth: Truth) -> Iterator[str]:
 def outcome(folder: Path, logger: str, seed: int) -> Outcome:
     """Write and read one folder."""
     truth = write_dirty_folder(folder, logger, seed)
-    sound = truth.sound_rows + truth.standing_rows
+    # positions beside the drives have no drive in TeslaMate's table
+    sound = truth.sound_rows + (0 if logger == "teslamate" else truth.standing_rows)
     faults, harmless = 0, set(truth.faults) <= HARMLESS
     try:
         tw.read_logs(folder, "table", logger if logger != "plain" else None, strict=True)

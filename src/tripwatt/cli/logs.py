@@ -13,15 +13,24 @@ from tripwatt.cli.options import (
     DatasetOption,
     JsonOption,
     MappingOption,
+    NotesOption,
+    StrictOption,
     TripOption,
     add_command,
     read_logs,
 )
 from tripwatt.cli.output import write_text
-from tripwatt.cli.printing import console, print_findings, print_json, print_notes, print_table
+from tripwatt.cli.printing import console, print_findings, print_json, print_notes, print_reading, print_table
 
 mapping_app = typer.Typer(
     help="Mappings from the columns of your tables to canonical columns: list, show, suggest and apply them.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+)
+
+
+logs_app = typer.Typer(
+    help="Files of loggers: take out of them what tells whose they are.",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
@@ -36,12 +45,16 @@ def add_commands(app: typer.Typer) -> None:
     add_command(mapping_app, suggest)
     add_command(mapping_app, apply)
     app.add_typer(mapping_app, name="mapping")
+    add_command(logs_app, anonymise)
+    app.add_typer(logs_app, name="logs")
 
 
 def audit(
     data: DataArgument = None,
     dataset: DatasetOption = None,
     mapping: MappingOption = None,
+    strict: StrictOption = False,
+    notes: NotesOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """List the faults of logged trips and their consequences.
@@ -60,7 +73,7 @@ def audit(
     """
     from tripwatt.auditing import audit as run_audit
 
-    fleet = read_logs(data, dataset, mapping, built_in_faults=True)
+    fleet = read_logs(data, dataset, mapping, built_in_faults=True, strict=strict)
     result = run_audit(fleet)
     if as_json:
         from tripwatt.trips.messages import flag_to_dict  # pandas is slow to import
@@ -74,6 +87,7 @@ def audit(
                 "used": used,
                 "findings": records,
                 "notes": [flag_to_dict(flag) for flag in fleet.notes],
+                "faults": [fault.texts for fault in (fleet.report.faults if fleet.report else ())],
             }
         )
         return
@@ -82,7 +96,7 @@ def audit(
         print_findings(title, result.findings)
     else:
         console(sys.stdout).print(f"{title}: no findings")
-    print_notes(fleet.notes)
+    print_reading(fleet, result, every=notes)
 
 
 def fetch(
@@ -114,6 +128,33 @@ def fetch(
     print_json(report.as_dict()) if as_json else typer.echo(str(report))
     if not report.complete:
         raise typer.Exit(1)
+
+
+def anonymise(
+    data: Annotated[Path, typer.Argument(metavar="DATA", help="Folder or file of logs to hand on.")],
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="FOLDER", help="New or empty folder to write.")],
+    mapping: MappingOption = None,
+    positions: Annotated[bool, typer.Option("--positions", help="Keep latitude and longitude.")] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Write logs without names, positions, VIN and true dates, so that you can hand them in with a bug report.
+
+    Numbers of the columns that tripwatt reads stay as they are, with all faults of rows and cells. All times move by the same
+    secret number of weeks. Everything else is empty. Look at the files before you send them.
+
+    For example:
+
+      # a folder to attach to a bug report
+      tripwatt logs anonymise exports --out shared
+      # see that it is read like the original
+      tripwatt audit shared
+    """
+    from tripwatt.sources.anonymise import anonymise_logs
+
+    written = anonymise_logs(data, out, mapping=mapping, positions=positions)
+    print_json({"files": [f"{file}" for file in written]}) if as_json else typer.echo(
+        f"{out}: {len(written)} files"
+    )
 
 
 def list_mappings(as_json: JsonOption = False) -> None:

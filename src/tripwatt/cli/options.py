@@ -59,6 +59,17 @@ SetOption = Annotated[
         "`tripwatt vehicles NAME` lists, or short names such as mass, payload, c_d, c_rr, base_load, setpoint.",
     ),
 ]
+StrictOption = Annotated[
+    bool,
+    typer.Option(
+        "--strict",
+        help="Refuse DATA with a list of everything that cannot be read as it stands. Default: use the rest.",
+    ),
+]
+NotesOption = Annotated[
+    bool,
+    typer.Option("--notes", help="List every fault and note one by one. Default: one line for each kind."),
+]
 TripOption = Annotated[
     str | None, typer.Option("--trip", metavar="ID", help="Trip to use if DATA contains several.")
 ]
@@ -83,11 +94,12 @@ def require_extras(needed: Mapping[str, str]) -> None:
 
 
 def read_logs(
-    data: Path | None, dataset: str | None, mapping: str | None, *, built_in_faults: bool = False
+    data: Path | None, dataset: str | None, mapping: str | None, *, built_in_faults: bool = False, **more: Any
 ) -> Fleet:
     """The trips that a user means by DATA, --dataset and --mapping.
 
-    `built_in_faults` plants faults into the built-in trips, for commands that audit them.
+    `built_in_faults` plants faults into the built-in trips, for commands that audit them; `more` are the `strict`, `vehicle` and
+    `progress` of the reader.
 
     Raises
     ------
@@ -112,8 +124,23 @@ def read_logs(
         if single is not None:
             return single
     if dataset is None:
-        dataset = "table" if mapping is not None or data.is_file() else "tum"
-    return read(data, dataset, mapping)
+        is_table = mapping is not None or data.is_file() or _is_folder_of_tables(data)
+        dataset = "table" if is_table else "tum"
+    more.setdefault("strict", dataset != "table")  # a study of a published set has all of it
+    return read(data, dataset, mapping, **more)
+
+
+def _is_folder_of_tables(folder: Path) -> bool:
+    """Whether a folder has tables or archives and no trip of the TUM set."""
+    from tripwatt.sources.archives import is_packed
+    from tripwatt.sources.columnar import SUFFIXES
+    from tripwatt.sources.tum import trip_files
+
+    try:
+        trip_files(folder)
+    except InvalidInput:
+        return folder.is_dir() and any(f.suffix.lower() in SUFFIXES or is_packed(f) for f in folder.iterdir())
+    return False
 
 
 def _single_tum_trip(path: Path) -> Fleet | None:

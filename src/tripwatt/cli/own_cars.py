@@ -8,8 +8,24 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tripwatt.cli.options import DatasetOption, JsonOption, MappingOption, add_command, read_logs
-from tripwatt.cli.printing import change, console, print_json, print_notes, print_table, progress
+from tripwatt.cli.options import (
+    DatasetOption,
+    JsonOption,
+    MappingOption,
+    NotesOption,
+    StrictOption,
+    add_command,
+    read_logs,
+)
+from tripwatt.cli.printing import (
+    change,
+    console,
+    print_json,
+    print_notes,
+    print_reading,
+    print_table,
+    progress,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -25,9 +41,6 @@ car_app = typer.Typer(
 CarArgument = Annotated[
     Path, typer.Argument(metavar="CAR", help="Folder of the car, made by `tripwatt car new`.")
 ]
-
-MOST_REASONS = 10
-"""Drives left out that are named one by one."""
 
 WORDS = {
     "everything": "the whole consumption",
@@ -87,7 +100,7 @@ def new(
     if as_json:
         print_json(made.about())
         return
-    typer.echo(f"{car}: {made.vehicle.title}, no trips yet")
+    typer.echo(f"{made.folder}: {made.label}, {made.vehicle.title}, no trips yet")
 
 
 def add(
@@ -100,27 +113,33 @@ def add(
     ],
     dataset: DatasetOption = None,
     mapping: MappingOption = None,
+    strict: StrictOption = False,
+    notes: NotesOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Add trips: each is forecast before the car learns from it, and both go into the diary.
 
     The command keeps the logs as they are, audits them, and adapts the model to the sound trips. A trip that is there
-    already is not added again, so you can repeat the command with a growing folder.
+    already is not added again, so you can repeat the command with a growing folder. Without --mapping, header and values of
+    the files tell what each column is. What cannot be read is left out and reported.
 
     For example:
 
       # add the files of a logger
-      tripwatt car add my-leaf exports --mapping leaf_spy
+      tripwatt car add my-leaf exports
+      # by a mapping of your own, and with every fault one by one
+      tripwatt car add my-leaf exports --mapping my.toml --notes
       # add one trip
       tripwatt car add my-leaf drive.csv
     """
+    from tripwatt.auditing import audit
     from tripwatt.live import open_car
-    from tripwatt.sources.archives import unpacked
 
-    own = open_car(car)
-    shown = console()
-    with shown.status("reading trips"), unpacked(data) as tables:
-        fleet = read_logs(tables, dataset or "table", mapping)
+    own, shown, table = open_car(car), console(), dataset or "table"
+    with progress(shown, "files") as advance:
+        fleet = read_logs(data, table, mapping, strict=strict, vehicle=own.vehicle, progress=advance)
+    if not as_json:
+        print_reading(fleet, audit(fleet), every=notes)
     with progress(shown, "trips") as advance:
         done = own.add(fleet, progress=advance)
     _show_done(car, own, done, as_json)
@@ -165,7 +184,9 @@ def show(
         rows = table.astype(object).where(table.notna(), None).to_dict("records")
         print_json({**about, "diary": rows})
         return
-    typer.echo(f"{about['car']}: {about['title']}, {about['trips']} trips, {about['in_diary']} in the diary")
+    typer.echo(
+        f"{about['label']}: {about['title']}, {about['trips']} trips, {about['in_diary']} in the diary"
+    )
     if not about["in_diary"]:
         typer.echo("Add trips with `tripwatt car add`.")
         return
@@ -229,9 +250,10 @@ def _show_done(car: Path, own: Car, done: Learned, as_json: bool) -> None:
         print_json({**asdict(done), "car": own.about()})
         return
     typer.echo(f"{car}: {done.added} trips added, {done.known} were known, {done.entries} in the diary")
-    print_notes(done.left_out[:MOST_REASONS])
-    if len(done.left_out) > MOST_REASONS:
-        print_notes([f"{len(done.left_out) - MOST_REASONS} more drives are left out (--json lists all)"])
+    from tripwatt.trips.reading import alike  # pandas is slow to import
+
+    reasons = (why.partition(": ") for why in done.left_out)
+    print_notes(f"left out: {group}" for group in alike((why, trip, 1, trip) for trip, _, why in reasons))
     _show_learned(own.about())
 
 
@@ -245,13 +267,18 @@ def _show_learned(about: Mapping[str, Any]) -> None:
             f"{_percent(latest['needed_width'])} was needed to hold 90% of them"
         )
     rows = [
-        (WORDS.get(name, name), change(value, "change"), change(value, "sd", sign=""))
+        (
+            WORDS.get(name, name),
+            change(value, "change"),
+            change(value, "sd", sign=""),
+            _seen(value["seen_degc"]),
+        )
         for name, value in about["learned"].items()
     ]
     if rows:
         print_table(
             f"Learned from {about['in_diary']} trips",
-            ("what", "change", "uncertainty (sd)"),
+            ("what", "change", "uncertainty (sd)", "seen at"),
             rows,
             numbers=("change", "uncertainty (sd)"),
         )
@@ -283,6 +310,11 @@ def _show_causes(by_cause_wh: Mapping[str, float]) -> None:
         for name, energy in by_cause_wh.items()
     ]
     print_table("Where the energy went", ("cause", "energy", "share"), rows, numbers=("energy", "share"))
+
+
+def _seen(degc: tuple[float, float] | None) -> str:
+    """Outside temperatures at which trips show a factor; without one it is what cars have in common."""
+    return "not seen" if degc is None else f"{degc[0]:.0f} to {degc[1]:.0f} °C"
 
 
 def _kwh(energy_wh: float) -> str:

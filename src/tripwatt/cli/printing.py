@@ -14,8 +14,8 @@ import typer
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from tripwatt.auditing import Finding
-    from tripwatt.trips import Flag
+    from tripwatt.auditing import Audit, Finding
+    from tripwatt.trips import Flag, Fleet
 
 
 UNBROKEN: Final = 1000
@@ -89,6 +89,40 @@ def _note(flag: Flag) -> str:
     from tripwatt.trips.messages import message, severity_of  # pandas is slow to import
 
     return f"{'warning' if severity_of(flag) == 'warning' else 'note'}: {message(flag)}"
+
+
+MOST_GROUPS: Final = 12
+"""Kinds of faults and notes that are listed."""
+
+
+def print_reading(fleet: Fleet, result: Audit, *, every: bool = False) -> None:
+    """What was read and what was left out, a line for each kind, on standard error; with `every`, one by one."""
+    from tripwatt.trips.messages import message
+    from tripwatt.trips.reading import ReadingReport, alike
+
+    shown, report = console(), fleet.report or ReadingReport(())
+    if report.files:
+        shown.print(f"{report}")
+    hours, far = (sum(getattr(t, name) for t in result.trips) for name in ("duration_s", "distance_m"))
+    lost = (
+        f"{result.lost_distance_m / 1000.0:.1f} km and {result.lost_duration_s / 3600.0:.1f} h are left out"
+    )
+    shown.print(
+        f"{len(result.trips)} drives with {far / 1000.0:.1f} km and {hours / 3600.0:.1f} h are used; {lost}"
+    )
+    if every:
+        print_notes(f"{fault}" for fault in report.faults)
+        print_notes(fleet.notes)
+        return
+    groups = [
+        *report.groups(),
+        *(group for consequence, group in result.groups() if consequence == "set aside"),
+    ]
+    flags = alike((flag.code, flag.subject, 1, message(flag)) for flag in fleet.notes)
+    likes = (f" (and {flag.count - 1} more like it)" if flag.count > 1 else "" for flag in flags)
+    lines = [*map(str, groups), *(flag.example + like for flag, like in zip(flags, likes, strict=True))]
+    more = [f"{len(lines) - MOST_GROUPS} more kinds (--notes lists all)"] if len(lines) > MOST_GROUPS else []
+    print_notes([*lines[:MOST_GROUPS], *more])
 
 
 def print_notes(notes: Iterable[str | Flag]) -> None:

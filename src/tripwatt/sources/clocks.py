@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import re
 from collections.abc import Sequence
 from typing import Final
@@ -22,6 +21,8 @@ GAP_S: Final = 60.0
 MOVING_M_S: Final = 1.0
 LONGEST_STEP: Final = 10.0
 """A step of so many usual ones beside a full hour is the hour of daylight saving time."""
+FEW_BREAKS: Final = 4
+"""So many times for each fall the rows of sorted times come from another place: blocks were exchanged, no times occur twice."""
 SHORTER: Final = 0.3
 """The order of day and month is changed where the files then follow each other within this share of the time."""
 
@@ -93,7 +94,7 @@ def steady_clock(time: FloatArray, speed: FloatArray) -> tuple[FloatArray, list[
     """Stamps [s since 1970] in the order of the rows as if nobody had set the clock, and codes of what was done.
 
     An hour of daylight saving time is taken back, rows before the clock was set follow on from the first one after it, and rows in
-    another order are sorted by the caller (``rows_sorted``) unless parts of them cover the same time: then the clock was set back,
+    another order are sorted by the caller (``rows_sorted``) unless times of parts of them alternate: then the clock was set back,
     and the audit splits the log there.
 
     Examples
@@ -124,9 +125,7 @@ def steady_clock(time: FloatArray, speed: FloatArray) -> tuple[FloatArray, list[
         codes.append("clock_daylight_saving")
     falls = np.flatnonzero(np.diff(time) < 0.0)
     if len(falls):
-        edges = [0, *(falls + 1).tolist(), len(time)]
-        parts = sorted((float(time[a:b].min()), float(time[a:b].max())) for a, b in itertools.pairwise(edges))
-        apart = all(later[0] >= earlier[1] for earlier, later in itertools.pairwise(parts))
-        if apart or len(falls) > LONGEST_STEP:
+        breaks = int((np.diff(np.argsort(time, kind="stable")) != 1).sum())
+        if breaks <= FEW_BREAKS * len(falls) or len(falls) > LONGEST_STEP:
             codes.append("rows_sorted")
     return time, codes

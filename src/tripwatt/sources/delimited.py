@@ -148,7 +148,7 @@ def open_delimited(path: Path, content: bytes | None = None, names: Sequence[str
     offset, line, delimiter, own = _header(path, data)
     if own is None:
         if not names:
-            got = f"a first line of values: {_excerpt(_decode(data[offset : offset + 40]))}"
+            got = f"a first line of values: {_excerpt(decode(data[offset : offset + 40]))}"
             fix = "add the header of the other files"
             raise InvalidInput.of("no header", f"{path}", got, "names of columns in the first line", fix)
         return Delimited(path, tuple(names), delimiter, data, offset, line - 1)
@@ -158,9 +158,9 @@ def open_delimited(path: Path, content: bytes | None = None, names: Sequence[str
             "no samples", f"{path}", f"a header of {len(own)} columns without rows below", "rows"
         )
     data = data[: end + 1] + _without_headers(data[end + 1 :], data[offset:end].strip(b"\r"), delimiter)
-    units = tuple(c.strip() for c in _fields(_decode(data[end + 1 :].partition(b"\n")[0]), delimiter))
+    units = tuple(c.strip() for c in fields_of(decode(data[end + 1 :].partition(b"\n")[0]), delimiter))
     if (
-        len(units) == len(own)
+        len(units) <= len(own)
         and sum(unit.lower() in _UNITS for unit in units) > 1
         and not _has_values(units)
     ):
@@ -180,7 +180,7 @@ def _header(path: Path, data: bytes) -> tuple[int, int, str, tuple[str, ...] | N
         if len(raw) > MOST_HEADER_BYTES:
             got = f"a first line of {len(raw)} bytes"
             raise InvalidInput.of("header too long", f"{path}", got, f"at most {MOST_HEADER_BYTES} bytes")
-        text = _decode(raw).strip("\r\n")
+        text = decode(raw).strip("\r\n")
         if text.lower().startswith("sep=") and len(text) == len("sep=") + 1:
             stated = text[-1]
         elif text.strip() and len(head) < MOST_TITLE_LINES:
@@ -188,7 +188,7 @@ def _header(path: Path, data: bytes) -> tuple[int, int, str, tuple[str, ...] | N
         offset += len(raw) + 1
     for (offset, line, text), (_, _, below) in zip(head, [*head[1:], head[-1]], strict=True):
         delimiter = stated or max(DELIMITERS, key=text.count)
-        cells = tuple(cell.strip() for cell in _fields(text, delimiter))
+        cells = tuple(cell.strip() for cell in fields_of(text, delimiter))
         if text.count(delimiter) >= MOST_COLUMNS:
             got = f"{text.count(delimiter) + 1} columns"
             raise InvalidInput.of("too many columns", f"{path}", got, f"at most {MOST_COLUMNS}")
@@ -196,12 +196,14 @@ def _header(path: Path, data: bytes) -> tuple[int, int, str, tuple[str, ...] | N
             return offset, line, delimiter, None if _has_values(cells) else cells
     offset, line, text = head[0]
     delimiter = stated or max(DELIMITERS, key=text.count)
-    return offset, line, delimiter, tuple(cell.strip() for cell in _fields(text, delimiter))
+    return offset, line, delimiter, tuple(cell.strip() for cell in fields_of(text, delimiter))
 
 
 def _is_title(cells: Sequence[str], below: str, delimiter: str) -> bool:
     """Whether a line stands above the header: the line below has more names, or another delimiter and more cells."""
-    longest = max((_fields(below, other) for other in {delimiter, max(DELIMITERS, key=below.count)}), key=len)
+    longest = max(
+        (fields_of(below, other) for other in {delimiter, max(DELIMITERS, key=below.count)}), key=len
+    )
     is_header = not any(_VALUE.fullmatch(cell.strip()) for cell in longest)
     return is_header and len(longest) > len(cells)
 
@@ -225,7 +227,7 @@ def sections(source: Delimited) -> list[Delimited]:
         rf"\n[\"' ]*(?:{starts})[\"' ]*{re.escape(source.delimiter)}[^\n]*".encode(), re.IGNORECASE
     )
     found = [
-        (match, tuple(c.strip() for c in _fields(_decode(match[0]).strip("\r\n"), source.delimiter)))
+        (match, tuple(c.strip() for c in fields_of(decode(match[0]).strip("\r\n"), source.delimiter)))
         for match in (begin.finditer(source.data, max(source.body_offset - 1, 0)) if starts else ())
     ]
     found = [(m, cells) for m, cells in found if 2 * len(names & set(map(column_key, cells))) >= len(names)]
@@ -258,14 +260,15 @@ def even_rows(source: Delimited) -> tuple[Delimited, list[Fault]]:
     codes = np.frombuffer(body, np.uint8)
     starts = np.append(0, np.flatnonzero(codes[:-1] == ord("\n")) + 1)
     counts = np.add.reduceat((codes == ord(mark)).view(np.uint8), starts, dtype=np.int64) + 1
-    odd = np.flatnonzero(counts != width)
+    quotes = np.add.reduceat((codes == ord('"')).view(np.uint8), starts, dtype=np.int64)
+    odd = np.flatnonzero((counts != width) | (quotes > 0))  # a delimiter may stand in quotes
     if not len(odd):
         return source, []
     lines = body.split(b"\n")
     for i in odd[:-1].tolist():
-        lines[i] = lines[i] if lines[i].strip() else _line([""] * width, source.delimiter)
+        lines[i] = lines[i] if lines[i].strip() else line_of([""] * width, source.delimiter)
     fields = {
-        int(i): _fields(_decode(lines[i]).strip("\r"), source.delimiter) for i in odd if lines[i].strip()
+        int(i): fields_of(decode(lines[i]).strip("\r"), source.delimiter) for i in odd if lines[i].strip()
     }
     wrong = {i: cells for i, cells in fields.items() if len(cells) != width}
     short = Counter(len(cells) for cells in wrong.values() if len(cells) < width)
@@ -274,7 +277,7 @@ def even_rows(source: Delimited) -> tuple[Delimited, list[Fault]]:
     is_cut = last == len(lines) - 1 and len(wrong.get(last, [])) not in (0, *usual)
     for i, cells in wrong.items():
         kept = cells[:width] if len(cells) > width else cells if len(cells) in usual else []
-        lines[i] = _line([*kept, *[""] * (width - len(kept))], source.delimiter)
+        lines[i] = line_of([*kept, *[""] * (width - len(kept))], source.delimiter)
     uneven = {i: len(cells) for i, cells in wrong.items() if any(cells[width:]) or len(cells) < width}
     is_cut &= uneven.get(last, width) < width
     faults = list(_row_faults(source, uneven, width, last if is_cut else -1))
@@ -313,14 +316,16 @@ def _not_text(path: Path, got: str) -> Fault:
     return Fault("not a text file", f"{path}", got, "a CSV file in UTF-8 or latin-1", "fetch the file again")
 
 
-def _decode(raw: bytes) -> str:
+def decode(raw: bytes) -> str:
+    """Text of bytes in UTF-8, else in latin-1."""
     try:
         return raw.decode("utf-8")
     except UnicodeDecodeError:
         return raw.decode("latin-1")
 
 
-def _fields(line: str, delimiter: str) -> list[str]:
+def fields_of(line: str, delimiter: str) -> list[str]:
+    """Cells of a line."""
     try:
         return next(csv.reader([line], delimiter=delimiter), [])
     except csv.Error:  # a stray carriage return or an unbalanced quote in a damaged line
@@ -342,7 +347,7 @@ def read_texts(source: Delimited, wanted: Sequence[int]) -> list[list[str]]:
         got = str(error).splitlines()[0][:200]
         unreadable = Fault("not a readable CSV file", f"{source.path}", got, "rows of cells")
         raise InvalidInput(faults or [unreadable]) from error
-    return [[_decode(cell).strip() for cell in column.to_pylist()] for column in table]
+    return [[decode(cell).strip() for cell in column.to_pylist()] for column in table]
 
 
 def read_numbers(
@@ -433,7 +438,7 @@ def first_row(source: Delimited) -> list[str]:
     """Cells of the first row."""
     end = source.data.find(b"\n", source.body_offset)
     first = source.data[source.body_offset : end if end >= 0 else len(source.data)]
-    return _fields(_decode(first).strip("\r\n"), source.delimiter) or [""]
+    return fields_of(decode(first).strip("\r\n"), source.delimiter) or [""]
 
 
 def _body_width(source: Delimited) -> int:
@@ -454,7 +459,8 @@ def _value(cell: str) -> float | None:
         return None
 
 
-def _line(cells: Sequence[str], delimiter: str) -> bytes:
+def line_of(cells: Sequence[str], delimiter: str) -> bytes:
+    """A line of cells."""
     text = io.StringIO()
     csv.writer(text, delimiter=delimiter, lineterminator="").writerow(cells)
     return text.getvalue().encode()

@@ -26,6 +26,8 @@ CURRENT_CORRELATION: Final = 0.6
 """Correlation above which an unnamed column is taken for the current."""
 USUAL_KG: Final = 1700.0
 LIGHTEST_KG, HEAVIEST_KG = 600.0, 4500.0
+FURTHEST_KG: Final = (300.0, 9000.0)
+"""A stated unit of speed is marked for a check when the car's mass is outside: grades and heaters blur it."""
 PACK_V: Final = (150.0, 950.0)
 PACK_SWING: Final = 0.35
 STAND_IN_V: Final = 360.0
@@ -158,6 +160,8 @@ def speed_unit(assumed: str, mass_kg: float) -> tuple[str, str]:
     now = SPEED_UNITS.get(assumed)
     masses = {unit: mass_kg * (now / factor) ** 2 for unit, factor in SPEED_UNITS.items() if now}
     fitting = {u: m for u, m in masses.items() if LIGHTEST_KG <= m <= HEAVIEST_KG}
+    if not fitting:  # samples every few seconds hide part of the acceleration
+        fitting = {u: m for u, m in masses.items() if FURTHEST_KG[0] <= m <= FURTHEST_KG[1]}
     if not fitting:
         return assumed, f"CHECK: in {assumed} the mass of the car is {mass_kg:.0f} kg"
     unit = min(fitting, key=lambda u: abs(np.log(fitting[u] / USUAL_KG)))

@@ -191,7 +191,7 @@ def _headers(
     found: dict[Path, tuple[tuple[str, ...], tuple[str, ...]]] = {}
     faults: dict[Path, tuple[Fault, ...]] = {}
     bare: dict[Path, tuple[Fault, ...]] = {}
-    ordered = sorted(files, key=_natural)
+    ordered = sorted(files, key=natural)
     for file in ordered:
         try:
             if file.suffix.lower() == ".parquet":
@@ -222,10 +222,10 @@ def _fits(file: Path, names: tuple[str, ...]) -> bool:
         head = open_delimited(file, file_head(file, HEAD_BYTES), names)
     except InvalidInput:
         return False
-    cells = first_row(head)
-    return len(cells[:-1] if not cells[-1] else cells) in (len(names), len([name for name in names if name]))
+    cells, named = first_row(head), len([name for name in names if name])
+    return len(cells) in (named, len(names)) or (not cells[-1] and len(cells) - 1 in (named, len(names)))
 
 
-def _natural(path: Path) -> list[tuple[int, str]]:
+def natural(path: Path) -> list[tuple[int, str]]:
     """Names in the order of people: 2 before 10."""
     return [(int(part), "") if part.isdigit() else (0, part) for part in re.split(r"(\d+)", f"{path}")]

@@ -23,6 +23,7 @@ from tripwatt.sources.clocks import clock_only, decided_format
 from tripwatt.sources.columnar import TableFile, open_table, table_files
 from tripwatt.sources.delimited import column_key
 from tripwatt.sources.evidence import (
+    FURTHEST_KG,
     SINCE_1970,
     STAND_IN_V,
     Flow,
@@ -61,8 +62,6 @@ RISING_SHARE: Final = 0.9
 """Time goes on from row to row, but for the starts of other trips."""
 LEAST_TIMES: Final = 0.08
 """Share of the samples that have a time of their own: a logger of 10 Hz may write whole seconds."""
-FURTHEST_KG: Final = (300.0, 9000.0)
-"""A stated unit of speed is marked for a check when the car's mass is outside: grades and heaters blur it."""
 
 OWN_NAME: Final = "canonical name"
 NAME_AND_UNIT: Final = "name and unit match"
@@ -135,9 +134,17 @@ def suggest_mapping(path: Path | str, names: Sequence[str] = (), beside: Sequenc
         When there is none or it cannot be read as a table.
     """
     files = table_files(Path(path))
-    path = max(files, key=lambda file: file.stat().st_size)
+    files.sort(key=lambda file: -file.stat().st_size)
+    errors: list[InvalidInput] = []
+    for path in files:
+        try:
+            table, columns, decimal = _readable(path, names)
+            break
+        except InvalidInput as error:
+            errors.append(error)
+    else:
+        raise errors[0]
     beside = [*beside, *(file for file in files if file != path)]
-    table, columns, decimal = _readable(path, names)
     long = _long(path, table)
     if long is not None:
         return long
@@ -348,8 +355,12 @@ def _as_shipped(
         if entry.unit not in TIME_STAMPS:
             known = columns.get(name, np.zeros(0))
             known = known[np.isfinite(known)]
-            if not len(known) or not _possible(ours, entry.unit, known):
-                return guesses
+            if not len(known):
+                continue
+            if not _possible(ours, entry.unit, known):
+                if not ours.endswith("_degc"):
+                    return guesses
+                entry = replace(entry, unit=unit_of_values(ours, known)[0])  # the app shows °F
         elif ours in guesses and guesses[ours].column == name:
             entry = replace(entry, unit=guesses[ours].unit, format=guesses[ours].format)
         own[ours] = Guess(ours, name, entry.unit, f"{AS_SHIPPED} {mapping.source!r}", entry.format)

@@ -40,7 +40,7 @@ class Alike:
 
     def __str__(self) -> str:
         number = f"{self.count}" if self.places <= 1 else f"{self.count} in {self.places} places"
-        return f"{self.what}: {number}, for example {self.example}"
+        return f"{self.what}: {number}, for example {self.example.removeprefix(f'{self.what}: ')}"
 
 
 def alike(things: Iterable[tuple[str, str, int, str]]) -> tuple[Alike, ...]:
