@@ -152,7 +152,7 @@ def test_a_broken_file_is_named_and_nothing_is_written(
     for path in damaged:
         path.write_bytes(broken(what, path.read_bytes()))
     out = ["--out", str(tmp_path / "out")] if verb == "evaluate" else []
-    answer = run(verb, tum, *out)
+    answer = run(verb, tum, *out, *(["--strict"] if verb == "audit" else []))
     assert answer.code == 2, answer
     assert answer.out == ""
     assert all(path.name in answer.err for path in damaged)

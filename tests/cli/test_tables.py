@@ -91,7 +91,7 @@ def test_bad_tables_are_one_message_and_code_2(run, tmp_path, what, command) -> 
     (tmp_path / "my.toml").write_text(MAPPING)
     damage(drive()).to_csv(tmp_path / "drive.csv", index=False)
     verb, *options = command
-    answer = run(verb, "drive.csv", "--dataset", "table", "--mapping", "my.toml", *options)
+    answer = run(verb, "drive.csv", "--dataset", "table", "--mapping", "my.toml", "--strict", *options)
     assert answer.code == 2
     assert answer.err.count("error:") == 1
     assert "Traceback" not in answer.err
@@ -118,15 +118,17 @@ def test_two_trips_with_one_id_within_a_file_and_between_files(run, tmp_path) ->
     pd.concat([drive().assign(Drive=7), drive(seed=1).assign(Drive=7)]).to_csv(
         tmp_path / "all.csv", index=False
     )
-    answer = run("audit", "all.csv", "--mapping", "my.toml")
+    answer = run("audit", "all.csv", "--mapping", "my.toml", "--strict")
     assert answer.code == 2
     for words in ("duplicate trip id: all.csv row 702, trip 7", "0 s after 699 s", "one id per trip"):
         assert words in answer.err
     folder = tmp_path / "logs"
     folder.mkdir()
     for name in ("a", "b"):
-        drive().assign(Drive=3).to_csv(folder / f"{name}.csv", index=False)
-    answer = run("audit", "logs", "--mapping", "my.toml")
+        drive().assign(Drive=3, Volt=380.0 if name == "a" else 381.0).to_csv(
+            folder / f"{name}.csv", index=False
+        )
+    answer = run("audit", "logs", "--mapping", "my.toml", "--strict")
     assert answer.code == 2
     assert "duplicate trip id: logs, trip 3: got a.csv and b.csv" in answer.err
 
@@ -137,7 +139,7 @@ def test_one_wrong_setting_in_many_files_is_counted_not_repeated(run, tmp_path) 
     folder.mkdir()
     for k in range(9):
         drive(60).assign(Volt=12.0).to_csv(folder / f"{k}.csv", index=False)
-    answer = run("audit", "logs", "--mapping", "my.toml")
+    answer = run("audit", "logs", "--mapping", "my.toml", "--strict")
     assert answer.code == 2
     assert answer.err.count("value out of range") == 3
     assert "7 more of this kind" in answer.err

@@ -16,6 +16,7 @@ from tripwatt.cli.options import (
     JsonOption,
     MappingOption,
     SetOption,
+    StrictOption,
     TripOption,
     VehicleOption,
     add_command,
@@ -259,6 +260,7 @@ def simulate(
     trip: TripOption = None,
     dataset: DatasetOption = None,
     mapping: MappingOption = None,
+    strict: StrictOption = False,
     vehicle: VehicleOption = None,
     preset: PresetOption = "default",
     overrides: SetOption = None,
@@ -287,7 +289,7 @@ def simulate(
 
     name, note = car_of(vehicle, data, dataset, mapping)
     car = load_vehicle(name, preset, parse_overrides(overrides or []))
-    fleet = read_logs(data, dataset, mapping)
+    fleet = read_logs(data, dataset, mapping, strict=strict)
     log = _chosen(fleet, trip, data)
     _require_clock(log)
     run = simulate_trip(car, resample(log))

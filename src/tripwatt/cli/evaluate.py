@@ -16,6 +16,7 @@ from tripwatt.cli.options import (
     JsonOption,
     MappingOption,
     SetOption,
+    StrictOption,
     VehicleOption,
     add_command,
     car_of,
@@ -56,6 +57,7 @@ def evaluate(
     ] = Path("out"),
     dataset: DatasetOption = None,
     mapping: MappingOption = None,
+    strict: StrictOption = False,
     protocol: Annotated[
         str, typer.Option(metavar="NAME", help="Comparison: paper, forecast or cars.")
     ] = "paper",
@@ -124,8 +126,8 @@ def evaluate(
 
     def read() -> None:
         with shown.status("reading trips"):
-            fleet.append(read_logs(data, dataset, mapping, built_in_faults=True))
-            options["test_fleet"] = None if test is None else read_logs(test, dataset, mapping)
+            fleet.append(read_logs(data, dataset, mapping, built_in_faults=True, strict=strict))
+            options["test_fleet"] = None if test is None else read_logs(test, dataset, mapping, strict=strict)
 
     gather(lambda: _check(options, overrides or [], jobs), lambda: check_writable(out), read)
     trips = replace(fleet[0], notes=(*fleet[0].notes, *note))

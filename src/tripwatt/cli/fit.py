@@ -15,6 +15,7 @@ from tripwatt.cli.options import (
     JsonOption,
     MappingOption,
     SetOption,
+    StrictOption,
     VehicleOption,
     add_command,
     car_of,
@@ -47,6 +48,7 @@ def fit(
     ] = Path("model"),
     dataset: DatasetOption = None,
     mapping: MappingOption = None,
+    strict: StrictOption = False,
     vehicle: VehicleOption = None,
     overrides: SetOption = None,
     corrector: Annotated[
@@ -114,7 +116,7 @@ def fit(
 
     def read() -> None:
         with shown.status("reading trips"):
-            fleets.append(read_logs(data, dataset, mapping))
+            fleets.append(read_logs(data, dataset, mapping, strict=strict))
 
     gather(
         lambda: None if base is None else bases.append(_stored(base)),

@@ -73,7 +73,7 @@ def audit(
     """
     from tripwatt.auditing import audit as run_audit
 
-    fleet = read_logs(data, dataset, mapping, built_in_faults=True, strict=strict)
+    fleet = read_logs(data, dataset, mapping, built_in_faults=True, lenient=True, strict=strict)
     result = run_audit(fleet)
     if as_json:
         from tripwatt.trips.messages import flag_to_dict  # pandas is slow to import

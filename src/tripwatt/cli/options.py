@@ -94,11 +94,18 @@ def require_extras(needed: Mapping[str, str]) -> None:
 
 
 def read_logs(
-    data: Path | None, dataset: str | None, mapping: str | None, *, built_in_faults: bool = False, **more: Any
+    data: Path | None,
+    dataset: str | None,
+    mapping: str | None,
+    *,
+    built_in_faults: bool = False,
+    lenient: bool = False,
+    **more: Any,
 ) -> Fleet:
     """The trips that a user means by DATA, --dataset and --mapping.
 
-    `built_in_faults` plants faults into the built-in trips, for commands that audit them; `more` are the `strict`, `vehicle` and
+    `built_in_faults` plants faults into the built-in trips, for commands that audit them; a published set is
+    read strictly unless `lenient`; `more` are the `strict`, `vehicle` and
     `progress` of the reader.
 
     Raises
@@ -124,23 +131,10 @@ def read_logs(
         if single is not None:
             return single
     if dataset is None:
-        is_table = mapping is not None or data.is_file() or _is_folder_of_tables(data)
-        dataset = "table" if is_table else "tum"
-    more.setdefault("strict", dataset != "table")  # a study of a published set has all of it
+        dataset = "table" if mapping is not None or data.is_file() else "tum"
+    if dataset != "table":  # a study of a published set has all of it
+        more["strict"] = more.get("strict", False) or not lenient
     return read(data, dataset, mapping, **more)
-
-
-def _is_folder_of_tables(folder: Path) -> bool:
-    """Whether a folder has tables or archives and no trip of the TUM set."""
-    from tripwatt.sources.archives import is_packed
-    from tripwatt.sources.columnar import SUFFIXES
-    from tripwatt.sources.tum import trip_files
-
-    try:
-        trip_files(folder)
-    except InvalidInput:
-        return folder.is_dir() and any(f.suffix.lower() in SUFFIXES or is_packed(f) for f in folder.iterdir())
-    return False
 
 
 def _single_tum_trip(path: Path) -> Fleet | None:

@@ -216,10 +216,10 @@ def with_own_names(drives: Sequence[RawDrive]) -> list[RawDrive]:
 
 
 def without_copies(drives: Sequence[RawDrive]) -> list[RawDrive]:
-    """Drives without those whose times and speeds another one has."""
+    """Drives without those whose samples another one has."""
     seen: dict[bytes, RawDrive] = {}
     for drive in drives:
-        table = drive.samples[[*NEEDED]]
+        table = drive.samples
         other = seen.setdefault(table.to_numpy(dtype=np.float64).tobytes(), drive)
         if other is not drive:
             where, got = f"{drive.files[0].path}, trip {drive.name}", f"the samples of {other.name}"

@@ -112,6 +112,8 @@ def opened(path: Path, mapping: ColumnMapping, names: Sequence[str], kind: int) 
             _read_long(file, table)
     except InvalidInput as error:
         file.leave_out(error.faults)
+    fix = f'add [file] decimal = "," to {mapping.source}'
+    file.faults = [replace(f, fix=fix) if f.what == "decimal comma" else f for f in file.faults]
     return file
 
 
