@@ -130,7 +130,7 @@ def test_two_trips_with_one_id_within_a_file_and_between_files(run, tmp_path) ->
         )
     answer = run("audit", "logs", "--mapping", "my.toml", "--strict")
     assert answer.code == 2
-    assert "duplicate trip id: logs, trip 3: got a.csv and b.csv" in answer.err
+    assert "duplicate trip id: logs/b.csv, trip 3: got a.csv and b.csv" in answer.err
 
 
 def test_one_wrong_setting_in_many_files_is_counted_not_repeated(run, tmp_path) -> None:

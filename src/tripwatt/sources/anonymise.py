@@ -118,6 +118,7 @@ def _hidden(file: Path, kind: Kind, names: tuple[str, ...], hiding: _Hiding) -> 
     own = {column_key(name) for name in source.names if name}
     current: Sequence[str] = source.names
     first_km: dict[str, float] = {}
+    clocks = {name for name in source.names if _role(name, kind.mapping, hiding) in ("time_s", "date")}
     lines = []
     for number, raw in enumerate([*head, *source.data[source.body_offset :].split(b"\n")]):
         text = decode(raw).strip("\r")
@@ -139,6 +140,9 @@ def _hidden(file: Path, kind: Kind, names: tuple[str, ...], hiding: _Hiding) -> 
                 else HIDDEN * bool(cell)
                 for k, cell in enumerate(cells)
             ]
+            if any(cell == HIDDEN and name in clocks for cell, name in zip(cells, current, strict=False)):
+                # a row without a time may hold anything in any column
+                cells = [HIDDEN if cell == HIDDEN else "" for cell in cells]
         lines.append(line_of(cells, source.delimiter) if text.strip() else b"")
     return b"\n".join(lines)
 

@@ -202,7 +202,7 @@ def _read_long(file: RawFile, table: TableFile) -> None:
         np.array(table.texts(n) if n else [""] * len(timed), dtype=object)[timed] for n in wanted
     )
     times, index = np.unique(raw_time[timed], return_inverse=True)
-    file.values, file.rows = {"time_s": times}, int(timed.sum())
+    file.values, file.rows = {"time_s": times}, len(times)
     for ours, entry in file.mapping.columns.items():
         rows = np.flatnonzero(signals == entry.column)
         if ours == "time_s":
