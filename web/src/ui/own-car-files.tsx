@@ -95,7 +95,7 @@ export function OwnCarFiles() {
       <section class="files" ref={list} tabIndex={0} aria-label={words.files} aria-busy={stage !== "ready"}>
         {GROUPS.map((group) => {
           const its = files.filter((file) => file.group === group);
-          const isOpen = chosen[group] ?? (group === "out" || its.length <= FEW);
+          const isOpen = chosen[group] ?? (group === "out" || group === "way" || its.length <= FEW);
           return (
             its.length > 0 && (
               <details

@@ -29,7 +29,7 @@ function Reasons({ of }: { of: Reason[] }) {
           {consequence && <span class="consequence"> {words.consequences[consequence]}</span>}
           <span class="note" lang="en">
             {" "}
-            {example}
+            {example.replace(`${what}: `, "")}
           </span>
         </li>
       ))}
@@ -124,14 +124,16 @@ export function OwnCarLogs({ car }: { car: string }) {
             >
               {words.cancel}
             </button>
-            <button
-              type="button"
-              class="primary"
-              disabled={drives === 0 || now.stage !== "ready"}
-              onClick={() => void learn()}
-            >
-              {words.learn(drives)}
-            </button>
+            {now.read && (
+              <button
+                type="button"
+                class="primary"
+                disabled={drives === 0 || now.stage !== "ready"}
+                onClick={() => void learn()}
+              >
+                {words.learn(drives)}
+              </button>
+            )}
           </div>
         </div>
       )}
