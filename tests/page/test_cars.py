@@ -74,11 +74,27 @@ def new_car(page: Any, name: str) -> None:
 
 
 def send(page: Any, *files: Path | dict[str, Any]) -> None:
-    dialog(page).locator("input[type=file]").set_input_files(list(files))
+    dialog(page).locator("input[type=file]:not([webkitdirectory])").set_input_files(list(files))
+
+
+def table(name: str, content: bytes) -> dict[str, Any]:
+    return {"name": name, "mimeType": "text/csv", "buffer": content}
+
+
+def read(page: Any, summary: str) -> None:
+    """Wait until the files are read, with this summary."""
+    dialog(page).locator(".summary").get_by_text(summary, exact=True).wait_for()
+
+
+def holds(page: Any, drives: str) -> None:
+    dialog(page).locator(".learnable").get_by_text(drives, exact=True).wait_for()
 
 
 def mapped(page: Any) -> dict[str, str]:
-    """Column of the file by our name of it."""
+    """Column of the file by our name of it, of the only kind of files."""
+    kind = dialog(page).locator("details.kind")
+    if kind.get_attribute("open") is None:
+        kind.locator("summary").first.click()
     rows = dialog(page).locator("table.mapping tbody tr")
     rows.first.wait_for()
     return {
@@ -90,12 +106,12 @@ def mapped(page: Any) -> dict[str, str]:
 def test_a_car_is_made_taught_used_and_deleted(opened: Any, keeper: Service) -> None:
     page = opened
     new_car(page, "my-i3")
-    files = [{"name": n, "mimeType": "text/csv", "buffer": c} for n, c in logs_of(TRIPS).items()]
+    files = [table(*file) for file in logs_of(TRIPS).items()]
     send(page, *files[:2])
-    dialog(page).get_by_text("2 logs, 2 sound drives").wait_for()
+    holds(page, "2 from 2 logs")
     packed = {"name": "more.zip", "mimeType": "application/zip", "buffer": archive(logs_of(TRIPS))}
     send(page, packed)  # beside what was sent before
-    dialog(page).get_by_text(f"{TRIPS + 2} logs").wait_for()
+    read(page, f"{TRIPS + 2} files: {TRIPS} read, 2 left out")  # what is there twice counts once
     dialog(page).get_by_role("button", name="Cancel").click()
     send(page, packed)
     dialog(page).get_by_role("button", name=f"Learn {TRIPS} drives").click()
@@ -108,7 +124,13 @@ def test_a_car_is_made_taught_used_and_deleted(opened: Any, keeper: Service) -> 
     shown = dialog(page).locator(".before-after").first.inner_text()
     assert f"{100.0 * car['latest_by_book']['weighted_error']:.1f}" in shown
     assert f"{100.0 * car['latest']['weighted_error']:.1f}" in shown
-    assert dialog(page).locator(".learned li").count() >= 3
+    by_name = {name: factor["seen_degc"] for name, factor in car["learned"].items()}
+    seen = [degc for range_ in by_name.values() if range_ for degc in range_]
+    shown = f"Seen at {round(min(seen))} to {round(max(seen))} °C.".replace("-", "−")
+    dialog(page).get_by_text(shown).wait_for()
+    dialog(page).get_by_text("more factors").click()
+    assert dialog(page).locator("table.learned tbody tr").count() == len(by_name)
+    assert dialog(page).locator("tr.not-seen").count() == sum(value is None for value in by_name.values())
     with page.expect_response(lambda r: r.url.endswith("/v1/forecast")) as asked:
         dialog(page).get_by_role("button", name="Use for forecasts").click()
     assert asked.value.request.post_data_json["model"] == "my-i3"
@@ -133,7 +155,7 @@ def test_every_export_is_mapped_without_a_wrong_column(opened: Any, tmp_path: Pa
     new_car(page, "exports")
     for logger in EXPORTS:
         send(page, written(tmp_path, logger))
-        dialog(page).get_by_text("1 log, 1 sound drive").wait_for()
+        holds(page, "1 from 1 log")
         found = mapped(page)
         for name, column in COLUMNS[logger].items():
             assert found.get(name) == column, (logger, name)
@@ -152,10 +174,146 @@ def test_a_column_is_corrected_and_a_wrong_one_is_explained(opened: Any, tmp_pat
     dialog(page).get_by_label("Unit of Speed").select_option("m/s")
     dialog(page).get_by_role("button", name="Learn 1 drive").wait_for()
     column.select_option("")
-    dialog(page).get_by_text("missing key").wait_for()
+    dialog(page).locator(".files .out").get_by_text("missing key").wait_for()
     assert dialog(page).get_by_role("button", name="Learn 0 drives").is_disabled()
+    column.select_option("GPS Speed (Meters/second)")
+    dialog(page).get_by_role("button", name="Learn 1 drive").wait_for()
     send(page, {"name": "photo.png", "mimeType": "image/png", "buffer": b"\x89PNG"})
-    dialog(page).locator(".faults").get_by_text("no trips").wait_for()
+    dialog(page).locator(".files .out").get_by_text("no trips").wait_for()
+    read(page, "2 files: 1 read, 1 left out")
+    assert dialog(page).get_by_role("button", name="Learn 1 drive").is_enabled()
+
+
+def test_what_is_chosen_for_a_kind_stays_with_it_when_other_files_come(opened: Any, tmp_path: Path) -> None:
+    page = opened
+    new_car(page, "kinds")
+    send(page, written(tmp_path, "torque"))
+    assert mapped(page)["Speed"] == "Speed (OBD)(km/h)"
+    dialog(page).get_by_label("Column with Speed").select_option("GPS Speed (Meters/second)")
+    send(page, written(tmp_path, "leaf_spy"))  # larger: its kind comes first
+    dialog(page).get_by_text("1 file with these columns (Leaf Spy)").wait_for()
+    found = page.evaluate(
+        "() => [...document.querySelectorAll('details.kind')].map((kind) =>"
+        " [kind.querySelector('summary').textContent, kind.querySelectorAll('select')[2].value])"
+    )
+    torque = [column for title, column in found if "Torque" in title]
+    assert torque == ["GPS Speed (Meters/second)"], found
+
+
+def test_two_hundred_files_of_which_some_are_bad(opened: Any, keeper: Service) -> None:
+    page = opened
+    new_car(page, "My Model 3")
+    good = [content.split(b"\n") for content in logs_of(TRIPS).values()]
+    bad = (b"", bytes(range(256)) * 8, good[0][0] + b"\n")
+    files = [
+        table(
+            f"drive {k:03}.csv",
+            bad[k // 10 % 3] if k % 10 == 3 else b"\n".join(good[k % TRIPS][: 300 + k]),
+        )
+        for k in range(200)
+    ]
+    send(page, *files)
+    read(page, "200 files: 180 read, 20 left out")
+    groups = dialog(page).locator(".files details")
+    assert groups.locator("summary").all_inner_texts() == ["20 files cannot be read", "180 files can be read"]
+    assert groups.locator("li").count() == 20  # the others when they are asked for
+    reasons = " ".join(groups.locator(".why").all_inner_texts())
+    for reason in ("empty file", "not a text file", "no samples"):
+        assert reason in reasons
+        assert dialog(page).locator(".findings").get_by_text(reason).count() >= 1
+    assert dialog(page).locator(".files").evaluate("e => e.clientHeight") <= 300
+    dialog(page).get_by_role("button", name="Leave out the 20 files that cannot be read").click()
+    read(page, "200 files: 180 read, 20 ignored")
+    assert page.evaluate("document.activeElement.className") == "files"
+    assert dialog(page).locator(".findings").count() == 0
+    dialog(page).get_by_role("button", name="Learn 180 drives").click()
+    dialog(page).get_by_text("180 new trips learned; 0 logs were known.").wait_for()
+    (car,) = (c for c in keeper.client.get("/v1/cars").json()["cars"] if c["label"] == "My Model 3")
+    assert car["in_diary"] == 180
+    dialog(page).get_by_role("button", name="Use for forecasts").click()
+    page.get_by_text("My Model 3, BMW i3 60 Ah: the model of its own trips.").wait_for()
+    assert (
+        page.locator(".car select").first.evaluate("e => e.selectedOptions[0].text").startswith("My Model 3:")
+    )
+
+
+def test_one_empty_file_among_four_good_ones(opened: Any) -> None:
+    page = opened
+    new_car(page, "one empty")
+    files = [table(*file) for file in logs_of(4).items()]
+    send(page, *files[:2], table("empty.csv", b""), *files[2:])
+    read(page, "5 files: 4 read, 1 left out")
+    assert dialog(page).locator(".files li").first.locator(".name").inner_text() == "empty.csv"
+    dialog(page).get_by_role("button", name="Learn 4 drives").click()
+    dialog(page).get_by_text("4 new trips learned").wait_for()
+
+
+@pytest.mark.parametrize("opened", [("phone", "dark", "en-IE")], indirect=True, ids=["phone"])
+def test_a_file_is_left_out_and_used_again_by_keyboard(opened: Any) -> None:
+    page = opened
+    page.set_viewport_size({"width": 360, "height": 800})
+    new_car(page, "by keyboard")
+    files = logs_of(3)
+    send(page, *(table(*file) for file in files.items()), table("photo.png", b"\x89PNG"))
+    read(page, "4 files: 3 read, 1 left out")
+    name = sorted(files)[1]
+    dialog(page).locator(".files").focus()
+    reached: list[str] = []
+    for _ in range(30):
+        page.keyboard.press("Tab")
+        label = page.evaluate(
+            "document.activeElement.getAttribute('aria-label') ?? document.activeElement.innerText"
+        )
+        reached.append(label)
+        if label == f"Leave out {name}":
+            break
+    assert "Leave out photo.png" in reached
+    page.keyboard.press("Enter")
+    read(page, "4 files: 2 read, 1 left out, 1 ignored")
+    assert page.evaluate("document.activeElement.getAttribute('aria-label')") == f"Use {name} again"
+    dialog(page).get_by_role("button", name="Learn 2 drives").wait_for()
+    page.keyboard.press("Enter")
+    read(page, "4 files: 3 read, 1 left out")
+    assert page.evaluate("document.activeElement.getAttribute('aria-label')") == f"Leave out {name}"
+    dialog(page).get_by_role("button", name="Leave out photo.png").click()
+    read(page, "4 files: 3 read, 1 ignored")
+    dialog(page).get_by_role("button", name="Use photo.png again").press("Enter")  # it is sent again
+    read(page, "4 files: 3 read, 1 left out")
+    assert dialog(page).evaluate("e => e.scrollWidth <= e.clientWidth")
+
+
+def test_a_folder_is_read_with_the_folders_in_it(opened: Any, tmp_path: Path) -> None:
+    page = opened
+    new_car(page, "a folder")
+    folder = tmp_path / "my logs"
+    for k, (name, content) in enumerate(logs_of(3).items()):
+        place = folder / f"{2024 + k % 2}"
+        place.mkdir(parents=True, exist_ok=True)
+        (place / name).write_bytes(content)
+    (folder / "readme.md").write_text("not a log")
+    (folder / "2024" / ".hidden.csv").write_text("not a log")
+    with page.expect_file_chooser() as chooser:
+        dialog(page).get_by_role("button", name="Choose a folder").press("Enter")
+    chooser.value.set_files(folder)
+    read(page, "3 files: 3 read")
+    dialog(page).get_by_role("button", name="Cancel").click()
+    # the same by a drop, whose entries the page walks through
+    page.evaluate(
+        """(drives) => {
+            const file = (name) => ({ isFile: true, isDirectory: false, name,
+                file: (done) => done(new File([drives.pop()], name)) });
+            const dir = (...inside) => ({ isFile: false, isDirectory: true, createReader: () => {
+                const parts = [inside, []];
+                return { readEntries: (done) => done(parts.shift() ?? []) };
+            } });
+            const tree = dir(file("a.csv"), file("photo.jpg"), dir(file("c.csv"), dir(file("d.CSV"))));
+            const event = new Event("drop", { bubbles: true, cancelable: true });
+            event.dataTransfer = { files: [new File([], "my logs")], items: [{ webkitGetAsEntry: () => tree }] };
+            document.querySelector("dialog.wide .drop").dispatchEvent(event);
+        }""",
+        [content.decode() for content in logs_of(4).values()],
+    )
+    read(page, "3 files: 3 read")
 
 
 @pytest.mark.parametrize(
@@ -175,8 +333,11 @@ def test_axe_finds_nothing_serious_in_your_car(opened: Any, tmp_path: Path) -> N
     width = page.viewport_size["width"]
     dialog(page).locator("input[name=name]").fill(f"axe-{width}")
     page.keyboard.press("Enter")
-    send(page, written(tmp_path, "leaf_spy"))
-    mapped(page)
+    leaf_spy = table("leaf_spy.csv", written(tmp_path, "leaf_spy").read_bytes())
+    send(page, leaf_spy, table("empty.csv", b""), *(table(*file) for file in logs_of(2).items()))
+    dialog(page).locator(".learnable").wait_for()
+    for kind in dialog(page).locator("details.kind > summary").all():
+        kind.click()
     found += [
         v["id"] for v in Axe().run(page).response["violations"] if v["impact"] in ("serious", "critical")
     ]

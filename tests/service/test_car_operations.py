@@ -7,6 +7,7 @@ import os
 import time
 import zipfile
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -133,7 +134,7 @@ def test_a_car_learns_an_archive_forecasts_and_is_forgotten(service: Service, fo
     assert car["score"]["trips"] == car["latest"]["trips"] == TRIPS
     assert list(car["learned"]) == list(NAMES)
     for name, factor in car["learned"].items():
-        assert (sorted(factor), factor["unit"]) == (["change", "sd", "unit"], UNITS[name])
+        assert (sorted(factor), factor["unit"]) == (["change", "sd", "seen_degc", "unit"], UNITS[name])
         assert 0.0 < factor["sd"] < 2.0
     assert list(car["experts"]) == list(KINDS)
     assert sum(car["experts"].values()) == pytest.approx(1.0)
@@ -172,12 +173,13 @@ def test_every_export_is_read_as_the_drive_that_it_is(service: Service, tmp_path
     energy = float(np.trapezoid(d.u * d.i, d.t)) / 3600.0
     step = WHOLE_UNITS.get(logger, 0.0) * d.t.iloc[-1] / 3600.0
     assert found["faults"] == []
-    assert found["shipped"] == (None if logger == "german" else logger)
+    (kind,) = found["kinds"]
+    assert kind["shipped"] == (None if logger == "german" else logger)
     assert found["preview"]["drives"] == 1
     assert found["preview"]["energy_wh"] == pytest.approx(energy, abs=step, rel=0.01)
-    assert not {entry["column"] for entry in found["mapping"]} & set(found["unused"])
-    has_voltage = "voltage_v" in {entry["ours"] for entry in found["mapping"]}
-    assert set(found["assumed"]) == (set() if has_voltage else {"nominal_voltage_v"})
+    assert not {entry["column"] for entry in kind["mapping"]} & set(kind["unused"])
+    has_voltage = "voltage_v" in {entry["ours"] for entry in kind["mapping"]}
+    assert set(kind["assumed"]) == (set() if has_voltage else {"nominal_voltage_v"})
     service.client.delete(f"/v1/cars/{car}")
 
 
@@ -209,26 +211,28 @@ def test_columns_are_corrected_and_the_battery_fills_in_what_the_log_lacks(servi
     )
     put(service, "corrected", "upload03", "drive.xlsx", workbook(table))
     found = logs(service, "corrected", "upload03")
-    by_ours = {entry["ours"]: entry for entry in found["mapping"]}
+    (kind,) = found["kinds"]
+    by_ours = {entry["ours"]: entry for entry in kind["mapping"]}
     assert by_ours["speed_m_s"]["column"] == "GPS speed [km/h]"
     assert by_ours["speed_m_s"]["why"]
-    assert found["columns"] == list(table.columns)
-    assert set(found["unused"]) == {"wheel", "note"}
-    assert found["assumed"]["usable_capacity_kwh"] == pytest.approx(21.3, rel=0.05)
+    assert kind["columns"] == list(table.columns)
+    assert set(kind["unused"]) == {"wheel", "note"}
+    assert kind["assumed"]["usable_capacity_kwh"] == pytest.approx(21.3, rel=0.05)
     assert found["preview"]["drives"] == 1
     assert found["preview"]["energy_wh"] == pytest.approx(3.0 / 100.0 * 21_300.0, rel=0.1)
     change = {"speed_m_s": {"column": "wheel", "unit": "mph"}}
-    changed = logs(service, "corrected", "upload03", changes=change)
-    entry = next(e for e in changed["mapping"] if e["ours"] == "speed_m_s")
+    changed = logs(service, "corrected", "upload03", kinds={"0": {"changes": change}})
+    entry = next(e for e in changed["kinds"][0]["mapping"] if e["ours"] == "speed_m_s")
     assert (entry["column"], entry["unit"], entry["why"]) == ("wheel", "mph", "")
     assert changed["preview"]["distance_m"] == pytest.approx(
         1.609344 * found["preview"]["distance_m"], rel=1e-3
     )
-    without = logs(service, "corrected", "upload03", changes={"speed_m_s": None})
+    without = logs(service, "corrected", "upload03", kinds={"0": {"changes": {"speed_m_s": None}}})
     assert without["preview"] is None
     assert without["faults"][0]["what"] == "missing key"
     refused = service.client.post(
-        "/v1/cars/corrected/uploads/upload03/learn", json={"changes": {"speed_m_s": {"column": "none"}}}
+        "/v1/cars/corrected/uploads/upload03/learn",
+        json={"kinds": {"0": {"changes": {"speed_m_s": {"column": "none"}}}}},
     )
     assert refused.status_code == 422
     fault = refused.json()["faults"][0]
@@ -243,7 +247,7 @@ def test_columns_are_corrected_and_the_battery_fills_in_what_the_log_lacks(servi
 @pytest.mark.parametrize(
     ("body", "what"),
     [
-        ({"name": "../up", "vehicle": "vw_id3"}, "String should match"),
+        ({"name": "", "vehicle": "vw_id3"}, "at least 1 character"),
         ({"name": "none"}, "no single car"),
         ({"name": "both", "vehicle": "vw_id3", "vehicle_figures": {"mass_kg": 1500.0}}, "no single car"),
         ({"name": "other", "vehicle": "vw_id33"}, "unknown car"),
@@ -349,8 +353,42 @@ def test_what_waits_to_be_learned_has_a_bound_and_expires(tmp_path: Path) -> Non
     with pytest.raises(Problem, match="3000 bytes that are not learned"):
         own._store(uploads / "third003", "c.csv", content)
     assert sorted(place.name for place in uploads.iterdir()) == ["first001", "second02"]
+    with pytest.raises(Problem, match="3000 bytes that are not learned"):
+        own._store(uploads / "first001", "d.csv", content)  # those that were sent before stay
+    assert sorted(file.name for file in (uploads / "first001" / "tables").iterdir()) == ["a 2.csv", "a.csv"]
     old = time.time() - 3700.0
     for place in (uploads / "first001", *(uploads / "first001").rglob("*")):
         os.utime(place, (old, old))
     assert own._store(uploads / "third003", "c.csv", content)["files"] == 1
     assert sorted(place.name for place in uploads.iterdir()) == ["second02", "third003"]
+
+
+def test_one_bad_file_costs_no_good_one_and_a_file_can_be_left_out(service: Service) -> None:
+    assert new_car(service, "My Model 3")["label"] == "My Model 3"
+    car = next(c["name"] for c in service.client.get("/v1/cars").json()["cars"] if c["label"] == "My Model 3")
+    good = logs_of(4)
+    for name, content in {**good, "empty.csv": b"", "binary.csv": bytes(range(256)) * 8}.items():
+        assert put(service, car, "upload06", name, content).status_code == 200
+    found = logs(service, car, "upload06")
+    states = {file["name"]: (file["state"], bool(file["faults"])) for file in found["files"]}
+    assert states == {
+        **dict.fromkeys(good, ("read", False)),
+        **dict.fromkeys(["empty.csv", "binary.csv"], ("left out", True)),
+    }
+    assert (found["preview"]["drives"], found["faults"]) == (4, [])
+    assert {row["what"]: row["places"] for row in found["report"]}["empty file"] == 1
+    first, *rest = good
+    ignored = [first, "empty.csv", "binary.csv"]
+    again = logs(service, car, "upload06", ignored=ignored)
+    assert {f["name"] for f in again["files"] if f["state"] == "ignored"} == set(ignored)
+    assert (again["preview"]["drives"], again["report"]) == (3, [])
+    assert learned(service, car, "upload06", ignored=ignored)["learning"]["entries"] == len(rest)
+    service.client.delete(f"/v1/cars/{car}")
+
+
+def test_files_of_one_name_that_come_at_once_are_all_kept(tmp_path: Path) -> None:
+    own = operations(tmp_path)
+    place = tmp_path / "car" / "uploads" / "upload07"
+    with ThreadPoolExecutor(8) as pool:
+        list(pool.map(lambda k: own._store(place, "a.csv", b"%d" % k), range(40)))
+    assert sorted(int(file.read_bytes()) for file in (place / "tables").iterdir()) == list(range(40))

@@ -8,6 +8,7 @@ import { keepDriving } from "./state/drive";
 import { keepForecasting } from "./state/forecast";
 import { keepReach } from "./state/journey";
 import { keepOnRoad } from "./state/live-drive";
+import { labelOf } from "./state/own-cars";
 import { keepPosition } from "./state/position";
 import { keepPreferences, text } from "./state/preferences";
 import { Announcer } from "./ui/announcer";
@@ -32,7 +33,7 @@ function Foot() {
     <footer>
       {own && (
         <p>
-          {foot.ownCar(own, title)} {foot.caution}
+          {foot.ownCar(labelOf(own), title)} {foot.caution}
         </p>
       )}
       {!own && name && learned && (

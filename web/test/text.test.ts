@@ -89,7 +89,7 @@ const ALIKE = [
   "/drive/start",
   "/drive/pause",
   "/ownCars/name",
-  "/ownCars/changed",
+
   "/ownCars/sd",
   "/token/label",
 ];

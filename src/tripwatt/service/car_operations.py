@@ -239,15 +239,17 @@ class CarOperations:
         tables = place / TABLES
         try:
             tables.mkdir(parents=True, exist_ok=True)
-            unpack(name, tables, content=content)
+            made = unpack(name, tables, content=content)
         except InvalidInput as error:
             raise invalid_input(error.faults) from error
         except OSError as error:
             raise Problem("busy", f"the file cannot be stored: {error.strerror}") from error
-        sizes = [file.stat().st_size for file in tables.iterdir()]
-        used = sum(file.stat().st_size for file in place.parent.rglob("*") if file.is_file())
-        if len(sizes) > MOST_FILES or used > self.settings.limits.car_bytes:
-            shutil.rmtree(place, ignore_errors=True)
+        sizes = _sizes(tables)
+        if len(sizes) > MOST_FILES or sum(_sizes(place.parent)) > self.settings.limits.car_bytes:
+            for table in made:  # those that were sent before stay
+                table.unlink(missing_ok=True)
+            if not _sizes(tables):
+                shutil.rmtree(place, ignore_errors=True)
             most = f"{MOST_FILES} tables and {self.settings.limits.car_bytes} bytes"
             raise Problem("too-large", f"at most {most} that are not learned yet")
         return {"files": len(sizes), "bytes": sum(sizes)}
@@ -274,6 +276,16 @@ def _shown(response: Response, learning: Mapping[str, Any] | None) -> Response:
     if response.status_code != 200:
         return response
     return json_response({**orjson.loads(response.body), "learning": learning})
+
+
+def _sizes(folder: Path) -> list[int]:
+    """Bytes of the files below a folder; those that another upload takes away meanwhile are not counted."""
+    sizes = []
+    for file in folder.rglob("*"):
+        with contextlib.suppress(FileNotFoundError):
+            if file.is_file():
+                sizes.append(file.stat().st_size)
+    return sizes
 
 
 def _expire(uploads: Path, before_s: float) -> None:

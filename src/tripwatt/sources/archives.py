@@ -169,13 +169,16 @@ def _last_part(name: str) -> str:
 def _written(folder: Path, name: str, data: bytes) -> Path:
     suffix = PurePosixPath(name).suffix.lower()
     wanted = folder / safe_name(name, suffix)
-    place = wanted
-    for number in itertools.count(2):
-        if not place.exists():
-            break
-        place = wanted.with_name(f"{wanted.stem} {number}{suffix}")
-    place.write_bytes(data)
-    return place
+    place, number = wanted, 1
+    while True:
+        try:
+            with place.open("xb") as made:  # a file of the same name may be written at the same moment
+                made.write(data)
+        except FileExistsError:
+            number += 1
+            place = wanted.with_name(f"{wanted.stem} {number}{suffix}")
+        else:
+            return place
 
 
 def _is_table(name: str) -> bool:

@@ -5,7 +5,7 @@ import type {
   ForecastRequest,
   JourneyRequest,
   LivePlanRequest,
-  LogsChanges,
+  LogsRequest,
   NewCarRequest,
   Problem,
   ReachRequest,
@@ -140,9 +140,9 @@ export const sendFile = (car: string, upload: string, file: File) =>
     path: { car, upload, file: file.name },
     bytes: file,
   });
-export const readLogs = (car: string, upload: string, body: LogsChanges) =>
+export const readLogs = (car: string, upload: string, body: LogsRequest) =>
   ask("post", "/v1/cars/{car}/uploads/{upload}", { path: { car, upload }, body });
-export const learnLogs = (car: string, upload: string, body: LogsChanges) =>
+export const learnLogs = (car: string, upload: string, body: LogsRequest) =>
   ask("post", "/v1/cars/{car}/uploads/{upload}/learn", { path: { car, upload }, body });
 
 /** Cars that can send messages while they drive. */

@@ -3,6 +3,7 @@
 import type { ForecastRequest } from "./types";
 
 export type {
+  AlikeDocument as Alike,
   CarResponse as OwnCar,
   CarSummary as OwnCarSummary,
   ChargingDocument as Charging,
@@ -12,14 +13,17 @@ export type {
   ExampleSummary,
   FlagDocument as Flag,
   ForecastRequest,
+  FileDocument as FileReading,
   ForecastResponse as Forecast,
+  KindChanges,
+  KindDocument as KindReading,
   LeaveWith,
   Link,
   LiveCarSummary as RoadCar,
   LiveForecastDocument as LiveForecast,
   LivePlanRequest,
   LiveResponse as LiveCar,
-  LogsRequest as LogsChanges,
+  LogsRequest,
   LogsResponse as LogsReading,
   MapResponse as MapInfo,
   ModelSummary as Model,

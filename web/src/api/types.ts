@@ -486,12 +486,19 @@ export interface paths {
 export type webhooks = Record<string, never>;
 export interface components {
     schemas: {
+        AlikeDocument: {
+            what: string;
+            count: number;
+            places: number;
+            example: string;
+        };
         AreaDocument: {
             probability: number;
             polygon: components["schemas"]["PolygonDocument"];
         };
         CarResponse: {
             name: string;
+            label: string;
             vehicle: string;
             title: string;
             trips: number;
@@ -520,6 +527,7 @@ export interface components {
         };
         CarSummary: {
             name: string;
+            label: string;
             vehicle: string;
             title: string;
             trips: number;
@@ -610,11 +618,21 @@ export interface components {
             ours: string;
             units: string[];
         };
-        FindingDocument: {
-            trip: string;
-            from_s: number;
-            to_s: number;
+        FileDocument: {
+            name: string;
+            kind: number | null;
+            /** @enum {string} */
+            state: "read" | "in part" | "left out" | "ignored";
+            rows: number;
+            rows_used: number;
+            logs: number;
+            faults: components["schemas"]["ProblemFault"][];
+        };
+        FindingsDocument: {
             what: string;
+            count: number;
+            places: number;
+            example: string;
             /** @enum {string} */
             consequence: "trimmed" | "split" | "set aside" | "noted";
         };
@@ -715,11 +733,34 @@ export interface components {
             status: string;
             workers: number;
         };
+        KindChanges: {
+            changes?: {
+                [key: string]: components["schemas"]["ColumnChoice"] | null;
+            };
+            current_positive?: ("discharge" | "charge") | null;
+        };
+        KindDocument: {
+            number: number;
+            files: number;
+            columns: string[];
+            mapping: components["schemas"]["MappedColumnDocument"][];
+            shipped: string | null;
+            unused: string[];
+            /** @enum {string} */
+            current_positive: "discharge" | "charge";
+            assumed: {
+                [key: string]: number;
+            };
+        };
         LearnedParameter: {
             change: number;
             sd: number;
             /** @enum {string} */
             unit: "1" | "kW";
+            seen_degc: [
+                number,
+                number
+            ] | null;
         };
         LearningDocument: {
             /** @enum {string} */
@@ -846,27 +887,29 @@ export interface components {
             logs: number;
             drives: number;
             distance_m: number;
+            duration_s: number;
             energy_wh: number;
-            findings: components["schemas"]["FindingDocument"][];
-            n_findings: number;
+            from_date: string | null;
+            to_date: string | null;
+            ambient_degc: [
+                number,
+                number
+            ] | null;
+            lost_distance_m: number;
+            lost_duration_s: number;
+            findings: components["schemas"]["FindingsDocument"][];
         };
         LogsRequest: {
-            changes?: {
-                [key: string]: components["schemas"]["ColumnChoice"] | null;
+            kinds?: {
+                [key: string]: components["schemas"]["KindChanges"];
             };
-            current_positive?: ("discharge" | "charge") | null;
+            ignored?: string[];
         };
         LogsResponse: {
-            columns: string[];
             fields: components["schemas"]["FieldDocument"][];
-            mapping: components["schemas"]["MappedColumnDocument"][];
-            shipped: string | null;
-            unused: string[];
-            /** @enum {string} */
-            current_positive: "discharge" | "charge";
-            assumed: {
-                [key: string]: number;
-            };
+            kinds: components["schemas"]["KindDocument"][];
+            files: components["schemas"]["FileDocument"][];
+            report: components["schemas"]["AlikeDocument"][];
             preview: components["schemas"]["LogsPreview"] | null;
             faults: components["schemas"]["ProblemFault"][];
         };
@@ -1235,6 +1278,7 @@ export interface components {
     headers: never;
     pathItems: never;
 }
+export type AlikeDocument = components['schemas']['AlikeDocument'];
 export type AreaDocument = components['schemas']['AreaDocument'];
 export type CarResponse = components['schemas']['CarResponse'];
 export type CarSummary = components['schemas']['CarSummary'];
@@ -1249,7 +1293,8 @@ export type ExampleResponse = components['schemas']['ExampleResponse'];
 export type ExampleSummary = components['schemas']['ExampleSummary'];
 export type ExamplesResponse = components['schemas']['ExamplesResponse'];
 export type FieldDocument = components['schemas']['FieldDocument'];
-export type FindingDocument = components['schemas']['FindingDocument'];
+export type FileDocument = components['schemas']['FileDocument'];
+export type FindingsDocument = components['schemas']['FindingsDocument'];
 export type FittedModel = components['schemas']['FittedModel'];
 export type FlagDocument = components['schemas']['FlagDocument'];
 export type ForecastOnTheWay = components['schemas']['ForecastOnTheWay'];
@@ -1257,6 +1302,8 @@ export type ForecastRequest = components['schemas']['ForecastRequest'];
 export type ForecastResponse = components['schemas']['ForecastResponse'];
 export type Forgotten = components['schemas']['Forgotten'];
 export type HealthResponse = components['schemas']['HealthResponse'];
+export type KindChanges = components['schemas']['KindChanges'];
+export type KindDocument = components['schemas']['KindDocument'];
 export type LearnedParameter = components['schemas']['LearnedParameter'];
 export type LearningDocument = components['schemas']['LearningDocument'];
 export type LeaveWith = components['schemas']['LeaveWith'];

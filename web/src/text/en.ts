@@ -62,6 +62,8 @@ export const en = {
     links: (links: number) => count(links, { one: "# link", other: "# links" }),
     chooseFile: "Choose a file or drop it here",
     formats: "GPX, KML, GeoJSON, CSV, or a saved OSRM, Valhalla, openrouteservice or GraphHopper response",
+    chooseFolder: "Choose a folder",
+    emptyFolder: "The folder has no file of these formats.",
     tooLarge: (file: string, megabytes: number) => `${file} is larger than ${megabytes} MB.`,
     speedWithoutTimes: "Speed for tracks without times",
     loading: { examples: "Loading the examples …", trip: "Loading the trip …" },
@@ -418,7 +420,6 @@ export const en = {
     newCar: "Add a car",
     newCarNote: (car: string) => `It begins with the published values of the chosen car: ${car}.`,
     name: "Name",
-    nameRule: "Up to 64 letters without accents, digits, dots, hyphens and underscores",
     make: "Add",
     inDiary: (trips: number) => count(trips, { one: "# trip learned", other: "# trips learned" }),
     use: "Use for forecasts",
@@ -429,12 +430,50 @@ export const en = {
     keep: "Keep",
     cancel: "Cancel",
     logs: "Add logs",
-    dropLogs: "Choose files or drop them here",
+    dropLogs: "Choose files, or drop files or folders here",
     formats:
       "CSV, Parquet, Excel or ZIP: TeslaMate, OVMS, ABRP, Car Scanner, Torque, Leaf Spy, TeslaLogger, or your own",
-    sending: (file: string) => `Reading ${file} …`,
-    mapping: "Columns",
-    knownLogger: (logger: string) => `These are the columns of ${logger}. Correct what is wrong.`,
+    sending: (files: number) => count(files, { one: "Sending # file …", other: "Sending # files …" }),
+    reading: (files: number) => count(files, { one: "Reading # file …", other: "Reading # files …" }),
+    files: "Files",
+    summary: (files: number, parts: string) =>
+      `${count(files, { one: "# file", other: "# files" })}: ${parts}`,
+    counted: {
+      read: (files: number) => `${count(files, { one: "#", other: "#" })} read`,
+      part: (files: number) => `${count(files, { one: "#", other: "#" })} read in part`,
+      out: (files: number) => `${count(files, { one: "#", other: "#" })} left out`,
+      ignored: (files: number) => `${count(files, { one: "#", other: "#" })} ignored`,
+    },
+    groups: {
+      out: (files: number) => count(files, { one: "# file cannot be read", other: "# files cannot be read" }),
+      way: (files: number) => count(files, { one: "# file on its way", other: "# files on their way" }),
+      part: (files: number) =>
+        count(files, { one: "# file is read in part", other: "# files are read in part" }),
+      read: (files: number) => count(files, { one: "# file can be read", other: "# files can be read" }),
+    },
+    states: {
+      waiting: "waiting",
+      sending: "sending …",
+      sent: "sent",
+      read: "read",
+      part: "read in part",
+      out: "left out",
+      ignored: "ignored",
+    },
+    partOf: (used: string, rows: string) => `${used} of ${rows} rows read`,
+    leaveOut1: "Leave out",
+    leaveOutFile: (file: string) => `Leave out ${file}`,
+    use1: "Use",
+    useFile: (file: string) => `Use ${file} again`,
+    leaveOutUnreadable: (files: number) =>
+      count(files, {
+        one: "Leave out the # file that cannot be read",
+        other: "Leave out the # files that cannot be read",
+      }),
+    kind: (files: number, logger: string | null) =>
+      `${count(files, { one: "# file", other: "# files" })} with these columns${logger ? ` (${logger})` : ""}`,
+    toCheck: "· please check",
+    knownLogger: "These are the columns of this logger. Correct what is wrong.",
     proposed: "Proposed from the names and the values of the columns. Correct what is wrong.",
     what: "What",
     column: "Column of the file",
@@ -452,10 +491,28 @@ export const en = {
       `The file has no current: the energy comes from the state of charge and a usable battery of ${kwh} kWh.`,
     unused: (columns: number) =>
       count(columns, { one: "# column is ignored", other: "# columns are ignored" }),
-    audit: (logs: number, drives: number, distance: string, energy: string) =>
-      `${count(logs, { one: "# log", other: "# logs" })}, ${count(drives, { one: "# sound drive", other: "# sound drives" })}: ${distance}, ${energy}`,
-    findings: (findings: number) =>
-      count(findings, { one: "# finding of the audit", other: "# findings of the audit" }),
+    learnable: "What will be learned",
+    nothingToLearn: "Nothing yet: no drive can be read from these files.",
+    drives: "Drives",
+    ofLogs: (drives: string, logs: number) =>
+      `${drives} from ${count(logs, { one: "# log", other: "# logs" })}`,
+    time: "Time",
+    energy: "Energy",
+    dates: "Dates",
+    outside: "Outside",
+    lost: (distance: string, time: string) =>
+      `Not used: ${distance} and ${time} of the drives, for these reasons:`,
+    inDrives: (times: number, drives: number) =>
+      `${count(times, { one: "once", other: "# times" })} in ${count(drives, { one: "# drive", other: "# drives" })}`,
+    inFiles: (times: number, files: number) =>
+      `${count(times, { one: "once", other: "# times" })} in ${count(files, { one: "# file", other: "# files" })}`,
+    consequences: {
+      trimmed: "part cut off",
+      split: "split into drives",
+      "set aside": "drive not used",
+      noted: "noted, used anyway",
+    },
+    moreReasons: (reasons: number) => count(reasons, { one: "# more", other: "# more" }),
     learn: (drives: number) => count(drives, { one: "Learn # drive", other: "Learn # drives" }),
     starting: "Learning …",
     learning: (done: number, total: number) => `Learning: trip ${done} of ${total}`,
@@ -465,7 +522,18 @@ export const en = {
     nothingYet: "No trips yet: its forecasts are those of its published values.",
     learnedFrom: (trips: number) =>
       count(trips, { one: "Learned from # trip", other: "Learned from # trips" }),
-    changed: (change: string, parameter: string) => `${change} ${parameter}`,
+    taught: "What the car taught",
+    factor: "Factor",
+    differs: "Beside its simulation",
+    seenAt: "Seen at",
+    notSeen: "not seen on your trips",
+    seen: (temperatures: string) =>
+      `Seen at ${temperatures}. Colder or warmer trips are forecast with what cars have in common.`,
+    otherFactors: (factors: number) =>
+      count(factors, {
+        one: "# more factor, which these trips do not show clearly",
+        other: "# more factors, which these trips do not show clearly",
+      }),
     sd: (value: string, unit: string) => `± ${value} ${unit}`,
     counts: (kinds: string) => `What counts, by the forecasts so far: ${kinds}.`,
     experts: {
@@ -515,7 +583,7 @@ export const en = {
     error: "Error",
     coverage: "Inside 90 %",
     interval: (middle: string, low: string, high: string) => `${middle} (${low} to ${high})`,
-    outside: "outside",
+    isOutside: "outside",
     atDeparture: (energy: string) => `shown at departure ${energy}`,
     halfWay: (energy: string) => `half-way ${energy}`,
     atLast: (energy: string) => `at last ${energy}`,

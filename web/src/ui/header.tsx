@@ -122,9 +122,9 @@ function CarSelect() {
           {car.value?.title && !car.value.own && <option value={DESCRIBED}>{car.value.title}</option>}
           {ownCars.value && (
             <optgroup label={text.value.ownCars.mine}>
-              {ownCars.value.map(({ name, title }) => (
+              {ownCars.value.map(({ name, label, title }) => (
                 <option key={name} value={OWN + name}>
-                  {name}: {title}
+                  {label}: {title}
                 </option>
               ))}
               <option value={MANAGE}>{text.value.ownCars.manage}</option>

@@ -18,6 +18,7 @@ import {
   roadCars,
   toggleNight,
 } from "../state/live-drive";
+import { labelOf } from "../state/own-cars";
 import { format, text, units } from "../state/preferences";
 import { canPlan, planFromPage } from "../state/road-plan";
 import { trip } from "../state/trip";
@@ -200,7 +201,7 @@ function Choose() {
               followed.value = row.vehicle;
             }}
           >
-            <span class="name">{row.vehicle}</span>
+            <span class="name">{labelOf(row.vehicle)}</span>
             <span class="figures">
               {row.on_trip
                 ? words.onTrip
@@ -231,7 +232,7 @@ export function LiveDrive() {
       onClose={closeRoad}
     >
       <div class="heading">
-        <h2 id="road-title">{followed.value || words.title}</h2>
+        <h2 id="road-title">{followed.value ? labelOf(followed.value) : words.title}</h2>
         {several && (
           <button
             type="button"

@@ -5,8 +5,8 @@ import { ENERGY, PERCENT } from "../model/units";
 import { format, text, units } from "../state/preferences";
 import { DataTable } from "./data-table";
 import { FaultList } from "./faults";
+import { temperaturesText } from "./wording";
 
-/** Smallest relative change that is worth a line. */
 /** Factors below this share of their standard deviation are not shown by the trips. */
 const LEAST_SHOWN = 0.5;
 
@@ -51,32 +51,58 @@ function BeforeAfter({
   );
 }
 
-function Learned({ of }: { of: OwnCar }) {
+/** A factor of the car, and the outside temperatures at which its trips show it. */
+function Factor({
+  name,
+  of: { change, sd, unit, seen_degc },
+}: {
+  name: string;
+  of: OwnCar["learned"][string];
+}) {
   const { ownCars: words } = text.value;
   const { signed, figure } = format.value;
-  const shown = Object.entries(of.learned).filter(
-    ([, { change, sd }]) => Math.abs(change) >= LEAST_SHOWN * sd,
+  const isPower = unit === "kW";
+  const [value, digits, sign] = isPower ? [change, 2, "kW"] : [PERCENT.from(change), 0, "%"];
+  return (
+    <tr class={seen_degc ? "" : "not-seen"}>
+      <th scope="row">{words.parameters[name as keyof typeof words.parameters]}</th>
+      <td>
+        {`${signed(value, digits)}\u00a0${sign}`}{" "}
+        <span class="note">{words.sd(figure(isPower ? sd : PERCENT.from(sd), digits), sign)}</span>
+      </td>
+      <td>{seen_degc ? temperaturesText(seen_degc) : words.notSeen}</td>
+    </tr>
   );
+}
+
+function Learned({ of }: { of: OwnCar }) {
+  const { ownCars: words } = text.value;
+  const factors = Object.entries(of.learned);
+  const isShown = ({ change, sd, seen_degc }: OwnCar["learned"][string]) =>
+    seen_degc !== null && Math.abs(change) >= LEAST_SHOWN * sd;
+  const shown = factors.filter(([, factor]) => isShown(factor));
+  const others = factors.filter(([, factor]) => !isShown(factor));
+  const seen = factors.flatMap(([, { seen_degc }]) => seen_degc ?? []);
   const counts = Object.entries(of.experts).map(
     ([name, weight]) => `${words.experts[name as keyof typeof words.experts]} ${percent(weight, 0)}`,
   );
+  const table = (label: string, rows: typeof factors) => (
+    <DataTable label={label} class="learned" heads={[words.factor, words.differs, words.seenAt]}>
+      {rows.map(([name, factor]) => (
+        <Factor key={name} name={name} of={factor} />
+      ))}
+    </DataTable>
+  );
   return (
     <>
-      <ul class="learned">
-        {shown.map(([name, { change, sd, unit }]) => {
-          const isPower = unit === "kW";
-          const [of1, digits, sign] = isPower ? [change, 2, "kW"] : [PERCENT.from(change), 0, "%"];
-          return (
-            <li key={name}>
-              {words.changed(
-                `${signed(of1, digits)}\u00a0${sign}`,
-                words.parameters[name as keyof typeof words.parameters],
-              )}{" "}
-              <span class="note">{words.sd(figure(isPower ? sd : PERCENT.from(sd), digits), sign)}</span>
-            </li>
-          );
-        })}
-      </ul>
+      {seen.length > 0 && <p>{words.seen(temperaturesText([Math.min(...seen), Math.max(...seen)]))}</p>}
+      {shown.length > 0 && table(words.taught, shown)}
+      {others.length > 0 && (
+        <details class="as-table">
+          <summary>{words.otherFactors(others.length)}</summary>
+          {table(words.otherFactors(others.length), others)}
+        </details>
+      )}
       <p class="note">{words.counts(format.value.list(counts))}</p>
     </>
   );
@@ -150,7 +176,7 @@ function Trips({ of }: { of: OwnCar }) {
           <td>
             {kwh(row.energy_wh)}
             {(row.energy_wh < row.low_wh || row.energy_wh > row.high_wh) && (
-              <span class="note"> {words.outside}</span>
+              <span class="note"> {words.isOutside}</span>
             )}
           </td>
           <td>{signed(ENERGY.from(row.forecast_wh - row.energy_wh), 2)}</td>

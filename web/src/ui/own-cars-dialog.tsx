@@ -10,12 +10,12 @@ import {
   faultsOfCars,
   learns,
   ownCars,
-  reading,
   showCar,
   shownCar,
   tokenOf,
   useCar,
 } from "../state/own-cars";
+import { logs } from "../state/own-logs";
 import { openRoad } from "../state/live-drive";
 import { text } from "../state/preferences";
 import { FaultList } from "./faults";
@@ -40,7 +40,7 @@ function List() {
       {(ownCars.value ?? []).map((row) => (
         <li key={row.name}>
           <button type="button" onClick={() => void showCar(row.name)}>
-            <span class="name">{row.name}</span>
+            <span class="name">{row.label}</span>
             <span class="figures">
               {row.title} · {words.inDiary(row.in_diary)}
             </span>
@@ -66,15 +66,7 @@ function NewCar() {
       <p class="note">{words.newCarNote(title)}</p>
       <label class="field">
         <span>{words.name}</span>
-        <input
-          name="name"
-          type="text"
-          required
-          maxLength={64}
-          pattern="[A-Za-z0-9_][A-Za-z0-9._\-]*"
-          title={words.nameRule}
-          autocomplete="off"
-        />
+        <input name="name" type="text" required maxLength={100} autocomplete="off" />
       </label>
       <button type="submit" class="primary">
         {words.make}
@@ -141,12 +133,19 @@ function Shown({ of }: { of: OwnCar }) {
       </div>
       {asks && (
         <div class="confirm" role="alert">
-          <p>{words.forgetAsk(of.name)}</p>
+          <p>{words.forgetAsk(of.label)}</p>
           <div class="actions start">
             <button type="button" onClick={() => setAsks(false)}>
               {words.keep}
             </button>
-            <button type="button" class="danger" onClick={() => void dropCar(of.name)}>
+            <button
+              type="button"
+              class="danger"
+              onClick={() => {
+                if (logs.value?.car === of.name) logs.value = null;
+                void dropCar(of.name);
+              }}
+            >
               {words.forgetNow}
             </button>
           </div>
@@ -173,14 +172,13 @@ export function OwnCarsDialog() {
   return (
     <dialog ref={dialog} class="wide" aria-labelledby="own-cars-title" onClose={close}>
       <div class="heading">
-        <h2 id="own-cars-title">{now ? now.name : words.title}</h2>
+        <h2 id="own-cars-title">{now ? now.label : words.title}</h2>
         {now && (
           <button
             type="button"
             class="link"
             onClick={() => {
               shownCar.value = null;
-              reading.value = null;
             }}
           >
             {words.all}

@@ -3,7 +3,7 @@
 import type { Forecast } from "../api/documents";
 import { arrivalBand, hundredthsOf } from "../model/arrival";
 import { PERCENT } from "../model/units";
-import { format, text } from "../state/preferences";
+import { format, text, units } from "../state/preferences";
 import type { Trip } from "../state/trip";
 
 /** The central 90 % interval of the charge on arrival. */
@@ -20,6 +20,16 @@ export function bandText(of: Forecast, digits = 0): string {
 export function chanceInFigures(chance: number): string {
   const { side, count } = hundredthsOf(chance);
   return text.value.chance.figures[side](count);
+}
+
+/** Temperatures from the lowest to the highest [°C]. */
+export function temperaturesText([lowest, highest]: readonly [number, number]): string {
+  const { from, unit, digits } = units.value.temperature;
+  const [low, high] = [lowest, highest].map((degc) => format.value.figure(from(degc), digits)) as [
+    string,
+    string,
+  ];
+  return `${low === high ? low : text.value.result.range(low, high)}\u00a0${unit}`;
 }
 
 /** Title of an example in the language of the page; unchanged for an unknown one. */
