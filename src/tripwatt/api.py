@@ -92,8 +92,10 @@ def _without_effect(where: str) -> Fault:
     return Fault("speed has no effect", "speed_m_s", got, "only for a track without times and speeds")
 
 
-def read_trips(path: Path | str, dataset: str = "tum", mapping: Path | str | None = None) -> tuple[Trip, ...]:
-    """Read logs, audit them, and keep the sound drives: `read_logs`, then `audit`.
+def read_trips(
+    path: Path | str, dataset: str = "tum", mapping: Path | str | None = None, *, strict: bool = False
+) -> tuple[Trip, ...]:
+    """Read logs, audit them, and keep the sound drives: `read_logs`, whose report says what is left out, then `audit`.
 
     Parameters
     ----------
@@ -103,6 +105,8 @@ def read_trips(path: Path | str, dataset: str = "tum", mapping: Path | str | Non
         Kind of the logs, as for `read_logs`.
     mapping : path or str, optional
         Names of the columns of a table, as for `read_logs`.
+    strict : bool
+        Refuse what cannot be read as it stands, as for `read_logs`.
 
     Returns
     -------
@@ -112,14 +116,14 @@ def read_trips(path: Path | str, dataset: str = "tum", mapping: Path | str | Non
     Raises
     ------
     InvalidInput
-        With every fault of the data set.
+        When nothing can be used; with `strict`, with every fault of the data set.
 
     Examples
     --------
     >>> import tripwatt as tw
     >>> trips = tw.read_trips("exports", "table", "leaf_spy")  # doctest: +SKIP
     """
-    return audit(read_logs(path, dataset, mapping)).trips
+    return audit(read_logs(path, dataset, mapping, strict=strict)).trips
 
 
 def forecast(

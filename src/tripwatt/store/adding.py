@@ -69,7 +69,7 @@ def add_files(
     1 trips added, 0 were known; 0 of the added have no sound drive
     """
     if dataset != "table":
-        logs = read_logs(path, dataset, mapping)
+        logs = read_logs(path, dataset, mapping, strict=True)
         return store.add(logs, car_model=car_model, vehicle_id=vehicle_id, progress=progress)
     total = Added()
     faults: list[Fault] = []
@@ -83,7 +83,7 @@ def add_files(
         logs_of_files: list[Recorded] = []
         for file in files[first : first + FILES_AT_ONCE]:
             try:
-                logs_of_files += read_logs(file, "table", mapping).logs
+                logs_of_files += read_logs(file, "table", mapping, strict=True).logs
             except InvalidInput as error:
                 faults += error.faults
         try:
