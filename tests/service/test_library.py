@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tripwatt.physics.battery import open_circuit_voltage
+from tripwatt.physics.battery import open_circuit_voltage, usable_energy_wh
 from tripwatt.service import library
 from tripwatt.service.library import (
     described,
