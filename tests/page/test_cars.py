@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -86,6 +87,11 @@ def read(page: Any, summary: str) -> None:
     dialog(page).locator(".summary").get_by_text(summary, exact=True).wait_for()
 
 
+def whole(value: float) -> str:
+    """A number as the page rounds it: halves away from zero."""
+    return ("−" if value <= -0.5 else "") + f"{math.floor(abs(value) + 0.5)}"
+
+
 def holds(page: Any, drives: str) -> None:
     dialog(page).locator(".learnable").get_by_text(drives, exact=True).wait_for()
 
@@ -126,7 +132,7 @@ def test_a_car_is_made_taught_used_and_deleted(opened: Any, keeper: Service) -> 
     assert f"{100.0 * car['latest']['weighted_error']:.1f}" in shown
     by_name = {name: factor["seen_degc"] for name, factor in car["learned"].items()}
     seen = [degc for range_ in by_name.values() if range_ for degc in range_]
-    shown = f"Seen at {round(min(seen))} to {round(max(seen))} °C.".replace("-", "−")
+    shown = f"Seen at {whole(min(seen))} to {whole(max(seen))} °C."
     dialog(page).get_by_text(shown).wait_for()
     dialog(page).get_by_text("more factors").click()
     assert dialog(page).locator("table.learned tbody tr").count() == len(by_name)
