@@ -88,6 +88,12 @@ class Audit:
         -------
         tuple of (str, Alike)
             What costs a drive first, the most frequent kind first.
+
+        Examples
+        --------
+        >>> from tripwatt.synthetic import synthetic_fleet
+        >>> audit(synthetic_fleet(2)).groups()
+        ()
         """
         return tuple(
             (consequence, group)
