@@ -27,6 +27,7 @@ from benchmarks import (
     argonne,
     cars,
     coarse_speed,
+    dirty_logs,
     gam,
     half_known,
     hostile,
@@ -65,6 +66,7 @@ def suites(results: Path | None, forecast: Path | None, links: Path | None) -> I
     yield Suite(f"{bench}live", live.rows, (tum,))
     yield Suite(f"{bench}half_known", half_known.rows, (tum,))
     yield Suite(f"{bench}coarse_speed", coarse_speed.rows, (tum,))
+    yield Suite(f"{bench}dirty_logs", dirty_logs.rows)
     yield Suite(f"{bench}unknown_climb", unknown_climb.bounds, (tum,))
     yield Suite(f"{bench}argonne", argonne.bars, (DATA / "cycles", REFERENCE / "anl_d3_i3.csv"))
     yield Suite(f"{bench}physics_trips", physics_trips.bars, (tum,))

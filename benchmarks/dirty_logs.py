@@ -1,4 +1,4 @@
-"""Folders of dirty logs as owners' loggers write them: python -m benchmarks.dirty_logs [FOLDERS].
+"""Folders of dirty logs as owners' loggers write them: python -m benchmarks.dirty_logs [--number N].
 
 Each seeded folder of `tools.data.dirty_logs` is read without a mapping and beside its truth: rows kept of those that are sound,
 columns that are not what they are called, folders that are refused. Read strictly, each folder has to be refused with its faults
@@ -189,11 +189,10 @@ def rows(number: int = FOLDERS) -> Iterator[Row]:
     yield from folder_rows(number)
 
 
-def main(number: int = FOLDERS, first: int = 0, only: str = "", verbose: bool = False) -> int:
+def main(number: int = FOLDERS, first: int = 0, owner: bool = True, verbose: bool = False) -> int:
     """Print the rows; 1 when a bound is missed."""
-    if only == "owner":
-        return report(owner_rows())
-    return report(folder_rows(number, first, verbose=verbose))
+    mine = owner_rows() if owner else ()
+    return report([*mine, *folder_rows(number, first, verbose=verbose)])
 
 
 if __name__ == "__main__":
