@@ -12,7 +12,7 @@ import tempfile
 import warnings
 import zipfile
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 from typing import Any, Final, TypeVar
@@ -243,15 +243,18 @@ def _from_workbook(place: Path, data: bytes, folder: Path) -> Iterator[Path]:
 def _table_of(sheet: Any) -> list[list[str]]:
     """Rows of a sheet as texts from its header on, cut to the columns that the header names."""
     rows = sheet.iter_rows(values_only=True, max_col=MOST_COLUMNS, max_row=MOST_ROWS)
-    for _ in range(MOST_LEADING_ROWS):
-        header = next(rows, None)
-        if header is None:
-            return []
-        if sum(isinstance(cell, str) and bool(cell.strip()) for cell in header) >= LEAST_NAMES:
-            width = max(i + 1 for i, cell in enumerate(header) if cell is not None)
+    head = [row for row in itertools.islice(rows, MOST_LEADING_ROWS) if any(cell is not None for cell in row)]
+    for k, row in enumerate(head):
+        names, below = _names_in(row), _names_in(head[k + 1]) if k + 1 < len(head) else 0
+        if names >= LEAST_NAMES and below <= names:  # a title has fewer cells than the header below it
+            width = max(i + 1 for i, cell in enumerate(row) if cell is not None)
             filled = (row for row in rows if any(cell is not None for cell in row))
-            return [[_text(cell) for cell in row[:width]] for row in itertools.chain([header], filled)]
+            return [[_text(cell) for cell in row[:width]] for row in itertools.chain(head[k:], filled)]
     return []
+
+
+def _names_in(row: Sequence[Any]) -> int:
+    return sum(isinstance(cell, str) and bool(cell.strip()) for cell in row)
 
 
 def _text(cell: Any) -> str:
