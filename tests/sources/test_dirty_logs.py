@@ -148,3 +148,20 @@ def test_kinds_are_files_with_the_same_columns_and_keep_their_numbers(tmp_path: 
     assert [sorted(file.name for file in kind.files) for kind in kinds] == [["a.csv", "b.csv"], ["c.csv"]]
     again = proposed_kinds(folder, ignored=["a.csv", "b.csv"])
     assert [sorted(file.name for file in kind.files) for kind in again] == [[], ["c.csv"]]
+
+
+@pytest.mark.parametrize("names", [("Datum", "Uhrzeit"), ("Date", "Time"), ("Tag", "Zeit")])
+@pytest.mark.parametrize("form", ["%Y-%m-%d", "%m/%d/%Y", "%d.%m.%Y"])
+def test_day_and_time_in_two_columns_are_one_time(tmp_path: Path, names: tuple[str, str], form: str) -> None:
+    for day in (13, 14):
+        table = drive(start=f"2024-05-{day} 08:00:00")
+        clock = pd.to_datetime(table.pop("Time"))
+        table.insert(0, names[1], clock.dt.strftime("%H:%M:%S"))
+        table.insert(0, names[0], clock.dt.strftime(form))
+        written(tmp_path / "logs", f"{day}.csv", table.to_csv(index=False))
+    fleet = tw.read_logs(tmp_path / "logs", "table")
+    assert [f"{log.context.started_at}" for log in fleet.logs] == [
+        "2024-05-13 08:00:00",
+        "2024-05-14 08:00:00",
+    ]
+    assert {log.duration_s for log in fleet.logs} == {299.0}

@@ -309,7 +309,8 @@ def _by_name(table: TableFile, columns: Mapping[str, FloatArray], trip: str | No
 
 
 def _stamped(table: TableFile, name: str) -> Guess | None:
-    form = stamp_format(table.texts(name))
+    texts = table.texts(name)
+    form = stamp_format(texts) if any(":" in text for text in texts) else None  # a day alone is no time
     return None if form is None else Guess("time_s", name, "timestamp", form[1], form[0])
 
 
