@@ -304,3 +304,15 @@ def test_a_trip_without_measured_energy_is_kept_and_told(
     assert car.diary.trip_ids == {logs[0].trip_id}
     assert car.add([silent]).left_out == done.left_out
     assert car.add([logs[0]]).left_out == ()
+
+
+def test_a_log_that_was_added_before_with_other_samples_costs_no_other_log(
+    base: Path, logs: tuple[Log, ...], tmp_path: Path
+) -> None:
+    car = create_car(tmp_path / "leaf", "nissan_leaf_24", base=base)
+    assert car.add(logs[:1]).added == 1
+    longer = logs[1].with_samples(logs[1].samples)
+    again = replace(longer, trip_id=logs[0].trip_id)
+    done = car.add([again, logs[2]])
+    assert (done.added, done.entries) == (1, 1)
+    assert done.left_out == (f"{logs[0].trip_id}: another log of this name was added before",)

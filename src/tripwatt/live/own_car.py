@@ -30,6 +30,7 @@ from tripwatt.population.adapting import (
 )
 from tripwatt.population.cars import for_car
 from tripwatt.store import TripStore, create_store, open_store
+from tripwatt.store.rows import digest_of
 from tripwatt.trips import Fleet, Trip
 from tripwatt.vehicles import Vehicle, load_vehicle
 from tripwatt.vehicles.writing import render_vehicle
@@ -164,17 +165,25 @@ class Car:
         Raises
         ------
         InvalidInput
-            When a log has the id of another one, or another process adds logs at this moment.
+            When two of the logs have one id, or another process adds logs at this moment.
         """
         with folder_lock(self.folder):
             alone = [
                 replace(log, context=replace(log.context, car=None))
                 for log in (logs.logs if isinstance(logs, Fleet) else logs)
             ]
+            rows = self.store.trips(columns=["trip_id", "digest"])
+            there = dict(zip(rows["trip_id"], rows["digest"], strict=True))
+            other = [
+                log for log in alone if there.get(log.trip_id, "") not in ("", digest_of(self.name, log))
+            ]
+            ids = {log.trip_id for log in other}
+            alone = [log for log in alone if log.trip_id not in ids]
             done = self.store.add(alone, car_model=self.vehicle.name, vehicle_id=self.name)
             given = frozenset(log.trip_id for log in alone)
             entries, left_out = self._learn(given, progress or (lambda done, total: None))
-        return Learned(done.added, done.known, entries, left_out)
+        changed = [f"{log.trip_id}: another log of this name was added before" for log in other]
+        return Learned(done.added, done.known, entries, (*left_out, *changed))
 
     def state(self) -> tuple[int, ...]:
         """Identify what the car has learned: the value changes whenever it learns.
