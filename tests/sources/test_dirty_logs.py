@@ -106,9 +106,9 @@ def test_rows_with_a_comma_for_the_decimals_are_not_cut(tmp_path: Path) -> None:
 
 
 def test_rows_cut_in_quotes_are_seen(tmp_path: Path) -> None:
-    """Two decimal commas in quotes hide two cells that are missing from a count of commas."""
+    """A decimal comma in quotes hides a missing cell from a count of commas."""
     lines = drive().to_csv(index=False).splitlines()
-    lines[7] = '2024-05-31 08:00:06,"50,1","380,0"'
+    lines[7] = '2024-05-31 08:00:06,"50,1",380.0'
     fleet = tw.read_logs(written(tmp_path / "logs", "a.csv", "\n".join(lines) + "\n"), "table")
     assert len(fleet.logs[0]) == 299
 

@@ -147,7 +147,7 @@ def anonymise(
       # a folder to attach to a bug report
       tripwatt logs anonymise exports --out shared
       # see that it is read like the original
-      tripwatt audit shared
+      tripwatt audit shared --dataset table
     """
     from tripwatt.sources.anonymise import anonymise_logs
 
