@@ -221,7 +221,7 @@ def own_energy_wh(plan: Any, truth_: Any, rows: Any) -> float:
     return float(
         rolling * energy["rolling"]
         + drag * energy["air"]
-        + heat * energy["hvac"]
+        + heat * energy["climate"]
         + base * energy["base_load"]
     )
 

@@ -106,7 +106,7 @@ def seconds_of(vehicle: Vehicle, trip: Trip) -> pd.DataFrame:
             "heater": heater,
             "cooler": cooler,
             "climate": heater + cooler,
-            "climate_simulated": run.hvac_power_w - run.fan_power_w,
+            "climate_simulated": run.climate_power_w - run.fan_power_w,
             "battery": power,
             "battery_simulated": run.battery_power_w,
             "current_a": signal("current_a"),

@@ -92,7 +92,7 @@ def _parts(run: Simulation, speed_km_h: float) -> dict[str, float]:
     parts = {
         "rolling": energy["rolling"],
         "air": energy["air"],
-        "climate": energy["hvac"],
+        "climate": energy["climate"],
         "base load": energy["base_load"],
     }
     return {**parts, "drivetrain": sum(energy.values()) - sum(parts.values())}

@@ -47,11 +47,11 @@ def both(features: tuple[str, ...]) -> EnsembleCorrector:
 
 
 def climate() -> GPCorrector:
-    return GPCorrector(CLIMATE_TERMS, share_column="hvac_w")
+    return GPCorrector(CLIMATE_TERMS, share_column="climate_w")
 
 
 CLIMATE_TREE = (
-    "hvac_w",
+    "climate_w",
     "simulated_w",
     "speed_m_s",
     "time_s",

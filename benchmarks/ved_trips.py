@@ -80,7 +80,7 @@ def outcomes(trips: Sequence[Trip], vehicle: Vehicle) -> list[Outcome]:
             time,
             trip.array("speed_m_s"),
             elevation_m=trip.array("elevation_m") if "elevation_m" in trip else None,
-            hvac_power_w=logged + run.fan_power_w,
+            climate_power_w=logged + run.fan_power_w,
             conditions=conditions_at_departure(vehicle, trip.departure),
         )
         results.append(
@@ -92,7 +92,7 @@ def outcomes(trips: Sequence[Trip], vehicle: Vehicle) -> list[Outcome]:
                 log.observed_energy_wh,
                 run.simulated_energy_wh,
                 given.simulated_energy_wh,
-                float(run.energy_by_cause_wh["hvac"][-1])
+                float(run.energy_by_cause_wh["climate"][-1])
                 - float(np.trapezoid(run.fan_power_w, time)) * WH_PER_J,
                 float(np.trapezoid(logged, time)) * WH_PER_J,
             )

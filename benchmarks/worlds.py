@@ -26,7 +26,7 @@ FREEDOM: Final = 3.0
 SLOW_M_S: Final = 20.0 * M_S_PER_KM_H
 NEWTON_PER_LBF: Final = 4.4482216
 M_S_PER_MPH: Final = 0.44704
-UNMEASURED: Final = {"base_load": 0.5, "drivetrain": 0.3, "hvac": 0.4}
+UNMEASURED: Final = {"base_load": 0.5, "drivetrain": 0.3, "climate": 0.4}
 """Largest relative change, evenly distributed, of what no coast-down shows."""
 DRAWS: Final = 2000
 LEVELS: Final = (0.5, 0.8, 0.9)

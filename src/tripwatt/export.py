@@ -46,7 +46,7 @@ ABRP_KM_H: Final = 110
 
 TRAFFIC_LINK_M: Final = 1000.0
 
-AUXILIARIES: Final = ("base_load", "hvac")
+AUXILIARIES: Final = ("base_load", "climate")
 """Causes of a simulation that flow with time rather than with distance."""
 
 

@@ -224,7 +224,7 @@ def test_data_only_sees_nothing_simulated(prepared):
     wrong = dataclasses.replace(
         segments,
         simulated_w=3.0 * segments.simulated_w + 500.0,
-        features=segments.features.assign(simulated_w=1.0, air_w=0.0, hvac_w=7.0),
+        features=segments.features.assign(simulated_w=1.0, air_w=0.0, climate_w=7.0),
     )
     train, test = np.arange(8), np.arange(8, 11)
     one, two = (

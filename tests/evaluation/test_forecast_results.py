@@ -47,7 +47,7 @@ def kept(k: float, series=((0.0, 0.0), (10.0, 50.0)), rows=(2,)) -> HeldOutForec
         pit=np.full(n, 0.1 * k),
         flags=np.full(n, k, dtype=int),
         causes_wh=np.tile([1.0 + k, 2.0 + k], (n, 1)),
-        cause_names=np.array(["air", "hvac"]),
+        cause_names=np.array(["air", "climate"]),
         updates_wh=np.tile(1000.0 * k + np.arange(24.0).reshape(1, 4, 6), (n, 1, 1)),
         shown=np.full(n, 0.2 + k),
         arrival=np.full((n, 2, 3), 0.3 + k),

@@ -56,7 +56,7 @@ def test_what_is_kept_of_forecasts(monkeypatch: pytest.MonkeyPatch) -> None:
     assert kept.pit == pytest.approx([0.22, 0.22], **EXACT)  # of 220 Wh at the end of the log
     assert kept.flags.tolist() == [2, 2]
     assert kept.sd_wh.tolist() == [10.0, 10.0]
-    assert kept.cause_names.tolist() == ["air", "hvac"]
+    assert kept.cause_names.tolist() == ["air", "climate"]
     assert kept.causes_wh.tolist() == [[60.0, 40.0]] * 2
     assert kept.updates_wh.shape == (2, len(FRACTIONS), len(UPDATES))
     assert kept.updates_wh[0, 1, 0] == 2000.0
@@ -105,7 +105,7 @@ def kept(k: float, series=((0.0, 0.0), (10.0, 50.0)), rows=(2,)) -> HeldOutForec
         pit=np.full(n, 0.1 * k),
         flags=np.full(n, k, dtype=int),
         causes_wh=np.tile([1.0 + k, 2.0 + k], (n, 1)),
-        cause_names=np.array(["air", "hvac"]),
+        cause_names=np.array(["air", "climate"]),
         updates_wh=np.tile(1000.0 * k + np.arange(24.0).reshape(1, 4, 6), (n, 1, 1)),
         shown=np.full(n, 0.2 + k),
         arrival=np.full((n, 2, 3), 0.3 + k),

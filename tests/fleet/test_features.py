@@ -22,7 +22,7 @@ def test_features_are_energies_by_cause_and_climate(fleet):
     X = segment_features(table) / SCALES
     features = table.features
     assert X[:, 0] == pytest.approx(features["air_w"].to_numpy(), rel=1e-12)
-    assert X[:, FEATURES.index("hvac")] == pytest.approx(features["hvac_w"].to_numpy(), rel=1e-12)
+    assert X[:, FEATURES.index("climate")] == pytest.approx(features["climate_w"].to_numpy(), rel=1e-12)
     ambient, time_s = features["ambient_temperature_degc"].to_numpy(), features["time_s"].to_numpy()
     assert X[:, FEATURES.index("cold")] == pytest.approx(np.maximum(20.0 - ambient, 0.0))
     assert X[:, FEATURES.index("hot")] == pytest.approx(np.maximum(ambient - 20.0, 0.0))

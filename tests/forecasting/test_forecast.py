@@ -199,7 +199,7 @@ def test_likelihood_and_its_gradient_are_exact(components: tuple[str, ...]):
     for trip in trips:  # pairs of segments are merged before the likelihood is taken
         pairs = np.kron(np.eye(len(trip.segments) // 2), np.full((1, 2), 0.5))
         b = trip.segments
-        merged = Segments(pairs @ b.time_s, 2 * (pairs @ b.step_s), pairs @ b.moved_w, pairs @ b.hvac_w)
+        merged = Segments(pairs @ b.time_s, 2 * (pairs @ b.step_s), pairs @ b.moved_w, pairs @ b.climate_w)
         K = np.zeros((len(merged), len(merged)))
         if "drive" in components:
             K += component_covariance(
@@ -207,7 +207,7 @@ def test_likelihood_and_its_gradient_are_exact(components: tuple[str, ...]):
             )
         if "climate" in components:
             K += component_covariance(
-                PROCESS.climate, merged.time_s, merged.hvac_w, np.full(len(merged), np.sqrt(0.5))
+                PROCESS.climate, merged.time_s, merged.climate_w, np.full(len(merged), np.sqrt(0.5))
             )
         left = pairs @ trip.residual_w
         dense += 0.5 * left @ np.linalg.solve(K, left) + 0.5 * np.linalg.slogdet(K)[1]
@@ -359,7 +359,7 @@ SPEED_M_S = np.array([5.0, 20.0, 10.0])
 MOVED_W = np.array([1000.0, 9000.0, 4000.0])
 
 
-HVAC_W = np.array([800.0, 600.0, 500.0])
+CLIMATE_W = np.array([800.0, 600.0, 500.0])
 
 
 SD_W = np.array([400.0, 300.0, 200.0])
@@ -466,7 +466,7 @@ def drive() -> ExpectedTrip:
     features = pd.DataFrame(
         {
             "speed_m_s": SPEED_M_S,
-            "hvac_w": HVAC_W,
+            "climate_w": CLIMATE_W,
             "air_w": AIR_W,
             "rolling_w": ROLLING_W,
             "climb_w": CLIMB_W,
@@ -474,13 +474,13 @@ def drive() -> ExpectedTrip:
         }
     )
     table = SegmentTable(("by hand",), np.array([0, 3]), features, HOURS, SIMULATED_W)
-    segments = Segments(np.array([30.0, 120.0, 270.0]), STEP_S, MOVED_W, HVAC_W)
+    segments = Segments(np.array([30.0, 120.0, 270.0]), STEP_S, MOVED_W, CLIMATE_W)
     simulation = SimpleNamespace(
         time_s=np.array([0.0, 120.0, 360.0]),
         soc=np.array([START_SOC, 0.49, 0.48]),
         terminal_voltage_v=np.array([VOLTAGE_V - 10.0, VOLTAGE_V, VOLTAGE_V + 10.0]),
         battery_loss_w=np.array([999.0, 300.0, 600.0]),
-        energy_by_cause_wh={"aero": np.array([0.0, 500.0]), "hvac": np.array([0.0, 240.0])},
+        energy_by_cause_wh={"aero": np.array([0.0, 500.0]), "climate": np.array([0.0, 240.0])},
     )
     return ExpectedTrip(plan, car(), simulation, table, segments, LoggedClimate(), CORRECTION_W)
 
@@ -660,7 +660,7 @@ def test_causes(forecast):
     simulated = 3000 / 60 + 12000 / 30 + 6000 / 20
     causes = forecast.by_cause_wh
     assert causes["aero"] == pytest.approx(500.0, **EXACT)
-    assert causes["hvac"] == pytest.approx(240.0 + simulated - 740.0, **EXACT)
+    assert causes["climate"] == pytest.approx(240.0 + simulated - 740.0, **EXACT)
     assert causes["learned_correction"] == pytest.approx(100 / 60 - 200 / 30 + 50 / 20, **EXACT)
     assert forecast.battery_loss_wh == pytest.approx((300 * 120 + 600 * 240) / 3600, **EXACT)
 
@@ -744,7 +744,7 @@ def test_climate_control_that_was_off_is_left_out_of_the_rest():
     )
     updated = start.update(log)
     # after half of the trip; the last segment was to have 500 W, corrected by 50 W
-    seen = np.array([4000.0 - 3100.0, 4000.0 - 11800.0]) - (50.0 - (HVAC_W[:2] + 50.0))
+    seen = np.array([4000.0 - 3100.0, 4000.0 - 11800.0]) - (50.0 - (CLIMATE_W[:2] + 50.0))
     noise = NOISE_W2[:2] + 1.0
     drive_gain = CONSTANT_W**2 / (1.0 + CONSTANT_W**2 * np.sum(1.0 / noise))
     driving = 0.3 * drive_gain * np.sum(seen / noise)
@@ -764,7 +764,7 @@ def test_a_departure_without_climate_control_has_no_energy_for_it():
     assert climate_wh > 300.0
     # the battery is as cold in both, so little else changes
     assert auto.energy_wh - off.energy_wh == pytest.approx(climate_wh, rel=0.05)
-    assert off.by_cause_wh["hvac"] == pytest.approx(0.0, abs=0.2)  # a second of the base load, at the end
+    assert off.by_cause_wh["climate"] == pytest.approx(0.0, abs=0.2)  # a second of the base load, at the end
     assert (off.drive.climate_w == 0.0).all()
     heat = model.forecast(plan, dataclasses.replace(known, climate="heat"))
     assert heat.energy_wh == pytest.approx(auto.energy_wh, rel=1e-12)

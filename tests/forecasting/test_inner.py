@@ -55,9 +55,9 @@ def test_what_a_trip_measured_does_not_reach_its_own_held_out_forecast(name, cal
 
 def test_every_trip_is_held_out_once_and_those_that_log_climate_control_are_spread() -> None:
     table = segment_trips(LOGS, BOOK)
-    climate = np.array(table.observed_hvac_w)
+    climate = np.array(table.observed_climate_w)
     climate[table.groups >= 7] = np.nan
-    table = replace(table, observed_hvac_w=climate)
+    table = replace(table, observed_climate_w=climate)
     folds = inner_folds(table, seed=3)
     assert np.bincount(folds).tolist() == [2, 2] + [1] * 8
     assert np.bincount(folds[:7], minlength=INNER_FOLDS).max() == 1

@@ -12,18 +12,23 @@ CAUSES_W = [f"{cause}_w" for cause in LINE_CAUSES]
 
 
 def table(
-    rows, hours, *, simulated=None, observed=None, climate=None, hvac=None, charge=None
+    rows, hours, *, simulated=None, observed=None, climate=None, simulated_climate=None, charge=None
 ) -> SegmentTable:
     """Trips with these numbers of rows."""
     n = sum(rows)
     return SegmentTable(
         trip_ids=tuple(f"t{i}" for i in range(len(rows))),
         offsets=np.concatenate(([0], np.cumsum(rows))),
-        features=pd.DataFrame({"hvac_w": np.zeros(n) if hvac is None else hvac, "row": np.arange(float(n))}),
+        features=pd.DataFrame(
+            {
+                "climate_w": np.zeros(n) if simulated_climate is None else simulated_climate,
+                "row": np.arange(float(n)),
+            }
+        ),
         hours=np.asarray(hours, dtype=float),
         simulated_w=np.zeros(n) if simulated is None else np.asarray(simulated, dtype=float),
         observed_w=None if observed is None else np.asarray(observed, dtype=float),
-        observed_hvac_w=None if climate is None else np.asarray(climate, dtype=float),
+        observed_climate_w=None if climate is None else np.asarray(climate, dtype=float),
         charge=charge,
     )
 

@@ -102,7 +102,7 @@ class TestCalibration:
         trips = [SimpleNamespace(trip_id=f"t{i}", observed_energy_wh=1.0) for i in range(3)]
         simulated, observed = [1000.0, 6000.0, -4000.0], [1100.0, 6000.0, -4000.0]
         own = table([1, 1, 1], [1.0, 0.5, 2.0], simulated=simulated, observed=observed)
-        two = tuple(Parameter(name, width, "", (), ("hvac",)) for name, width in (("a", 0.3), ("b", 0.1)))
+        two = tuple(Parameter(name, width, "", (), ("climate",)) for name, width in (("a", 0.3), ("b", 0.1)))
         monkeypatch.setattr(room, "PARAMETERS", two)
         monkeypatch.setattr(room, "plan_from_trip", lambda trip: trip)
         monkeypatch.setattr(room, "segment_trips", lambda trips, car: own)

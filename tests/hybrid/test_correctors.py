@@ -32,9 +32,9 @@ def test_settings_that_stored_models_were_learned_with() -> None:
         assert [t.length for t in terms] == [1.0] * (len(terms) - 1) + [1.5]
     assert (CLIMATE_TERMS[0].kind, CLIMATE_TERMS[0].sd) == ("line", 0.3)
     driven = [t.columns[0] for t in DRIVE_TERMS if t.kind == "line"]
-    assert driven == [name for name in CAUSES_W if name != "hvac_w"]
+    assert driven == [name for name in CAUSES_W if name != "climate_w"]
     assert {t.sd for t in DRIVE_TERMS if t.kind == "line"} == {0.1}
-    assert set(TREE_FEATURES) - set(DRIVE_TREE_FEATURES) == {"hvac_w", *TEMPERATURES[1:3]}
+    assert set(TREE_FEATURES) - set(DRIVE_TREE_FEATURES) == {"climate_w", *TEMPERATURES[1:3]}
     process = GPCorrector().model
     assert (process.effect_sd, process.share_sd) == (220.0, 0.05)
     boosted = boosting_corrector(3).model.get_params()

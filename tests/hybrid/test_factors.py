@@ -38,7 +38,7 @@ BY_CAUSE = {
     "friction_brakes_w": 0.0,
     "drivetrain_w": 1500.0,
     "base_load_w": 300.0,
-    "hvac_w": 1000.0,
+    "climate_w": 1000.0,
 }
 """Power of a segment by cause [W]; 10 kW together."""
 
@@ -173,7 +173,7 @@ def trips(residual_wh: list[float]) -> TripEvidence:
         [1] * n,
         rng.uniform(0.2, 0.6, n).tolist(),
         ambient_temperature_degc=rng.uniform(-10.0, 30.0, n),
-        hvac_w=rng.uniform(0.0, 2000.0, n),
+        climate_w=rng.uniform(0.0, 2000.0, n),
         rolling_w=rng.uniform(2000.0, 4000.0, n),
     )
     causes = own.features[list(BY_CAUSE)].sum(axis=1).to_numpy()
@@ -287,7 +287,7 @@ def test_the_climate_s_part_is_heating_and_cooling_and_zero_without_climate_cont
     corrector = known_car(I3, {"everything": 0.1, "heating": -0.3, "cooling": 0.2, "frost": 0.4})
     own = segments([2], [0.1, 0.1], ambient_temperature_degc=[-10.0, 40.0])
     assert corrector.predict_climate(own) == pytest.approx([-300.0, 200.0], rel=1e-4)
-    bare = replace(own, features=own.features.assign(hvac_w=0.0))
+    bare = replace(own, features=own.features.assign(climate_w=0.0))
     assert corrector.predict_climate(bare).tolist() == [0.0, 0.0]
     assert (corrector.predict(bare) != 0.0).all()
 

@@ -49,7 +49,7 @@ def as_logged(trip: Trip, truth) -> Trip:
     torque = np.where(turning > 0.0, shaft / np.maximum(turning, 1e-9), 0.0)
     samples = trip.samples.assign(
         motor_torque_nm=_at_samples(torque),
-        heating_power_w=run.hvac_power_w - run.fan_power_w,
+        heating_power_w=run.climate_power_w - run.fan_power_w,
         aircon_power_w=0.0,
         voltage_v=run.terminal_voltage_v,
         current_a=run.battery_current_a,

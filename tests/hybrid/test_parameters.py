@@ -37,7 +37,7 @@ class TestParameters:
             "air": 0.10,
             "base_load": 0.40,
             "drivetrain": 0.20,
-            "hvac": 0.30,
+            "climate": 0.30,
         }
 
     def test_sensitivities(self) -> None:
@@ -46,7 +46,7 @@ class TestParameters:
 
         def run(car, plan):
             n = len(plan)
-            causes = dict.fromkeys(LINE_CAUSES, np.full(n, 7.0)) | {"hvac": np.full(n, 30.0)}
+            causes = dict.fromkeys(LINE_CAUSES, np.full(n, 7.0)) | {"climate": np.full(n, 30.0)}
             watts = np.full(n, 2.0 * car.body.test_mass_kg)
             return SimpleNamespace(battery_power_w=watts, power_by_cause_w=causes, wheel_power_w=watts)
 

@@ -20,7 +20,7 @@ class TestSegmentTable:
         simulated=[10.0, 20.0, 30.0, 40.0, 50.0],
         observed=[11.0, 18.0, 33.0, 40.0, 49.0],
         climate=[5.0, NO, 5.0, 5.0, 5.0],
-        hvac=[1.0, 2.0, 3.0, 4.0, 5.0],
+        simulated_climate=[1.0, 2.0, 3.0, 4.0, 5.0],
         charge=np.array([[0.5, 0.4, 0.6, 0.5], [0.9, 0.8, 0.95, 0.85]]),
     )
 
@@ -50,7 +50,7 @@ class TestSegmentTable:
         assert back.offsets.tolist() == [0, 3, 5]
         assert back.hours.tolist() == [0.3, 0.4, 0.5, 0.1, 0.2]
         assert back.observed_w.tolist() == [33.0, 40.0, 49.0, 11.0, 18.0]
-        assert back.observed_hvac_w == pytest.approx([5.0, 5.0, 5.0, 5.0, NO], nan_ok=True)
+        assert back.observed_climate_w == pytest.approx([5.0, 5.0, 5.0, 5.0, NO], nan_ok=True)
         assert back.charge[:, 0].tolist() == [0.9, 0.5]
         turned = self.both.take([1, 0])
         assert turned.offsets.tolist() == [0, 3, 5]
@@ -60,8 +60,8 @@ class TestSegmentTable:
         joined = SegmentTable.join([self.both, table([1], [0.1])])
         assert joined.observed_w is None
         assert joined.charge is None
-        assert joined.observed_hvac_w == pytest.approx([5.0, NO, 5.0, 5.0, 5.0, NO], nan_ok=True)
-        assert SegmentTable.join([table([1], [0.1]), table([1], [0.1])]).observed_hvac_w is None
+        assert joined.observed_climate_w == pytest.approx([5.0, NO, 5.0, 5.0, 5.0, NO], nan_ok=True)
+        assert SegmentTable.join([table([1], [0.1]), table([1], [0.1])]).observed_climate_w is None
 
 
 class Log:
@@ -167,7 +167,7 @@ class TestSegments:
         assert found.observed_w == pytest.approx([6 * 450.0, 14 * 3600 / 14], **EXACT)
         assert found.charge.tolist() == [[0.6, 0.56, 0.7, 0.65]]
         # 8 to 22 s on the clock of the log, which ends at 20 s
-        assert found.observed_hvac_w == pytest.approx([1000.0, 1000.0], **EXACT)
+        assert found.observed_climate_w == pytest.approx([1000.0, 1000.0], **EXACT)
         with pytest.raises(
             InvalidInput, match=r"got segments of 3 s; allowed: raw samples, or segments of 2 s"
         ):
@@ -175,5 +175,5 @@ class TestSegments:
         del columns["observed_energy_wh"], columns["soc"], columns["heating_power_w"]
         bare = self.cut(measured=Log(2.0, **columns))
         assert bare.observed_w is None
-        assert bare.observed_hvac_w is None
+        assert bare.observed_climate_w is None
         assert bare.charge == pytest.approx(np.array([[NO, NO, 0.7, 0.65]]), nan_ok=True)

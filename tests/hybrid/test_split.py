@@ -45,7 +45,7 @@ def logged_fleet() -> SegmentTable:
         hours=np.full(rows, 30.0 / 3600.0),
         simulated_w=frame["simulated_w"].to_numpy(),
         observed_w=frame["simulated_w"].to_numpy() + climate + drive,
-        observed_hvac_w=frame["hvac_w"].to_numpy() + climate,
+        observed_climate_w=frame["climate_w"].to_numpy() + climate,
     )
 
 
@@ -68,9 +68,9 @@ def test_each_channel_learns_its_own_and_the_parts_add_up(logged_fleet: SegmentT
 
 
 def test_without_enough_logged_climate_one_corrector_learns_both(logged_fleet: SegmentTable):
-    known = logged_fleet.observed_hvac_w
+    known = logged_fleet.observed_climate_w
     assert known is not None
-    sparse = replace(logged_fleet, observed_hvac_w=np.where(logged_fleet.groups < 15, known, np.nan))
+    sparse = replace(logged_fleet, observed_climate_w=np.where(logged_fleet.groups < 15, known, np.nan))
     assert climate_logged(sparse).sum() == 15
     corrector = power_corrector("split").fit(sparse)
     assert corrector.predict_climate(sparse) is None
@@ -89,7 +89,7 @@ class TestSplit:
             simulated=np.full(2 * n, 5000.0),
             observed=np.full(2 * n, 5300.0),
             climate=climate,
-            hvac=np.full(2 * n, 300.0),
+            simulated_climate=np.full(2 * n, 300.0),
         )
 
     @pytest.mark.parametrize(

@@ -62,8 +62,8 @@ class TestArguments:
             self.faults(speed=[1.0])[0] == "wrong shape: speed_m_s: got (1,); allowed: that of time_s, (3,)"
         )
         assert self.faults([[0.0, 1.0]], [[1.0, 1.0]])[0].startswith("wrong shape: time_s: got (1, 2)")
-        assert self.faults(hvac_power_w=[1.0, 2.0])[0].startswith("wrong shape: hvac_power_w")
-        assert len(simulate(car(), [0.0, 1.0], [1.0, 1.0], hvac_power_w=5.0, conditions=OFF).time_s) == 2
+        assert self.faults(climate_power_w=[1.0, 2.0])[0].startswith("wrong shape: climate_power_w")
+        assert len(simulate(car(), [0.0, 1.0], [1.0, 1.0], climate_power_w=5.0, conditions=OFF).time_s) == 2
 
     def test_missing_and_infinite(self) -> None:
         assert self.faults(speed=[1.0, 2.0, np.nan])[0].startswith(
@@ -90,14 +90,14 @@ class TestArguments:
         assert self.faults(speed=[-0.1, 91.0, 1.0])[0].startswith("value out of range: speed_m_s: got -0.1")
         assert self.faults(grade=[0.0, 0.7, 0.0])[0].startswith("value out of range: grade: got 0.7")
         assert (
-            self.faults(hvac_power_w=-1.0)[0]
-            == "value out of range: hvac_power_w: got -1; allowed: 0 to 100000"
+            self.faults(climate_power_w=-1.0)[0]
+            == "value out of range: climate_power_w: got -1; allowed: 0 to 100000"
         )
-        assert self.faults(hvac_power_w=1e5 + 1.0)[0].startswith(
-            "value out of range: hvac_power_w: got 100001"
+        assert self.faults(climate_power_w=1e5 + 1.0)[0].startswith(
+            "value out of range: climate_power_w: got 100001"
         )
         edge = simulate(
-            car(), [0.0, 1.0], [0.0, 90.0], grade=[-0.6, 0.6], hvac_power_w=[0.0, 1e5], conditions=OFF
+            car(), [0.0, 1.0], [0.0, 90.0], grade=[-0.6, 0.6], climate_power_w=[0.0, 1e5], conditions=OFF
         )
         assert np.isfinite(edge.energy_wh).all()
 
@@ -116,7 +116,7 @@ EXAMPLES = settings(max_examples=40, deadline=None)
 @EXAMPLES
 def test_every_bad_argument_is_named_at_once(broken) -> None:
     time, speed, grade = np.arange(5.0), np.full(5, 3.0), np.zeros(5)
-    hvac, conditions = None, {}
+    climate, conditions = None, {}
     expected = set()
     if "time" in broken:
         time[3] = time[2]
@@ -134,15 +134,15 @@ def test_every_bad_argument_is_named_at_once(broken) -> None:
         conditions["ambient_temperature_degc"] = np.nan
         expected.add("ambient_temperature_degc")
     if "shape" in broken:
-        hvac = np.zeros(4)
-        expected.add("hvac_power_w")
+        climate = np.zeros(4)
+        expected.add("climate_power_w")
     with pytest.raises(InvalidInput) as caught:
         simulate(
             load_vehicle("bmw_i3_60ah"),
             time,
             speed,
             grade=grade,
-            hvac_power_w=hvac,
+            climate_power_w=climate,
             conditions=DriveConditions(**conditions),
         )
     named = " ".join(fault.where for fault in caught.value.faults)

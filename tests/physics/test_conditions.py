@@ -133,7 +133,7 @@ class TestConditions:
         known = Departure(climate="off")
         graded = simulate_trip(car(), Plan.from_samples("p", rows.assign(grade=0.03, elevation_m=0.0), known))
         assert graded.grade.tolist() == [0.03] * 3
-        assert graded.hvac_power_w.tolist() == [0.0] * 3
+        assert graded.climate_power_w.tolist() == [0.0] * 3
         raised = simulate_trip(
             car(), Plan.from_samples("p", rows.assign(elevation_m=[0.0, 7.5, 15.0]), known)
         )

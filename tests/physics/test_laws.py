@@ -99,16 +99,16 @@ def test_kinetic_energy_telescopes(trace, ambient) -> None:
 
 @given(st.floats(0.0, 5_000.0), st.floats(10.0, 9_000.0))
 @EXAMPLES
-def test_parked_car_uses_only_auxiliaries(hvac, duration) -> None:
+def test_parked_car_uses_only_auxiliaries(climate, duration) -> None:
     car = load_vehicle("bmw_i3_60ah")
     run = simulate(
         car,
         [0.0, 0.3 * duration, duration],
         np.zeros(3),
-        hvac_power_w=hvac,
+        climate_power_w=climate,
         conditions=DriveConditions(initial_soc=1.0),
     )
-    expected = (car.auxiliaries.base_load_w + hvac) * duration * WH_PER_J
+    expected = (car.auxiliaries.base_load_w + climate) * duration * WH_PER_J
     assert run.simulated_energy_wh == pytest.approx(expected, rel=1e-12)
 
 

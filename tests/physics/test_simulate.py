@@ -139,12 +139,12 @@ class TestChain:
         assert (flat.grade == 0.0).all()
 
     def test_given_climate_power(self) -> None:
-        assert self.run(hvac_power_w=700.0).auxiliary_power_w.tolist() == [1000.0] * 3
-        assert self.run(hvac_power_w=[0.0, 100.0, 200.0]).hvac_power_w.tolist() == [0.0, 100.0, 200.0]
+        assert self.run(climate_power_w=700.0).auxiliary_power_w.tolist() == [1000.0] * 3
+        assert self.run(climate_power_w=[0.0, 100.0, 200.0]).climate_power_w.tolist() == [0.0, 100.0, 200.0]
         on = dataclasses.replace(OFF, climate="auto", ambient_temperature_degc=-10.0)
-        assert self.run(on).hvac_power_w.min() > 500.0
+        assert self.run(on).climate_power_w.min() > 500.0
         assert np.isfinite(self.run(on).cabin_temperature_degc).all()
-        assert self.run(on, hvac_power_w=0.0).hvac_power_w.tolist() == [0.0] * 3
+        assert self.run(on, climate_power_w=0.0).climate_power_w.tolist() == [0.0] * 3
 
     def test_tyres_warm_up_as_their_conditions_are(self) -> None:
         usual = load_vehicle("bmw_i3_60ah")

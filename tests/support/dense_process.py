@@ -31,7 +31,7 @@ def covariance(process: ResidualProcess, segments: Segments, component: str = "j
         )
     if component != "drive":
         found += component_covariance(
-            process.climate, segments.time_s, segments.hvac_w, np.ones(len(segments))
+            process.climate, segments.time_s, segments.climate_w, np.ones(len(segments))
         )
     return found
 

@@ -65,7 +65,7 @@ class Told:
         self.energy_wh = energy_wh
         scores = SimpleNamespace(factor=lambda level: 4.0 * level)
         self.uncertainty = SimpleNamespace(scores=scores)
-        self.by_cause_wh = {"air": 60.0, "hvac": 40.0}
+        self.by_cause_wh = {"air": 60.0, "climate": 40.0}
         self.told: list[pd.DataFrame] = []
 
     def series(self):

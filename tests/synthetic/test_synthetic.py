@@ -48,7 +48,7 @@ def without_climate(trip: Trip) -> Simulation:
         trip.array("time_s"),
         trip.array("speed_m_s"),
         elevation_m=trip.array("elevation_m"),
-        hvac_power_w=0.0,
+        climate_power_w=0.0,
         conditions=DriveConditions(
             ambient_temperature_degc=trip.array("ambient_temperature_degc")[0],
             initial_soc=trip.array("soc")[0],

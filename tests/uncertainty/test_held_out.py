@@ -9,7 +9,7 @@ from tripwatt.uncertainty.held_out import held_out_residual, process_segments
 
 
 def table(rows: int, **features) -> SegmentTable:
-    columns = {"time_s": np.arange(float(rows)), "moved_w": 10.0, "hvac_w": 300.0} | features
+    columns = {"time_s": np.arange(float(rows)), "moved_w": 10.0, "climate_w": 300.0} | features
     watts = np.full(rows, 100.0)
     hours = np.arange(1.0, rows + 1.0)
     frame = pd.DataFrame(columns, index=range(rows))
@@ -50,4 +50,4 @@ class TestHeldOut:
 
     def test_joint_or_not_logged_throughout(self) -> None:
         assert held_out_residual(Corrector(climate=None), table(2)).climate_w is None
-        assert held_out_residual(Corrector(), table(2, hvac_w=[300.0, np.nan])).climate_w is None
+        assert held_out_residual(Corrector(), table(2, climate_w=[300.0, np.nan])).climate_w is None

@@ -36,7 +36,7 @@ class TestMerging:
         assert merged.step_s.tolist() == [60.0, 30.0]
         assert merged.time_s == pytest.approx([30.0, 75.0], **EXACT)
         assert merged.moved_w == pytest.approx([5.0, 9.0], **EXACT)
-        assert merged.hvac_w == pytest.approx([2.0, 1.0], **EXACT)
+        assert merged.climate_w == pytest.approx([2.0, 1.0], **EXACT)
         assert left == pytest.approx([50.0, 7.0], **EXACT)
         assert rest == pytest.approx([np.sqrt(5.0) / 3.0, 1.0], **EXACT)
 
@@ -56,7 +56,7 @@ class TestMerging:
             assert batch.residual[i, :k] == pytest.approx(left, **EXACT)
             assert batch.time[i, :k] == pytest.approx(merged.time_s, **EXACT)
             assert batch.size["drive"][i, :k] == pytest.approx(merged.moved_w, **EXACT)
-            assert batch.size["climate"][i, :k] == pytest.approx(merged.hvac_w, **EXACT)
+            assert batch.size["climate"][i, :k] == pytest.approx(merged.climate_w, **EXACT)
             # 100 W and 30 % of what is moved
             assert batch.noise["drive"][i, :k] == pytest.approx(
                 rest * (100.0 + 0.3 * merged.moved_w), **EXACT

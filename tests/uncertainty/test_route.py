@@ -12,7 +12,7 @@ EXACT = {"rel": 1e-9, "abs": 1e-9}
 
 
 def table(rows: int, **features) -> SegmentTable:
-    columns = {"time_s": np.arange(float(rows)), "moved_w": 10.0, "hvac_w": 300.0} | features
+    columns = {"time_s": np.arange(float(rows)), "moved_w": 10.0, "climate_w": 300.0} | features
     watts = np.full(rows, 100.0)
     hours = np.arange(1.0, rows + 1.0)
     frame = pd.DataFrame(columns, index=range(rows))

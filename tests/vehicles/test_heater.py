@@ -42,8 +42,8 @@ def test_a_car_without_a_heater_has_no_climate_control_in_any_weather(tmp_path: 
     )
     for departure in (COLD, HOT):
         run = tw.simulate(PLAN, bare, departure)
-        assert np.abs(run.power_by_cause_w["hvac"]).max() == 0.0
-        assert tw.simulate(PLAN, usual, departure).power_by_cause_w["hvac"].max() > 300.0
+        assert np.abs(run.power_by_cause_w["climate"]).max() == 0.0
+        assert tw.simulate(PLAN, usual, departure).power_by_cause_w["climate"].max() > 300.0
         off = tw.simulate(PLAN, usual, tw.Departure(**{**known(departure), "climate": "off"}))
         assert run.simulated_energy_wh == pytest.approx(off.simulated_energy_wh, rel=1e-12)
 
@@ -114,7 +114,7 @@ def test_a_quadricycle_is_a_light_car_without_climate_control() -> None:
     assert car.anchor == "class"
     assert car.title == "quadricycle"
     run = tw.simulate(PLAN, car, COLD)
-    assert np.abs(run.power_by_cause_w["hvac"]).max() == 0.0
+    assert np.abs(run.power_by_cause_w["climate"]).max() == 0.0
     assert 300.0 < run.simulated_energy_wh < 900.0
 
 

@@ -130,7 +130,7 @@ def of_split() -> list[list[float]]:
     """Correction of each trip by the default corrector without its trees."""
     table = segment_trips(trips(), load_vehicle(CARS[0]))
     drive = GPCorrector(DRIVE_TERMS)
-    corrector = SplitCorrector(GPCorrector(CLIMATE_TERMS, share_column="hvac_w"), drive, GPCorrector())
+    corrector = SplitCorrector(GPCorrector(CLIMATE_TERMS, share_column="climate_w"), drive, GPCorrector())
     return [[float(x)] for x in table.totals_wh(corrector.fit(table).predict(table))]
 
 

@@ -68,7 +68,7 @@ class ExpectedTrip:
         if self.plan.departure.climate == "off":
             return np.zeros(len(self.segments))
         correction = self.corrector.predict_climate(self.table)
-        return None if correction is None else np.asarray(self.segments.hvac_w + correction)
+        return None if correction is None else np.asarray(self.segments.climate_w + correction)
 
     @cached_property
     def edges_s(self) -> FloatArray:

@@ -504,7 +504,7 @@ class Forecast:
         simulation, table = self.drive.simulation, self.drive.table
         parts = {cause: float(energy[-1]) for cause, energy in simulation.energy_by_cause_wh.items()}
         simulated = float(table.simulated_w @ table.hours)
-        parts["hvac"] += simulated - sum(parts.values())  # rounding of the segments' ends
+        parts["climate"] += simulated - sum(parts.values())  # rounding of the segments' ends
         parts["learned_correction"] = self.energy_wh - simulated
         if self._climb is not None:
             expected = float(self._excess.expected_wh[-1])

@@ -107,7 +107,7 @@ def impossible_faults(energy_wh: float, drive: ExpectedTrip) -> Iterator[Fault]:
         least = min(least, 0.0)
     hours = drive.plan.duration_s / SECONDS_PER_HOUR
     motor_w = drive.vehicle.drivetrain.motor_max_power_w / LEAST_PEAK_EFFICIENCY
-    loads_wh = cause["base_load"] + cause["hvac"]
+    loads_wh = cause["base_load"] + cause["climate"]
     most = min(_battery_most_w(drive) * hours, motor_w * hours + loads_wh)
     if least - ROUNDING_WH <= energy_wh <= most + ROUNDING_WH:
         return

@@ -36,7 +36,6 @@ CAUSE_NAMES: Final = {
     "friction_brakes": "friction brakes",
     "drivetrain": "drivetrain",
     "base_load": "base load",
-    "hvac": "climate",
     "shortfall": "not delivered",
     "learned_correction": "learned correction",
 }

@@ -23,6 +23,9 @@ _NAMES: Final = MappingProxyType(
 _CORRECTORS: Final = MappingProxyType({"kriging": "gp", "channels": "split"})
 """Name of a corrector in version 1 -> its name."""
 
+_COLUMNS: Final = MappingProxyType({"hvac_w": "climate_w"})
+"""Name of a feature in version 1 -> its name."""
+
 ADAPT_AGAIN: Final = "adapt the base again with this version of tripwatt"
 
 _INFINITE: Final = {"low": -np.inf, "high": np.inf, "climate_limit_w": np.inf}
@@ -112,23 +115,30 @@ def _corrector(about: Mapping[str, Any], parts: Mapping[str, Any]) -> dict[str, 
     if kind == "split":
         return {"kind": kind, **{name: _corrector(about[name], parts) for name in ("climate", "drive")}}
     arrays = dict(parts[about["arrays"]])
+    if "columns" in arrays:
+        arrays["columns"] = np.array(_columns(arrays["columns"].tolist()))
     if kind == "gp":
         shape = arrays.pop("shape")
         seen = about.get("familiar") or _kept_ranges(about["parts"], arrays)
         return {
             "kind": kind,
-            "terms": about["parts"],
-            "share_column": about["share_column"],
+            "terms": [{**term, "columns": _columns(term["columns"])} for term in about["parts"]],
+            "share_column": _columns([about["share_column"]])[0],
             "familiarity": {"ranges": {name: range_values(values) for name, values in seen.items()}},
             "shape": shape,
             "process": arrays,
         }
     if kind == "trees":
-        rest = {name: about[name] for name in ("columns", "start", "rest", "divisor")}
+        rest = {"columns": _columns(about["columns"])}
+        rest |= {name: about[name] for name in ("start", "rest", "divisor")}
         seen = {name: range_values(values) for name, values in about.get("familiar", {}).items()}
         return {"kind": kind, "trees": arrays, "familiarity": {"ranges": seen}, **rest}
     got, allowed = "a model that was adapted to a car", "a fitted model"
     raise InvalidInput.of("model of an older version", "model.json, fitted", got, allowed, ADAPT_AGAIN)
+
+
+def _columns(names: Iterable[str]) -> list[str]:
+    return [_COLUMNS.get(name, name) for name in names]
 
 
 def _kept_ranges(terms: Iterable[Mapping[str, Any]], arrays: Mapping[str, Any]) -> dict[str, list[float]]:

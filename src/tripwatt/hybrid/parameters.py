@@ -90,11 +90,11 @@ PARAMETERS: Final = (
         ("drivetrain",),
     ),
     Parameter(
-        "hvac",
+        "climate",
         0.30,
         "heat demand with and without recirculated air, and of settings 3 K apart at 20 K to the outside",
         (),
-        ("hvac",),
+        ("climate",),
     ),
 )
 """What is calibrated, with its width and where that comes from."""

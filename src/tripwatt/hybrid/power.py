@@ -387,7 +387,7 @@ class GammCorrector(PowerCorrector):
 
     FORMULA: Final = (
         "y ~ s(ambient_temperature_degc, k=6) + s(cabin_temperature_degc, k=6) + s(battery_temperature_degc, k=6) + "
-        's(time_s, k=6) + s(speed_m_s, k=6) + s(simulated_w, k=6) + s(hvac_w, k=6) + s(trip, bs="re")'
+        's(time_s, k=6) + s(speed_m_s, k=6) + s(simulated_w, k=6) + s(climate_w, k=6) + s(trip, bs="re")'
     )
 
     def fit(self, table: SegmentTable) -> Self:

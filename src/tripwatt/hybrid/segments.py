@@ -27,7 +27,7 @@ LINE_CAUSES: Final = tuple(cause for cause in CAUSES if cause != "shortfall")
 """Causes whose simulated power the correctors may scale; `shortfall` is no property of the car."""
 
 
-_BY_ROW: Final = ("hours", "simulated_w", "observed_w", "observed_hvac_w")
+_BY_ROW: Final = ("hours", "simulated_w", "observed_w", "observed_climate_w")
 """Fields of a table with a value for each row."""
 
 
@@ -49,7 +49,7 @@ class SegmentTable:
         Simulated power at the battery terminals.
     observed_w : ndarray or None, shape (rows,)
         Measured power at the battery terminals.
-    observed_hvac_w : ndarray or None, shape (rows,)
+    observed_climate_w : ndarray or None, shape (rows,)
         Measured power of climate control; NaN where it was not logged.
     charge : ndarray or None, shape (trips, 4)
         Readings of the state of charge: the battery management's at departure and arrival, the displayed one at both;
@@ -74,7 +74,7 @@ class SegmentTable:
     hours: FloatArray
     simulated_w: FloatArray
     observed_w: FloatArray | None = None
-    observed_hvac_w: FloatArray | None = None
+    observed_climate_w: FloatArray | None = None
     charge: FloatArray | None = None
     errors: EnergyErrors | None = None
 
@@ -101,9 +101,9 @@ class SegmentTable:
     @property
     def climate_residual_w(self) -> FloatArray:
         """Observed minus simulated power of climate control [W], shape (rows,); NaN where it was not logged."""
-        if self.observed_hvac_w is None:
+        if self.observed_climate_w is None:
             return np.full(len(self.hours), np.nan)
-        return np.asarray(self.observed_hvac_w - self.features["hvac_w"].to_numpy())
+        return np.asarray(self.observed_climate_w - self.features["climate_w"].to_numpy())
 
     @property
     def energy_errors(self) -> EnergyErrors:
@@ -167,9 +167,9 @@ class SegmentTable:
         SegmentTable
             Trips in the order of the tables; with measured power and charge only where all tables have them.
         """
-        if any(t.observed_hvac_w is not None for t in tables):
+        if any(t.observed_climate_w is not None for t in tables):
             tables = [
-                t if t.observed_hvac_w is not None else replace(t, observed_hvac_w=t.climate_residual_w)
+                t if t.observed_climate_w is not None else replace(t, observed_climate_w=t.climate_residual_w)
                 for t in tables
             ]
 
@@ -267,7 +267,7 @@ def segment_table(
         hours=seconds / SECONDS_PER_HOUR,
         simulated_w=simulated,
         observed_w=observed,
-        observed_hvac_w=None if measured is None else _measured_climate(measured, seconds),
+        observed_climate_w=None if measured is None else _measured_climate(measured, seconds),
         charge=None if measured is None else _charge_readings(measured),
         errors=errors,
     )

@@ -32,7 +32,7 @@ LEAST_LOGGED_SHARE: Final = 0.5
 
 _AMBIENT, _CABIN, _SETPOINT, _BATTERY = TEMPERATURES
 CLIMATE_TERMS: Final = (
-    KernelTerm(("hvac_w",), "line", 0.3),
+    KernelTerm(("climate_w",), "line", 0.3),
     *(
         KernelTerm(columns, "smooth", 200.0, length)
         for columns, length in (
@@ -49,7 +49,7 @@ CLIMATE_TERMS: Final = (
 """Terms of the climate correction: a share of the simulated power (sd 30 %) and smooth functions of the state."""
 
 DRIVE_TERMS: Final = (
-    *(KernelTerm((f"{cause}_w",), "line", 0.1) for cause in LINE_CAUSES if cause != "hvac"),
+    *(KernelTerm((f"{cause}_w",), "line", 0.1) for cause in LINE_CAUSES if cause != "climate"),
     *(
         KernelTerm(columns, "smooth", 100.0, length)
         for columns, length in (
@@ -66,7 +66,7 @@ DRIVE_TERMS: Final = (
 )
 """Terms of the driving correction: those of the joint corrector without the cabin's."""
 
-DRIVE_TREE_FEATURES: Final = tuple(n for n in TREE_FEATURES if n not in ("hvac_w", _CABIN, _SETPOINT))
+DRIVE_TREE_FEATURES: Final = tuple(n for n in TREE_FEATURES if n not in ("climate_w", _CABIN, _SETPOINT))
 
 
 class SplitCorrector(PowerCorrector):
@@ -107,8 +107,8 @@ class SplitCorrector(PowerCorrector):
             return self
         own = replace(
             table,
-            simulated_w=table.features["hvac_w"].to_numpy(),
-            observed_w=table.observed_hvac_w,
+            simulated_w=table.features["climate_w"].to_numpy(),
+            observed_w=table.observed_climate_w,
             errors=None,
         )
         self.climate.fit(own.take(np.flatnonzero(logged)))
@@ -154,7 +154,7 @@ def climate_logged(table: SegmentTable) -> np.ndarray[tuple[int], np.dtype[np.bo
 def split_corrector(seed: int) -> SplitCorrector:
     """The default: an additive Gaussian process for climate control; its mean with boosting for driving and jointly."""
     return SplitCorrector(
-        GPCorrector(CLIMATE_TERMS, share_column="hvac_w"),
+        GPCorrector(CLIMATE_TERMS, share_column="climate_w"),
         EnsembleCorrector([GPCorrector(DRIVE_TERMS), boosting_corrector(seed, DRIVE_TREE_FEATURES)]),
         EnsembleCorrector([GPCorrector(), boosting_corrector(seed)]),
     )

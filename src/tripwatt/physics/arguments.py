@@ -20,7 +20,7 @@ def argument_faults(
     speed: FloatArray,
     slope: FloatArray | None,
     height: FloatArray | None,
-    hvac: FloatArray,
+    climate: FloatArray,
     scalars: Mapping[str, tuple[float, float, float]],
     headwind: FloatArray | None = None,
 ) -> Iterator[Fault]:
@@ -32,11 +32,11 @@ def argument_faults(
         "speed_m_s": speed,
         "grade": slope,
         "elevation_m": height,
-        "hvac_power_w": hvac,
+        "climate_power_w": climate,
         "headwind_m_s": headwind,
     }
     for name, values in arrays.items():
-        if values is None or (name == "hvac_power_w" and values.ndim == 0):
+        if values is None or (name == "climate_power_w" and values.ndim == 0):
             continue
         if values.shape != time.shape:
             yield Fault("wrong shape", name, str(values.shape), f"that of time_s, {time.shape}")
@@ -54,7 +54,7 @@ def argument_faults(
     for name, values, low, high in (
         ("speed_m_s", speed, *COLUMNS["speed_m_s"].bounds),
         ("grade", slope, *COLUMNS["grade"].bounds),
-        ("hvac_power_w", hvac, 0.0, 1e5),
+        ("climate_power_w", climate, 0.0, 1e5),
         ("headwind_m_s", headwind, -STRONGEST_WIND_M_S, STRONGEST_WIND_M_S),
     ):
         finite = values is not None and values.size > 0 and np.isfinite(values).all()

@@ -43,7 +43,7 @@ CAUSES: Final = (
     "friction_brakes",
     "drivetrain",
     "base_load",
-    "hvac",
+    "climate",
     "shortfall",
 )
 """Causes of `Simulation.power_by_cause_w`; `shortfall` is the power that the trace needs beyond the car's limits."""
@@ -81,7 +81,7 @@ class Simulation:
         Electric power of motor and inverter.
     regen_power_w : ndarray
         Electric power that motor and inverter give back.
-    friction_brake_power_w, auxiliary_power_w, hvac_power_w, fan_power_w : ndarray
+    friction_brake_power_w, auxiliary_power_w, climate_power_w, fan_power_w : ndarray
         Power of the friction brakes, of all auxiliaries, of climate control as part of these, and of its blower, rear window
         and seats as part of that.
     battery_power_w : ndarray
@@ -121,7 +121,7 @@ class Simulation:
     regen_power_w: FloatArray
     friction_brake_power_w: FloatArray
     auxiliary_power_w: FloatArray
-    hvac_power_w: FloatArray
+    climate_power_w: FloatArray
     fan_power_w: FloatArray
     battery_power_w: FloatArray
     battery_current_a: FloatArray
@@ -174,7 +174,7 @@ def simulate(
     *,
     grade: npt.ArrayLike | None = None,
     elevation_m: npt.ArrayLike | None = None,
-    hvac_power_w: npt.ArrayLike | None = None,
+    climate_power_w: npt.ArrayLike | None = None,
     headwind_m_s: npt.ArrayLike | None = None,
     conditions: DriveConditions | None = None,
 ) -> Simulation:
@@ -189,7 +189,7 @@ def simulate(
         Road grade at the samples, rise over distance. Wins over `elevation_m`.
     elevation_m : array_like, shape (samples,), optional
         Logged elevation [m], cleaned by `grade_from_elevation`; NaN where missing.
-    hvac_power_w : float or array_like, shape (samples,), optional
+    climate_power_w : float or array_like, shape (samples,), optional
         Electric power of heating and cooling [W] over the interval that ends at each sample, in place of that of the
         car's climate model.
     headwind_m_s : array_like, shape (samples,), optional
@@ -219,10 +219,10 @@ def simulate(
     speed = np.asarray(speed_m_s, dtype=np.float64)
     slope = None if grade is None else np.asarray(grade, dtype=np.float64)
     height = None if elevation_m is None else np.asarray(elevation_m, dtype=np.float64)
-    hvac = np.asarray(0.0 if hvac_power_w is None else hvac_power_w, dtype=np.float64)
+    climate = np.asarray(0.0 if climate_power_w is None else climate_power_w, dtype=np.float64)
     values = conditions.bounded_values(vehicle)
     wind = None if headwind_m_s is None else np.asarray(headwind_m_s, dtype=np.float64)
-    raise_faults(argument_faults(time, speed, slope, height, hvac, values, wind))
+    raise_faults(argument_faults(time, speed, slope, height, climate, values, wind))
     if slope is None:
         slope = np.zeros(len(time)) if height is None else grade_from_elevation(time, speed, height)
     else:
@@ -234,12 +234,12 @@ def simulate(
     else:
         density = conditions.air_density_kg_m3
     cabin: CabinRun | None = None
-    if conditions.climate != "off" and hvac_power_w is None and vehicle.climate is not None:
+    if conditions.climate != "off" and climate_power_w is None and vehicle.climate is not None:
         start = conditions.cabin_start(vehicle)
         cabin = condition_cabin(vehicle.climate, time, speed, conditions.ambient_temperature_degc, start)
     trace = _Trace.from_samples(time, speed, slope, wind)
     if cabin is None:
-        power = np.broadcast_to(hvac, time.shape)
+        power = np.broadcast_to(climate, time.shape)
         cabin = CabinRun(power, np.full_like(time, np.nan), np.zeros_like(time))
     return _chain(vehicle, trace, conditions, density, cabin)
 
@@ -395,7 +395,7 @@ def _chain(
         "friction_brakes": drive.friction_brake_power_w,
         "drivetrain": drive.motor_power_w - driven,
         "base_load": base_load,
-        "hvac": cabin.power_w,
+        "climate": cabin.power_w,
         "shortfall": -shortfall,
     }
     return Simulation(
@@ -410,7 +410,7 @@ def _chain(
         regen_power_w=np.maximum(-drive.motor_power_w, 0.0),
         friction_brake_power_w=drive.friction_brake_power_w,
         auxiliary_power_w=auxiliary,
-        hvac_power_w=cabin.power_w,
+        climate_power_w=cabin.power_w,
         fan_power_w=cabin.fan_power_w,
         battery_power_w=battery.power_w,
         battery_current_a=battery.current_a,

@@ -136,7 +136,7 @@ def simulate_truth(scenario: Scenario, drive: RoadDrive, vehicle: Vehicle, seed:
         speed,
         grade=drive.grade + (wind_n + rolling_n) / weight_n,
         elevation_m=drive.elevation_m,  # for the air density; the slope is the given one
-        hvac_power_w=0.0,
+        climate_power_w=0.0,
         conditions=conditions,
     )
     trip_share = TRIP_SHARE_SCALE * float(rng.standard_t(TRIP_SHARE_DF))

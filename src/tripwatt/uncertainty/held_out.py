@@ -31,7 +31,7 @@ def process_segments(
         time_s=features["time_s"].to_numpy(dtype=np.float64),
         step_s=table.hours * SECONDS_PER_HOUR,
         moved_w=features["moved_w"].to_numpy(dtype=np.float64),
-        hvac_w=features["hvac_w"].to_numpy(dtype=np.float64),
+        climate_w=features["climate_w"].to_numpy(dtype=np.float64),
         corrector_sd_wh=float(np.linalg.norm(table.hours @ uncertainty_w)),
         outside_sd_wh=0.0 if outside_w is None else float(np.linalg.norm(table.hours @ outside_w)),
     )
@@ -51,4 +51,4 @@ def held_out_residual(corrector: PowerCorrector, table: SegmentTable) -> HeldOut
     )
     if climate is None or left is None or not np.isfinite(left).all():
         return residual
-    return replace(residual, climate_w=left, climate_expected_w=segments.hvac_w + climate)
+    return replace(residual, climate_w=left, climate_expected_w=segments.climate_w + climate)

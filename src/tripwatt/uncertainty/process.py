@@ -52,7 +52,7 @@ class Segments:
         Length of each segment.
     moved_w : ndarray, shape (segments,)
         Power at the wheels, drawn or given back.
-    hvac_w : ndarray, shape (segments,)
+    climate_w : ndarray, shape (segments,)
         Simulated power of climate control.
     corrector_sd_wh : float
         Standard deviation of the corrector's own uncertainty of the trip's energy [Wh].
@@ -69,7 +69,7 @@ class Segments:
     time_s: FloatArray
     step_s: FloatArray
     moved_w: FloatArray
-    hvac_w: FloatArray
+    climate_w: FloatArray
     corrector_sd_wh: float = 0.0
     outside_sd_wh: float = 0.0
 
@@ -133,7 +133,7 @@ class ResidualProcess:
         """
         parts = {
             "drive": (self.drive, segments.moved_w, segments.drive_noise_w),
-            "climate": (self.climate, segments.hvac_w, np.ones(len(segments))),
+            "climate": (self.climate, segments.climate_w, np.ones(len(segments))),
         }
         chosen = list(parts.values()) if component == "joint" else [parts[component]]
         return PowerPrior.from_components(segments.time_s, chosen)
@@ -274,7 +274,7 @@ def _merged(segments: Segments, residual_w: FloatArray) -> tuple[Segments, Float
     def mean(values: FloatArray) -> FloatArray:
         return np.asarray(np.add.reduceat(values * share, start))
 
-    merged = Segments(mean(segments.time_s), step, mean(segments.moved_w), mean(segments.hvac_w))
+    merged = Segments(mean(segments.time_s), step, mean(segments.moved_w), mean(segments.climate_w))
     return merged, mean(residual_w), np.sqrt(np.add.reduceat(share**2, start))
 
 
@@ -301,14 +301,14 @@ class ResidualBatch:
             rows.append(_merged(trip.segments, left))
         shape = len(rows), max(len(segments) for segments, _, _ in rows)
         real = np.zeros(shape, dtype=bool)
-        residual, time, moved, hvac = (np.zeros(shape) for _ in range(4))
+        residual, time, moved, climate = (np.zeros(shape) for _ in range(4))
         drive_noise, climate_noise = np.zeros(shape), np.zeros(shape)
         for i, (segments, left, rest) in enumerate(rows):
             k = len(segments)
             real[i, :k], residual[i, :k], time[i, :k] = True, left, segments.time_s
-            moved[i, :k], hvac[i, :k] = segments.moved_w, segments.hvac_w
+            moved[i, :k], climate[i, :k] = segments.moved_w, segments.climate_w
             drive_noise[i, :k], climate_noise[i, :k] = rest * segments.drive_noise_w, rest
-        size = {"drive": moved, "climate": hvac}
+        size = {"drive": moved, "climate": climate}
         return cls(real, residual, time, size, {"drive": drive_noise, "climate": climate_noise})
 
     def cost(self, components: Sequence[str], values: FloatArray) -> tuple[float, FloatArray]:

@@ -11,7 +11,7 @@ export const CAUSES = {
   friction_brakes: "motion",
   drivetrain: "motion",
   shortfall: "motion",
-  hvac: "comfort",
+  climate: "comfort",
   base_load: "comfort",
   learned_correction: "learned",
 } satisfies Record<string, Group>;

@@ -297,7 +297,7 @@ export const de: Text = {
       friction_brakes: "Reibbremsen",
       drivetrain: "Antriebsverluste",
       shortfall: "Geschwindigkeit nicht erreicht",
-      hvac: "Heizen und Kühlen",
+      climate: "Heizen und Kühlen",
       base_load: "Bordelektronik",
       learned_correction: "Gelernte Korrektur",
     },

@@ -295,7 +295,7 @@ export const en = {
       friction_brakes: "Friction brakes",
       drivetrain: "Drivetrain losses",
       shortfall: "Speed not reached",
-      hvac: "Heating and cooling",
+      climate: "Heating and cooling",
       base_load: "Electronics",
       learned_correction: "Learned correction",
     },
