@@ -10,6 +10,7 @@ from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecasting.fitting import CarOfTrips
 from tripwatt.forecasting.forecast import Forecast
 from tripwatt.forecasting.model import DEFAULT_CORRECTOR, ForecastModel
+from tripwatt.hybrid import Corrector
 from tripwatt.physics import Simulation, simulate_trip
 from tripwatt.population import adaptation, for_car
 from tripwatt.routes import (
@@ -174,7 +175,7 @@ def fit(
     trips: Fleet | Sequence[Trip],
     vehicle: Vehicle | str,
     *,
-    corrector: str = DEFAULT_CORRECTOR,
+    corrector: str | Corrector = DEFAULT_CORRECTOR,
     seed: int = 0,
     identified: bool = True,
     progress: Callable[[int, int], None] | None = None,
@@ -187,8 +188,9 @@ def fit(
         A fleet is audited first.
     vehicle : Vehicle or str
         The car, or the name of one of the library.
-    corrector : str
-        One of `tripwatt.hybrid.POWER_CORRECTORS`.
+    corrector : str or Corrector
+        One of `tripwatt.hybrid.POWER_CORRECTORS`, the name of one of an installed package, or an object from outside: a
+        regressor of scikit-learn's kind, or one with ``fit(table)`` and ``predict(table)`` on a `SegmentTable`.
     seed : int
         The same seed gives the same model.
     identified : bool
@@ -212,6 +214,9 @@ def fit(
     >>> from tripwatt.synthetic import synthetic_fleet
     >>> fit(synthetic_fleet(9), "bmw_i3_60ah", corrector="linear")
     <ForecastModel BMW i3 60 Ah, linear corrector, 9 trips>
+    >>> from sklearn.ensemble import HistGradientBoostingRegressor
+    >>> fit(synthetic_fleet(9), "bmw_i3_60ah", corrector=HistGradientBoostingRegressor())
+    <ForecastModel BMW i3 60 Ah, HistGradientBoostingRegressor corrector, 9 trips>
     """
     car, sound = _car(vehicle), _sound(trips)
     if not identified:

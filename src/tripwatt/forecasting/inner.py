@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 
 from tripwatt.arrays import IntArray
-from tripwatt.hybrid import PowerCorrector, SegmentTable, resimulated
+from tripwatt.hybrid import Corrector, PowerCorrector, SegmentTable, resimulated
 from tripwatt.hybrid.correctors import TUNED, fresh_corrector
 from tripwatt.hybrid.split import climate_logged
 from tripwatt.trips import Trip, plan_from_trip
@@ -69,14 +69,14 @@ class InnerFit:
 
 
 def inner_fits(
-    name: str, seed: int, fitted: PowerCorrector, table: SegmentTable, again: Again | None = None
+    name: str | Corrector, seed: int, fitted: PowerCorrector, table: SegmentTable, again: Again | None = None
 ) -> Iterator[InnerFit]:
     """A fit for each fold, without its trips.
 
     Parameters
     ----------
-    name : str
-        Of the corrector.
+    name : str or Corrector
+        Of the corrector, or the object from outside.
     seed : int
     fitted : PowerCorrector
         The corrector, fitted on all trips; its kind is taken, and its settings only where these come from no trip.
@@ -92,7 +92,7 @@ def inner_fits(
         block = fold % SETTINGS_BLOCKS
         if block not in tuned:
             tuned[block] = fitted
-            if name in TUNED:
+            if isinstance(name, str) and name in TUNED:
                 others = np.flatnonzero(blocks != block)
                 seen = table if again is None else again(others)
                 tuned[block] = fresh_corrector(name, seed, fitted).fit(seen.take(others))

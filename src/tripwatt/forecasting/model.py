@@ -28,9 +28,18 @@ from tripwatt.forecasting.ranges import (
     unknown_state_sd_wh,
     unknown_wind_sd_wh,
 )
-from tripwatt.hybrid import PowerCorrector, SegmentTable, power_corrector, segment_table, segment_trips
+from tripwatt.hybrid import (
+    Corrector,
+    PowerCorrector,
+    SegmentTable,
+    power_corrector,
+    segment_table,
+    segment_trips,
+)
+from tripwatt.hybrid.correctors import corrector_name
 from tripwatt.hybrid.factors import TripEvidence
 from tripwatt.hybrid.familiarity import Range
+from tripwatt.hybrid.outside import fitted_outside
 from tripwatt.parallel import one_blas_thread
 from tripwatt.physics import simulate_trip
 from tripwatt.routes.terrain import net_climbs
@@ -72,8 +81,9 @@ class ForecastModel:
     ----------
     vehicle : Vehicle
         The car, with its published values.
-    corrector : str
-        One of `POWER_CORRECTORS`.
+    corrector : str or Corrector
+        One of `POWER_CORRECTORS`, or an object from outside: a regressor of scikit-learn's kind, or `fit` and `predict` on a
+        `SegmentTable`.
     seed : int
         The same seed gives the same model.
     corrector_ : PowerCorrector or None
@@ -104,7 +114,7 @@ class ForecastModel:
     """
 
     vehicle: Vehicle
-    corrector: str = DEFAULT_CORRECTOR
+    corrector: str | Corrector = DEFAULT_CORRECTOR
     seed: int = 0
     corrector_: PowerCorrector | None = None
     uncertainty_: UncertaintyModel | None = None
@@ -284,6 +294,14 @@ class ForecastModel:
             raise InvalidInput.of("model is not fitted", where, "no training trips", fix="call fit first")
         return self.corrector_, self.uncertainty_
 
+    @property
+    def outside(self) -> Any:
+        """The fitted object from outside in the corrector; None for a corrector of tripwatt.
+
+        A stored model does not contain it. Keep it as its own package advises, and give it to `load_model`.
+        """
+        return fitted_outside(self.corrector_)
+
     @one_blas_thread
     def forecast(self, trip: Plan | Trip, departure: Departure | None = None) -> Forecast:
         """Forecast a trip from what is known at its departure. O(samples).
@@ -375,7 +393,7 @@ class ForecastModel:
         return {
             "vehicle": self.vehicle.name,
             "vehicle_title": self.vehicle.title,
-            "corrector": self.corrector,
+            "corrector": corrector_name(self.corrector),
             "seed": self.seed,
             "trips": len(self.trip_ids_),
             "training": {
@@ -419,7 +437,9 @@ class ForecastModel:
 
     def _title(self) -> str:
         corrector = (
-            f"{self.corrector} corrector, {len(self.trip_ids_)} trips" if self.trip_ids_ else "no trips"
+            f"{corrector_name(self.corrector)} corrector, {len(self.trip_ids_)} trips"
+            if self.trip_ids_
+            else "no trips"
         )
         return f"{self.vehicle.title}, {corrector}"
 

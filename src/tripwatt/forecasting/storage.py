@@ -17,14 +17,27 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, get_origin, get_type_hi
 import numpy as np
 import pandas as pd
 
+from tripwatt.arrays import FloatArray
 from tripwatt.errors import InvalidInput, excerpt
 from tripwatt.forecasting.document import ForecastResponse
 from tripwatt.forecasting.model import ForecastModel
 from tripwatt.forecasting.upgrading import version_1_tree
+from tripwatt.hybrid import Corrector, segment_table
+from tripwatt.hybrid.correctors import corrector_name
+from tripwatt.hybrid.outside import fitted_outside
 from tripwatt.hybrid.segments import SEGMENT_S
-from tripwatt.hybrid.stored import REFIT, new_converter, parts_tree, structured, tree_parts
+from tripwatt.hybrid.stored import REFIT, new_converter, parts_tree, structured, tree_parts, with_outside
 from tripwatt.modelfile import FORMAT_VERSION, Part, read_metadata, read_model, write_model
-from tripwatt.trips import COLUMNS, QUANTITIES, REQUIRED_COLUMNS, ROUTE_COLUMNS, SIGNALS, plan_from_samples
+from tripwatt.physics import simulate_trip
+from tripwatt.trips import (
+    COLUMNS,
+    QUANTITIES,
+    REQUIRED_COLUMNS,
+    ROUTE_COLUMNS,
+    SIGNALS,
+    Departure,
+    plan_from_samples,
+)
 from tripwatt.vehicles import Vehicle, vehicle_document, vehicle_from_document
 
 if TYPE_CHECKING:
@@ -32,6 +45,9 @@ if TYPE_CHECKING:
 
 GIVEN: Final = "given the driven speed trace"
 """What every figure of a forecast is on condition of."""
+
+TRIAL: Final = "trial_w"
+"""Key of what a corrector from outside adds on the trial trip."""
 
 DEFAULT_MODEL: Final = "bmw_i3_tum"
 """The model that comes with the package."""
@@ -45,28 +61,63 @@ def model_parts(model: ForecastModel) -> dict[str, Part]:
     InvalidInput
         For a model that is not fitted, or whose corrector cannot be stored.
     """
-    model.fitted_parts("store")
-    return tree_parts({"segment_s": SEGMENT_S, **_converter().unstructure(model)})
+    corrector, _ = model.fitted_parts("store")
+    tree = {"segment_s": SEGMENT_S, **_converter().unstructure(model)}
+    if fitted_outside(corrector) is not None:
+        tree[TRIAL] = trial_w(model)
+    return tree_parts(tree)
 
 
-def model_of_parts(parts: Mapping[str, Part], version: int = FORMAT_VERSION) -> ForecastModel:
-    """Reverse of `model_parts`; `version` is that of the format of the parts.
+def model_of_parts(
+    parts: Mapping[str, Part], version: int = FORMAT_VERSION, outside: Corrector | None = None
+) -> ForecastModel:
+    """Reverse of `model_parts`; `version` is that of the format of the parts, `outside` the fitted object from outside.
 
     Raises
     ------
     InvalidInput
-        For parts that do not make a model of this version, with every reason.
+        For parts that do not make a model of this version, with every reason; for an object from outside that is missing or
+        another than the one that was stored.
     """
     try:
         tree = parts_tree(parts) if version == FORMAT_VERSION else version_1_tree(parts)
-        segment_s = tree.pop("segment_s")
+        segment_s, before_w = tree.pop("segment_s"), tree.pop(TRIAL, None)
     except (LookupError, TypeError, ValueError, AttributeError, RecursionError) as error:
         got = f"{type(error).__name__}: {error}"[:200]
         raise InvalidInput.of("parts do not make a forecast model", "model", got, "", REFIT) from error
     if segment_s != SEGMENT_S:
         got, allowed = f"segments of {excerpt(segment_s)} s", f"segments of {SEGMENT_S:g} s"
         raise InvalidInput.of("model of an older version", "model.json, segment_s", got, allowed, REFIT)
-    return structured(tree, ForecastModel, _converter(), "a forecast model")
+    model = structured(tree, ForecastModel, _converter(), "a forecast model")
+    if model.corrector_ is not None:
+        model.corrector_ = with_outside(model.corrector_, outside)
+    if outside is not None:
+        model.corrector = outside
+        try:
+            same = np.allclose(trial_w(model), before_w, rtol=1e-6, atol=1e-6)
+        except (
+            ArithmeticError,
+            AttributeError,
+            LookupError,
+            TypeError,
+            ValueError,
+        ):  # it is not fitted, or to another input
+            same = False
+        if not same:
+            allowed = "the object that was fitted with the model"
+            raise InvalidInput.of("another corrector", "corrector", f"{outside!r}"[:80], allowed)
+    return model
+
+
+def trial_w(model: ForecastModel) -> FloatArray:
+    """What the corrector of a model adds on a trial trip in the cold and in the warm [W]: the mark of an object from outside."""
+    corrector, _ = model.fitted_parts("a trial")
+    plan = plan_from_samples(_trial_drive(), "trial")
+    added = []
+    for ambient_degc in (-5.0, 25.0):
+        known = plan.with_departure(Departure(ambient_temperature_degc=ambient_degc))
+        added.append(corrector.predict(segment_table(known, simulate_trip(model.vehicle, known))))
+    return np.concatenate(added)
 
 
 @cache
@@ -77,10 +128,11 @@ def _converter() -> Converter:
     converter.register_unstructure_hook(Vehicle, vehicle_values)
     converter.register_structure_hook(Vehicle, lambda values, _: vehicle_of_values(values))
     without = override(omit=True)  # the scores of the held-out trips are part of the metadata
-    unstructure = make_dict_unstructure_fn(ForecastModel, converter, held_out_=without)
+    named = override(unstruct_hook=corrector_name, struct_hook=lambda name, _: converter.structure(name, str))
+    unstructure = make_dict_unstructure_fn(ForecastModel, converter, held_out_=without, corrector=named)
     converter.register_unstructure_hook(ForecastModel, unstructure)
     structure = make_dict_structure_fn(
-        ForecastModel, converter, _cattrs_forbid_extra_keys=True, held_out_=without
+        ForecastModel, converter, _cattrs_forbid_extra_keys=True, held_out_=without, corrector=named
     )
     converter.register_structure_hook(ForecastModel, structure)
     return converter
@@ -146,7 +198,7 @@ def save_model(
         "tripwatt": version("tripwatt"),
         "given": GIVEN,
         "model": {
-            "corrector": model.corrector,
+            "corrector": corrector_name(model.corrector),
             "seed": model.seed,
             "vehicle": model.vehicle.name,
             "vehicle_title": model.vehicle.title,
@@ -160,13 +212,16 @@ def save_model(
     write_model(folder, metadata, parts)
 
 
-def load_model(folder: Path | str | None = None) -> ForecastModel:
+def load_model(folder: Path | str | None = None, *, corrector: Corrector | None = None) -> ForecastModel:
     """A stored model, or without a folder the one that comes with the package.
 
     Parameters
     ----------
     folder : path, optional
         Where `save_model` or `tripwatt fit` wrote it.
+    corrector : Corrector, optional
+        The fitted object from outside of a model that has one, `ForecastModel.outside`. It is not stored with the model: you
+        keep it as its own package advises.
 
     Returns
     -------
@@ -176,7 +231,8 @@ def load_model(folder: Path | str | None = None) -> ForecastModel:
     Raises
     ------
     InvalidInput
-        When there is no model, it is damaged or altered, its format is not known, or it does not give finite forecasts.
+        When there is no model, it is damaged or altered, its format is not known, or it does not give finite
+        forecasts; when it lacks its corrector from outside, or `corrector` is another.
 
     Examples
     --------
@@ -186,7 +242,7 @@ def load_model(folder: Path | str | None = None) -> ForecastModel:
     """
     place = model_folder(folder)
     stored = read_model(place)
-    model = model_of_parts(stored.parts, stored.metadata["format_version"])
+    model = model_of_parts(stored.parts, stored.metadata["format_version"], corrector)
     if folder is not None:
         require_usable(model, f"{place}")
     return model
@@ -202,10 +258,8 @@ def require_usable(model: ForecastModel, where: str) -> None:
     InvalidInput
         When the forecast fails or a number of it is not finite.
     """
-    time = np.arange(181.0)
-    speed = 12.0 - 12.0 * np.cos(time * (2.0 * math.pi / 60.0))
-    drive = pd.DataFrame({"time_s": time, "speed_m_s": speed, "elevation_m": 500.0})
-    observed = pd.DataFrame({"time_s": time[:61], "voltage_v": 350.0, "current_a": 30.0})
+    drive = _trial_drive()
+    observed = pd.DataFrame({"time_s": drive["time_s"][:61], "voltage_v": 350.0, "current_a": 30.0})
     try:
         with np.errstate(all="ignore"):
             before = model.forecast(plan_from_samples(drive, "trial"))
@@ -222,6 +276,12 @@ def require_usable(model: ForecastModel, where: str) -> None:
             return
         got = "numbers that are not finite"
     raise InvalidInput.of("model gives no forecast", where, got, "a finite forecast of a trial trip", REFIT)
+
+
+def _trial_drive() -> pd.DataFrame:
+    time = np.arange(181.0)
+    speed = 12.0 - 12.0 * np.cos(time * (2.0 * math.pi / 60.0))
+    return pd.DataFrame({"time_s": time, "speed_m_s": speed, "elevation_m": 500.0})
 
 
 def _numbers(value: Any) -> Iterator[float]:

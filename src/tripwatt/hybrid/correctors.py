@@ -7,6 +7,7 @@ from types import MappingProxyType
 from typing import Final
 
 from tripwatt.errors import InvalidInput
+from tripwatt.hybrid.outside import Corrector, outside_corrector, packaged_correctors
 from tripwatt.hybrid.power import (
     LINES,
     EnsembleCorrector,
@@ -39,13 +40,13 @@ TUNED: Final = ("boosting", "forest", "ensemble", "split")
 """Correctors with settings that are chosen on the trips of a fit."""
 
 
-def power_corrector(name: str, seed: int = 0) -> PowerCorrector:
+def power_corrector(corrector: str | Corrector, seed: int = 0) -> PowerCorrector:
     """Make a corrector that is not fitted.
 
     Parameters
     ----------
-    name : str
-        One of `POWER_CORRECTORS`.
+    corrector : str or Corrector
+        One of `POWER_CORRECTORS`, the name of one of an installed package, or an object from outside.
     seed : int
         Of all its random choices.
 
@@ -57,16 +58,34 @@ def power_corrector(name: str, seed: int = 0) -> PowerCorrector:
     Raises
     ------
     InvalidInput
-        On an unknown name.
+        On an unknown name, and for an object that cannot be fitted.
 
     Examples
     --------
     >>> type(power_corrector("linear")).__name__, sorted(POWER_CORRECTORS)
     ('GPCorrector', ['boosting', 'ensemble', 'forest', 'gamm', 'gp', 'linear', 'split'])
     """
-    if name not in POWER_CORRECTORS:
-        raise InvalidInput.of("unknown corrector", "corrector", name, ", ".join(POWER_CORRECTORS))
-    return POWER_CORRECTORS[name](seed)
+    if not isinstance(corrector, str):
+        return outside_corrector(corrector, seed)
+    if corrector in POWER_CORRECTORS:
+        return POWER_CORRECTORS[corrector](seed)
+    packaged = packaged_correctors()
+    if corrector not in packaged:
+        allowed = ", ".join([*POWER_CORRECTORS, *packaged])
+        raise InvalidInput.of("unknown corrector", "corrector", corrector, allowed)
+    return outside_corrector(packaged[corrector](seed), seed)
+
+
+def corrector_name(corrector: str | Corrector) -> str:
+    """The name of a corrector: that of its class for an object from outside.
+
+    Examples
+    --------
+    >>> from sklearn.linear_model import Ridge
+    >>> corrector_name("gp"), corrector_name(Ridge())
+    ('gp', 'Ridge')
+    """
+    return corrector if isinstance(corrector, str) else type(corrector).__name__
 
 
 def fresh_corrector(name: str, seed: int, like: PowerCorrector) -> PowerCorrector:

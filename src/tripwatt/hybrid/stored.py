@@ -19,10 +19,12 @@ from tripwatt.arrays import FloatArray
 from tripwatt.errors import Fault, InvalidInput, excerpt
 from tripwatt.hybrid.factors import FactorCorrector
 from tripwatt.hybrid.familiarity import Familiarity
+from tripwatt.hybrid.outside import Corrector, TableCorrector, fitted_outside
 from tripwatt.hybrid.power import EnsembleCorrector, GPCorrector, LearnerCorrector, PowerCorrector
 from tripwatt.hybrid.segments import SegmentTable
 from tripwatt.hybrid.split import SplitCorrector
 from tripwatt.learners.gp import KernelTerm
+from tripwatt.learners.outside import OutsideRegressor
 from tripwatt.learners.treetable import TreeTable
 from tripwatt.modelfile import Part
 
@@ -34,6 +36,9 @@ T = TypeVar("T")
 _ARRAY: Final = "array"
 _NUMBER: Final = "number"
 """Key of a reference to an array, and of a number that JSON cannot hold."""
+
+OUTSIDE: Final = "outside"
+"""Kind of a corrector around an object from outside."""
 
 REFIT: Final = "fit the model again with this version of tripwatt"
 
@@ -107,6 +112,13 @@ KINDS: Final[Mapping[str, type]] = MappingProxyType(
     }
 )
 """Name of each kind of corrector in a stored model."""
+
+
+@dataclass(frozen=True, slots=True)
+class Missing:
+    """In place of an object from outside, of which the class is known."""
+
+    name: str
 
 
 def new_converter() -> Converter:
@@ -184,6 +196,8 @@ def _gp(values: Mapping[str, Any], converter: Converter) -> GPCorrector:
 def _corrector_values(corrector: PowerCorrector, converter: Converter) -> dict[str, Any]:
     if isinstance(corrector, SplitCorrector) and not corrector.split_:
         return _corrector_values(corrector.joint, converter)
+    if fitted_outside(corrector) is not None:
+        return _outside_values(corrector, converter)
     if isinstance(corrector, LearnerCorrector):
         corrector = StoredTrees.from_learner(corrector)
     kind = next((name for name, known in KINDS.items() if type(corrector) is known), None)
@@ -199,6 +213,8 @@ def _corrector_values(corrector: PowerCorrector, converter: Converter) -> dict[s
 
 def _corrector(values: Mapping[str, Any], converter: Converter) -> PowerCorrector:
     kind, inner = values["kind"], {name: value for name, value in values.items() if name != "kind"}
+    if kind == OUTSIDE:
+        return _awaiting(inner, converter)
     if kind not in KINDS:
         raise InvalidInput.of("unknown kind of corrector", "kind", excerpt(kind), ", ".join(KINDS))
     if kind == "split":
@@ -207,6 +223,57 @@ def _corrector(values: Mapping[str, Any], converter: Converter) -> PowerCorrecto
     if kind == "ensemble":
         return EnsembleCorrector([_corrector(member, converter) for member in inner["members"]])
     corrector: PowerCorrector = converter.structure(inner, KINDS[kind])
+    return corrector
+
+
+def _outside_values(corrector: PowerCorrector, converter: Converter) -> dict[str, Any]:
+    """What stands around an object from outside, which is not stored itself."""
+    values: dict[str, Any] = {"kind": OUTSIDE, "name": type(fitted_outside(corrector)).__name__}
+    if isinstance(corrector, LearnerCorrector):
+        values["features"] = list(corrector.features)
+        values["medians"] = corrector.model.medians_
+        values["familiarity"] = converter.unstructure(corrector.familiarity)
+    return values
+
+
+def _awaiting(values: Mapping[str, Any], converter: Converter) -> PowerCorrector:
+    """A corrector that `with_outside` completes."""
+    name = converter.structure(values["name"], str)
+    if "medians" not in values:
+        return TableCorrector(Missing(name))
+    around = OutsideRegressor(Missing(name))
+    around.medians_ = converter.structure(values["medians"], dict[str, float])
+    features = converter.structure(values["features"], tuple[str, ...])
+    corrector = LearnerCorrector(lambda _: around, lambda _: {}, features=features)
+    corrector.familiarity = converter.structure(values["familiarity"], Familiarity)
+    return corrector
+
+
+def with_outside(corrector: PowerCorrector, fitted: Corrector | None) -> PowerCorrector:
+    """A corrector as it was read, with the fitted object from outside that was in it when it was stored.
+
+    Raises
+    ------
+    InvalidInput
+        When it needs one and none is given, or the other way round.
+    """
+    missing = corrector.model.regressor if isinstance(corrector, LearnerCorrector) else None
+    missing = corrector.model if isinstance(corrector, TableCorrector) else missing
+    if not isinstance(missing, Missing):
+        if fitted is None:
+            return corrector
+        raise InvalidInput.of(
+            "corrector has no effect", "corrector", type(fitted).__name__, "the model is whole"
+        )
+    if fitted is None:
+        fix = "load_model(FOLDER, corrector=FITTED), with the `outside` of the model that was stored"
+        raise InvalidInput.of(
+            "model lacks its corrector", "corrector", "none", f"a fitted {missing.name}", fix
+        )
+    if isinstance(corrector, TableCorrector):
+        return TableCorrector(fitted)
+    assert isinstance(corrector, LearnerCorrector)
+    corrector.model.regressor = corrector.model.regressor_ = fitted
     return corrector
 
 

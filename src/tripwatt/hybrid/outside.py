@@ -1,0 +1,155 @@
+"""Correctors from outside: regressors of scikit-learn's kind, and objects that are fitted to a table of segments."""
+
+from __future__ import annotations
+
+import copy
+import inspect
+from collections.abc import Callable
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any, Final, Protocol
+
+from tripwatt.arrays import FloatArray
+from tripwatt.errors import InvalidInput
+from tripwatt.hybrid.power import LearnerCorrector, PowerCorrector
+from tripwatt.hybrid.segments import SegmentTable
+from tripwatt.learners.outside import OutsideRegressor, checked
+
+ENTRY_POINTS: Final = "tripwatt.correctors"
+"""Group of entry points in which a package names its correctors: functions from a seed to a `Corrector`."""
+
+HOW: Final = "a regressor of scikit-learn's kind, or fit(table) and predict(table) on a SegmentTable"
+
+
+class Corrector(Protocol):
+    """A corrector from outside: a regressor of scikit-learn's kind, or an object on a `SegmentTable`.
+
+    A regressor has `get_params`, as every estimator of scikit-learn. It is fitted to `TREE_FEATURES` of the segments and
+    their residual power [W]. Any other object has ``fit(table)`` and ``predict(table)``, and may have other methods
+    of `PowerCorrector`. Either stays as it is: clones and copies of it are fitted.
+
+    Examples
+    --------
+    >>> from sklearn.linear_model import Ridge
+    >>> corrector: Corrector = Ridge()
+    """
+
+    @property
+    def fit(self) -> Callable[..., Any]:
+        """Fit to ``(X, y)``, or to a table."""
+        ...
+
+    @property
+    def predict(self) -> Callable[..., Any]:
+        """Predict the residual power [W] of each row of ``X``, or of a table."""
+        ...
+
+
+class TableCorrector(PowerCorrector):
+    """An object from outside with `fit` and `predict` on a table of segments.
+
+    Parameters
+    ----------
+    unfitted : Corrector
+        Each fit takes a copy of it.
+
+    Attributes
+    ----------
+    model : Corrector
+        The fitted copy.
+    """
+
+    def __init__(self, unfitted: Any) -> None:
+        self.unfitted = unfitted
+        self.model: Any = unfitted
+
+    def fit(self, table: SegmentTable) -> TableCorrector:
+        """Fit a copy."""
+        self.model = copy.deepcopy(self.unfitted)
+        self.model.fit(table)
+        return self
+
+    def clone_tuned(self) -> TableCorrector:
+        """With the settings that `fit` chose, where the object has `clone_tuned`."""
+        own = self._own("clone_tuned")
+        return TableCorrector(own() if own else self.unfitted)
+
+    def predict(self, table: SegmentTable) -> FloatArray:
+        """Residual power [W]."""
+        return checked(self.model.predict(table), len(table.hours), self.model)
+
+    def predict_with_uncertainty(self, table: SegmentTable) -> tuple[FloatArray, FloatArray]:
+        """Both of the object, where it has an uncertainty of its own."""
+        own: Any = self._own("predict_with_uncertainty") or super().predict_with_uncertainty
+        return own(table)  # type: ignore[no-any-return]  # of an object from outside
+
+    def outside_factor(self, table: SegmentTable) -> FloatArray:
+        """Of the object, where it has one."""
+        own: Any = self._own("outside_factor") or super().outside_factor
+        return own(table)  # type: ignore[no-any-return]  # of an object from outside
+
+    def predict_climate(self, table: SegmentTable) -> FloatArray | None:
+        """Of the object, where it has one."""
+        own = self._own("predict_climate")
+        return None if own is None else own(table)
+
+    def _own(self, name: str) -> Any:
+        """A method of the object, unless it is the empty one of `PowerCorrector`."""
+        empty = getattr(type(self.model), name, None) is getattr(PowerCorrector, name)
+        return None if empty else getattr(self.model, name, None)
+
+
+def outside_corrector(corrector: Corrector, seed: int) -> PowerCorrector:
+    """A corrector of power from an object from outside, unfitted.
+
+    Parameters
+    ----------
+    corrector : Corrector
+    seed : int
+        For a regressor without a random state.
+
+    Raises
+    ------
+    InvalidInput
+        When it can be neither of the two kinds.
+
+    Examples
+    --------
+    >>> from sklearn.linear_model import Ridge
+    >>> type(outside_corrector(Ridge(), 0)).__name__
+    'LearnerCorrector'
+    """
+    require_fitting(corrector, "corrector", HOW)
+    if is_regressor(corrector):
+        return LearnerCorrector(lambda _: OutsideRegressor(corrector, seed), lambda _: {})
+    return TableCorrector(corrector)
+
+
+def is_regressor(model: object) -> bool:
+    """Whether an object is of scikit-learn's kind."""
+    return hasattr(model, "get_params")
+
+
+def require_fitting(model: object, where: str, how: str) -> None:
+    """Raise `InvalidInput` for a class, and for an object without `fit` and `predict`."""
+    if inspect.isclass(model):
+        raise InvalidInput.of("class in place of an object", where, model.__name__, f"{model.__name__}()")
+    if not all(callable(getattr(model, name, None)) for name in ("fit", "predict")):
+        raise InvalidInput.of("object cannot be fitted", where, f"{model!r}"[:80], how)
+
+
+def packaged_correctors() -> dict[str, Callable[[int], Corrector]]:
+    """Correctors of installed packages, by their names; a package is imported when its corrector is made."""
+
+    def maker(entry: EntryPoint) -> Callable[[int], Corrector]:
+        return lambda seed: entry.load()(seed)
+
+    return {entry.name: maker(entry) for entry in entry_points(group=ENTRY_POINTS)}
+
+
+def fitted_outside(corrector: PowerCorrector | None) -> Any:
+    """The fitted object from outside in a corrector; None for a corrector of tripwatt."""
+    if isinstance(corrector, TableCorrector):
+        return corrector.model
+    if isinstance(corrector, LearnerCorrector) and isinstance(corrector.model, OutsideRegressor):
+        return corrector.model.regressor_
+    return None
