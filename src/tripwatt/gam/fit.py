@@ -122,6 +122,10 @@ class Solution:
         What ended the iteration.
     gradient : ndarray (M,)
         Of the score in `rho` at the end.
+    hessian : ndarray (m, m)
+        Of the score at the end, `rho` first; (0, 0) where the smoothing parameters were given.
+    loadings : ndarray
+        Of correlated effects, as `PenaltyStack.loaded` takes them.
     """
 
     beta: FloatArray
@@ -137,7 +141,8 @@ class Solution:
     nu: float = math.nan
     sigma: float = math.nan
     ar1_rho: float = 0.0
-    extra: dict[str, float] = field(default_factory=dict)
+    hessian: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
+    loadings: FloatArray = field(default_factory=lambda: np.zeros(0))
 
 
 @dataclass(frozen=True)
@@ -365,4 +370,5 @@ def fit_gaussian(
         n_iter=n_iter,
         message=message,
         gradient=scored.gradient,
+        hessian=np.zeros((0, 0)) if fixed else scored.hessian,
     )

@@ -212,12 +212,12 @@ def fit_laplace(
         return None if scored is None else (scored[0], scored[1][free], scored[2][np.ix_(free, free)])
 
     x, n_iter, converged, message = x0[free], 0, True, "all parameters were given"
-    gradient = np.zeros(0)
+    gradient, hessian = np.zeros(0), np.zeros((0, 0))
     if free.any():
         x, last, n_iter, converged, message = minimise(
             score, x, lower[free], upper[free], tolerance, max_iter
         )
-        gradient = last[1]
+        _, gradient, hessian = last
     best_rho, best = whole(x)
     scored = model.score(best_rho, best)
     if scored is None:
@@ -236,6 +236,7 @@ def fit_laplace(
         n_iter=n_iter,
         message=message,
         gradient=gradient,
+        hessian=np.zeros((0, 0)) if fixed else hessian,
         nu=best.nu if family.nu is None else family.nu,
         sigma=best.sigma,
     )

@@ -216,6 +216,7 @@ class PerformanceIteration:
             n_iter=iterations,
             message=message,
             gradient=working.gradient,
+            hessian=np.zeros((0, 0)) if self.fixed else working.hessian,
             nu=last.state.theta.nu if self.family.nu is None else self.family.nu,
             sigma=last.state.theta.sigma,
         )

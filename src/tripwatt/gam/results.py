@@ -13,6 +13,7 @@ from tripwatt.gam.covariates import Index
 from tripwatt.gam.design import Design
 from tripwatt.gam.families import Family, Gaussian
 from tripwatt.gam.fit import Solution
+from tripwatt.gam.tables import Whitening
 
 
 @dataclass
@@ -77,7 +78,14 @@ def _likelihood(
     return family.loglik(residual, nu, sigma), deviance, float(best.fun)
 
 
-def results(design: Design, y: FloatArray, family: Family, solution: Solution, active: Index) -> Results:
+def results(
+    design: Design,
+    y: FloatArray,
+    family: Family,
+    solution: Solution,
+    active: Index,
+    white: Whitening | None = None,
+) -> Results:
     """All results of a fit about its coefficients and the data.
 
     Parameters
@@ -89,6 +97,8 @@ def results(design: Design, y: FloatArray, family: Family, solution: Solution, a
         Of the active coefficients.
     active : ndarray
         Which coefficients those are; the others are 0 with variance 0.
+    white : Whitening, optional
+        Of autocorrelated errors; the likelihood is that of the independent ones that it makes of them.
 
     Returns
     -------
@@ -109,6 +119,9 @@ def results(design: Design, y: FloatArray, family: Family, solution: Solution, a
     eta = design.rows.predictor(coef)
     residual = y - eta
     loglik, deviance, null = _likelihood(family, residual, y, solution.nu, solution.sigma)
+    if white is not None:
+        independent = white.values(residual)
+        loglik = _likelihood(family, independent, y, solution.nu, solution.sigma)[0] + white.log_jacobian
     if isinstance(family, Gaussian):
         count, at_bound = 1, False
     else:

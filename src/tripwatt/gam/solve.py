@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from scipy.optimize import minimize_scalar
+from scipy.optimize import minimize, minimize_scalar
 
 from tripwatt.arrays import FloatArray
 from tripwatt.gam.covariates import Index
@@ -16,13 +17,16 @@ from tripwatt.gam.laplace import LaplaceModel, fit_laplace
 from tripwatt.gam.moments import Moments
 from tripwatt.gam.penalties import PenaltyStack
 from tripwatt.gam.performance import PerformanceIteration, State, TData
-from tripwatt.gam.tables import TableRows
+from tripwatt.gam.tables import TableRows, Whitening
 
 Method = Literal["fREML", "REML"]
 THIN_ROWS = 10_000
 """A scaled t with twice as many rows is started from a fit to so many of them."""
 
 AR1_BOUNDS = (-0.95, 0.9999)
+
+LOADING_STEP = 1e-4
+"""Of the derivatives of the score in the loadings of correlated effects; the score has ten digits or more."""
 
 
 @dataclass(frozen=True)
@@ -99,9 +103,14 @@ def _autoregressive(
             return np.inf if solution is None else solution.score
 
     low, high = np.arctanh(AR1_BOUNDS)
-    best = minimize_scalar(score, bounds=(low, high), method="bounded", options={"xatol": 1e-4})
+    best = minimize_scalar(score, bounds=(low, high), method="bounded", options={"xatol": _xatol(stack)})
     rho = float(np.tanh(best.x))
     return _autoregressive(sums, stack, active, replace(settings, ar1_rho=rho), scale)
+
+
+def _xatol(stack: PenaltyStack) -> float:
+    """Tolerance of the search for the autocorrelation; a search around it needs a smooth score."""
+    return 1e-8 if stack.n_loadings else 1e-4
 
 
 def _subset_start(rows: Rows, y: FloatArray, stack: PenaltyStack, settings: FitSettings) -> State | None:
@@ -142,10 +151,69 @@ def _scaled_t(
     return fit_laplace(model, first.rho, theta, data.gram, fixed, max_iter=settings.max_iter)
 
 
-def solve(
-    rows: Rows, y: FloatArray, sums: Moments, stack: PenaltyStack, active: Index, settings: FitSettings
+def _autoregressive_t(
+    rows: Rows,
+    y: FloatArray,
+    sums: Moments,
+    stack: PenaltyStack,
+    active: Index,
+    settings: FitSettings,
+    previous: Index,
 ) -> Solution | None:
-    """Fit the active coefficients.
+    """Errors that follow e_t = rho e_(t-1) + sqrt(1 - rho^2) sigma T_nu: independent, once the rows are whitened."""
+    assert isinstance(rows, TableRows)
+
+    def at(rho: float) -> Solution | None:
+        white = Whitening(previous, rho)
+        data = sums.normal(stack, active, rho)
+        fitted = _scaled_t(white.rows(rows), white.values(y), data, stack, settings)
+        score = math.inf if fitted is None else fitted.score - data.log_jacobian
+        return None if fitted is None else replace(fitted, score=score, ar1_rho=rho)
+
+    def score(z: float) -> float:
+        fitted = at(float(np.tanh(z)))
+        return math.inf if fitted is None else fitted.score
+
+    if settings.ar1_rho != "estimate":
+        return at(float(settings.ar1_rho or 0.0))
+    ends = np.arctanh(AR1_BOUNDS)
+    best = minimize_scalar(score, bounds=ends, method="bounded", options={"xatol": _xatol(stack)})
+    return at(float(np.tanh(best.x)))
+
+
+def _solve(
+    rows: Rows,
+    y: FloatArray,
+    sums: Moments,
+    stack: PenaltyStack,
+    active: Index,
+    settings: FitSettings,
+    previous: Index | None,
+) -> Solution | None:
+    """Fit with the correlations of effects that the stack has."""
+    family = settings.family
+    if isinstance(family, Gaussian):
+        solution = _autoregressive(sums, stack, active, settings, family.scale)
+        if solution is not None or len(sums.gram) > 1:
+            return solution
+        return _gaussian(_with_ridge(sums.normal(stack, active)), stack, settings, family.scale)
+    if previous is not None:
+        return _autoregressive_t(rows, y, sums, stack, active, settings, previous)
+    data = sums.normal(stack, active)
+    solution = _scaled_t(rows, y, data, stack, settings)
+    return solution if solution is not None else _scaled_t(rows, y, _with_ridge(data), stack, settings)
+
+
+def solve(
+    rows: Rows,
+    y: FloatArray,
+    sums: Moments,
+    stack: PenaltyStack,
+    active: Index,
+    settings: FitSettings,
+    previous: Index | None = None,
+) -> Solution | None:
+    """Fit the active coefficients, and the correlations of effects by an outer search on the REML score.
 
     Parameters
     ----------
@@ -159,18 +227,28 @@ def solve(
     active : ndarray
         Active columns.
     settings : FitSettings
+    previous : ndarray (n,), optional
+        The row of the same group before each row, for autocorrelated errors.
 
     Returns
     -------
     Solution or None
         None where no start leads to a positive definite system.
     """
-    family = settings.family
-    if isinstance(family, Gaussian):
-        solution = _autoregressive(sums, stack, active, settings, family.scale)
-        if solution is not None or len(sums.gram) > 1:
-            return solution
-        return _gaussian(_with_ridge(sums.normal(stack, active)), stack, settings, family.scale)
-    data = sums.normal(stack, active)
-    solution = _scaled_t(rows, y, data, stack, settings)
-    return solution if solution is not None else _scaled_t(rows, y, _with_ridge(data), stack, settings)
+    if not stack.n_loadings:
+        return _solve(rows, y, sums, stack, active, settings, previous)
+
+    def at(loadings: FloatArray) -> Solution | None:
+        return _solve(rows, y, sums, stack.loaded(loadings), active, settings, previous)
+
+    def score(loadings: FloatArray) -> float:
+        fitted = at(loadings)
+        return math.inf if fitted is None else fitted.score
+
+    def gradient(loadings: FloatArray) -> FloatArray:
+        steps = LOADING_STEP * np.eye(len(loadings))
+        return np.array([score(loadings + s) - score(loadings - s) for s in steps]) / (2 * LOADING_STEP)
+
+    best = minimize(score, np.zeros(stack.n_loadings), jac=gradient, method="BFGS", options={"gtol": 1e-5})
+    solution = at(best.x)
+    return None if solution is None else replace(solution, loadings=best.x)
