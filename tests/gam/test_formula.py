@@ -81,7 +81,7 @@ def test_the_papers_formula():
         ("y ~ ti(a, b, k=c(3, 4, 5))", ["3 numbers for 2 covariates"]),
         ("y ~ ti(a)", ["two or more covariates"]),
         ("y ~ s(a, b, bs='ps')", ["basis of one covariate only", 'te(a, b, bs="ps")']),
-        ("y ~ s(trip, bs='re', k=3)", ["an intercept per level"]),
+        ("y ~ s(trip, bs='re', k=3)", ["takes columns only", "got k"]),
         ("y ~ s(a, a)", ["column given twice"]),
         ("y ~ s()", ["a smooth takes columns"]),
         ("y ~ a * b", ["not a term", "'a * b' at character 5", "interaction"]),

@@ -34,7 +34,7 @@ from tripwatt.gam.covariates import (
     numbers,
 )
 from tripwatt.gam.fitted_terms import Extrapolation, FittedTerm
-from tripwatt.gam.penalties import PenaltyStack, correlated_penalties
+from tripwatt.gam.penalties import Blocks, PenaltyStack, correlated_penalties
 from tripwatt.gam.smoothers import Built, build_smooth, build_tensor
 from tripwatt.gam.tables import IndexedColumns, TableRows
 from tripwatt.gam.terms import Formula, Parametric, RandomEffect, Smooth, Tensor
@@ -94,7 +94,7 @@ class Design:
 
     def penalty_stack(self, active: Index) -> tuple[PenaltyStack, list[int]]:
         """Penalties of the active coefficients, and which of the model's smoothing parameters they are."""
-        terms: list[tuple[int, list[FloatArray]]] = []
+        terms: Blocks = []
         scales: dict[int, FloatArray] = {}
         which: list[int] = []
         j = 0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Container, Mapping, Sequence
-from typing import Any, Literal, Self, overload
+from typing import Any, Literal, Self, TypeAlias, overload
 
 import numpy as np
 import numpy.typing as npt
@@ -22,11 +22,15 @@ from tripwatt.gam.identify import identify, require_rows
 from tripwatt.gam.leaveout import grouped_moments, leave_out
 from tripwatt.gam.moments import Moments
 from tripwatt.gam.results import Results, results
-from tripwatt.gam.solve import FitSettings, Method, solve
-from tripwatt.gam.tables import Whitening, previous_rows
+from tripwatt.gam.solve import FitSettings, Method, Problem, solve
+from tripwatt.gam.tables import previous_rows
 from tripwatt.gam.terms import Formula, RandomEffect, Smooth, Tensor
 
 PREDICT_ROWS = 8192
+
+Labels: TypeAlias = Collection[str]
+Yes: TypeAlias = Literal[True]
+No: TypeAlias = Literal[False]
 
 
 class Estimator(RegressorMixin, BaseEstimator):
@@ -93,7 +97,7 @@ class Estimator(RegressorMixin, BaseEstimator):
         given = _given_logs(self.smoothing_parameters, design)
         settings = self._settings(family, None if given is None else given[which])
         rows = design.rows.subset(columns=active)
-        solution = solve(rows, values, sums, stack, active, settings, previous)
+        solution = solve(Problem(rows, values, sums, stack, active, settings, previous))
         if solution is None:
             raise InvalidInput.of(
                 "model not identifiable",
@@ -105,54 +109,30 @@ class Estimator(RegressorMixin, BaseEstimator):
         for fitted in design.terms:
             if fitted.scales is not None:
                 fitted.penalties = loaded[int(np.searchsorted(active, fitted.start))]
-        white = None if previous is None else Whitening(previous, solution.ar1_rho)
-        self._keep(design, results(design, values, family, solution, active, white), family, active)
+        self._keep(design, results(design, values, family, solution, active), family, active)
         self._keep_penalties(design, solution, which)
         return self
 
     @overload
     def predict(
-        self,
-        frame: pd.DataFrame,
-        exclude: Collection[str] = ...,
-        se: Literal[False] = ...,
-        terms: Literal[False] = ...,
-        groups: object = ...,
+        self, frame: pd.DataFrame, exclude: Labels = ..., se: No = ..., terms: No = ..., groups: object = ...
     ) -> FloatArray: ...
     @overload
     def predict(
-        self,
-        frame: pd.DataFrame,
-        exclude: Collection[str] = ...,
-        *,
-        se: Literal[True],
-        terms: Literal[False] = ...,
-        groups: object = ...,
+        self, frame: pd.DataFrame, exclude: Labels = ..., *, se: Yes, terms: No = ..., groups: object = ...
     ) -> tuple[FloatArray, FloatArray]: ...
     @overload
     def predict(
-        self,
-        frame: pd.DataFrame,
-        exclude: Collection[str] = ...,
-        se: Literal[False] = ...,
-        *,
-        terms: Literal[True],
-        groups: object = ...,
+        self, frame: pd.DataFrame, exclude: Labels = ..., se: No = ..., *, terms: Yes, groups: object = ...
     ) -> pd.DataFrame: ...
     @overload
     def predict(
-        self,
-        frame: pd.DataFrame,
-        exclude: Collection[str] = ...,
-        *,
-        se: Literal[True],
-        terms: Literal[True],
-        groups: object = ...,
+        self, frame: pd.DataFrame, exclude: Labels = ..., *, se: Yes, terms: Yes, groups: object = ...
     ) -> tuple[pd.DataFrame, pd.DataFrame]: ...
     def predict(
         self,
         frame: pd.DataFrame,
-        exclude: Collection[str] = (),
+        exclude: Labels = (),
         se: bool = False,
         terms: bool = False,
         groups: object = None,

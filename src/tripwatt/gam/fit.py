@@ -10,66 +10,19 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Protocol, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from scipy.linalg import lapack
 
 from tripwatt.arrays import FloatArray
 from tripwatt.gam.penalties import PenaltyStack
+from tripwatt.gam.tables import Whitening
 
 LOG_RATIO = (-25.0, 22.0)
 """Bounds of log(smoothing parameter) about the value at which penalty and data weigh alike."""
 
 Value: TypeAlias = tuple[float, FloatArray, FloatArray]
-
-
-class Rows(Protocol):
-    """Model matrix X (n, p) that need not exist as one array."""
-
-    n: int
-    p: int
-
-    def predictor(self, beta: FloatArray) -> FloatArray:
-        """X beta for beta (p,) or (p, q)."""
-
-    def transpose(self, v: FloatArray) -> FloatArray:
-        """X' v for v (n,) or (n, q)."""
-
-    def gram(self, weights: FloatArray | None = None) -> FloatArray:
-        """X' W X, (p, p)."""
-
-    def leverage(self, K: FloatArray) -> FloatArray:
-        """Diagonal (n,) of X K X'."""
-
-
-class DenseRows:
-    """Model matrix as one array.
-
-    Parameters
-    ----------
-    X : ndarray (n, p)
-    """
-
-    def __init__(self, X: FloatArray) -> None:
-        self.X = X
-        self.n, self.p = X.shape
-
-    def predictor(self, beta: FloatArray) -> FloatArray:
-        """X beta."""
-        return np.asarray(self.X @ beta)
-
-    def transpose(self, v: FloatArray) -> FloatArray:
-        """X' v."""
-        return np.asarray(self.X.T @ v)
-
-    def gram(self, weights: FloatArray | None = None) -> FloatArray:
-        """X' W X."""
-        return np.asarray(self.X.T @ (self.X if weights is None else weights[:, None] * self.X))
-
-    def leverage(self, K: FloatArray) -> FloatArray:
-        """Diagonal of X K X'."""
-        return np.asarray(np.einsum("ij,ij->i", self.X @ K, self.X))
 
 
 @dataclass(frozen=True)
@@ -124,6 +77,8 @@ class Solution:
         Of the score in `rho` at the end.
     hessian : ndarray (m, m)
         Of the score at the end, `rho` first; (0, 0) where the smoothing parameters were given.
+    white : Whitening or None
+        Of autocorrelated errors.
     loadings : ndarray
         Of correlated effects, as `PenaltyStack.loaded` takes them.
     """
@@ -140,7 +95,7 @@ class Solution:
     gradient: FloatArray
     nu: float = math.nan
     sigma: float = math.nan
-    ar1_rho: float = 0.0
+    white: Whitening | None = None
     hessian: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
     loadings: FloatArray = field(default_factory=lambda: np.zeros(0))
 

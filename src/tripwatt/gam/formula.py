@@ -18,8 +18,6 @@ from typing import Final, get_args
 from tripwatt.errors import Fault, InvalidInput, raise_faults
 from tripwatt.gam.terms import Basis, Formula, Parametric, RandomEffect, Smooth, Tensor, Term
 
-__all__ = ["nearest", "parse_formula", "render_formula", "unknown_columns", "validate_columns"]
-
 _BASES: Final = (*get_args(Basis), "re")
 _ARGUMENTS: Final[Mapping[str, tuple[str, ...]]] = {
     "s": ("bs", "k", "by", "m"),

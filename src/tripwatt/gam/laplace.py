@@ -14,8 +14,9 @@ import numpy as np
 
 from tripwatt.arrays import FloatArray
 from tripwatt.gam.families import LOG_EXCESS_DF, ScaledT, TDerivatives, Theta, t_derivatives
-from tripwatt.gam.fit import Factor, Rows, Solution, Value, bounds, minimise
+from tripwatt.gam.fit import Factor, Solution, Value, bounds, minimise
 from tripwatt.gam.penalties import PenaltyStack
+from tripwatt.gam.tables import TableRows
 
 
 @dataclass
@@ -34,7 +35,7 @@ class LaplaceModel:
 
     Parameters
     ----------
-    rows : Rows
+    rows : TableRows
     y : ndarray (n,)
     stack : PenaltyStack
     family : ScaledT
@@ -43,7 +44,7 @@ class LaplaceModel:
     """
 
     def __init__(
-        self, rows: Rows, y: FloatArray, stack: PenaltyStack, family: ScaledT, beta: FloatArray
+        self, rows: TableRows, y: FloatArray, stack: PenaltyStack, family: ScaledT, beta: FloatArray
     ) -> None:
         self.rows, self.y, self.stack, self.family, self.beta = rows, y, stack, family, beta
 

@@ -2,7 +2,18 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
+from tripwatt.gam.components import variance_components
+from tripwatt.gam.diagnosis import Diagnosis
+from tripwatt.gam.effects import Effect, plot_effects, term_effects
 from tripwatt.gam.estimator import Estimator
+from tripwatt.gam.summary import Summary
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 
 class GAMM(Estimator):
@@ -27,7 +38,8 @@ class GAMM(Estimator):
     smoothing_parameters : sequence or mapping, optional
         Given values, in the order (or by the names) of `smoothing_parameters_`.
     ar1_rho : float or "estimate", optional
-        Correlation of successive errors within groups, gaussian errors only.
+        Correlation of successive errors within groups. With a scaled t the innovations are sigma times Student's t;
+        to estimate it then, or correlated random effects, takes ``method="REML"``.
     tolerance : float
         The scaled t's iteration stops when nothing moves by more than this many standard errors.
     max_iter : int
@@ -48,7 +60,10 @@ class GAMM(Estimator):
     smoothing_parameters_ : dict
     scale_, nu_, sigma_, nu_at_bound_
         Variance (1 for the scaled t), shape and scale of the t.
+    log_sp_covariance_ : ndarray (M, M)
+        Of the logs of `smoothing_parameters_`, from the Hessian of the score.
     reml_, loglik_, aic_, deviance_explained_, r2_, n_, residual_df_
+        `reml_` is the negative log restricted likelihood; lme4's REML criterion is twice as large.
     linear_predictor_, fitted_values_, residuals_ : ndarray (n,)
     converged_, n_iter_, message_, notes_
     empty_columns_ : list of str
@@ -58,6 +73,8 @@ class GAMM(Estimator):
 
     Examples
     --------
+    >>> import numpy as np, pandas as pd
+    >>> from tripwatt.gam import Formula, Smooth
     >>> rng = np.random.default_rng(1)
     >>> frame = pd.DataFrame({"x": np.linspace(0, 1, 100), "trip": np.repeat(list("abcde"), 20)})
     >>> y = np.sin(6 * frame["x"]) + 0.1 * rng.standard_normal(100)
@@ -72,3 +89,76 @@ class GAMM(Estimator):
     >>> model.leave_groups_out(frame, y, groups="trip").shape
     (100,)
     """
+
+    def summary(self) -> Summary:
+        """Tables, tests and scores: ``print(model.summary().text())``.
+
+        Returns
+        -------
+        Summary
+        """
+        return Summary.from_model(self)
+
+    def variance_components(self, level: float = 0.95) -> pd.DataFrame:
+        """Standard deviations of all random effects and of the errors.
+
+        Parameters
+        ----------
+        level : float
+            Coverage of the intervals, between 0 and 1.
+
+        Returns
+        -------
+        DataFrame
+            As of `tripwatt.gam.components.variance_components`.
+        """
+        return variance_components(self, level)
+
+    def effects(
+        self, frame: pd.DataFrame | None = None, level: float = 0.95, points: int | None = None
+    ) -> dict[str, Effect]:
+        """Compute what each term does: curves with bands, surfaces, coefficients, random effects.
+
+        Parameters
+        ----------
+        frame : DataFrame, optional
+            The data, for rugs and points and to leave out the parts of a surface that are far from all data.
+        level : float
+            Coverage of the bands, between 0 and 1.
+        points : int, optional
+            Points of the grid per covariate. Default 200 for curves, 60 for surfaces.
+
+        Returns
+        -------
+        dict
+            Effects by the label of their term, in the order of the model.
+        """
+        return term_effects(self, frame, level, points)
+
+    def diagnosis(self) -> Diagnosis:
+        """Compare the residuals with their distribution.
+
+        Returns
+        -------
+        Diagnosis
+            ``.qq``, ``.predictor``, ``.histogram``, ``.response``; ``.plot()`` draws all four.
+        """
+        return Diagnosis.from_model(self)
+
+    def plot(self, frame: pd.DataFrame | None = None, ax: Axes | None = None, columns: int = 3) -> Figure:
+        """Draw all effects, one panel for each.
+
+        Parameters
+        ----------
+        frame : DataFrame, optional
+            The data, for rugs and points.
+        ax : matplotlib Axes, optional
+            Whose place the panels take.
+        columns : int
+            Panels per row.
+
+        Returns
+        -------
+        matplotlib Figure
+        """
+        return plot_effects(self.effects(frame), ax, columns)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +19,9 @@ from scipy.linalg import eigh, qr, solve_triangular
 from tripwatt.arrays import FloatArray
 
 RANK_TOLERANCE = 1e-9
+
+Blocks: TypeAlias = list[tuple[int, list[FloatArray]]]
+"""First coefficient and penalties (m, m) of each penalised block."""
 
 
 @dataclass(frozen=True)
@@ -126,8 +130,8 @@ def correlated_penalties(levels: int, loadings: FloatArray) -> list[FloatArray]:
     q = round((1 + math.sqrt(1 + 8 * len(loadings))) / 2)
     L = np.eye(q)
     L[np.tril_indices(q, -1)] = loadings
-    rows: FloatArray = np.linalg.inv(L)
-    return [np.asarray(np.kron(np.outer(v, v), np.eye(levels))) for v in rows]
+    rows = np.linalg.inv(L)
+    return [np.asarray(np.kron(np.outer(v, v), np.eye(levels)), dtype=np.float64) for v in rows]
 
 
 @dataclass(frozen=True)
@@ -153,7 +157,7 @@ class PenaltyStack:
     p : int
         Number of coefficients.
     terms : list of (int, list of ndarray)
-        First coefficient and penalties (m, m) of each penalised block.
+        As `Blocks`.
     scales : mapping of int to ndarray (q,), optional
         For each block of correlated effects, by its first coefficient, the size of the columns of each effect.
 
@@ -164,12 +168,7 @@ class PenaltyStack:
     (1, 2)
     """
 
-    def __init__(
-        self,
-        p: int,
-        terms: list[tuple[int, list[FloatArray]]],
-        scales: Mapping[int, FloatArray] | None = None,
-    ) -> None:
+    def __init__(self, p: int, terms: Blocks, scales: Mapping[int, FloatArray] | None = None) -> None:
         self.p, self.terms, self.scales = p, terms, dict(scales or {})
         self.blocks = [PenaltyBlock.from_matrices(start, matrices) for start, matrices in terms]
         self.penalties: list[Penalty] = []

@@ -13,7 +13,6 @@ from tripwatt.gam.covariates import Index
 from tripwatt.gam.design import Design
 from tripwatt.gam.families import Family, Gaussian
 from tripwatt.gam.fit import Solution
-from tripwatt.gam.tables import Whitening
 
 
 @dataclass
@@ -78,14 +77,7 @@ def _likelihood(
     return family.loglik(residual, nu, sigma), deviance, float(best.fun)
 
 
-def results(
-    design: Design,
-    y: FloatArray,
-    family: Family,
-    solution: Solution,
-    active: Index,
-    white: Whitening | None = None,
-) -> Results:
+def results(design: Design, y: FloatArray, family: Family, solution: Solution, active: Index) -> Results:
     """All results of a fit about its coefficients and the data.
 
     Parameters
@@ -97,8 +89,6 @@ def results(
         Of the active coefficients.
     active : ndarray
         Which coefficients those are; the others are 0 with variance 0.
-    white : Whitening, optional
-        Of autocorrelated errors; the likelihood is that of the independent ones that it makes of them.
 
     Returns
     -------
@@ -119,9 +109,12 @@ def results(
     eta = design.rows.predictor(coef)
     residual = y - eta
     loglik, deviance, null = _likelihood(family, residual, y, solution.nu, solution.sigma)
-    if white is not None:
-        independent = white.values(residual)
-        loglik = _likelihood(family, independent, y, solution.nu, solution.sigma)[0] + white.log_jacobian
+    white = solution.white
+    if white is not None:  # the likelihood is that of the independent innovations
+        loglik = (
+            _likelihood(family, white.values(residual), y, solution.nu, solution.sigma)[0]
+            + white.log_jacobian
+        )
     if isinstance(family, Gaussian):
         count, at_bound = 1, False
     else:
@@ -142,7 +135,7 @@ def results(
         nu=solution.nu,
         sigma=solution.sigma if not isinstance(family, Gaussian) else math.sqrt(solution.scale),
         nu_at_bound=at_bound,
-        ar1_rho=solution.ar1_rho,
+        ar1_rho=0.0 if white is None else white.rho,
         reml=solution.score,
         loglik=loglik,
         aic=-2 * loglik + 2 * (float(edf.sum()) + count),
