@@ -41,11 +41,6 @@ def is_ordered(column: pd.Series[Any]) -> bool:
     return isinstance(column.dtype, pd.CategoricalDtype) and bool(column.dtype.ordered)
 
 
-def level_columns(names: tuple[str, ...], frame: pd.DataFrame) -> tuple[str, ...]:
-    """Which columns of a random effect hold its levels: the factors, or the first where there is none."""
-    return tuple(name for name in names if is_factor(frame[name])) or names[:1]
-
-
 def crossed(frame: pd.DataFrame, names: tuple[str, ...]) -> pd.Series[Any]:
     """Levels of a factor, or of several together, joined by colons."""
     first, *rest = (frame[name] for name in names)

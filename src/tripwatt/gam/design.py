@@ -28,7 +28,6 @@ from tripwatt.gam.covariates import (
     grid_limit,
     is_factor,
     is_ordered,
-    level_columns,
     missing_columns,
     missing_levels,
     numbers,
@@ -129,8 +128,7 @@ def check_columns(formula: Formula, frame: pd.DataFrame) -> None:
                 continue
             seen.add(name)
             if isinstance(term, RandomEffect):
-                present = tuple(other for other in term.columns if other in frame.columns)
-                factor = name in (present[:1] if term.correlated else level_columns(present, frame))
+                factor = name == term.name or (is_factor(frame[name]) and not term.correlated)
             else:
                 plain = isinstance(term, Parametric)
                 factor = is_factor(frame[name]) and (plain or name == getattr(term, "by", None))
@@ -254,7 +252,10 @@ class _Builder:
         self.pieces.append(_Piece([fitted], fitted.contrast, codes))
 
     def random(self, term: RandomEffect) -> None:
-        groups = (term.name,) if term.correlated else level_columns(term.columns, self.frame)
+        groups = (term.name, *(name for name in term.others if is_factor(self.frame[name])))
+        if len(groups) > 1 and not is_factor(self.frame[term.name]):
+            allowed, fix = "a factor first", "put it last to multiply, make it text for levels"
+            raise InvalidInput.of("a number before a factor", term.label, repr(term.name), allowed, fix)
         levels, codes = self.factor(groups, None, term.label)
         size = len(levels.names)
         if size < 2:

@@ -185,7 +185,7 @@ def _solve(problem: Problem) -> Solution | None:
     def score(z: float) -> float:
         nonlocal start
         rho = float(np.tanh(z))
-        if isinstance(family, Gaussian):
+        if isinstance(family, Gaussian) and not stack.n_loadings:
             fixed = settings.rho is not None
             fitted = fit_gaussian(problem.normal(rho), stack, start, fixed, family.scale)
         else:
@@ -194,7 +194,9 @@ def _solve(problem: Problem) -> Solution | None:
         return math.inf if fitted is None else fitted.score
 
     low, high = np.arctanh(AR1_BOUNDS)
-    xatol = 1e-8 if stack.n_loadings else 1e-4  # the search around this one needs a smooth score
+    xatol = (
+        1e-8 if stack.n_loadings else 1e-4
+    )  # the search around it needs a smooth score, so no warm starts too
     best = minimize_scalar(score, bounds=(low, high), method="bounded", options={"xatol": xatol})
     return _at(problem, float(np.tanh(best.x)))
 

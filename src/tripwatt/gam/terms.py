@@ -143,8 +143,8 @@ class RandomEffect:
         Column of the levels.
     others : tuple of str
         Further columns. Numbers multiply the effect, which makes it a slope. Factors are crossed with the levels: one
-        effect for each combination that occurs, e.g. of machine and worker. Where a column of the term is a factor, a
-        numeric `name` is a multiplier too.
+        effect for each combination that occurs, e.g. of machine and worker. Beside a factor a numeric `name` is
+        refused, since it may be meant as either.
     correlated : bool
         An intercept and one slope for each of `others`, which are then numbers, with a covariance matrix of their
         own: lme4's ``(1 + x | g)``. Otherwise all effects of the term are independent with one variance.
