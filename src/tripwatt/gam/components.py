@@ -55,7 +55,7 @@ def _log_sd_errors(model: Estimator) -> FloatArray:
         return np.full(size + 1, np.nan)
     along = np.vstack([slopes - np.eye(size), slopes])
     variances = np.einsum("ij,jk,ik->i", along, np.nan_to_num(covariance), along) + spread
-    return np.asarray(np.sqrt(variances) / 2)
+    return np.asarray(np.sqrt(np.where(variances < 0, np.nan, variances)) / 2)
 
 
 def variance_components(model: Estimator, level: float = 0.95) -> pd.DataFrame:

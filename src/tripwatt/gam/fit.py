@@ -16,11 +16,8 @@ import numpy as np
 from scipy.linalg import lapack
 
 from tripwatt.arrays import FloatArray
-from tripwatt.gam.penalties import PenaltyStack
+from tripwatt.gam.penalties import LOG_RATIO, PenaltyStack
 from tripwatt.gam.tables import Whitening
-
-LOG_RATIO = (-25.0, 22.0)
-"""Bounds of log(smoothing parameter) about the value at which penalty and data weigh alike."""
 
 Value: TypeAlias = tuple[float, FloatArray, FloatArray]
 
@@ -260,12 +257,9 @@ def minimise(
 def bounds(gram_diagonal: FloatArray, stack: PenaltyStack) -> tuple[FloatArray, FloatArray]:
     """Lowest and highest log smoothing parameters that still mean something next to the data."""
     middle = np.array(
-        [
-            math.log(max(float(gram_diagonal[pen.where].sum()), 1e-300) / float(np.trace(pen.matrix)))
-            for pen in stack.penalties
-        ]
+        [math.log(max(float(gram_diagonal[pen.where].sum()), 1e-300) / pen.trace) for pen in stack.penalties]
     )
-    return middle + LOG_RATIO[0], middle + LOG_RATIO[1]
+    return middle + LOG_RATIO[0], middle + np.array([pen.log_most for pen in stack.penalties])
 
 
 def fit_gaussian(

@@ -20,6 +20,12 @@ from tripwatt.arrays import FloatArray
 
 RANK_TOLERANCE = 1e-9
 
+LOG_RATIO = (-25.0, 22.0)
+"""Bounds of log(smoothing parameter) about the value at which penalty and data weigh alike."""
+
+MOST_CORRELATED = 14.0
+"""The upper one of correlated effects, whose penalties overlap: a larger ratio drowns the smaller penalty in rounding."""
+
 Blocks: TypeAlias = list[tuple[int, list[FloatArray]]]
 """First coefficient and penalties (m, m) of each penalised block."""
 
@@ -136,11 +142,26 @@ def correlated_penalties(levels: int, loadings: FloatArray) -> list[FloatArray]:
 
 @dataclass(frozen=True)
 class Penalty:
-    """One penalty in rotated coordinates: its coefficients, its matrix and, where it is diagonal, that diagonal."""
+    """One penalty in rotated coordinates.
+
+    Attributes
+    ----------
+    where : slice
+        Its coefficients.
+    matrix : ndarray (r, r)
+    diagonal : ndarray (r,) or None
+        Where it is diagonal.
+    trace : float
+        Trace that, against that of the crossproduct of `where`, gives the scale of its smoothing parameter.
+    log_most : float
+        Most of the log smoothing parameter about that scale.
+    """
 
     where: slice
     matrix: FloatArray
     diagonal: FloatArray | None
+    trace: float
+    log_most: float = LOG_RATIO[1]
 
     def times(self, M: FloatArray) -> FloatArray:
         """Penalty times the rows `where` of a vector or matrix M (r, ...)."""
@@ -175,9 +196,14 @@ class PenaltyStack:
         self.members: list[npt.NDArray[np.intp]] = []
         for block in self.blocks:
             first = len(self.penalties)
-            for S in block.matrices:
+            sizes = self.scales.get(block.start)
+            for j, S in enumerate(block.matrices):
                 alone = np.diag(S) if len(block.matrices) == 1 else None
-                self.penalties.append(Penalty(block.range, S, alone))
+                if sizes is None:
+                    self.penalties.append(Penalty(block.range, S, alone, float(np.trace(S))))
+                else:
+                    own = block.rank / len(sizes) * float(sizes @ sizes) / sizes[j] ** 2
+                    self.penalties.append(Penalty(block.range, S, None, own, MOST_CORRELATED))
             self.members.append(np.arange(first, len(self.penalties)))
         self.size = len(self.penalties)
         self.rank = sum(block.rank for block in self.blocks)

@@ -25,7 +25,10 @@ THIN_ROWS = 10_000
 
 AR1_BOUNDS = (-0.95, 0.9999)
 
-LOADING_STEP = 1e-4
+MOST_GRADIENT = 1e-2
+"""Of the score in the loadings of correlated effects, where the search for them has converged."""
+
+LOADING_STEP = 1e-3
 """Of the derivatives of the score in the loadings of correlated effects; the score has ten digits or more."""
 
 
@@ -228,6 +231,9 @@ def solve(problem: Problem) -> Solution | None:
         steps = LOADING_STEP * np.eye(len(loadings))
         return np.array([score(loadings + s) - score(loadings - s) for s in steps]) / (2 * LOADING_STEP)
 
-    best = minimize(score, np.zeros(stack.n_loadings), jac=gradient, method="BFGS", options={"gtol": 1e-5})
+    best = minimize(score, np.zeros(stack.n_loadings), jac=gradient, method="BFGS", options={"gtol": 1e-4})
     solution = at(best.x)
-    return None if solution is None else replace(solution, loadings=best.x)
+    if solution is None:
+        return None
+    flat = float(np.abs(best.jac).max()) < MOST_GRADIENT
+    return replace(solution, loadings=best.x, converged=solution.converged and flat)
