@@ -108,6 +108,49 @@ def test_each_noun_shows_itself(model):
     assert f"{forecast.energy_wh / 1000.0:.2f} kWh" in repr(forecast)
 
 
+def test_what_verbs_give_is_one_line():
+    fleet = tw.synthetic_fleet(2)
+    run = tw.simulate(tw.read_route(LINKS, trip_id="commute"), "vw_id3")
+    lines = {
+        repr(fleet): "<Fleet synthetic: 2 logs>",
+        repr(tw.audit(fleet)): "<Audit 2 drives out of 2 logs are used, 0 are not>",
+        repr(tw.load_vehicle("vw_id3")): "<Vehicle vw_id3: Volkswagen ID.3 58 kWh, preset default>",
+        repr(
+            run
+        ): f"<Simulation 9 min, {run.simulated_energy_wh / 1000.0:.2f} kWh, {len(run.time_s)} samples>",
+    }
+    assert list(lines) == list(lines.values())
+    assert f"<td>{run.by_cause_wh['rolling'] / 1000.0:+.2f} kWh</td>" in run._repr_html_()
+
+
+def test_a_fleet_of_files_has_what_was_read_in_its_line(tmp_path):
+    (tmp_path / "a.csv").write_text(tw.synthetic_fleet(1).logs[0].samples.to_csv(index=False))
+    (tmp_path / "b.csv").write_text("")
+    fleet = tw.read_logs(tmp_path, "table")
+    assert repr(fleet) == f"<Fleet {fleet.name}: 1 logs from {fleet.report}>"
+    assert repr(fleet.report) == f"<ReadingReport {fleet.report}>"
+    assert "2 files: 1 read, 1 left out" in repr(fleet)
+
+
+def test_a_forecast_and_a_simulation_have_energies_by_cause_of_one_kind(model):
+    plan = tw.read_route(LINKS)
+    forecast, run = model.forecast(plan), tw.simulate(plan, model.vehicle)
+    assert list(forecast.by_cause_wh) == [*run.by_cause_wh, "correction"]
+    for found, total in ((forecast, forecast.energy_wh), (run, run.simulated_energy_wh)):
+        assert {type(energy) for energy in found.by_cause_wh.values()} == {float}
+        assert sum(found.by_cause_wh.values()) == pytest.approx(total)
+    ends = {cause: energy[-1] for cause, energy in run.cumulative_by_cause_wh.items()}
+    assert run.by_cause_wh == pytest.approx(ends)
+
+
+def test_the_table_of_a_model_has_units(model):
+    rows = model._repr_html_()
+    seen = model.ranges_["ambient_temperature_degc"]
+    assert f"{seen.low:.3g} to {seen.high:.3g} °C" in rows
+    assert "km/h</td>" in rows
+    assert "e+03" not in rows
+
+
 def test_text_of_a_file_is_escaped_in_a_notebook():
     log = Log.from_samples("<script>", pd.DataFrame({"time_s": [0.0, 1.0], "speed_m_s": [0.0, 1.0]}))
     assert "<script>" not in log._repr_html_()
