@@ -248,6 +248,42 @@ def test_forecast_takes_what_read_route_reads(model):
         tw.forecast(plan, 0.7)
 
 
+def test_a_table_of_links_is_the_plan_of_its_rows(model):
+    links = pd.DataFrame(LINKS)  # NaN where a link has no grade
+    plan = tw.read_route(links, trip_id="commute")
+    assert plan.to_dict() == tw.read_route(LINKS, trip_id="commute").to_dict()
+    assert tw.forecast(links).to_dict() == model.forecast(tw.read_route(LINKS)).to_dict()
+
+
+def test_a_table_of_samples_is_a_speed_trace_with_its_departure():
+    samples = tw.synthetic_fleet(1).trips[0].samples
+    plan = tw.read_route(samples.iloc[5:], trip_id="drive")
+    assert plan.to_dict() == plan_from_samples(samples.iloc[5:], "drive").to_dict()
+    assert plan.link_m is None
+    assert plan.departure.bms_soc == samples["soc"][5]
+    with pytest.raises(tw.InvalidInput, match=r"speed has no effect: .* samples contains times or speeds"):
+        tw.read_route(samples, speed_m_s=10.0)
+
+
+WRONG_TABLES = {
+    "a unit of links": (pd.DataFrame(LINKS * 25).rename(columns={"speed_m_s": "speed_km_h"}), ["unknown column", "missing column"]),
+    "a missing length": (pd.DataFrame({"speed_m_s": [12.0] * 50}), ["missing column"]),
+    "a text of links": (pd.DataFrame(LINKS * 25).assign(speed_m_s="fast"), ["not a number"]),
+    "links without names": (pd.DataFrame([[1.0], [2.0]]), ["unknown column", "missing column", "missing column"]),
+    "a unit of samples": (pd.DataFrame({"time_s": [0.0, 1.0, 2.0], "speed_km_h": 5.0}), ["unknown column or unit", "missing column"]),
+    "a text of samples": (pd.DataFrame({"time_s": [0.0, 1.0, 2.0], "speed_m_s": "fast"}), ["not a number"]),
+    "a column twice": (pd.DataFrame([[0.0, 1.0, 1.0]] * 3, columns=["time_s", "speed_m_s", "speed_m_s"]), ["duplicate column"]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", WRONG_TABLES)
+def test_a_wrong_column_of_a_table_is_named_once(case):
+    table, faults = WRONG_TABLES[case]
+    with pytest.raises(tw.InvalidInput) as refused:
+        tw.read_route(table)
+    assert [fault.what for fault in refused.value.faults] == faults
+
+
 def test_a_file_of_the_tum_set_is_a_speed_trace(data_dir):
     file = data_dir / "tum" / "TripB05.csv"
     plan = tw.read_route(file)
