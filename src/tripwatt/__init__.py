@@ -97,17 +97,19 @@ _HOMES: Final = {
 """Public name -> the module that holds it."""
 
 
-def __getattr__(name: str) -> Any:
-    if name == "__version__":
-        from importlib.metadata import version  # reads files of the installation
+if not TYPE_CHECKING:  # a checker takes any name from a module with `__getattr__`
 
-        value: Any = version("tripwatt")
-    elif name in _HOMES:
-        value = getattr(import_module(f"tripwatt.{_HOMES[name]}"), name)
-    else:
-        raise AttributeError(f"module 'tripwatt' has no attribute {name!r}")
-    globals()[name] = value
-    return value
+    def __getattr__(name: str) -> Any:
+        if name == "__version__":
+            from importlib.metadata import version  # reads files of the installation
+
+            value: Any = version("tripwatt")
+        elif name in _HOMES:
+            value = getattr(import_module(f"tripwatt.{_HOMES[name]}"), name)
+        else:
+            raise AttributeError(f"module 'tripwatt' has no attribute {name!r}")
+        globals()[name] = value
+        return value
 
 
 def __dir__() -> list[str]:

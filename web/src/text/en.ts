@@ -301,8 +301,7 @@ export const en = {
     },
     note: (unit: string, loss: string) =>
       `In ${unit} at the battery terminals. Another ${loss} is lost as heat inside the battery.`,
-    learnedOwn:
-      "The correction is the difference between the measured trips of this car and the physics.",
+    learnedOwn: "The correction is the difference between the measured trips of this car and the physics.",
     learnedOf: (car: string) =>
       `The correction is the difference between measured trips of a ${car} and the physics.`,
   },
