@@ -220,8 +220,7 @@ class _Driver:
 
     def auxiliary_power(self, speed_m_s: float) -> float:
         run = simulate_trip(self.vehicle, self.trip(np.full(int(DRIVE_S) + 1, speed_m_s)))
-        by_cause = run.by_cause_wh
-        energy = sum(by_cause[cause] for cause in AUXILIARIES)
+        energy = sum(run.by_cause_wh[cause] for cause in AUXILIARIES)
         return energy * SECONDS_PER_HOUR / DRIVE_S
 
     def reference(self) -> float:

@@ -67,12 +67,26 @@ OF_CHARGE: Final = frozenset({"soc_assumed", "battery_empty", "battery_full", "b
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Forecast:
-    """Forecast of one trip; `update` makes a new one.
+    """Forecast of one trip; `update` makes a new one. `ForecastModel.forecast` and `tripwatt.forecast` make it.
 
     Attributes
     ----------
+    energy_wh, sd_wh : float
+        Energy of the whole trip at the battery terminals and its standard deviation [Wh]; `interval` and `quantile` have its ends.
+    soc_arrival : float
+        Displayed state of charge at the end of the trip, 0 to 1; `soc_interval` and `p_arrive` have its uncertainty.
+    by_cause_wh : dict of str to float
+        Energy by cause [Wh]; the parts add up to `energy_wh`.
+    flags : tuple of Flag
+        What was assumed, and what limits the forecast.
+    plan : Plan
+        What was known at departure.
+    vehicle : Vehicle
+        The car.
     drive : ExpectedTrip
         The plan, simulated and corrected.
+    measured : Measured
+        What was measured so far.
     uncertainty : UncertaintyModel
         Of the model.
     posterior : ResidualPower
@@ -87,10 +101,6 @@ class Forecast:
         Standard deviation that a planned route adds to the trip's energy [Wh]; 0 for a driven trace.
     climbing : ClimbingEnergy or None
         What its climb takes, on a road of unknown heights.
-    flags : tuple of Flag
-        What was assumed, and what limits the forecast.
-    measured : Measured
-        What was measured so far.
     maker : callable or None
         Forecasts a plan as this one was forecast; None where the forecast was put together by hand.
 

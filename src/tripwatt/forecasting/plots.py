@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, Final, Protocol
+from typing import Any, Final, Protocol
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
-from tripwatt.physics import CAUSE_NAMES
+from tripwatt.figures import axes_or_new, figure_of, place_for_panels
+from tripwatt.physics.simulate import CAUSE_NAMES
 from tripwatt.trips import Departure, Plan, table_of
 from tripwatt.units import M_S_PER_KM_H
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 
 class Interval(Protocol):
@@ -54,8 +53,6 @@ def plot_forecast(
     ax : Axes, optional
         Whose place the panels take.
     """
-    from tripwatt.figures import figure_of, place_for_panels  # imports matplotlib
-
     place = place_for_panels(ax, 10.0, 6.4)
     grid = place.add_gridspec(2, 2, width_ratios=[1.0, 1.15])
     energy = place.add_subplot(grid[0, 0])
@@ -98,8 +95,6 @@ def plot_model(forecast: Callable[[Plan, Departure], Interval], car: str, ax: Ax
     ax : Axes, optional
         To draw in.
     """
-    from tripwatt.figures import axes_or_new, figure_of  # imports matplotlib
-
     axis = axes_or_new(ax, 7.0, 4.4)
     for ambient, colour, marker in zip(MODEL_AMBIENT_DEGC, (_LINE, _TOTAL, _ABOVE), "so^", strict=True):
         departure = Departure(

@@ -35,9 +35,9 @@ NUMBERS: Final = (
 CAUSE: Final = "cause_"
 """Start of the columns with the forecast's energy by cause [Wh]."""
 
-OLD_NAMES: Final = {
-    f"{CAUSE}hvac_wh": f"{CAUSE}climate_wh",
-    f"{CAUSE}learned_correction_wh": f"{CAUSE}correction_wh",
+OLD_CAUSES: Final = {
+    "cause_hvac_wh": "cause_climate_wh",
+    "cause_learned_correction_wh": "cause_correction_wh",
 }
 """Columns of diaries of 0.2.0."""
 
@@ -240,7 +240,7 @@ class Diary:
         >>> Diary.read(Path("my-leaf/learned/diary.parquet"))  # doctest: +SKIP
         """
         try:
-            table = pd.read_parquet(path).rename(columns=OLD_NAMES)
+            table = pd.read_parquet(path).rename(columns=OLD_CAUSES)
         except (OSError, ValueError) as error:
             raise InvalidInput.of("cannot read the diary", f"{path}", f"{error}"[:200], "a diary") from error
         missing = [name for name in (*TEXTS, *NUMBERS) if name not in table]

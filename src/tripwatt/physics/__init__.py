@@ -2,18 +2,10 @@
 
 from tripwatt.physics.conditions import DriveConditions
 from tripwatt.physics.road_load import grade_from_elevation
-from tripwatt.physics.simulate import (
-    CAUSE_NAMES,
-    CAUSES,
-    Simulation,
-    conditions_at_departure,
-    simulate,
-    simulate_trip,
-)
+from tripwatt.physics.simulate import CAUSES, Simulation, conditions_at_departure, simulate, simulate_trip
 
 __all__ = [
     "CAUSES",
-    "CAUSE_NAMES",
     "DriveConditions",
     "Simulation",
     "conditions_at_departure",

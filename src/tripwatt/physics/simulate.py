@@ -28,8 +28,7 @@ from tripwatt.physics.road_load import (
     wet_factor,
 )
 from tripwatt.trips import Departure, Flag, Plan, PlanWeather, Recorded
-from tripwatt.trips.messages import message
-from tripwatt.trips.showing import html_table, period
+from tripwatt.trips.showing import period
 from tripwatt.units import WH_PER_J
 from tripwatt.vehicles import Vehicle, with_extras
 
@@ -39,27 +38,21 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-CAUSES: Final = (
-    "air",
-    "rolling",
-    "climb",
-    "acceleration",
-    "friction_brakes",
-    "drivetrain",
-    "base_load",
-    "climate",
-    "shortfall",
-)
-"""Causes of `Simulation.power_by_cause_w`; `shortfall` is the power that the trace needs beyond the car's limits."""
-
 CAUSE_NAMES: Final = {
     "air": "air drag",
+    "rolling": "rolling",
+    "climb": "climb",
     "acceleration": "change of speed",
     "friction_brakes": "friction brakes",
+    "drivetrain": "drivetrain",
     "base_load": "base load",
+    "climate": "climate",
     "shortfall": "not delivered",
 }
-"""Names for people of causes; the others are named as they are."""
+"""Names for people of `CAUSES`."""
+
+CAUSES: Final = tuple(CAUSE_NAMES)
+"""Causes of `Simulation.power_by_cause_w`; `shortfall` is the power that the trace needs beyond the car's limits."""
 
 ACCEPTANCE_TOLERANCE: Final = 1e-3
 """Share of the largest braking power; passes that agree to it have settled."""
@@ -203,26 +196,14 @@ class Simulation:
         >>> run = tw.simulate(tw.read_route([{"length_m": 5000.0, "speed_m_s": 20.0}]), "vw_id3")
         >>> run.plot().savefig("simulation.png")  # doctest: +SKIP
         """
-        from tripwatt.physics.plots import plot_simulation  # matplotlib is slow to import
+        from tripwatt.trips.plots import plot_parts  # matplotlib is slow to import
 
-        causes = {CAUSE_NAMES.get(name, name): wh for name, wh in self.cumulative_by_cause_wh.items()}
-        return plot_simulation(self.time_s, causes, self.energy_wh, f"Simulation {self._title()}", ax)
-
-    def _title(self) -> str:
-        return (
-            f"{period(float(self.time_s[-1] - self.time_s[0]))}, {self.simulated_energy_wh / 1000.0:.2f} kWh"
-        )
+        causes = {CAUSE_NAMES[name]: wh for name, wh in self.cumulative_by_cause_wh.items()}
+        return plot_parts(self.time_s, causes, self.energy_wh, f"{self!r}"[1:-1], ax)
 
     def __repr__(self) -> str:
-        return f"<Simulation {self._title()}, {len(self.time_s)} samples>"
-
-    def _repr_html_(self) -> str:
-        causes = (
-            (CAUSE_NAMES.get(c, c), f"{round(wh / 1000.0, 2) + 0.0:+.2f} kWh")
-            for c, wh in self.by_cause_wh.items()
-        )
-        notes = (("note", message(flag)) for flag in self.flags)
-        return html_table(f"Simulation {self._title()}", (*causes, *notes))
+        span = period(float(self.time_s[-1] - self.time_s[0]))
+        return f"<Simulation {span}, {self.simulated_energy_wh / 1000.0:.2f} kWh, {len(self.time_s)} samples>"
 
 
 def simulate(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 from matplotlib.axes import Axes
@@ -14,6 +14,8 @@ from tripwatt.trips.samples import Sampled
 from tripwatt.units import M_S_PER_KM_H
 
 LINE: Final = "#0b5c8a"
+LEAST_WH: Final = 1.0
+"""Parts of an energy that never take or give more are left out."""
 
 
 def plot_drive(drive: Sampled, title: str, energy_wh: FloatArray | None, ax: Axes | None) -> Figure:
@@ -33,6 +35,22 @@ def plot_drive(drive: Sampled, title: str, energy_wh: FloatArray | None, ax: Axe
     axes[-1].set_xlabel("time [min]")
     place.suptitle(title)
     return figure_of(place)
+
+
+def plot_parts(
+    time_s: FloatArray, parts_wh: Mapping[str, FloatArray], total_wh: FloatArray, title: str, ax: Axes | None
+) -> Figure:
+    """Cumulative energy by part and their sum over time; without parts that stay below `LEAST_WH`."""
+    axis, minutes = axes_or_new(ax, 8.0, 4.4), (time_s - time_s[0]) / 60.0
+    for name, energy in parts_wh.items():
+        if abs(energy).max() < LEAST_WH:
+            continue
+        axis.plot(minutes, energy / 1000.0, lw=1, label=name)
+    axis.plot(minutes, total_wh / 1000.0, color="black", label="total")
+    axis.margins(x=0)
+    axis.set(xlabel="time [min]", ylabel="energy at the battery terminals [kWh]", title=title)
+    axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+    return figure_of(axis)
 
 
 def plot_table(title: str, rows: Sequence[tuple[str, str]], ax: Axes | None) -> Figure:
