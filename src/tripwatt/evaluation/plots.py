@@ -6,6 +6,8 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from tripwatt.figures import axes_or_new, figure_of
+
 
 def plot_errors(ape: pd.DataFrame, ax: Axes | None = None) -> Figure:
     """Box plots of the error of each trip.
@@ -28,8 +30,7 @@ def plot_errors(ape: pd.DataFrame, ax: Axes | None = None) -> Figure:
     >>> axes.get_xlabel(), [label.get_text() for label in axes.get_yticklabels()]
     ('absolute percentage error of each trip [%]', ['a', 'b'])
     """
-    if ax is None:
-        ax = Figure(figsize=(7.0, 1.2 + 0.4 * ape.shape[1]), layout="constrained").subplots()
+    ax = axes_or_new(ax, 7.0, 1.2 + 0.4 * ape.shape[1])
     order = ape.mean().sort_values(ascending=False).index
     ax.boxplot(
         [ape[name].dropna().to_numpy() for name in order],
@@ -45,5 +46,4 @@ def plot_errors(ape: pd.DataFrame, ax: Axes | None = None) -> Figure:
     ax.xaxis.set_major_formatter(lambda value, _: f"{100.0 * value:g}")
     ax.set_xlabel("absolute percentage error of each trip [%]")
     ax.grid(axis="x", alpha=0.3)
-    figure = ax.figure
-    return figure if isinstance(figure, Figure) else figure.figure
+    return figure_of(ax)
