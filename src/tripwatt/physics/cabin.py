@@ -181,7 +181,7 @@ def _control_steps(
     blower_range = climate.blower_high_power_w - climate.blower_low_power_w
     most_heat = climate.heater_max_heat_w if start.mode != "cool" else 0.0
     most_cooling = climate.cooler_max_heat_w if start.mode != "heat" else 0.0
-    full_heat, full_cooling = climate.heater_max_heat_w, climate.cooler_max_heat_w
+    full_heat, full_cooling = climate.heater_max_heat_w or math.inf, climate.cooler_max_heat_w
     most_pumped, pump_cop = heat_pump_heat(ambient, climate), heat_pump_cop(ambient, climate)
     resistive, cooler_cop = climate.heater_efficiency, climate.cooler_cop
     idle = climate.compressor_idle_w
