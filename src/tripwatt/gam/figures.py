@@ -19,25 +19,23 @@ MOST_POINTS: Final = 4000  # more are not seen in a figure, only waited for
 
 def place_for_panels(ax: Axes | None, width_in: float, height_in: float) -> Figure | SubFigure:
     """A new figure of this size, or the place of given axes, from which they are removed."""
-    from matplotlib.figure import Figure
+    from tripwatt.figures import place_for_panels
 
-    if ax is None:
-        return Figure(figsize=(width_in, height_in), layout="constrained")
-    around, cell = ax.figure, ax.get_subplotspec()
-    assert cell is not None
-    ax.remove()
-    return around.add_subfigure(cell)
+    return place_for_panels(ax, width_in, height_in)
 
 
 def axes_or_new(ax: Axes | None) -> Axes:
     """The given axes, or those of a new figure."""
-    return place_for_panels(None, 5.0, 4.0).subplots() if ax is None else ax
+    from tripwatt.figures import axes_or_new
+
+    return axes_or_new(ax, 5.0, 4.0)
 
 
 def figure_of(drawn: Axes | SubFigure | Figure) -> Figure:
     """The whole figure of what was drawn."""
-    figure = drawn.figure
-    return figure if figure is figure.figure else figure.figure
+    from tripwatt.figures import figure_of
+
+    return figure_of(drawn)
 
 
 def thin_index(n: int) -> NDArray[np.intp]:
