@@ -290,7 +290,7 @@ class Diagnosis:
     >>> from tripwatt.gam.model import GAMM
     >>> x = np.linspace(0, 1, 60)
     >>> frame = pd.DataFrame({"x": x, "y": np.sin(6 * x) + 0.2 * np.cos(90 * x)})
-    >>> result = GAMM("y ~ s(x, k=8)").fit(frame).diagnosis()
+    >>> result = Diagnosis.from_model(GAMM("y ~ s(x, k=8)").fit(frame))
     >>> result.frame().shape
     (60, 5)
     >>> len(result.plot().axes)

@@ -88,14 +88,19 @@ class GAMM(Estimator):
     [False, True]
     >>> model.leave_groups_out(frame, y, groups="trip").shape
     (100,)
+    >>> model.summary().formula, list(model.effects(frame)), model.diagnosis().qq.distribution.name
+    ('~ s(x)', ['s(x)'], 'normal')
+    >>> model.variance_components()["term"].tolist(), len(model.plot(frame).axes)
+    (['Residual'], 1)
     """
 
     def summary(self) -> Summary:
-        """Tables, tests and scores: ``print(model.summary().text())``.
+        """Summarise the fit: ``print(model.summary().text())``.
 
         Returns
         -------
         Summary
+            Tables, tests and scores.
         """
         return Summary.from_model(self)
 
@@ -160,5 +165,6 @@ class GAMM(Estimator):
         Returns
         -------
         matplotlib Figure
+            The figure that the panels are in.
         """
         return plot_effects(self.effects(frame), ax, columns)

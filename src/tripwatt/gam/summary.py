@@ -74,7 +74,7 @@ class Summary:
     >>> from tripwatt.gam.model import GAMM
     >>> x = np.linspace(0, 1, 60)
     >>> frame = pd.DataFrame({"x": x, "y": np.sin(6 * x) + 0.2 * np.cos(90 * x)})
-    >>> result = GAMM("y ~ s(x, k=8)").fit(frame).summary()
+    >>> result = Summary.from_model(GAMM("y ~ s(x, k=8)").fit(frame))
     >>> list(result.frame()["kind"]), [label for label, _, _ in result.rows()]
     (['parametric', 'smooth'], ['(Intercept)', 'EDF: s(x)'])
     >>> list(result.scores())
@@ -223,7 +223,7 @@ class Summary:
             shown = self.variance.drop(columns="variance").to_string(
                 index=False, na_rep="", float_format="%.4f"
             )
-            lines += ["", "Variance components:", shown]
+            lines += ["", "Variance components:", *map(str.rstrip, shown.split("\n"))]
         lines += ["", f"Stars: {_LEGEND}", ""]
         lines += [f"{label + ':':<20}{value}" for label, value in self.scores().items()]
         lines += ["", *(f"Note: {note}" for note in self.notes)] if self.notes else []
