@@ -134,10 +134,9 @@ def check_columns(formula: Formula, frame: pd.DataFrame) -> None:
                 factor = is_factor(frame[name]) and (plain or name == getattr(term, "by", None))
             if isinstance(term, Parametric) and term.levels is not None:
                 factor = True
-            missing = (
+            faults += (
                 missing_levels(frame, name, term.label) if factor else numbers(frame, name, term.label)[1]
             )
-            faults += missing
     labels = [term.label for term in formula.terms]
     for label in sorted({label for label in labels if labels.count(label) > 1}):
         faults.append(Fault("term given twice", label, f"{labels.count(label)} times", "once"))

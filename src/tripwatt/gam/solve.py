@@ -108,16 +108,13 @@ def _gaussian(
 ) -> Solution | None:
     if settings.rho is not None:
         return fit_gaussian(data, stack, settings.rho, True, scale)
-    solutions = [
-        solution
-        for shift in (0.0, -8.0)  # the score may have two optima; the lower one counts
-        if (
-            solution := fit_gaussian(data, stack, None, False, scale, max_iter=settings.max_iter, shift=shift)
-        )
+    # the score may have two optima; the lower one counts
+    fits = [
+        fit_gaussian(data, stack, None, False, scale, max_iter=settings.max_iter, shift=shift)
+        for shift in (0.0, -8.0)
     ]
-    return (
-        min(solutions, key=lambda solution: (not solution.converged, solution.score)) if solutions else None
-    )
+    found = [fit for fit in fits if fit is not None]
+    return min(found, key=lambda fit: (not fit.converged, fit.score), default=None)
 
 
 def _subset_start(rows: TableRows, y: FloatArray, stack: PenaltyStack, settings: FitSettings) -> State | None:
@@ -160,22 +157,16 @@ def _scaled_t(
 
 def _at(problem: Problem, rho: float) -> Solution | None:
     """Fit at a given autocorrelation, with a ridge where it takes one."""
-    settings, stack, data = problem.settings, problem.stack, problem.normal(rho)
-    fitted = None
-    if isinstance(settings.family, Gaussian):
-        scale = settings.family.scale
-        fitted = _gaussian(data, stack, settings, scale) or _gaussian(
-            _with_ridge(data), stack, settings, scale
-        )
-    else:
-        rows, y = problem.whitened(rho)
-        fitted = _scaled_t(rows, y, data, stack, settings) or _scaled_t(
-            rows, y, _with_ridge(data), stack, settings
-        )
-        if fitted is not None:
+    settings, stack, plain = problem.settings, problem.stack, problem.normal(rho)
+    for data in (plain, _with_ridge(plain)):
+        if isinstance(settings.family, Gaussian):
+            fitted = _gaussian(data, stack, settings, settings.family.scale)
+        elif fitted := _scaled_t(*problem.whitened(rho), data, stack, settings):
             fitted.score -= data.log_jacobian
-    white = None if problem.previous is None else Whitening(problem.previous, rho)
-    return None if fitted is None else replace(fitted, white=white)
+        if fitted is not None:
+            white = None if problem.previous is None else Whitening(problem.previous, rho)
+            return replace(fitted, white=white)
+    return None
 
 
 def _solve(problem: Problem) -> Solution | None:

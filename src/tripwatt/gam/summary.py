@@ -61,12 +61,12 @@ class Summary:
         Whether nu stopped at the least value it was allowed.
     converged : bool
         Whether the fit did.
+    variance : pandas.DataFrame
+        Standard deviations of random effects and errors, as of `GAMM.variance_components`.
     message : str
         What ended the fit.
     notes : tuple of str
         Reductions that the data forced: columns removed, levels without data.
-    variance : pandas.DataFrame
-        Of `GAMM.variance_components`; empty in a model without random effects.
 
     Examples
     --------
@@ -102,9 +102,9 @@ class Summary:
     sigma: float
     nu_at_bound: bool
     converged: bool
+    variance: pd.DataFrame
     message: str = ""
     notes: tuple[str, ...] = ()
-    variance: pd.DataFrame | None = None
 
     @classmethod
     def from_model(cls, model: Estimator) -> Summary:
@@ -187,7 +187,7 @@ class Summary:
             Label to text; with random effects and REML also -2 log of the restricted likelihood, which lme4 prints as
             the REML criterion.
         """
-        mixed = self.method == "REML" and self.variance is not None and len(self.variance) > 1
+        mixed = self.method == "REML" and len(self.variance) > 1
         return {
             "R2 (adjusted)": f"{self.r2:.3f}",
             "Deviance explained": f"{100 * self.deviance_explained:.1f} %",
@@ -219,7 +219,7 @@ class Summary:
         for title, table, heads, style in tables:
             if len(table):
                 lines += ["", f"{title}:", *_align(table, heads, style)]
-        if self.variance is not None and len(self.variance) > 1:
+        if len(self.variance) > 1:
             shown = self.variance.drop(columns="variance").to_string(
                 index=False, na_rep="", float_format="%.4f"
             )
