@@ -7,16 +7,20 @@ departure and a guess of the sun.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
-from tripwatt.arrays import FloatArray
+from tripwatt.arrays import FloatArray, distance_driven, running_sum
 from tripwatt.vehicles import Climate
 
 CONTROL_STEP_S: Final = 10.0
 """Step of the climate control; the cabin's air responds in about a minute."""
+
+LEAST_SIDE_BY_SIDE: Final = 32
+"""Fewest cabins whose steps are computed as arrays: for fewer, plain numbers are faster."""
 
 UNKNOWN_SUN_W_M2: Final = 300.0
 """Irradiance when nothing is known: about the mean of a bright half-day in middle latitudes."""
@@ -118,6 +122,47 @@ class CabinRun:
     fan_power_w: FloatArray
 
 
+@dataclass(frozen=True, eq=False, slots=True)
+class CabinTask:
+    """A cabin to keep at its set-point along a speed trace: arrays of shape (samples,)."""
+
+    climate: Climate
+    time_s: FloatArray
+    speed_m_s: FloatArray
+    ambient_temperature_degc: float
+    start: CabinStart
+
+    def edges(self) -> FloatArray:
+        """Times between the steps of the control [s], shape (steps + 1,)."""
+        steps = max(1, math.ceil(float(self.time_s[-1] - self.time_s[0]) / CONTROL_STEP_S))
+        return np.asarray(self.time_s[0] + CONTROL_STEP_S * np.arange(steps + 1))
+
+    def mean_speeds(self, edges: FloatArray) -> FloatArray:
+        """Mean speed in each step of the control [m/s], shape (steps,)."""
+        distance = np.interp(edges, self.time_s, distance_driven(self.time_s, self.speed_m_s))
+        return np.asarray((distance[1:] - distance[:-1]) / CONTROL_STEP_S)
+
+    def run(self, edges: FloatArray, power: FloatArray, fan: FloatArray, air: FloatArray) -> CabinRun:
+        """The steps of the control at the samples: power of heater and compressor, share of the fans, air at the edges."""
+        climate, time = self.climate, self.time_s
+        fans = climate.blower_low_power_w + (climate.blower_high_power_w - climate.blower_low_power_w) * fan
+        frost = 0.5 + (climate.defrost_below_degc - self.ambient_temperature_degc) / DEFROST_WITHIN_K
+        if frost > 0.0 and self.start.mode != "cool":
+            share = min(frost, 1.0) * (1.0 - self.start.warmth)
+            fans[: math.ceil(climate.defrost_time_s / CONTROL_STEP_S)] += share * climate.defrost_power_w
+        step_s = time[1:] - time[:-1]
+
+        def means(of_step: FloatArray) -> FloatArray:
+            cumulative = np.interp(time, edges, running_sum(of_step * CONTROL_STEP_S))
+            result = np.empty_like(time)
+            result[0] = of_step[0]
+            np.divide(cumulative[1:] - cumulative[:-1], step_s, out=result[1:])
+            return np.maximum(result, 0.0)
+
+        fan_power = means(fans)
+        return CabinRun(means(power) + fan_power, np.interp(time, edges, air), fan_power)
+
+
 def condition_cabin(
     climate: Climate,
     time_s: FloatArray,
@@ -139,93 +184,102 @@ def condition_cabin(
     >>> bool(run.power_w[60] > run.power_w[-1]), bool(20.0 < run.temperature_degc[-1] < 22.5)
     (True, True)
     """
-    duration = float(time_s[-1] - time_s[0])
-    n_steps = max(1, math.ceil(duration / CONTROL_STEP_S))
-    edges = time_s[0] + CONTROL_STEP_S * np.arange(n_steps + 1)
-    distance = np.zeros_like(time_s)
-    step_s = time_s[1:] - time_s[:-1]
-    np.cumsum(0.5 * (speed_m_s[1:] + speed_m_s[:-1]) * step_s, out=distance[1:])
-    speed = np.diff(np.interp(edges, time_s, distance)) / CONTROL_STEP_S
-    heat, fans, air = _control_steps(climate, speed.tolist(), ambient_temperature_degc, start)
-
-    def means(power: FloatArray) -> FloatArray:
-        energy_j = np.zeros(n_steps + 1)
-        np.cumsum(power * CONTROL_STEP_S, out=energy_j[1:])
-        cumulative = np.interp(time_s, edges, energy_j)
-        result = np.empty_like(time_s)
-        result[0] = power[0]
-        result[1:] = (cumulative[1:] - cumulative[:-1]) / step_s
-        return np.maximum(result, 0.0)
-
-    fan_power = means(fans)
-    return CabinRun(means(heat) + fan_power, np.interp(time_s, edges, air), fan_power)
+    return condition_cabins([CabinTask(climate, time_s, speed_m_s, ambient_temperature_degc, start)])[0]
 
 
-def _control_steps(
-    climate: Climate, speeds: list[float], ambient: float, start: CabinStart
-) -> tuple[FloatArray, FloatArray, list[float]]:
-    """Electric power of heater and compressor, and of the fans, in each control step, and air temperature at its edges.
+def condition_cabins(tasks: Sequence[CabinTask]) -> list[CabinRun]:
+    """`condition_cabin` of each task, many of them side by side: best of similar lengths. O(samples + steps)."""
+    edges = [task.edges() for task in tasks]
+    speeds = [task.mean_speeds(own) for task, own in zip(tasks, edges, strict=True)]
+    if len(tasks) < LEAST_SIDE_BY_SIDE:
+        steps = [
+            _control_steps(_control(task), own.tolist(), min, max, bool)
+            for task, own in zip(tasks, speeds, strict=True)
+        ]
+    else:
+        together = np.zeros((max(map(len, speeds)), len(tasks)))
+        for column, own in enumerate(speeds):
+            together[: len(own), column] = own
+        control = np.array([_control(task) for task in tasks]).T
+        every = _control_steps(control, together, np.minimum, np.maximum, np.any)
+        steps = [tuple(values[:, column] for values in every) for column in range(len(tasks))]
+    return [
+        task.run(own, power[: len(own) - 1], fan[: len(own) - 1], air[: len(own)])
+        for task, own, (power, fan, air) in zip(tasks, edges, steps, strict=True)
+    ]
 
-    The loop has plain floats and no calls, for speed.
-    """
-    dt = CONTROL_STEP_S
-    air_rate = climate.air_heat_capacity_j_k / dt
-    interior_rate = climate.interior_heat_capacity_j_k / dt
+
+def _control(task: CabinTask) -> tuple[float, ...]:
+    """What one step of the control computes with, in the order in which `_control_steps` takes it."""
+    climate, start, ambient, dt = task.climate, task.start, task.ambient_temperature_degc, CONTROL_STEP_S
+    air_rate, interior_rate = climate.air_heat_capacity_j_k / dt, climate.interior_heat_capacity_j_k / dt
     exchange = climate.interior_exchange_w_k
     sun = climate.solar_aperture_m2 * start.solar_irradiance_w_m2
     to_air = climate.occupant_heat_w + climate.solar_share_to_air * sun
-    to_interior = (1.0 - climate.solar_share_to_air) * sun
+    shell = climate.shell_w_k + climate.fresh_air_low_w_k
     approach = 1.0 - math.exp(-dt / climate.control_time_s)
-    setpoint = start.setpoint_degc
-    fan_range = climate.fresh_air_high_w_k - climate.fresh_air_low_w_k
-    blower_range = climate.blower_high_power_w - climate.blower_low_power_w
-    most_heat = climate.heater_max_heat_w if start.mode != "cool" else 0.0
-    most_cooling = climate.cooler_max_heat_w if start.mode != "heat" else 0.0
-    full_heat, full_cooling = climate.heater_max_heat_w, climate.cooler_max_heat_w
-    most_pumped, pump_cop = heat_pump_heat(ambient, climate), heat_pump_cop(ambient, climate)
-    resistive, cooler_cop = climate.heater_efficiency, climate.cooler_cop
-    idle = climate.compressor_idle_w
-    shell, per_speed = climate.shell_w_k, climate.shell_per_speed_w_s_k_m
-    low_fresh, high_fresh = climate.fresh_air_low_w_k, climate.fresh_air_high_w_k
+    resistive, pumped = 1.0 / climate.heater_efficiency, 1.0 / heat_pump_cop(ambient, climate)
     interior_sum = interior_rate + exchange
-    air = interior = start.temperature_degc
-    fan = 0.0
-    powers: list[float] = []
-    shares: list[float] = []
-    temperatures = [air]
+    return (
+        start.temperature_degc,
+        ambient,
+        air_rate,
+        exchange,
+        air_rate + shell + exchange,
+        to_air + shell * ambient,
+        climate.shell_per_speed_w_s_k_m,
+        climate.fresh_air_high_w_k - climate.fresh_air_low_w_k,
+        1.0 - approach,
+        approach * start.setpoint_degc,
+        climate.heater_max_heat_w if start.mode != "cool" else 0.0,
+        climate.cooler_max_heat_w if start.mode != "heat" else 0.0,
+        heat_pump_heat(ambient, climate),
+        resistive,
+        pumped - resistive,
+        1.0 / climate.cooler_cop,
+        climate.compressor_idle_w,
+        1.0 / climate.heater_max_heat_w,
+        1.0 / climate.cooler_max_heat_w,
+        interior_rate / interior_sum,
+        exchange / interior_sum,
+        (1.0 - climate.solar_share_to_air) * sun / interior_sum,
+    )
+
+
+def _control_steps(
+    control: Sequence[Any], speeds: Iterable[Any], smaller: Any, larger: Any, some: Any
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Power of heater and compressor [W] and share of the fans in each control step, and air temperature at its edges [°C].
+
+    Numbers of one cabin with `min`, `max` and `bool`, arrays of several with NumPy's functions; the loop has few calls, for speed.
+    """
+    air, ambient, air_rate, exchange, rates, inflow, per_speed, fan_range, keep, aim, *others = control
+    most_heat, most_cooling, most_pumped, resistive, pumped, cooler, idle, *others = others
+    per_heat, per_cooling, interior_keeps, interior_takes, interior_gains = others
+    interior, fan = air, 0.0 * air
+    powers, shares, temperatures = [], [], [air]
     for speed in speeds:
-        fresh = low_fresh + fan * fan_range
-        loss = shell + per_speed * speed + fresh
-        total = air_rate + loss + exchange
-        given = air_rate * air + loss * ambient + exchange * interior + to_air
-        wanted = total * (air + approach * (setpoint - air)) - given
-        if wanted >= 0.0:
-            heat = wanted if wanted < most_heat else most_heat
-            pumped = heat if heat < most_pumped else most_pumped
-            power = pumped / pump_cop + (heat - pumped) / resistive
-            fan = heat / full_heat
+        through = per_speed * speed + fan * fan_range
+        total = rates + through
+        given = air_rate * air + exchange * interior + through * ambient + inflow
+        wanted = total * (keep * air + aim) - given
+        heat = smaller(larger(wanted, 0.0), most_heat)
+        power = heat * resistive + smaller(heat, most_pumped) * pumped
+        if some(wanted < 0.0):
+            surplus = larger(-wanted, 0.0)
+            free = smaller((1.0 - fan) * fan_range * larger(air - ambient, 0.0), surplus)
+            cooling = smaller(surplus - free, most_cooling)
+            power = power + larger(cooling * cooler, idle * smaller(cooling * (1.0 / IDLE_FROM_W), 1.0))
+            fan = heat * per_heat + smaller((cooling + free) * per_cooling, 1.0)
+            heat = heat - (cooling + free)
         else:
-            free = (high_fresh - fresh) * (air - ambient) if air > ambient else 0.0
-            free = free if free < -wanted else -wanted
-            cooling = -wanted - free
-            cooling = cooling if cooling < most_cooling else most_cooling
-            heat = -cooling - free
-            power = cooling / cooler_cop
-            least = idle if cooling > IDLE_FROM_W else idle * (cooling / IDLE_FROM_W)
-            power = power if power > least else least
-            fan = -heat / full_cooling
-            fan = fan if fan < 1.0 else 1.0
+            fan = heat * per_heat
         air = (given + heat) / total
-        interior = (interior_rate * interior + exchange * air + to_interior) / interior_sum
+        interior = interior_keeps * interior + interior_takes * air + interior_gains
         powers.append(power)
         shares.append(fan)
         temperatures.append(air)
-    fans = climate.blower_low_power_w + blower_range * np.array(shares)
-    frost = 0.5 + (climate.defrost_below_degc - ambient) / DEFROST_WITHIN_K
-    if frost > 0.0 and start.mode != "cool":
-        share = min(frost, 1.0) * (1.0 - start.warmth)
-        fans[: math.ceil(climate.defrost_time_s / dt)] += share * climate.defrost_power_w
-    return np.array(powers), fans, temperatures
+    return np.array(powers), np.array(shares), np.array(temperatures)
 
 
 def heat_pump_heat(ambient_temperature_degc: float, climate: Climate) -> float:

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from tripwatt.arrays import BoolArray, FloatArray, running_sum
+from tripwatt.arrays import BoolArray, FloatArray, PerTrip, running_sum
 from tripwatt.physics.relaxation import Relaxation
 from tripwatt.trips import STEEPEST_GRADE
 from tripwatt.units import (
@@ -50,8 +50,8 @@ def air_density(temperature_degc: float, elevation_m: float = 0.0) -> float:
 
 def aero_drag_force(
     speed_m_s: FloatArray,
-    drag_area_m2: float,
-    density_kg_m3: float,
+    drag_area_m2: PerTrip,
+    density_kg_m3: PerTrip,
     headwind_m_s: FloatArray | None = None,
 ) -> FloatArray:
     """Air drag ρ/2 · c_d A · (v + w) |v + w| [N], shape of `speed_m_s`; w is the wind against the car.
@@ -64,7 +64,7 @@ def aero_drag_force(
     (array([36.]), array([-36.]))
     """
     if headwind_m_s is None:
-        return 0.5 * density_kg_m3 * drag_area_m2 * speed_m_s * speed_m_s
+        return np.asarray(0.5 * density_kg_m3 * drag_area_m2 * speed_m_s * speed_m_s)
     against = speed_m_s + headwind_m_s
     return np.asarray(0.5 * density_kg_m3 * drag_area_m2 * against * np.abs(against), dtype=np.float64)
 
@@ -88,7 +88,10 @@ def wet_factor(rain_mm_h: float) -> float:
 
 
 def rolling_resistance_force(
-    speed_m_s: FloatArray, mass_kg: float, coefficients: tuple[float, float], cosine: FloatArray | float = 1.0
+    speed_m_s: FloatArray,
+    mass_kg: PerTrip,
+    coefficients: tuple[float, float],
+    cosine: FloatArray | float = 1.0,
 ) -> FloatArray:
     """Rolling and driveline drag m g cos(α) · (c0 + c1 v) [N]; zero at standstill. Shape of `speed_m_s`.
 
@@ -126,13 +129,19 @@ def rolling_factor(
     >>> rolling_factor(np.full(3, 22.2), np.array([0.0, 900.0, 1e5]), 20.0, tyres).round(2)
     array([1.3 , 1.11, 1.  ])
     """
+    return warming_factor(speed_m_s, step_s, tyres.weather_factor(temperature_degc), tyres, initial_warmth)
+
+
+def warming_factor(
+    speed_m_s: FloatArray, step_s: FloatArray, weather: PerTrip, tyres: Tyres, initial_warmth: PerTrip
+) -> FloatArray:
+    """`rolling_factor` of one or more trips, `weather` being that of the warm car. Shape of `speed_m_s`."""
     settled = np.sqrt(np.minimum(speed_m_s / tyres.warm_up_speed_m_s, 1.0))
     warmth = Relaxation(step_s / tyres.warm_up_time_s).solve(initial_warmth, settled)
-    weather = tyres.weather_factor(temperature_degc)
     return np.asarray(np.maximum(weather * (1.0 + tyres.cold_excess * (1.0 - warmth)), 0.5), dtype=np.float64)
 
 
-def grade_force(grade: FloatArray, mass_kg: float) -> FloatArray:
+def grade_force(grade: FloatArray, mass_kg: PerTrip) -> FloatArray:
     """Downhill force m g sin(α) [N] for `grade` = tan(α), shape of `grade`.
 
     Examples
@@ -140,10 +149,10 @@ def grade_force(grade: FloatArray, mass_kg: float) -> FloatArray:
     >>> grade_force(np.array([0.0, 0.75]), 1000.0).round(2)
     array([   0.  , 5883.99])
     """
-    return mass_kg * GRAVITY_M_S2 * grade / np.sqrt(1.0 + grade * grade)
+    return np.asarray(mass_kg * GRAVITY_M_S2 * grade / np.sqrt(1.0 + grade * grade))
 
 
-def inertia_force(acceleration_m_s2: FloatArray, mass_kg: float, rotating_mass_factor: float) -> FloatArray:
+def inertia_force(acceleration_m_s2: FloatArray, mass_kg: PerTrip, rotating_mass_factor: float) -> FloatArray:
     """Force that accelerates the car and its rotating parts [N], shape of `acceleration_m_s2`.
 
     Examples
@@ -151,7 +160,7 @@ def inertia_force(acceleration_m_s2: FloatArray, mass_kg: float, rotating_mass_f
     >>> inertia_force(np.array([1.0]), 1000.0, 1.04)
     array([1040.])
     """
-    return mass_kg * rotating_mass_factor * acceleration_m_s2
+    return np.asarray(mass_kg * rotating_mass_factor * acceleration_m_s2)
 
 
 def grade_from_elevation(time_s: FloatArray, speed_m_s: FloatArray, elevation_m: FloatArray) -> FloatArray:
