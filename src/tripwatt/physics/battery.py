@@ -147,12 +147,12 @@ def first_guess(
     initial_soc: PerTrip,
     initial_temperature_degc: PerTrip,
 ) -> tuple[FloatArray, FloatArray]:
-    """State of charge and temperature to start the passes of `discharge` from, shape of `power_w`. O(samples)."""
+    """State of charge, shape of `power_w`, and constant temperature to start the passes of `discharge` from. O(samples)."""
     nominal = open_circuit_voltage(initial_soc, battery)
     drawn = (power_w * (step_s / (battery.capacity_ah * SECONDS_PER_HOUR))).cumsum(axis=-1) / nominal
     halfway = open_circuit_voltage(initial_soc - 0.5 * drawn[..., -1:], battery)
     soc = initial_soc - drawn * (nominal / halfway)
-    return soc, np.broadcast_to(initial_temperature_degc, soc.shape)
+    return soc, np.broadcast_to(initial_temperature_degc, nominal.shape if nominal.ndim else (1,))
 
 
 def discharge(
@@ -191,12 +191,17 @@ def discharge(
     soc, temperature = guess
     empty = np.minimum(initial_soc, battery.displayed_zero_soc)
     room = np.maximum(battery.displayed_full_soc - initial_soc, 0.0)
+    highest_w = power_w.max(axis=-1, keepdims=True)
     for _ in range(MOST_PASSES):
         before = np.maximum(shift(initial_soc, soc), empty)
         ocv = open_circuit_voltage(before, battery)
         resistance = internal_resistance(before, shift(initial_temperature_degc, temperature), battery)
-        bound = largest_power(ocv, resistance, floor_v)
-        allowed = np.minimum(power_w, bound)
+        least = largest_power(
+            ocv.min(axis=-1, keepdims=True), resistance.max(axis=-1, keepdims=True), floor_v
+        )
+        limited = (highest_w > least).any()  # the power of a trip beyond the least bound of its intervals
+        bound = largest_power(ocv, resistance, floor_v) if limited else least
+        allowed = np.minimum(power_w, bound) if limited else power_w
         wanted = battery_current(allowed, ocv, resistance)
         gained, refused = kept_charge(-wanted * per_step, room)
         spills = bool(refused.any())

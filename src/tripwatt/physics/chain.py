@@ -13,7 +13,6 @@ import numpy as np
 
 from tripwatt.arrays import BoolArray, FloatArray, PerTrip
 from tripwatt.physics.battery import BatteryRun, discharge, first_guess, shift
-from tripwatt.physics.cabin import CabinRun
 from tripwatt.physics.conditions import DriveConditions
 from tripwatt.physics.drivetrain import Propulsion, propulsion, regeneration_acceptance, with_refused
 from tripwatt.physics.road_load import (
@@ -140,7 +139,7 @@ class Driven:
     """One drive or several, driven."""
 
     trace: Trace
-    cabin: CabinRun
+    climate_power_w: FloatArray
     forces: Forces
     wheel_power_w: FloatArray
     base_load_w: FloatArray
@@ -151,7 +150,7 @@ class Driven:
     @property
     def auxiliary_power_w(self) -> FloatArray:
         """Climate control and the rest [W]."""
-        return self.cabin.power_w + self.base_load_w
+        return self.climate_power_w + self.base_load_w
 
     def by_cause_w(self) -> dict[str, FloatArray]:
         """Power at the battery terminals [W] by each of `CAUSES`; they sum to that of the battery."""
@@ -168,25 +167,26 @@ class Driven:
             "friction_brakes": drive.friction_brake_power_w,
             "drivetrain": drive.motor_power_w - driven,
             "base_load": self.base_load_w,
-            "climate": self.cabin.power_w,
+            "climate": self.climate_power_w,
             "shortfall": -shortfall,
         }
 
 
-def drive_chain(vehicle: Vehicle, trace: Trace, known: Known, cabin: CabinRun) -> Driven:
+def drive_chain(vehicle: Vehicle, trace: Trace, known: Known, climate_power_w: FloatArray) -> Driven:
     """Road load, drivetrain, auxiliaries and battery, one after the other. O(samples)."""
     forces = _forces(vehicle, trace, known)
     wheel_power = (forces.aero + forces.rolling + forces.climb + forces.inertia) * trace.mean_speed_m_s
     base_load = _base_load(vehicle, trace, known)
-    drive, battery = _drive_and_battery(vehicle, trace, wheel_power, cabin.power_w + base_load, known)
+    drive, battery = _drive_and_battery(vehicle, trace, wheel_power, climate_power_w + base_load, known)
     lost_wh = _lost_when_full_wh(vehicle, trace, wheel_power, drive, battery)
     flags = _flags(vehicle, trace.step_s, drive, battery, lost_wh)
-    return Driven(trace, cabin, forces, wheel_power, base_load, drive, battery, flags)
+    return Driven(trace, climate_power_w, forces, wheel_power, base_load, drive, battery, flags)
 
 
 def _forces(vehicle: Vehicle, trace: Trace, known: Known) -> Forces:
     load, speed = vehicle.road_load, trace.mean_speed_m_s
-    cosine = 1.0 / np.sqrt(1.0 + trace.grade * trace.grade)
+    flat = not trace.grade.any()
+    cosine = 1.0 if flat else 1.0 / np.sqrt(1.0 + trace.grade * trace.grade)
     rolling = rolling_resistance_force(speed, known.mass_kg, load.rolling_coefficients, cosine)
     if vehicle.tyres is not None:
         rolling *= warming_factor(speed, trace.step_s, known.weather, vehicle.tyres, known.warmth)
@@ -194,7 +194,7 @@ def _forces(vehicle: Vehicle, trace: Trace, known: Known) -> Forces:
     return Forces(
         aero=aero_drag_force(speed, load.drag_area_m2, known.density_kg_m3, trace.headwind_m_s),
         rolling=rolling,
-        climb=grade_force(trace.grade, known.mass_kg),
+        climb=trace.grade if flat else grade_force(trace.grade, known.mass_kg),
         # Mean speed times change of speed is the change of v²/2: kinetic energy adds up exactly over a trip.
         inertia=inertia_force(trace.acceleration_m_s2, known.mass_kg, vehicle.body.rotating_mass_factor),
     )
@@ -227,13 +227,17 @@ def _drive_and_battery(
         power = drive.motor_power_w + auxiliary
         guess = first_guess(battery, power, step, soc, temperature) if guess is None else guess
         run = discharge(battery, power, step, known.ambient_degc, soc, temperature, guess=guess)
+        fullest = np.maximum(soc, run.soc.max(axis=-1, keepdims=True))
+        coldest = np.minimum(temperature, run.temperature_degc.min(axis=-1, keepdims=True))
+        lowest = np.minimum(regeneration_acceptance(fullest, coldest, rules), acceptance)
+        if (hardest <= rules.max_power_w * lowest.min(axis=-1, keepdims=True)).all():
+            break  # no braking meets the limit
         states = shift(soc, run.soc), shift(temperature, run.temperature_degc)
         accepted = regeneration_acceptance(*states, rules)
         if trace.beyond is not None:
             accepted[trace.beyond] = 1.0
         change = np.abs(accepted - acceptance).max(axis=-1, keepdims=True)
         lowest = np.minimum(accepted, acceptance).min(axis=-1, keepdims=True)
-        # where no braking of a trip meets the limit, it does not matter either
         settled = (change < ACCEPTANCE_TOLERANCE) | (hardest <= rules.max_power_w * lowest)
         if settled.all():
             break

@@ -308,12 +308,6 @@ class Drive:
     cabin: CabinTask | None
     climate_power_w: FloatArray
 
-    def without_cabin(self) -> CabinRun:
-        """Climate control with the given power."""
-        time = self.time_s
-        power = np.broadcast_to(self.climate_power_w, time.shape)
-        return CabinRun(power, np.full_like(time, np.nan), np.zeros_like(time))
-
 
 def drive_of(
     vehicle: Vehicle,
@@ -371,13 +365,23 @@ def drive_of_trip(vehicle: Vehicle, trip: Recorded | Plan) -> Drive:
 def simulate_drive(drive: Drive) -> Simulation:
     """Drive one drive alone."""
     trace = Trace.from_samples(drive.time_s, drive.speed_m_s, drive.grade, drive.headwind_m_s)
-    cabin = drive.without_cabin() if drive.cabin is None else condition_cabins([drive.cabin])[0]
-    driven = drive_chain(drive.vehicle, trace, drive.known, cabin)
-    return Simulation(**simulated(driven), flags=driven.flags[0])
+    cabin = None if drive.cabin is None else condition_cabins([drive.cabin])[0]
+    power = np.broadcast_to(drive.climate_power_w, drive.time_s.shape) if cabin is None else cabin.power_w
+    driven = drive_chain(drive.vehicle, trace, drive.known, power)
+    return Simulation(**simulated(driven), **at_samples(drive, cabin), flags=driven.flags[0])
+
+
+def at_samples(drive: Drive, cabin: CabinRun | None) -> dict[str, FloatArray]:
+    """The arrays of `Simulation` of the cabin, without a climate control where there is none."""
+    time = drive.time_s
+    return {
+        "fan_power_w": np.zeros_like(time) if cabin is None else cabin.fan_power_w,
+        "cabin_temperature_degc": np.full_like(time, np.nan) if cabin is None else cabin.temperature_degc,
+    }
 
 
 def simulated(driven: Driven) -> dict[str, Any]:
-    """The arrays of `Simulation`, of one drive or of several."""
+    """The arrays of `Simulation` of one drive or of several, but those of the cabin."""
     trace, forces, drive, battery = driven.trace, driven.forces, driven.drive, driven.battery
     return {
         "time_s": trace.time_s,
@@ -391,13 +395,11 @@ def simulated(driven: Driven) -> dict[str, Any]:
         "regen_power_w": np.maximum(-drive.motor_power_w, 0.0),
         "friction_brake_power_w": drive.friction_brake_power_w,
         "auxiliary_power_w": driven.auxiliary_power_w,
-        "climate_power_w": driven.cabin.power_w,
-        "fan_power_w": driven.cabin.fan_power_w,
+        "climate_power_w": driven.climate_power_w,
         "battery_power_w": battery.power_w,
         "battery_current_a": battery.current_a,
         "terminal_voltage_v": battery.terminal_voltage_v,
         "battery_temperature_degc": battery.temperature_degc,
-        "cabin_temperature_degc": driven.cabin.temperature_degc,
         "soc": np.minimum(np.maximum(battery.soc, 0.0), 1.0),
         "battery_loss_w": battery.open_circuit_power_w - battery.power_w,
         "energy_wh": (battery.power_w * (trace.step_s * WH_PER_J)).cumsum(axis=-1),

@@ -32,7 +32,8 @@ def motor_loss(torque_nm: FloatArray, speed_rad_s: FloatArray, drivetrain: Drive
     iron = (
         drivetrain.iron_loss_linear + drivetrain.iron_loss_quadratic * speed_rad_s
     ) * speed_rad_s  # negative below about 20 rad/s, where the fit does not hold
-    iron = np.maximum(iron, 0.0) * torque**drivetrain.iron_loss_torque_exponent
+    with np.errstate(divide="ignore"):  # a power costs twice as much as its logarithm
+        iron = np.maximum(iron, 0.0) * np.exp(drivetrain.iron_loss_torque_exponent * np.log(torque))
     of_machine = _given_flux if drivetrain.machine == "permanent_magnet" else _chosen_flux
     loss = of_machine(torque, speed_rad_s, iron, drivetrain) + drivetrain.inverter_fixed_loss_w
     loss = drivetrain.motor_loss_factor * loss + drivetrain.flux_loss_w_s2_rad2 * speed_rad_s**2
