@@ -98,7 +98,8 @@ def trip_totals(pairs: Iterable[Pair]) -> dict[str, list[Any]]:
 
 
 def _in_order(
-    pairs: Iterable[Pair], results: Callable[[Sequence[Drive], Driven, Sequence[CabinRun | None]], list[_Result]]
+    pairs: Iterable[Pair],
+    results: Callable[[Sequence[Drive], Driven, Sequence[CabinRun | None]], list[_Result]],
 ) -> Iterator[_Result]:
     """Results of the pairs in their order, a window of them at a time."""
     # once freed, it stops the C library from handing freed memory back to the system, whose new pages cost more than the chain
@@ -133,8 +134,7 @@ def _chunks(
         of_car[id(drive.vehicle)] = car
         kinds.setdefault((drive.headwind_m_s is None, *car), []).append(number)
     for members in kinds.values():
-        # similar energies, which follow the mean speed, take as many passes of the battery
-        members.sort(key=lambda i: (_length_class(drives[i]), float(drives[i].speed_m_s.mean())))
+        members.sort(key=lambda i: _likeness(drives[i]))
         cabins = _cabins([drives[i] for i in members])
         first = 0
         while first < len(members):
@@ -149,8 +149,12 @@ def _chunks(
             first = last
 
 
-def _length_class(drive: Drive) -> int:
-    return round(LENGTHS_PER_OCTAVE * math.log2(len(drive.time_s)))
+def _likeness(drive: Drive) -> tuple[int, bool, float]:
+    """Class of length; whether the battery limits regeneration, and the mean speed, which decide how many passes it takes."""
+    rules, known = drive.vehicle.regeneration, drive.known
+    limited = known.battery_degc < rules.full_temperature_degc or known.soc > rules.full_soc
+    length = round(LENGTHS_PER_OCTAVE * math.log2(len(drive.time_s)))
+    return length, bool(limited), float(drive.speed_m_s.mean())
 
 
 def _cabins(drives: Sequence[Drive]) -> list[CabinRun | None]:
