@@ -17,7 +17,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
-    from tripwatt.api import adapt, fit, forecast, read_route, read_trips, simulate
+    from tripwatt.api import adapt, fit, forecast, read_route, read_trips, simulate, sweep
     from tripwatt.auditing import audit
     from tripwatt.certification import describe_car
     from tripwatt.errors import InvalidInput
@@ -62,6 +62,7 @@ __all__ = [
     "read_trips",
     "save_model",
     "simulate",
+    "sweep",
     "synthetic_fleet",
 ]
 
@@ -92,6 +93,7 @@ _HOMES: Final = {
     "read_trips": "api",
     "save_model": "forecasting",
     "simulate": "api",
+    "sweep": "api",
     "synthetic_fleet": "synthetic",
 }
 """Public name -> the module that holds it."""

@@ -77,7 +77,7 @@ def trip_totals(pairs: Iterable[Pair]) -> dict[str, list[Any]]:
     Returns
     -------
     dict of str to list
-        In the order of the pairs: `energy_wh` at the battery terminals, `energy_<cause>_wh` by each of `CAUSES`, `soc` of the
+        In the order of the pairs: `trip`, `car`, `duration_s`, `distance_m`, `energy_wh` at the battery terminals, `energy_<cause>_wh` by each of `CAUSES`, `soc` of the
         battery management at the end, and the `flags`.
 
     Raises
@@ -116,7 +116,7 @@ def _prepared(window: Sequence[Pair]) -> list[Drive]:
     drives, faults = [], list[Fault]()
     for vehicle, trip in window:
         try:
-            drives.append(drive_of_trip(vehicle, trip))
+            drives.append(replace(drive_of_trip(vehicle, trip), name=trip.trip_id))
         except InvalidInput as error:
             faults += [replace(fault, where=f"{trip.trip_id}, {fault.where}") for fault in error.faults]
     raise_faults(faults)
@@ -237,10 +237,20 @@ def _simulations(
 def _totals(
     drives: Sequence[Drive], driven: Driven, cabins: Sequence[CabinRun | None]
 ) -> list[dict[str, Any]]:
+    step_s = driven.trace.step_s
     powers = {"energy_wh": driven.battery.power_w}
     powers |= {f"energy_{cause}_wh": power for cause, power in driven.by_cause_w().items()}
-    step_h = driven.trace.step_s * WH_PER_J
-    sums = {name: np.einsum("...i,...i->...", power, step_h).tolist() for name, power in powers.items()}
-    soc = np.clip(driven.battery.soc[:, -1], 0.0, 1.0).tolist()
-    columns = [*sums.values(), soc, driven.flags]
-    return [dict(zip([*sums, "soc", "flags"], row, strict=True)) for row in zip(*columns, strict=True)]
+
+    def sums(rate: FloatArray, step: FloatArray) -> list[float]:
+        return list(np.einsum("...i,...i->...", rate, step).tolist())
+
+    columns: dict[str, Sequence[Any]] = {
+        "trip": [drive.name for drive in drives],
+        "car": [drive.vehicle.name for drive in drives],
+        "duration_s": [float(drive.time_s[-1] - drive.time_s[0]) for drive in drives],
+        "distance_m": sums(driven.trace.mean_speed_m_s, step_s),
+        **{name: sums(power, step_s * WH_PER_J) for name, power in powers.items()},
+        "soc": np.clip(driven.battery.soc[:, -1], 0.0, 1.0).tolist(),
+        "flags": driven.flags,
+    }
+    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]

@@ -225,8 +225,8 @@ def condition_cabins(tasks: Sequence[CabinTask]) -> list[CabinRun]:
         for column, own in enumerate(speeds):
             together[: len(own), column] = own
         control = np.array([_control(task) for task in tasks]).T
-        every = _control_steps(control, together, np.minimum, np.maximum, np.any)
-        steps = [tuple(values[:, column] for values in every) for column in range(len(tasks))]
+        powers, fans, airs = _control_steps(control, together, np.minimum, np.maximum, np.any)
+        steps = list(zip(powers.T, fans.T, airs.T, strict=True))
     return [
         task.run(own, power[: len(own) - 1], fan[: len(own) - 1], air[: len(own)])
         for task, own, (power, fan, air) in zip(tasks, edges, steps, strict=True)
@@ -271,7 +271,7 @@ def _control(task: CabinTask) -> tuple[float, ...]:
 
 
 def _control_steps(
-    control: Sequence[Any], speeds: Iterable[Any], smaller: Any, larger: Any, some: Any
+    control: Iterable[Any], speeds: Iterable[Any], smaller: Any, larger: Any, some: Any
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Power of heater and compressor [W] and share of the fans in each control step, and air temperature at its edges [°C].
 

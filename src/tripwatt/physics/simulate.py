@@ -307,6 +307,7 @@ class Drive:
     headwind_m_s: FloatArray | None
     cabin: CabinTask | None
     climate_power_w: FloatArray
+    name: str = ""
 
 
 def drive_of(
@@ -371,7 +372,7 @@ def simulate_drive(drive: Drive) -> Simulation:
     return Simulation(**simulated(driven), **at_samples(drive, cabin), flags=driven.flags[0])
 
 
-def at_samples(drive: Drive, cabin: CabinRun | None) -> dict[str, FloatArray]:
+def at_samples(drive: Drive, cabin: CabinRun | None) -> dict[str, Any]:
     """The arrays of `Simulation` of the cabin, without a climate control where there is none."""
     time = drive.time_s
     return {
