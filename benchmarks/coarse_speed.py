@@ -64,9 +64,8 @@ LOGGERS = {
 def energies(trip: Trip) -> FloatArray:
     """Simulated energy and its losses [Wh]."""
     simulation = tw.simulate(trip, VEHICLE)
-    return np.array(
-        [simulation.simulated_energy_wh, sum(simulation.energy_by_cause_wh[cause][-1] for cause in LOSSES)]
-    )
+    by_cause = simulation.by_cause_wh
+    return np.array([simulation.simulated_energy_wh, sum(by_cause[cause] for cause in LOSSES)])
 
 
 def errors(trips: Sequence[Trip], logger: Logger) -> FloatArray:

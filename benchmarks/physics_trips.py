@@ -30,7 +30,7 @@ def worst_closure(vehicle: Vehicle, trips: Sequence[Trip]) -> float:
     worst = 0.0
     for trip in trips:
         run = simulate_trip(vehicle, trip)
-        parts = sum(float(energy[-1]) for energy in run.energy_by_cause_wh.values())
+        parts = sum(run.by_cause_wh.values())
         worst = max(worst, abs(parts / run.simulated_energy_wh - 1.0))
     return worst
 

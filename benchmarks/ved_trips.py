@@ -92,8 +92,7 @@ def outcomes(trips: Sequence[Trip], vehicle: Vehicle) -> list[Outcome]:
                 log.observed_energy_wh,
                 run.simulated_energy_wh,
                 given.simulated_energy_wh,
-                float(run.energy_by_cause_wh["climate"][-1])
-                - float(np.trapezoid(run.fan_power_w, time)) * WH_PER_J,
+                run.by_cause_wh["climate"] - float(np.trapezoid(run.fan_power_w, time)) * WH_PER_J,
                 float(np.trapezoid(logged, time)) * WH_PER_J,
             )
         )

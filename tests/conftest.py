@@ -10,6 +10,7 @@ import typer.main
 import typer.testing
 from hypothesis import settings
 from tests.support import ROOT
+from tests.support.front_end import with_packages
 
 settings.register_profile("gate", derandomize=True, deadline=None)  # no test asserts a time
 settings.register_profile("search", deadline=None)
@@ -42,3 +43,9 @@ def data_dir() -> Path:
 @pytest.fixture(scope="session")
 def reference_dir() -> Path:
     return _shared("TRIPWATT_REFERENCE", "../shared/reference")
+
+
+@pytest.fixture(scope="session")
+def web(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The front end's sources with their packages of Node."""
+    return with_packages(tmp_path_factory.mktemp("front-end"))

@@ -58,7 +58,7 @@ def test_names_of_the_door_are_listed_and_in_the_change_log():
     releases = (ROOT / "docs" / "whatsnew").glob("*.md")
     log = "".join(page.read_text("utf-8") for page in (ROOT / "CHANGELOG.md", *releases))
     assert not [name for name in NAMES if f"`{name}`" not in log]
-    with pytest.raises(AttributeError, match="no attribute 'forcast'"):
+    with pytest.raises(AttributeError, match="No tripwatt attribute forcast"):
         tw.forcast  # noqa: B018
 
 
@@ -72,12 +72,12 @@ def test_importing_is_lazy():
 def test_each_name_is_the_same_object_after_all_submodules_are_imported():
     code = """
 import importlib, pkgutil, tripwatt as tw
-before = {name: getattr(tw, name) for name in tw.__all__}
+before = {name: getattr(tw, name) for name in tw.__all__ if name != "__version__"}
 for module in pkgutil.walk_packages(tw.__path__, "tripwatt."):
     if not module.name.endswith("__main__"):
         importlib.import_module(module.name)
 print([name for name, it in before.items() if getattr(tw, name) is not it])
-fresh = {name: vars(tw)[name] for name in tw.__all__}
+fresh = {name: getattr(tw, name) for name in before}
 print([name for name, it in fresh.items() if type(it).__name__ == "module"])
 """
     assert python(code).splitlines() == ["[]", "[]"]
@@ -106,6 +106,48 @@ def test_each_noun_shows_itself(model):
     assert repr(plan) == "<Plan commute: 10.0 km in 9 min, links of 5200 m>"
     assert repr(model) == f"<ForecastModel BMW i3 60 Ah, split corrector, {len(model.trip_ids_)} trips>"
     assert f"{forecast.energy_wh / 1000.0:.2f} kWh" in repr(forecast)
+
+
+def test_what_verbs_give_is_one_line():
+    fleet = tw.synthetic_fleet(2)
+    run = tw.simulate(tw.read_route(LINKS, trip_id="commute"), "vw_id3")
+    lines = {
+        repr(fleet): "<Fleet synthetic: 2 logs>",
+        repr(tw.audit(fleet)): "<Audit 2 drives out of 2 logs are used, 0 are not>",
+        repr(tw.load_vehicle("vw_id3")): "<Vehicle vw_id3: Volkswagen ID.3 58 kWh, preset default>",
+        repr(
+            run
+        ): f"<Simulation 9 min, {run.simulated_energy_wh / 1000.0:.2f} kWh, {len(run.time_s)} samples>",
+    }
+    assert list(lines) == list(lines.values())
+
+
+def test_a_fleet_of_files_has_what_was_read_in_its_line(tmp_path):
+    (tmp_path / "a.csv").write_text(tw.synthetic_fleet(1).logs[0].samples.to_csv(index=False))
+    (tmp_path / "b.csv").write_text("")
+    fleet = tw.read_logs(tmp_path, "table")
+    assert repr(fleet) == f"<Fleet {fleet.name}: 1 logs from {fleet.report}>"
+    assert repr(fleet.report) == f"<ReadingReport {fleet.report}>"
+    assert "2 files: 1 read, 1 left out" in repr(fleet)
+
+
+def test_a_forecast_and_a_simulation_have_energies_by_cause_of_one_kind(model):
+    plan = tw.read_route(LINKS)
+    forecast, run = model.forecast(plan), tw.simulate(plan, model.vehicle)
+    assert list(forecast.by_cause_wh) == [*run.by_cause_wh, "correction"]
+    for found, total in ((forecast, forecast.energy_wh), (run, run.simulated_energy_wh)):
+        assert {type(energy) for energy in found.by_cause_wh.values()} == {float}
+        assert sum(found.by_cause_wh.values()) == pytest.approx(total)
+    ends = {cause: energy[-1] for cause, energy in run.cumulative_by_cause_wh.items()}
+    assert run.by_cause_wh == pytest.approx(ends)
+
+
+def test_the_table_of_a_model_has_units(model):
+    rows = model._repr_html_()
+    seen = model.ranges_["ambient_temperature_degc"]
+    assert f"{seen.low:.3g} to {seen.high:.3g} °C" in rows
+    assert "km/h</td>" in rows
+    assert "e+03" not in rows
 
 
 def test_text_of_a_file_is_escaped_in_a_notebook():
@@ -203,6 +245,42 @@ def test_forecast_takes_what_read_route_reads(model):
     assert tw.forecast(LINKS, departure).energy_wh == model.forecast(plan, departure).energy_wh
     with pytest.raises(tw.InvalidInput, match=r"departure: got 0\.7; allowed: a Departure"):
         tw.forecast(plan, 0.7)
+
+
+def test_a_table_of_links_is_the_plan_of_its_rows(model):
+    links = pd.DataFrame(LINKS)  # NaN where a link has no grade
+    plan = tw.read_route(links, trip_id="commute")
+    assert plan.to_dict() == tw.read_route(LINKS, trip_id="commute").to_dict()
+    assert tw.forecast(links).to_dict() == model.forecast(tw.read_route(LINKS)).to_dict()
+
+
+def test_a_table_of_samples_is_a_speed_trace_with_its_departure():
+    samples = tw.synthetic_fleet(1).trips[0].samples
+    plan = tw.read_route(samples.iloc[5:], trip_id="drive")
+    assert plan.to_dict() == plan_from_samples(samples.iloc[5:], "drive").to_dict()
+    assert plan.link_m is None
+    assert plan.departure.bms_soc == samples["soc"][5]
+    with pytest.raises(tw.InvalidInput, match=r"speed has no effect: .* samples contains times or speeds"):
+        tw.read_route(samples, speed_m_s=10.0)
+
+
+WRONG_TABLES = {
+    "a unit of links": (pd.DataFrame(LINKS * 25).rename(columns={"speed_m_s": "speed_km_h"}), ["unknown column", "missing column"]),
+    "a missing length": (pd.DataFrame({"speed_m_s": [12.0] * 50}), ["missing column"]),
+    "a text of links": (pd.DataFrame(LINKS * 25).assign(speed_m_s="fast"), ["not a number"]),
+    "links without names": (pd.DataFrame([[1.0], [2.0]]), ["unknown column", "missing column", "missing column"]),
+    "a unit of samples": (pd.DataFrame({"time_s": [0.0, 1.0, 2.0], "speed_km_h": 5.0}), ["unknown column or unit", "missing column"]),
+    "a text of samples": (pd.DataFrame({"time_s": [0.0, 1.0, 2.0], "speed_m_s": "fast"}), ["not a number"]),
+    "a column twice": (pd.DataFrame([[0.0, 1.0, 1.0]] * 3, columns=["time_s", "speed_m_s", "speed_m_s"]), ["duplicate column"]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", WRONG_TABLES)
+def test_a_wrong_column_of_a_table_is_named_once(case):
+    table, faults = WRONG_TABLES[case]
+    with pytest.raises(tw.InvalidInput) as refused:
+        tw.read_route(table)
+    assert [fault.what for fault in refused.value.faults] == faults
 
 
 def test_a_file_of_the_tum_set_is_a_speed_trace(data_dir):

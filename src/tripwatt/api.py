@@ -29,14 +29,17 @@ from tripwatt.routes import (
 from tripwatt.routes.links import LinkRoute
 from tripwatt.routes.tracks import Track
 from tripwatt.sources import read_logs
-from tripwatt.sources.canonical import read_canonical
+from tripwatt.sources.canonical import canonical_samples, read_canonical
 from tripwatt.sources.tum import is_tum_log, read_tum_file
 from tripwatt.trips import Departure, Fleet, Plan, Trip, plan_from_samples, plan_from_trip
 from tripwatt.vehicles import ALIASES, Vehicle, load_vehicle, vehicle_document, vehicle_from_document
 
+Route = Path | str | bytes | pd.DataFrame | Sequence[Mapping[str, float | None]]
+"""What `read_route` reads."""
+
 
 def read_route(
-    source: Path | str | bytes | Sequence[Mapping[str, float | None]],
+    source: Route,
     *,
     speed_m_s: float | None = None,
     trip_id: str | None = None,
@@ -45,10 +48,11 @@ def read_route(
 
     Parameters
     ----------
-    source : path, bytes or sequence of mapping
+    source : path, bytes, DataFrame or sequence of mapping
         A file or its content: links as CSV or JSON, GPX, GeoJSON, a saved response of OSRM, Valhalla,
         openrouteservice or GraphHopper; or a driven speed trace as CSV or Parquet with canonical columns, of whose
-        other signals the first sample becomes the departure, or a file of the TUM set. Or links themselves, as `route_from_links` takes them.
+        other signals the first sample becomes the departure, or a file of the TUM set. Or links themselves, as
+        `route_from_links` takes them. A table with a column `time_s` is a speed trace, any other has links.
     speed_m_s : float, optional
         Mean speed [m/s] of a track without times and speeds.
     trip_id : str, optional
@@ -70,6 +74,10 @@ def read_route(
     <Plan commute: 5.0 km in 4 min, links of 5000 m>
     """
     named = trip_id or (Path(source).stem if isinstance(source, str | Path) else "route")
+    if isinstance(source, pd.DataFrame) and "time_s" in source:
+        if speed_m_s is not None:
+            raise InvalidInput(_without_effect("samples"))
+        return plan_from_samples(canonical_samples(source), named)
     if not isinstance(source, str | Path | bytes):
         return _planned(route_from_links(source), "links", speed_m_s, named)
     if isinstance(source, bytes) or is_route(source):
@@ -134,7 +142,7 @@ def read_trips(
 
 
 def forecast(
-    plan: Plan | Trip | Path | str | bytes | Sequence[Mapping[str, float | None]],
+    plan: Plan | Trip | Route,
     departure: Departure | None = None,
     *,
     model: ForecastModel | Path | str | None = None,

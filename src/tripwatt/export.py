@@ -204,8 +204,8 @@ class _Driver:
     def driving_wh(self, trip: Plan) -> tuple[float, Simulation]:
         """Energy of a trip without auxiliaries [Wh]."""
         run = simulate_trip(self.vehicle, trip)
-        by_cause = run.energy_by_cause_wh
-        energy = run.simulated_energy_wh - sum(float(by_cause[cause][-1]) for cause in AUXILIARIES)
+        by_cause = run.by_cause_wh
+        energy = run.simulated_energy_wh - sum(by_cause[cause] for cause in AUXILIARIES)
         return energy + (0.0 if self.correction is None else self.correction(trip)), run
 
     def steady(self, speed_m_s: float, grade: float = 0.0) -> Plan:
@@ -220,7 +220,7 @@ class _Driver:
 
     def auxiliary_power(self, speed_m_s: float) -> float:
         run = simulate_trip(self.vehicle, self.trip(np.full(int(DRIVE_S) + 1, speed_m_s)))
-        energy = sum(float(run.energy_by_cause_wh[cause][-1]) for cause in AUXILIARIES)
+        energy = sum(run.by_cause_wh[cause] for cause in AUXILIARIES)
         return energy * SECONDS_PER_HOUR / DRIVE_S
 
     def reference(self) -> float:

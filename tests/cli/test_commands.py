@@ -570,9 +570,7 @@ def test_import_writes_a_car_that_drives_or_nothing(run: Callable[..., Answer], 
 def test_simulate_says_what_the_energy_went_into(run: Callable[..., Answer], tum: Path, tables: Path) -> None:
     answer = json.loads(run("simulate", tum / "TripA02.csv", "--json").out)
     assert answer["trip"] == "TripA02"
-    assert sum(answer["energy_by_cause_wh"].values()) == pytest.approx(
-        answer["simulated_energy_wh"], rel=1e-9
-    )
+    assert sum(answer["by_cause_wh"].values()) == pytest.approx(answer["simulated_energy_wh"], rel=1e-9)
     assert answer["observed_energy_wh"] > 0
     same = json.loads(run("simulate", tum, "--trip", "TripA02", "--json").out)
     assert same == answer

@@ -28,9 +28,9 @@ class Folded:
     """A model whose prediction tells where it was made: in which comparison, in which fold, with which seed."""
 
     def __init__(self, name):
-        self.name = name
+        self.name, self.digest = name, ""
 
-    def tasks(self, comparison, hold_out, splits, seed):
+    def tasks(self, comparison, hold_out, splits, seed, *, compares):
         return [Part(comparison, self, None, (split,), seed) for split in splits]
 
 

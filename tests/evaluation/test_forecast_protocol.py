@@ -25,7 +25,7 @@ from tripwatt.evaluation.forecast_scores import (
     update_scores,
 )
 from tripwatt.evaluation.held_out_forecasts import reforecast
-from tripwatt.evaluation.hold_outs import CarChoice, HoldOut
+from tripwatt.evaluation.hold_outs import CarChoice, HoldOut, HoldOutChoice
 from tripwatt.forecasting import ForecastModel
 from tripwatt.physics import simulate_trip
 from tripwatt.report import render_report
@@ -377,7 +377,7 @@ def test_too_few_trips_are_refused(fleet):
 
 def test_kinds_of_trips_are_scored_by_models_that_did_not_see_them(car):
     fleet = synthetic_fleet(n_trips=26, seed=8)
-    found = QUICK.prepare(fleet, None, CarChoice("bmw_i3_60ah"))
+    found = QUICK.prepare(fleet, None, CarChoice("bmw_i3_60ah"), HoldOutChoice())
     by_name = {(h.scheme, h.trips): h for h in found.hold_outs}
     for name, measure in (
         ("longer third", lambda plan: plan.duration_s),

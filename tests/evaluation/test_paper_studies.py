@@ -10,7 +10,7 @@ import pytest
 
 from tripwatt.evaluation import Execution, evaluate
 from tripwatt.evaluation.comparison import Comparison
-from tripwatt.evaluation.hold_outs import HoldOut, Split
+from tripwatt.evaluation.hold_outs import CarChoice, HoldOut, Split
 from tripwatt.evaluation.paper_studies import (
     CHOICES,
     CURVE,
@@ -51,7 +51,7 @@ def hold_out(table, trips="reference", scheme="leave_one_trip_out"):
 
 
 def test_forms_change_what_their_titles_state_and_nothing_else():
-    cars = simulation_forms("bmw_i3_60ah", None)
+    cars = simulation_forms(CarChoice("bmw_i3_60ah"))
     assert list(cars) == [form.name for form in FORMS]
     paper = load_vehicle("bmw_i3_60ah", "paper")
     for name, car in cars.items():
@@ -73,18 +73,18 @@ def test_forms_change_what_their_titles_state_and_nothing_else():
 def test_the_textbook_form_has_one_efficiency():
     from tripwatt.physics.drivetrain import propulsion
 
-    car = simulation_forms("bmw_i3_60ah", None)["physics-textbook-energy"]
+    car = simulation_forms(CarChoice("bmw_i3_60ah"))["physics-textbook-energy"]
     wheel, speed = np.array([9000.0, -9000.0]), np.array([15.0, 15.0])
     run = propulsion(wheel, speed, np.ones(2), car.drivetrain, car.regeneration)
     assert run.motor_power_w == pytest.approx([10_000.0, -4500.0])  # half of the braking energy comes back
-    half = simulation_forms("bmw_i3_60ah", None)["physics-textbook"]
+    half = simulation_forms(CarChoice("bmw_i3_60ah"))["physics-textbook"]
     run = propulsion(wheel, speed, np.ones(2), half.drivetrain, half.regeneration)
     assert run.motor_power_w == pytest.approx([10_000.0, -4050.0])  # half of the braking power, at 0.9
 
 
 def test_other_cars_have_no_forms_and_given_values_stay():
-    assert simulation_forms("nissan_leaf_24", None) == {}
-    cars = simulation_forms("bmw_i3_60ah", {"body.driver_mass_kg": 100.0})
+    assert simulation_forms(CarChoice("nissan_leaf_24")) == {}
+    cars = simulation_forms(CarChoice("bmw_i3_60ah", {"body.driver_mass_kg": 100.0}))
     assert {car.body.driver_mass_kg for car in cars.values()} == {100.0}
 
 

@@ -44,7 +44,12 @@ def test_a_fleet_of_0_2_0_forecasts_as_it_did_and_is_written_anew(tmp_path):
     trip = Trip.from_log(
         next(many_vehicles(FleetPlan(16, vehicles=4, car_models=CAR_MODELS[:2], minutes=6.0)))
     )
-    then = json.loads((old / "fleet.json").read_text().replace('"hvac"', '"climate"'))
+    then = json.loads(
+        (old / "fleet.json")
+        .read_text()
+        .replace('"hvac"', '"climate"')
+        .replace("learned_correction", "correction")
+    )
     for found in (model, load_fleet(tmp_path / "m")):
         now = found.forecast(trip, vehicle_id="V00000").to_dict()
         for name in (

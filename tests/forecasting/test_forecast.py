@@ -480,7 +480,7 @@ def drive() -> ExpectedTrip:
         soc=np.array([START_SOC, 0.49, 0.48]),
         terminal_voltage_v=np.array([VOLTAGE_V - 10.0, VOLTAGE_V, VOLTAGE_V + 10.0]),
         battery_loss_w=np.array([999.0, 300.0, 600.0]),
-        energy_by_cause_wh={"aero": np.array([0.0, 500.0]), "climate": np.array([0.0, 240.0])},
+        by_cause_wh={"aero": 500.0, "climate": 240.0},
     )
     return ExpectedTrip(plan, car(), simulation, table, segments, LoggedClimate(), CORRECTION_W)
 
@@ -661,7 +661,7 @@ def test_causes(forecast):
     causes = forecast.by_cause_wh
     assert causes["aero"] == pytest.approx(500.0, **EXACT)
     assert causes["climate"] == pytest.approx(240.0 + simulated - 740.0, **EXACT)
-    assert causes["learned_correction"] == pytest.approx(100 / 60 - 200 / 30 + 50 / 20, **EXACT)
+    assert causes["correction"] == pytest.approx(100 / 60 - 200 / 30 + 50 / 20, **EXACT)
     assert forecast.battery_loss_wh == pytest.approx((300 * 120 + 600 * 240) / 3600, **EXACT)
 
 

@@ -230,7 +230,7 @@ def test_the_least_energy_of_a_flat_road_is_half_of_rolling_and_the_speed_gained
     speed[-1] = last_m_s
     driven_m = float(np.sum(0.5 * (speed[1:] + speed[:-1])))
     body = forecast.vehicle.body
-    rolling_wh = float(forecast.drive.simulation.energy_by_cause_wh["rolling"][-1]) * driven_m / 54_000.0
+    rolling_wh = forecast.drive.simulation.by_cause_wh["rolling"] * driven_m / 54_000.0
     gained_wh = 0.5 * body.test_mass_kg * body.rotating_mass_factor * (last_m_s**2 - 15.0**2) / 3600.0
     height_wh = 40.0 * body.test_mass_kg * GRAVITY_M_S2 / 3600.0  # error of the difference of two heights
     least_w = (0.5 * rolling_wh + gained_wh - height_wh) / (2400.0 / 3600.0)

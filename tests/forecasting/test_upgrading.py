@@ -43,7 +43,12 @@ def test_a_model_of_0_2_0_forecasts_as_it_did_and_is_upgraded(tmp_path: Path) ->
     place = tmp_path / "model"
     shutil.copytree(OLD / "split", place)
     then, before = (
-        json.loads((OLD / "split.json").read_text().replace('"hvac"', '"climate"')),
+        json.loads(
+            (OLD / "split.json")
+            .read_text()
+            .replace('"hvac"', '"climate"')
+            .replace("learned_correction", "correction")
+        ),
         forecasts(place),
     )
     for moment, document in then.items():

@@ -5,7 +5,9 @@ import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from sklearn import config_context
 from sklearn.base import clone
+from sklearn.model_selection import GroupKFold, cross_validate
 from sklearn.utils.estimator_checks import check_estimator
 
 from tripwatt.errors import InvalidInput
@@ -34,6 +36,24 @@ def small(**settings_):
 
 def test_scikit_learn_takes_it_for_one_of_its_own():
     check_estimator(ClusteredForest(n_trees=15, param_grid={"max_leaf_nodes": [4, 12]}), on_skip=None)
+
+
+@pytest.mark.parametrize("routed", [True, False])
+def test_cross_validation_fits_with_the_groups_that_it_splits_by(routed):
+    X, y, groups = clustered(n_groups=9, n_rows=8)
+    learner = small(n_trees=10, param_grid=None)
+    given = {"params": {"groups": groups}} | ({} if routed else {"groups": groups})
+    with config_context(enable_metadata_routing=routed):
+        found = cross_validate(
+            learner, X, y, cv=GroupKFold(3), return_estimator=True, return_indices=True, **given
+        )
+    for fitted, train, test, score in zip(
+        found["estimator"], *found["indices"].values(), found["test_score"], strict=True
+    ):
+        assert set(fitted.groups_) == set(groups[train])
+        assert not set(groups[train]) & set(groups[test])
+        by_hand = clone(learner).fit(X.iloc[train], y[train], groups[train])
+        assert score == pytest.approx(by_hand.score(X.iloc[test], y[test]))
 
 
 def test_bootstrap_draws_whole_groups():

@@ -3,75 +3,15 @@
 from __future__ import annotations
 
 import json
-import os
-import shutil
-import subprocess
 from pathlib import Path
 
-import pytest
+from tests.support.front_end import WEB, run
 
 import tripwatt.service
 from tripwatt.service.app import Api
 from tripwatt.service.settings import Settings
 
-ROOT = Path(__file__).resolve().parents[2]
-WEB = ROOT / "web"
 PAGE = Path(tripwatt.service.__file__).with_name("page")
-LEAST_NODE = 20
-LONGEST_S = 240
-
-
-def run(folder: Path, *command: str, given: str = "") -> subprocess.CompletedProcess[str]:
-    """A command of Node, with its output; npm's cache and its messages of the day stay out of the way."""
-    quiet = {"NO_COLOR": "1", "NPM_CONFIG_UPDATE_NOTIFIER": "false", "NPM_CONFIG_FUND": "false"}
-    return subprocess.run(
-        command,
-        cwd=folder,
-        input=given,
-        env={**os.environ, **quiet},
-        capture_output=True,
-        text=True,
-        timeout=LONGEST_S,
-        check=False,
-    )
-
-
-def node_version() -> int | None:
-    """The main version of Node; None without Node or npm."""
-    if shutil.which("node") is None or shutil.which("npm") is None:
-        return None
-    found = run(ROOT, "node", "--version").stdout
-    return int(found.lstrip("v").split(".")[0]) if found.startswith("v") else None
-
-
-def packages(lock: Path) -> dict[str, str]:
-    """Versions of the packages in a lock file; those of other systems are left out."""
-    listed = json.loads(lock.read_text())["packages"]
-    return {name: row["version"] for name, row in listed.items() if name and not row.get("optional")}
-
-
-def is_installed() -> bool:
-    """Whether `web/node_modules` holds what the lock file says."""
-    installed = WEB / "node_modules" / ".package-lock.json"
-    return installed.is_file() and packages(installed) == packages(WEB / "package-lock.json")
-
-
-@pytest.fixture(scope="module")
-def web(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The sources with their packages: as they are, or installed into a copy."""
-    version = node_version()
-    if version is None or version < LEAST_NODE:
-        pytest.skip(f"needs Node {LEAST_NODE} or newer with npm, found {version}")
-    if is_installed():
-        return WEB
-    copy = tmp_path_factory.mktemp("front-end")
-    shutil.copytree(ROOT / "tests" / "vectors", copy / "tests" / "vectors")
-    shutil.copytree(WEB, copy / "web", ignore=shutil.ignore_patterns("node_modules"))
-    cache = f"--cache={copy / 'npm-cache'}"
-    found = run(copy / "web", "npm", "ci", "--no-audit", "--prefer-offline", cache)
-    if found.returncode != 0:
-        pytest.skip(f"npm ci failed, is there a network? {found.stderr.strip()[-300:]}")
-    return copy / "web"
 
 
 def test_types_lint_format_and_unit_tests(web: Path) -> None:

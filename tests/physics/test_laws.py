@@ -43,10 +43,10 @@ def test_parts_sum_to_the_battery_energy(trace, ambient, soc, preset) -> None:
         **trace,
         conditions=DriveConditions(ambient_temperature_degc=ambient, initial_soc=soc),
     )
-    parts = run.energy_by_cause_wh
+    parts = run.by_cause_wh
     assert set(parts) == set(CAUSES)
     throughput = sum(net_energy_wh(run.time_s, np.abs(power)) for power in run.power_by_cause_w.values())
-    assert abs(sum(p[-1] for p in parts.values()) - run.simulated_energy_wh) <= 1e-12 * throughput
+    assert abs(sum(parts.values()) - run.simulated_energy_wh) <= 1e-12 * throughput
     for name in (
         "battery_power_w",
         "battery_current_a",
@@ -94,7 +94,7 @@ def test_kinetic_energy_telescopes(trace, ambient) -> None:
         load_vehicle("bmw_i3_60ah"), **trace, conditions=DriveConditions(ambient_temperature_degc=ambient)
     )
     gross = net_energy_wh(run.time_s, np.abs(run.power_by_cause_w["acceleration"]))
-    assert abs(run.energy_by_cause_wh["acceleration"][-1]) <= 1e-12 * max(gross, 1.0)
+    assert abs(run.by_cause_wh["acceleration"]) <= 1e-12 * max(gross, 1.0)
 
 
 @given(st.floats(0.0, 5_000.0), st.floats(10.0, 9_000.0))
@@ -190,7 +190,7 @@ def test_no_descent_raises_the_charge_above_full(name, displayed, slope, speed, 
     assert run.soc.max() <= window.displayed_full_soc + 1e-9
     assert window.displayed_from_soc(run.soc[-1]) <= 1.0 + 1e-9
     assert (run.friction_brake_power_w >= 0.0).all()
-    causes = sum(parts[-1] for parts in run.energy_by_cause_wh.values())
+    causes = sum(run.by_cause_wh.values())
     assert causes == pytest.approx(run.simulated_energy_wh, abs=1e-6)
     # charge and energy tell one story: what left the terminals and the cells left the charge
     charge = np.diff(run.soc, prepend=start.initial_soc) * window.capacity_ah * 3600.0
@@ -199,9 +199,7 @@ def test_no_descent_raises_the_charge_above_full(name, displayed, slope, speed, 
     empty = simulate(car, **trace, grade=grade, conditions=DriveConditions(initial_soc=0.3))
     lost = run.simulated_energy_wh - empty.simulated_energy_wh
     assert lost > -1.0
-    assert (
-        run.energy_by_cause_wh["friction_brakes"][-1] >= empty.energy_by_cause_wh["friction_brakes"][-1] - 1.0
-    )
+    assert run.by_cause_wh["friction_brakes"] >= empty.by_cause_wh["friction_brakes"] - 1.0
     flagged = {flag.code: flag.value for flag in run.flags}
     assert flagged.get("battery_full", 0.0) == pytest.approx(max(lost, 0.0), abs=60.0)
 
@@ -225,7 +223,7 @@ def test_impossible_trace_carries_flags_and_finite_numbers(i3: Vehicle) -> None:
     for name in ("motor_torque_limit", "motor_power_limit", "motor_speed_limit", "battery_empty"):
         assert name in text
     assert np.isfinite(run.energy_wh).all()
-    assert run.energy_by_cause_wh["shortfall"][-1] < 0.0
+    assert run.by_cause_wh["shortfall"] < 0.0
     assert not simulate(i3, np.arange(5.0), [0.0, 1.0, 2.0, 2.0, 1.0]).flags
 
 
@@ -244,10 +242,10 @@ def test_finer_samples_of_the_same_drive_give_the_same_energy(trace, pieces) -> 
     time, speed = trace["time_s"], trace["speed_m_s"]
     fine_time = np.interp(np.arange((len(time) - 1) * pieces + 1) / pieces, np.arange(len(time)), time)
     fine_speed = np.interp(fine_time, time, speed)
-    coarse = simulate(car, time, speed).energy_by_cause_wh
-    fine = simulate(car, fine_time, fine_speed).energy_by_cause_wh
+    coarse = simulate(car, time, speed).by_cause_wh
+    fine = simulate(car, fine_time, fine_speed).by_cause_wh
     for cause in ("acceleration", "base_load", "rolling"):
-        assert fine[cause][-1] == pytest.approx(coarse[cause][-1], rel=1e-9, abs=1e-9)
+        assert fine[cause] == pytest.approx(coarse[cause], rel=1e-9, abs=1e-9)
 
 
 def test_inputs_are_left_alone(i3: Vehicle) -> None:
@@ -349,7 +347,7 @@ def test_a_log_climbs_from_its_first_to_its_last_height(log) -> None:
     most = STEEPEST_GRADE * np.trapezoid(log["speed_m_s"], log["time_s"])
     rise = np.clip(known[-1] - known[0], -most, most) if len(known) else 0.0
     expected = car.body.test_mass_kg * GRAVITY_M_S2 * rise * WH_PER_J
-    assert run.energy_by_cause_wh["climb"][-1] == pytest.approx(expected, rel=1e-6, abs=1e-4)
+    assert run.by_cause_wh["climb"] == pytest.approx(expected, rel=1e-6, abs=1e-4)
     assert np.abs(np.sin(np.arctan(run.grade))).max() <= STEEPEST_GRADE * (1.0 + 1e-9)
 
 
@@ -375,9 +373,7 @@ def test_heights_in_steps_climb_as_the_road_does() -> None:
     smooth = simulate(car, time, speed, elevation_m=road)
     for size in (10.0, 60.0):
         stepped = simulate(car, time, speed, elevation_m=size * np.round(road / size))
-        assert stepped.energy_by_cause_wh["climb"][-1] == pytest.approx(
-            smooth.energy_by_cause_wh["climb"][-1], rel=1e-9
-        )
+        assert stepped.by_cause_wh["climb"] == pytest.approx(smooth.by_cause_wh["climb"], rel=1e-9)
         assert stepped.simulated_energy_wh == pytest.approx(smooth.simulated_energy_wh, rel=0.03)
 
 
@@ -410,7 +406,7 @@ def test_trips_of_a_twizy_keep_their_climb(data_dir) -> None:
         height, speed = log["ALT"].to_numpy(), log["Speed"].to_numpy() / 3.6
         run = simulate(car, np.arange(float(len(log))), speed, elevation_m=height)
         unit = car.body.test_mass_kg * GRAVITY_M_S2 * WH_PER_J
-        assert run.energy_by_cause_wh["climb"][-1] / unit == pytest.approx(height[-1] - height[0], abs=0.01)
+        assert run.by_cause_wh["climb"] / unit == pytest.approx(height[-1] - height[0], abs=0.01)
         rises.append(height[-1] - height[0])
     assert sum(45.0 <= rise <= 76.5 for rise in rises) >= 5
 

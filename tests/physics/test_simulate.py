@@ -112,8 +112,9 @@ class TestChain:
         assert causes["drivetrain"] == pytest.approx(motor - run.wheel_power_w, **EXACT)
         assert causes["base_load"] == pytest.approx([300.0] * 3, **EXACT)
         assert causes["shortfall"] == pytest.approx([0.0] * 3, abs=1e-6)
-        by_cause = run.energy_by_cause_wh
+        by_cause = run.cumulative_by_cause_wh
         assert by_cause["base_load"] == pytest.approx([0.0, 300 / 360, 300 / 120], **EXACT)
+        assert run.by_cause_wh["base_load"] == pytest.approx(300 / 120, **EXACT)
         assert run.flags == ()
         assert run.battery_loss_w == pytest.approx([0.0] * 3, abs=1e-3)
         assert np.isnan(run.cabin_temperature_degc).all()

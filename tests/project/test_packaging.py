@@ -171,7 +171,7 @@ def test_the_wheel_carries_licence_notice_and_everything_that_the_package_needs(
     (licence,) = [n for n in names if n.endswith("/licenses/LICENSE")]
     assert wheel.read(notice) == (ROOT / "NOTICE").read_bytes()
     assert wheel.read(licence) == (ROOT / "LICENSE").read_bytes()
-    assert "tripwatt/service/page/licences.txt" in names
+    assert {"tripwatt/py.typed", "tripwatt/service/page/licences.txt"} <= set(names)
     assert {f"tripwatt/vehicles/data/{name}.toml" for name in file_names()} <= set(names)
     assert {f"tripwatt/vehicles/data/table/{name}.csv" for name in ("cars", "sources", "anchors")} <= set(
         names

@@ -136,3 +136,14 @@ def test_a_quadricycle_is_stored_and_forecast(tmp_path: Path) -> None:
     departure = tw.Departure(soc=0.9, ambient_temperature_degc=10.0)
     energy = [tw.forecast(PLAN, departure, vehicle=one).energy_wh for one in (car, again)]
     assert energy[0] == pytest.approx(energy[1], rel=1e-12)
+
+
+def test_no_heat_of_the_heater_leaves_cooling_as_it_is_and_the_cabin_cold() -> None:
+    usual = load_vehicle("bmw_i3_60ah")
+    cold = load_vehicle("bmw_i3_60ah", overrides={"climate.heater_max_heat_w": 0.0})
+    assert tw.simulate(PLAN, cold, HOT).by_cause_wh == tw.simulate(PLAN, usual, HOT).by_cause_wh
+    winter = tw.simulate(PLAN, cold, COLD)
+    blower_wh = usual.climate.blower_low_power_w * PLAN.duration_s / 3600.0
+    defrost_wh = usual.climate.defrost_power_w * PLAN.duration_s / 3600.0
+    assert blower_wh <= winter.by_cause_wh["climate"] <= blower_wh + defrost_wh
+    assert winter.cabin_temperature_degc[-1] < 0.0

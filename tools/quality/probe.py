@@ -102,7 +102,7 @@ def with_signals(trip: Trip, car: Vehicle) -> Trip:
 def of_simulation(car: Vehicle, plan: Plan) -> list[float]:
     """Energy by cause, and where the car's states end."""
     run = simulate_trip(car, plan)
-    causes = [float(energy[-1]) for energy in run.energy_by_cause_wh.values()]
+    causes = run.by_cause_wh.values()
     ends = (run.soc, run.battery_temperature_degc, run.cabin_temperature_degc)
     loss_wh = float(np.sum(run.battery_loss_w[1:] * np.diff(run.time_s))) / 3600.0
     return [*causes, loss_wh, float(run.terminal_voltage_v.mean()), *(float(end[-1]) for end in ends)]

@@ -41,7 +41,7 @@ DRIVEN_M: Final = 50.0
 """A piece of a log with less than this is part of the stop beside it, not a drive."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Audit:
     """The drives that can be used, and everything that is wrong with the logs.
 
@@ -116,6 +116,9 @@ class Audit:
 
     def __str__(self) -> str:
         return f"{len(self.trips)} drives out of {self.n_logs} logs are used, {len(self.set_aside)} are not"
+
+    def __repr__(self) -> str:
+        return f"<Audit {self}>"
 
 
 def audit(logs: Fleet | Iterable[Recorded]) -> Audit:

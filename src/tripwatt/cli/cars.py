@@ -294,7 +294,6 @@ def simulate(
     _require_clock(log)
     run = simulate_trip(car, resample(log))
     distance_km = log.distance_m / 1000.0
-    causes = {cause: float(energy[-1]) for cause, energy in run.energy_by_cause_wh.items()}
     answer = {
         "trip": log.trip_id,
         "vehicle": car.name,
@@ -304,7 +303,7 @@ def simulate(
         "simulated_energy_wh": run.simulated_energy_wh,
         "observed_energy_wh": log.observed_energy_wh,
         "observed_energy_std_wh": log.observed_energy_std_wh,
-        "energy_by_cause_wh": causes,
+        "by_cause_wh": run.by_cause_wh,
         "soc_at_departure": float(run.soc[0]),
         "soc_at_arrival": float(run.soc[-1]),
         "flags": [flag_to_dict(flag) for flag in run.flags],
@@ -348,7 +347,7 @@ def _show_simulation(answer: dict[str, Any]) -> None:
         values = (energy, share, per_km)
         return (name, *("–" if v is None else f"{round(v, 1) + 0.0:.1f}" for v in values))
 
-    rows = [row(cause.replace("_", " "), energy) for cause, energy in answer["energy_by_cause_wh"].items()]
+    rows = [row(cause.replace("_", " "), energy) for cause, energy in answer["by_cause_wh"].items()]
     rows.append(row("simulated, total", total))
     if answer["observed_energy_wh"] is not None:
         rows.append(row("measured", answer["observed_energy_wh"]))

@@ -71,6 +71,13 @@ def evaluate(
         str | None,
         typer.Option(metavar="NAME,NAME", help="Models to evaluate. Default: all models of the protocol."),
     ] = None,
+    hold_outs: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME,NAME",
+            help="Hold-outs to run, for example leave_one_trip_out:reference. Default: all of the protocol, and the studies beside it.",
+        ),
+    ] = None,
     vehicle: VehicleOption = None,
     overrides: SetOption = None,
     seed: Annotated[
@@ -104,6 +111,8 @@ def evaluate(
       tripwatt evaluate data/tum --protocol forecast
       # forecast each car of a file as one that nobody has seen, from all others
       tripwatt evaluate cars.toml --protocol cars
+      # one model on one hold-out
+      tripwatt evaluate data/tum --models boosting --hold-outs leave_one_trip_out:reference
       # continue an interrupted run
       tripwatt evaluate data/tum --resume
     """
@@ -114,14 +123,20 @@ def evaluate(
             "--mapping": mapping,
             "--test": test,
             "--models": models,
+            "--hold-outs": hold_outs,
             "--vehicle": vehicle,
         }
         _without_effect({**others, "--set": overrides, "--resume": resume or None})
         _evaluate_cars(data, out, seed, as_json)
         return
     car, note = car_of(vehicle, data, dataset, mapping)
-    names = None if models is None else [name.strip() for name in models.split(",") if name.strip()]
-    options: dict[str, Any] = {"protocol": protocol, "models": names, "vehicle": car, "seed": seed}
+    options: dict[str, Any] = {
+        "protocol": protocol,
+        "models": _names(models),
+        "hold_outs": _names(hold_outs),
+        "vehicle": car,
+        "seed": seed,
+    }
     fleet: list[Fleet] = []
 
     def read() -> None:
@@ -137,6 +152,10 @@ def evaluate(
     with folder_lock(unfinished):
         run = _run_and_write(trips, options, jobs, out, unfinished, resume)
     _show(run, out, built_in=data is None, as_json=as_json)
+
+
+def _names(option: str | None) -> list[str] | None:
+    return None if option is None else [name.strip() for name in option.split(",") if name.strip()]
 
 
 def _without_effect(given: dict[str, Any]) -> None:
@@ -201,8 +220,8 @@ def _run_and_write(
 
 def _check(options: dict[str, Any], overrides: list[str], n_jobs: int) -> None:
     """Everything that can be wrong with the options, before hours of work; settles the overrides."""
-    from tripwatt.evaluation import choose_models, find_protocol
-    from tripwatt.vehicles import load_vehicle, parse_overrides
+    from tripwatt.evaluation import CarChoice, choose_models, find_protocol
+    from tripwatt.vehicles import parse_overrides
 
     def models() -> None:
         names = options["models"]
@@ -211,10 +230,11 @@ def _check(options: dict[str, Any], overrides: list[str], n_jobs: int) -> None:
             raise InvalidInput.of("no models", "--models", "an empty list", "names separated by commas")
 
     def given() -> None:
-        options["overrides"] = parse_overrides(overrides)
+        options["vehicle"] = CarChoice(options["vehicle"], parse_overrides(overrides))
 
     def car() -> None:
-        load_vehicle(options["vehicle"], overrides=options.get("overrides"))
+        chosen = options["vehicle"]
+        (chosen if isinstance(chosen, CarChoice) else CarChoice(chosen)).load()
 
     def jobs() -> None:
         if n_jobs < -1 or n_jobs == 0:

@@ -26,7 +26,7 @@ ModelOption = Annotated[
         "--model",
         "-m",
         metavar="MODEL",
-        help="Folder of a model, for its car with the learned correction. Default without --vehicle: the bundled model.",
+        help="Folder of a model, for its car with the correction. Default without --vehicle: the bundled model.",
     ),
 ]
 CarOption = Annotated[
@@ -122,7 +122,7 @@ def _car(
             got = f"--model {model} --vehicle {vehicle}"
             raise InvalidInput.of("conflicting options", "--model and --vehicle", got, "one of the two")
         car = load_vehicle(vehicle, overrides=parse_overrides(overrides))
-        return car, None, [f"{car.title}: physics only, without a learned correction"]
+        return car, None, [f"{car.title}: physics only, without a correction"]
     if overrides:
         fix = "name a car with --vehicle, or fit a model on the changed car"
         raise InvalidInput.of(
@@ -131,5 +131,5 @@ def _car(
     from tripwatt.forecasting import load_model
 
     fitted = load_model(model)
-    notes = [f"{fitted.vehicle.title}: physics with the learned correction of the model"]
-    return fitted.vehicle, lambda trip: fitted.forecast(trip).by_cause_wh["learned_correction"], notes
+    notes = [f"{fitted.vehicle.title}: physics with the correction of the model"]
+    return fitted.vehicle, lambda trip: fitted.forecast(trip).by_cause_wh["correction"], notes

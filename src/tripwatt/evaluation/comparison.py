@@ -59,11 +59,18 @@ class Comparison:
         return np.asarray(np.concatenate(energies)[order])
 
     def along_wh(self, model: str) -> FloatArray:
-        """Predicted cumulative energy at every row of the table; NaN for trips that are not scored."""
+        """Predicted cumulative energy at every row of the table; NaN for trips that are not scored.
+
+        Only at the end of each trip for a model without a course.
+        """
         table, own = self.hold_out.table, self.of(model)
         values = np.full(len(table.observed_wh), np.nan)
         for result in own:
-            values[table.rows_of(result.split.test)] = result.predicted_wh
+            whole = len(result.predicted_wh) == len(
+                result.split.test
+            )  # the energy of each trip, and not its course
+            rows = table.last_rows[result.split.test] if whole else table.rows_of(result.split.test)
+            values[rows] = result.predicted_wh
         return values
 
     def forecasts(self, model: str) -> HeldOutForecasts | None:

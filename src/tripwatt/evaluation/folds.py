@@ -50,7 +50,9 @@ class Execution:
     progress: Progress | None = None
 
 
-def run_folds(comparisons: Sequence[Comparison], seed: int, execution: Execution) -> list[Comparison]:
+def run_folds(
+    comparisons: Sequence[Comparison], seed: int, execution: Execution, *, compares: bool = False
+) -> list[Comparison]:
     """The comparisons with their results; those of the same models, trips and splits run once.
 
     Parameters
@@ -58,6 +60,8 @@ def run_folds(comparisons: Sequence[Comparison], seed: int, execution: Execution
     comparisons : sequence of Comparison
     seed : int
     execution : Execution
+    compares : bool
+        Whether settings are compared inside the folds of the reference trips.
     """
     store = FoldStore.open(execution, comparisons, seed)
     keys = [_key(comparison) for comparison in comparisons]
@@ -69,7 +73,7 @@ def run_folds(comparisons: Sequence[Comparison], seed: int, execution: Execution
             loaded = store.load(index, spec.name, hold_out.splits)
             known = {result.split.number for result in loaded}
             missing = [split for split in hold_out.splits if split.number not in known]
-            tasks += spec.tasks(index, hold_out, missing, seed)
+            tasks += spec.tasks(index, hold_out, missing, seed, compares=compares and hold_out.is_reference)
             done += loaded
     tasks.sort(key=lambda task: task.rank)
     finished = sum(map(len, results.values()))
@@ -97,7 +101,9 @@ def _key(comparison: Comparison) -> str:
     """Equal for the same models on the same trips and splits."""
     hold_out = comparison.hold_out
     splits = [[s.number, s.train.tolist(), s.test.tolist()] for s in hold_out.splits]
-    return json.dumps([hold_out.table.digest(), splits, [spec.name for spec in comparison.specs]])
+    return json.dumps(
+        [hold_out.table.digest(), splits, [spec.name + spec.digest for spec in comparison.specs]]
+    )
 
 
 @dataclass(frozen=True)

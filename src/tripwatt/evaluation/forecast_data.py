@@ -69,6 +69,8 @@ class ForecastData:
         From `measured_log`.
     stages : tuple of StageRecord
         What the signals of each trip show of the car's stages.
+    trips : tuple of Trip
+        As they were recorded, for whole models from outside.
     """
 
     vehicle: Vehicle
@@ -78,6 +80,7 @@ class ForecastData:
     plans: tuple[Plan, ...]
     logs: tuple[pd.DataFrame, ...]
     stages: tuple[StageRecord, ...]
+    trips: tuple[Trip, ...] = ()
 
     @classmethod
     def from_trips(cls, trips: Sequence[Trip], vehicle: Vehicle) -> ForecastData:
@@ -88,7 +91,8 @@ class ForecastData:
         segments = segment_trips(trips, vehicle)
         logs = tuple(measured_log(trip) for trip in trips)
         stages = tuple(stage_record(trip, vehicle) for trip in trips)
-        return cls(vehicle, table, segments, _data_features(segments, plans), plans, logs, stages)
+        features = _data_features(segments, plans)
+        return cls(vehicle, table, segments, features, plans, logs, stages, tuple(trips))
 
     def __len__(self) -> int:
         return len(self.plans)
@@ -104,6 +108,7 @@ class ForecastData:
             tuple(self.plans[i] for i in members),
             tuple(self.logs[i] for i in members),
             tuple(self.stages[i] for i in members),
+            tuple(self.trips[i] for i in members) if self.trips else (),
         )
 
     def identified(self, train: IntArray) -> tuple[Vehicle, SegmentTable]:
@@ -128,7 +133,7 @@ class ForecastData:
 
     def slim(self) -> ForecastData:
         """Segments and data features alone: cheap to send to a process."""
-        return replace(self, table=self.table.take([]), plans=(), logs=(), stages=())
+        return replace(self, table=self.table.take([]), plans=(), logs=(), stages=(), trips=())
 
 
 def at_departure_only(trip: Trip) -> Trip:

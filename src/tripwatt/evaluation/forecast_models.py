@@ -17,7 +17,7 @@ from tripwatt.evaluation.held_out_forecasts import HeldOutForecasts
 from tripwatt.evaluation.hold_outs import HoldOut
 from tripwatt.evaluation.tasks import Fitted, Method
 from tripwatt.forecasting import Forecast, ForecastModel
-from tripwatt.hybrid import power_corrector
+from tripwatt.hybrid import Corrector, power_corrector
 from tripwatt.hybrid.familiarity import Familiarity
 from tripwatt.hybrid.power import LearnerCorrector
 
@@ -131,11 +131,11 @@ class ForecastMethod(Method[ForecastData]):
 
     Attributes
     ----------
-    corrector : str
-        One of `tripwatt.hybrid.POWER_CORRECTORS`.
+    corrector : str or Corrector
+        One of `tripwatt.hybrid.POWER_CORRECTORS`, or an object from outside.
     """
 
-    corrector: str
+    corrector: str | Corrector
     rank: ClassVar[int] = 1
     splits_per_task: ClassVar[int] = 1
 
@@ -161,4 +161,4 @@ class ForecastMethod(Method[ForecastData]):
         """All but the table and the logs of the other trips."""
         data, wanted = hold_out.data, set(scored.tolist())
         logs = tuple(log if i in wanted else log.iloc[:0] for i, log in enumerate(data.logs))
-        return replace(data, table=data.table.take([]), logs=logs)
+        return replace(data, table=data.table.take([]), logs=logs, trips=())

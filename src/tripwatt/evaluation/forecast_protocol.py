@@ -38,19 +38,22 @@ from tripwatt.evaluation.hold_outs import (
     WITHOUT_DAYS,
     CarChoice,
     HoldOut,
+    HoldOutChoice,
     Prepared,
     days_of,
     random_draws,
 )
+from tripwatt.evaluation.outside import WholeMethod, WholeModel, is_whole, outside_spec
 from tripwatt.evaluation.protocol import AUDIT, DIFFERENCES, RESULT, TRIP_BY_TRIP, ReportSection
 from tripwatt.evaluation.results import EvaluationRun, about_run
 from tripwatt.evaluation.table_models import CONSTANT, LINEAR4, LINEAR6, PHYSICS, PHYSICS4
 from tripwatt.evaluation.tasks import ModelSpec
 from tripwatt.forecasting import DEFAULT_CORRECTOR, GIVEN
 from tripwatt.forecasting.model import MIN_TRIPS
-from tripwatt.trips import Fleet, Trip
+from tripwatt.hybrid import Corrector
+from tripwatt.trips import Fleet, Trip, plan_from_trip
 from tripwatt.trips.messages import message
-from tripwatt.vehicles import Vehicle, load_vehicle
+from tripwatt.vehicles import Vehicle
 
 SPLIT: Final = 2.0 / 3.0
 """Part of the trips that a regime or a later time is forecast from."""
@@ -136,6 +139,12 @@ class ForecastProtocol:
             ),
         )
 
+    def from_outside(self, name: str, model: Corrector | WholeModel) -> ModelSpec:
+        """A whole model, or a corrector in a forecast with intervals and updates, on physics identified in each fold."""
+        if is_whole(model):
+            return outside_spec(name, model, WholeMethod(model, lambda h: h.data.trips), None)
+        return outside_spec(name, model, ForecastMethod(model), "physics")
+
     def beside(
         self, prepared: Prepared[ForecastData], specs: Sequence[ModelSpec], seed: int
     ) -> list[Comparison]:
@@ -146,14 +155,20 @@ class ForecastProtocol:
         draws = random_draws(main, CURVE_SIZES, CURVE_DRAWS, CURVE_LEAST_TEST, seed)
         return [Comparison(draws, curves)] if draws.splits else []
 
-    def prepare(self, fleet: Fleet, test_fleet: Fleet | None, car: CarChoice) -> Prepared[ForecastData]:
+    def prepare(
+        self, fleet: Fleet, test_fleet: Fleet | None, car: CarChoice, wanted: HoldOutChoice
+    ) -> Prepared[ForecastData]:
         """Leave one trip and one day out, or fit on one fleet and score another."""
-        vehicle = load_vehicle(car.name, "default", car.overrides)
+        vehicle = car.load()
         scored = audited = audit(fleet)
         notes = [*map(message, fleet.notes)]
         if test_fleet is None:
-            hold_outs, more = _held_out(fleet, audited, vehicle)
+            hold_outs, more = _held_out(fleet, audited, vehicle, wanted)
         else:
+            if wanted.chosen is not None:
+                raise InvalidInput.of(
+                    "option has no effect", "hold_outs", "hold-outs with test trips", "one of the two"
+                )
             scored = audit(test_fleet)
             hold_outs, more = _other_trips(fleet, audited, test_fleet, scored, vehicle)
             notes += map(message, test_fleet.notes)
@@ -171,11 +186,12 @@ class ForecastProtocol:
         for comparison in main:
             summary = comparison.summary(seed)
             add_crps_of_points(summary["models"], comparison.frame)
-            forecasts = comparison.forecasts(FORECAST)
-            if forecasts is not None:
-                part = comparison.rows_of(FORECAST)
-                summary["models"][FORECAST] |= forecast_scores(forecasts, part, seed)
-                insights.append(forecast_insight(comparison.hold_out, forecasts, part))
+            for name in summary["models"]:
+                forecasts, part = comparison.forecasts(name), comparison.rows_of(name)
+                if forecasts is not None:
+                    summary["models"][name] |= forecast_scores(forecasts, part, seed)
+                if forecasts is not None and name == FORECAST:
+                    insights.append(forecast_insight(comparison.hold_out, forecasts, part))
             summaries.append(summary)
         insight = insights[0] if insights else None
         content: dict[str, Any] = {
@@ -195,30 +211,43 @@ class ForecastProtocol:
 
 
 def _held_out(
-    fleet: Fleet, audited: Audit, vehicle: Vehicle
+    fleet: Fleet, audited: Audit, vehicle: Vehicle, wanted: HoldOutChoice
 ) -> tuple[list[HoldOut[ForecastData]], list[str]]:
-    """Leave-one-trip-out on the reference and the audited trips, leave-one-day-out on the first of them."""
-    named = {"reference": fleet.reference_trips(), "audited": audited.trips}
-    notes = []
-    hold_outs: list[HoldOut[ForecastData]] = []
-    for name, trips in named.items():
-        if not trips:
-            notes.append(f"no {name} trips in the data set {fleet.name!r}")
-            continue
-        _require(len(trips) - 1, fleet)
-        hold_outs.append(_hold_out(LEAVE_ONE_TRIP_OUT, name, ForecastData.from_trips(trips, vehicle)))
-    if not hold_outs:
-        _require(0, fleet)
-    main = hold_outs[0]
-    days = days_of(main.table.trips)
+    """Leave-one-trip-out on the reference and the audited trips, leave-one-day-out and regimes of the first of them."""
+    every = {"reference": fleet.reference_trips(), "audited": audited.trips}
+    notes = [f"no {name} trips in the data set {fleet.name!r}" for name, trips in every.items() if not trips]
+    sets = {name: trips for name, trips in every.items() if trips}
+    _require(min(map(len, sets.values()), default=1) - 1, fleet)
+    main = next(iter(sets))
+    known = [(LEAVE_ONE_TRIP_OUT, name) for name in sets]
+    days = days_of(sets[main])
     if days is None:
         notes.append(WITHOUT_DAYS)
     elif len(days) - int(np.bincount(days).max()) < MIN_TRIPS:
         notes.append("leave-one-day-out left out: too few trips remain without the fullest day")
     else:
-        hold_outs.append(_hold_out(LEAVE_ONE_DAY_OUT, main.trips, main.data, days))
-    regimes, more = _regimes(main)
-    return [*hold_outs, *regimes], [*notes, *more]
+        known.append((LEAVE_ONE_DAY_OUT, main))
+    regimes, more = _regimes(sets[main])
+    chosen = wanted.of([*known, *regimes])
+    used = dict.fromkeys(main if pair in regimes else pair[1] for pair in chosen)
+    prepared = {
+        n: ForecastData.from_trips(sets[n], vehicle) for n in (*used, *([main] if wanted.splits else []))
+    }
+    hold_outs: list[HoldOut[ForecastData]] = []
+    for scheme, name in chosen:
+        if (scheme, name) in regimes:
+            members, folds = regimes[scheme, name]
+            hold_outs.append(_hold_out(scheme, name, prepared[main].take(members), folds))
+        else:
+            hold_outs.append(
+                _hold_out(scheme, name, prepared[name], days if scheme == LEAVE_ONE_DAY_OUT else None)
+            )
+    if wanted.splits:
+        data = prepared[main]
+        splits = list(wanted.split(main, data.table, data, sets[main]))
+        _require(min(len(split.train) for hold_out in splits for split in hold_out.splits), fleet)
+        hold_outs += splits
+    return hold_outs, [*notes, *more]
 
 
 def _hold_out(
@@ -230,9 +259,12 @@ def _hold_out(
     )
 
 
-def _regimes(main: HoldOut[ForecastData]) -> tuple[list[HoldOut[ForecastData]], list[str]]:
-    """Fit on a part of the trips, score another kind: longer, faster, the other season, later."""
-    plans, trips = main.data.plans, main.table.trips
+def _regimes(trips: Sequence[Trip]) -> tuple[dict[tuple[str, str], tuple[IntArray, IntArray]], list[str]]:
+    """Fit on a part of the trips, score another kind: longer, faster, the other season, later.
+
+    Scheme and name of each regime -> its trips, and the fold of each of these.
+    """
+    plans = [plan_from_trip(trip) for trip in trips]
     duration = np.array([plan.duration_s for plan in plans])
     speed = np.array([plan.distance_m for plan in plans]) / np.maximum(duration, 1.0)
     seasons = np.array([str(trip.context.season) for trip in trips])
@@ -248,16 +280,15 @@ def _regimes(main: HoldOut[ForecastData]) -> tuple[list[HoldOut[ForecastData]], 
         later = np.zeros(len(plans), dtype=bool)
         later[order[int(np.ceil(SPLIT * len(order))) :]] = True
         parts.append((TIME_SPLIT, "last third by date", ~later, later))
-    hold_outs, left_out = [], []
+    regimes, left_out = {}, []
     for scheme, name, fitted, scored in parts:
         if fitted.sum() < MIN_TRIPS or scored.sum() < MIN_SCORED:
             left_out.append(name)
             continue
         chosen = np.flatnonzero(fitted | scored)
-        folds = np.where(scored[chosen], 0, TRAINING_ONLY).astype(np.int64)
-        hold_outs.append(_hold_out(scheme, name, main.data.take(chosen), folds))
+        regimes[scheme, name] = chosen, np.where(scored[chosen], 0, TRAINING_ONLY).astype(np.int64)
     notes = [f"regimes left out for too few trips: {', '.join(left_out)}"] if left_out else []
-    return hold_outs, notes
+    return regimes, notes
 
 
 def _other_trips(

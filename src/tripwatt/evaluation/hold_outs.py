@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+import warnings
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Final, Generic, TypeVar
+from pathlib import Path
+from typing import Any, Final, Generic, Protocol, TypeVar
 
 import numpy as np
 
 from tripwatt.arrays import IntArray
 from tripwatt.auditing import Audit
+from tripwatt.errors import Fault, InvalidInput, raise_faults
 from tripwatt.hybrid import TripTable
 from tripwatt.trips import Fleet, Trip
-from tripwatt.vehicles import Vehicle
+from tripwatt.vehicles import Vehicle, load_vehicle, vehicle_document, vehicle_from_document
 
 TRAINING_ONLY: Final = -1
 """Fold of a trip that is only fitted on."""
@@ -219,7 +222,227 @@ class Prepared(Generic[D]):
 
 @dataclass(frozen=True, slots=True)
 class CarChoice:
-    """A car by name or path, and values that replace those of its file."""
+    """A car, or its name or path, and values that replace those of its file.
 
-    name: str
+    Attributes
+    ----------
+    car : Vehicle, str or path
+        The car itself, its name, or the path of its TOML.
+    overrides : mapping of str to (float or str), optional
+        As for `load_vehicle`.
+
+    Examples
+    --------
+    >>> CarChoice("bmw_i3_60ah", {"mass": 1500.0}).load("paper").body.curb_mass_kg
+    1500.0
+    """
+
+    car: Vehicle | Path | str
     overrides: Mapping[str, float | str] | None = None
+
+    @property
+    def name(self) -> str:
+        """Its name or path."""
+        return self.car.name if isinstance(self.car, Vehicle) else str(self.car)
+
+    def load(self, preset: str = "default", more: Mapping[str, float | str] | None = None) -> Vehicle:
+        """Load the car under a preset, with the values that replace its own and some more.
+
+        Parameters
+        ----------
+        preset : str
+            As for `load_vehicle`.
+        more : mapping of str to (float or str), optional
+            Further values that replace those of the car.
+
+        Returns
+        -------
+        Vehicle
+            With these values.
+
+        Raises
+        ------
+        InvalidInput
+            As `load_vehicle`.
+
+        Examples
+        --------
+        >>> CarChoice("bmw_i3_60ah").load().title
+        'BMW i3 60 Ah'
+        """
+        values = {**(self.overrides or {}), **(more or {})}
+        if not isinstance(self.car, Vehicle):
+            return load_vehicle(self.car, preset, values)
+        if preset == "default" and not values:
+            return self.car
+        return vehicle_from_document(vehicle_document(self.car), self.name, self.name, preset, values)
+
+
+class Splitter(Protocol):
+    """A splitter of scikit-learn's kind.
+
+    Examples
+    --------
+    >>> from sklearn.model_selection import GroupKFold
+    >>> splitter: Splitter = GroupKFold(5)
+    """
+
+    def split(self, X: Any, y: Any = None, groups: Any = None) -> Iterable[tuple[Any, Any]]:
+        """Give numbers of trips to fit on and to score.
+
+        Parameters
+        ----------
+        X : list of Trip
+            The trips of the main hold-out.
+        y : ndarray, shape (trips,)
+            Measured energy [Wh].
+        groups : ndarray of int, shape (trips,)
+            Number of the day of each trip; that of the trip where the days are unknown.
+
+        Examples
+        --------
+        >>> splitter.split(trips, energy_wh, days)  # doctest: +SKIP
+        """
+        ...
+
+
+HoldOuts = str | Splitter | Sequence[str | Splitter]
+"""What `evaluate` takes: names of hold-outs, splitters, or a list of both."""
+
+
+@dataclass(frozen=True, slots=True)
+class HoldOutChoice:
+    """Hold-outs that run: those of the protocol, or some of them, and splitters from outside.
+
+    Attributes
+    ----------
+    chosen : tuple of (str or Splitter) or None
+        None for all of the protocol.
+
+    Examples
+    --------
+    >>> HoldOutChoice.from_argument("reference").of([("leave_one_trip_out", "reference"), ("leave_one_trip_out", "all")])
+    [('leave_one_trip_out', 'reference')]
+    """
+
+    chosen: tuple[str | Splitter, ...] | None = None
+
+    @classmethod
+    def from_argument(cls, hold_outs: HoldOuts | None) -> HoldOutChoice:
+        """Take one, several or, with None, all of the protocol.
+
+        Parameters
+        ----------
+        hold_outs : str, Splitter, sequence of them, or None
+            As of `evaluate`.
+
+        Returns
+        -------
+        HoldOutChoice
+            Of the same.
+
+        Raises
+        ------
+        InvalidInput
+            For what is neither a name nor a splitter, and for an empty list.
+
+        Examples
+        --------
+        >>> HoldOutChoice.from_argument(None).chosen is None
+        True
+        """
+        if hold_outs is None:
+            return cls()
+        chosen: tuple[Any, ...] = (hold_outs,)
+        if isinstance(hold_outs, Sequence) and not isinstance(hold_outs, str):
+            chosen = tuple(hold_outs)
+        allowed = "names of hold-outs, or splitters of scikit-learn's kind"
+        wrong = [f"{c!r}"[:80] for c in chosen if not isinstance(c, str) and not hasattr(c, "split")]
+        wrong += [] if chosen else ["an empty list"]
+        raise_faults(Fault("unknown hold-out", "hold_outs", got, allowed) for got in wrong)
+        return cls(chosen)
+
+    @property
+    def splits(self) -> bool:
+        """Whether there is a splitter."""
+        return any(not isinstance(each, str) for each in self.chosen or ())
+
+    def of(self, known: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
+        """Find the chosen ones among the hold-outs of a protocol.
+
+        A name is a scheme, a set of trips, or both as ``scheme:trips``.
+
+        Parameters
+        ----------
+        known : sequence of (str, str)
+            Scheme and set of trips of each hold-out.
+
+        Returns
+        -------
+        list of (str, str)
+            In the order of the protocol.
+
+        Raises
+        ------
+        InvalidInput
+            With every name that none of them has.
+
+        Examples
+        --------
+        >>> HoldOutChoice().of([("leave_one_trip_out", "all")])
+        [('leave_one_trip_out', 'all')]
+        """
+        if self.chosen is None:
+            return list(known)
+        spelt = {pair: {*pair, ":".join(pair)} for pair in known}
+        names = [name for name in self.chosen if isinstance(name, str)]
+        allowed = ", ".join(dict.fromkeys([*(scheme for scheme, _ in known), *map(":".join, known)]))
+        raise_faults(
+            Fault("unknown hold-out", "hold_outs", name, allowed)
+            for name in names
+            if not any(name in each for each in spelt.values())
+        )
+        return [pair for pair in known if spelt[pair] & set(names)]
+
+    def split(self, trips: str, table: TripTable, data: D, recorded: Sequence[Trip]) -> Iterator[HoldOut[D]]:
+        """Make a hold-out for each splitter, over the trips of a set.
+
+        Parameters
+        ----------
+        trips : str
+            Name of the set.
+        table : TripTable
+            Of its trips.
+        data : object
+            As of `HoldOut`.
+        recorded : sequence of Trip
+            The trips themselves, for the splitter.
+
+        Yields
+        ------
+        HoldOut
+            Named after the class of the splitter.
+
+        Raises
+        ------
+        InvalidInput
+            When a splitter cannot split them.
+
+        Examples
+        --------
+        >>> list(HoldOutChoice().split("all", None, None, []))
+        []
+        """
+        for splitter in self.chosen or ():
+            if isinstance(splitter, str):
+                continue
+            name = type(splitter).__name__
+            days = days_of(recorded)
+            groups = np.arange(len(recorded)) if days is None else days
+            try:
+                with warnings.catch_warnings():
+                    warnings.filterwarnings("ignore", "The groups parameter is ignored", UserWarning)
+                    pairs = list(splitter.split(list(recorded), table.observed_wh[table.last_rows], groups))
+                yield HoldOut.from_pairs(name, trips, table, data, pairs)
+            except (ValueError, TypeError, IndexError) as error:
+                raise InvalidInput.of("trips cannot be split", name, str(error)[:200]) from error

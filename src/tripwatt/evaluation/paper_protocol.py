@@ -7,6 +7,7 @@ settings are chosen by what the table scores: the absolute error at the end of t
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from types import MappingProxyType
 from typing import Any, Final
 
@@ -23,9 +24,11 @@ from tripwatt.evaluation.hold_outs import (
     WITHOUT_DAYS,
     CarChoice,
     HoldOut,
+    HoldOutChoice,
     Prepared,
     days_of,
 )
+from tripwatt.evaluation.outside import WholeMethod, WholeModel, is_whole, outside_spec
 from tripwatt.evaluation.paper_studies import simulation_forms, studies, study_comparisons
 from tripwatt.evaluation.protocol import AUDIT, DIFFERENCES, RESULT, TRIP_BY_TRIP, ReportSection
 from tripwatt.evaluation.results import EvaluationRun, about_run
@@ -40,13 +43,14 @@ from tripwatt.evaluation.table_models import (
     table_model,
 )
 from tripwatt.evaluation.tasks import ModelSpec
-from tripwatt.hybrid import TripTable, build_table
+from tripwatt.hybrid import Corrector, TripTable, build_table
+from tripwatt.hybrid.outside import is_regressor
 from tripwatt.paper import correctors
 from tripwatt.paper.insight import GammInsight, insight
 from tripwatt.physics import simulate_trip
 from tripwatt.trips import Fleet, Trip, value_faults
 from tripwatt.trips.messages import message
-from tripwatt.vehicles import Vehicle, load_vehicle
+from tripwatt.vehicles import Vehicle
 
 MIN_FOLDS: Final = 3
 
@@ -108,22 +112,38 @@ class PaperProtocol:
     published: Mapping[str, float] = PUBLISHED
     given = ""
 
+    def from_outside(self, name: str, model: Corrector | WholeModel) -> ModelSpec:
+        """A whole model, or a regressor on the covariates and the simulation of the paper's correctors."""
+        if is_whole(model):
+            return outside_spec(name, model, WholeMethod(model, lambda h: h.table.trips), None)
+        if not is_regressor(model):
+            got, allowed = (
+                f"{type(model).__name__} on segments",
+                "a regressor, a whole model, or protocol 'forecast'",
+            )
+            raise InvalidInput.of("model not available", "models", got, allowed)
+        return outside_spec(
+            name, model, TableMethod(partial(correctors.outside, model)), correctors.SIMULATION
+        )
+
     def beside(self, prepared: Prepared[None], specs: Sequence[ModelSpec], seed: int) -> list[Comparison]:
         """What `tripwatt.evaluation.paper_studies` compares."""
         return study_comparisons(prepared.hold_outs[0], [spec.name for spec in specs], seed)
 
-    def prepare(self, fleet: Fleet, test_fleet: Fleet | None, car: CarChoice) -> Prepared[None]:
+    def prepare(
+        self, fleet: Fleet, test_fleet: Fleet | None, car: CarChoice, wanted: HoldOutChoice
+    ) -> Prepared[None]:
         """Each set of trips under leave-one-trip-out, and the main set under leave-one-day-out."""
         if test_fleet is not None:
             got, allowed = f"protocol {self.name!r}", "protocol 'forecast'"
             raise InvalidInput.of("option not available", "--test", got, allowed)
-        cars = {name: load_vehicle(car.name, preset, car.overrides) for name, preset in PRESETS.items()}
+        cars = {name: car.load(preset) for name, preset in PRESETS.items()}
         given = [
             f"{cars['physics'].name} with {key} = {value}" for key, value in (car.overrides or {}).items()
         ]
         audited = audit(fleet)
-        forms = simulation_forms(car.name, car.overrides) if fleet.reference is not None else {}
-        hold_outs, notes = _hold_outs(fleet, audited, cars | forms)
+        forms = simulation_forms(car) if fleet.reference is not None and wanted.chosen is None else {}
+        hold_outs, notes = _hold_outs(fleet, audited, cars | forms, wanted)
         return Prepared(hold_outs, fleet, None, audited, cars, (*map(message, fleet.notes), *given, *notes))
 
     def assemble(
@@ -167,29 +187,35 @@ def _table2(gamm: GammInsight | None) -> list[dict[str, Any]]:
 
 
 def _hold_outs(
-    fleet: Fleet, audited: Audit, cars: Mapping[str, Vehicle]
+    fleet: Fleet, audited: Audit, cars: Mapping[str, Vehicle], wanted: HoldOutChoice
 ) -> tuple[list[HoldOut[None]], list[str]]:
     usable, notes = _usable(fleet.trips)
-    sets = {"reference": fleet.reference_trips(), "audited": audited.trips, "all": usable}
-    hold_outs: list[HoldOut[None]] = []
-    for name, trips in sets.items():
-        if not trips:
-            if name == "reference" and fleet.reference is not None:
-                notes.append(f"none of the reference trips of the data set {fleet.name!r} is here")
-            continue
-        table = build_table(trips, cars)
-        hold_outs.append(HoldOut.from_folds(LEAVE_ONE_TRIP_OUT, name, table, None, np.arange(len(table))))
-    if not hold_outs or max(len(h.table) for h in hold_outs) < MIN_FOLDS:
+    every = {"reference": fleet.reference_trips(), "audited": audited.trips, "all": usable}
+    sets = {name: trips for name, trips in every.items() if trips}
+    if fleet.reference is not None and "reference" not in sets:
+        notes.append(f"none of the reference trips of the data set {fleet.name!r} is here")
+    if not sets or max(map(len, sets.values())) < MIN_FOLDS:
         got = f"{len(audited.trips)} of {len(fleet.trips)}"
         least = f"at least {MIN_FOLDS} with measured energy"
         raise InvalidInput.of("too few trips after the audit", fleet.name, got, least)
-    main = hold_outs[0]
-    days = days_of(main.table.trips)
+    main = next(iter(sets))
+    days = days_of(sets[main])
+    known = [(LEAVE_ONE_TRIP_OUT, name) for name in sets]
     if days is None:
         notes.append(WITHOUT_DAYS)
     else:
-        hold_outs.append(HoldOut.from_folds(LEAVE_ONE_DAY_OUT, main.trips, main.table, None, days))
-    notes.extend(main.table.notes)
+        known.append((LEAVE_ONE_DAY_OUT, main))
+    chosen = wanted.of(known)
+    used = dict.fromkeys([*(name for _, name in chosen), *([main] if wanted.splits else [])])
+    tables = {name: build_table(sets[name], cars) for name in used}
+    hold_outs: list[HoldOut[None]] = []
+    for scheme, name in chosen:
+        by_trip = np.arange(len(sets[name]), dtype=np.int64)
+        folds = days if scheme == LEAVE_ONE_DAY_OUT and days is not None else by_trip
+        hold_outs.append(HoldOut.from_folds(scheme, name, tables[name], None, folds))
+    if wanted.splits:
+        hold_outs += wanted.split(main, tables[main], None, sets[main])
+    notes.extend(hold_outs[0].table.notes)
     return hold_outs, notes
 
 

@@ -16,13 +16,13 @@ import numpy as np
 
 from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.evaluation.comparison import Comparison, median_times
-from tripwatt.evaluation.hold_outs import HoldOut, random_draws
+from tripwatt.evaluation.hold_outs import CarChoice, HoldOut, random_draws
 from tripwatt.evaluation.metrics import absolute_percentage_error, summarise_errors
 from tripwatt.evaluation.table_models import physics, table_model
 from tripwatt.evaluation.tasks import FoldResult, ModelSpec
 from tripwatt.hybrid import EnergyModel, TripTable
 from tripwatt.paper import correctors
-from tripwatt.vehicles import Vehicle, load_vehicle
+from tripwatt.vehicles import Vehicle
 
 PAPER_CAR: Final = "bmw_i3_60ah"
 """The car for which the forms of the simulation have values."""
@@ -180,11 +180,11 @@ def study_comparisons(hold_out: HoldOut[None], names: Sequence[str], seed: int) 
     return [*comparisons, Comparison(draws, CURVE)] if set(CURVE_MODELS) <= set(names) else comparisons
 
 
-def simulation_forms(car: str, overrides: Mapping[str, float | str] | None) -> dict[str, Vehicle]:
+def simulation_forms(car: CarChoice) -> dict[str, Vehicle]:
     """The forms of the simulation by name; none for another car than the paper's."""
-    if car != PAPER_CAR:
+    if car.name != PAPER_CAR:
         return {}
-    return {form.name: load_vehicle(car, "paper", {**(overrides or {}), **form.overrides}) for form in FORMS}
+    return {form.name: car.load("paper", form.overrides) for form in FORMS}
 
 
 def studies(main: Comparison, beside: Sequence[Comparison], seed: int) -> dict[str, Any]:

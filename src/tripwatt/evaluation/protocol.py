@@ -8,9 +8,12 @@ from typing import Any, Final, Protocol
 
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.evaluation.comparison import Comparison
-from tripwatt.evaluation.hold_outs import CarChoice, Prepared
+from tripwatt.evaluation.hold_outs import CarChoice, HoldOutChoice, Prepared
+from tripwatt.evaluation.outside import AnyModel, WholeModel, named_models
 from tripwatt.evaluation.results import EvaluationRun
 from tripwatt.evaluation.tasks import ModelSpec
+from tripwatt.hybrid import Corrector
+from tripwatt.hybrid.outside import packaged_correctors
 from tripwatt.trips import Fleet
 
 
@@ -56,7 +59,7 @@ class EvaluationProtocol(Protocol):
     >>> protocol = find_protocol("paper")
     >>> protocol.name, protocol.models[0].name
     ('paper', 'constant')
-    >>> prepared = protocol.prepare(fleet, None, CarChoice("bmw_i3_60ah"))  # doctest: +SKIP
+    >>> prepared = protocol.prepare(fleet, None, CarChoice("bmw_i3_60ah"), HoldOutChoice())  # doctest: +SKIP
     >>> protocol.assemble(prepared, results, protocol.models, seed=0)  # doctest: +SKIP
     """
 
@@ -91,7 +94,35 @@ class EvaluationProtocol(Protocol):
         """
         ...
 
-    def prepare(self, fleet: Fleet, test_fleet: Fleet | None, car: CarChoice) -> Prepared[Any]:
+    def from_outside(self, name: str, model: Corrector | WholeModel) -> ModelSpec:
+        """Make a row of a model from outside.
+
+        Parameters
+        ----------
+        name : str
+            Of the row.
+        model : Corrector or WholeModel
+            Unfitted.
+
+        Returns
+        -------
+        ModelSpec
+            To run beside the models of the protocol.
+
+        Raises
+        ------
+        InvalidInput
+            When the protocol has no use for such an object.
+
+        Examples
+        --------
+        >>> protocol.from_outside("ridge", Ridge())  # doctest: +SKIP
+        """
+        ...
+
+    def prepare(
+        self, fleet: Fleet, test_fleet: Fleet | None, car: CarChoice, wanted: HoldOutChoice
+    ) -> Prepared[Any]:
         """Audit the trips, simulate them and set the folds.
 
         Parameters
@@ -102,6 +133,8 @@ class EvaluationProtocol(Protocol):
             Logs to test on instead of held-out trips, where the protocol has such a test.
         car : CarChoice
             The car that is simulated.
+        wanted : HoldOutChoice
+            The hold-outs that run.
 
         Returns
         -------
@@ -111,7 +144,7 @@ class EvaluationProtocol(Protocol):
         Raises
         ------
         InvalidInput
-            On an unknown car, or when too few trips are left.
+            On an unknown car or hold-out, or when too few trips are left.
         """
         ...
 
@@ -143,25 +176,32 @@ class EvaluationProtocol(Protocol):
         ...
 
 
-def choose_models(protocol: EvaluationProtocol, names: Sequence[str] | None = None) -> tuple[ModelSpec, ...]:
-    """Choose the models of a protocol, or those of them that are named.
+def choose_models(
+    protocol: EvaluationProtocol,
+    models: Sequence[AnyModel] | Mapping[str, AnyModel] | None = None,
+    seed: int = 0,
+) -> tuple[ModelSpec, ...]:
+    """Choose the models of a protocol, or those of them that are named, and models from outside.
 
     Parameters
     ----------
     protocol : EvaluationProtocol
         With its models.
-    names : sequence of str, optional
-        Names of models; all by default.
+    models : sequence or mapping of str to (str, Corrector or WholeModel), optional
+        Names of models of the protocol and of correctors of installed packages, and objects from outside, perhaps with names of
+        their rows; all models of the protocol by default.
+    seed : int
+        For correctors of packages.
 
     Returns
     -------
     tuple of ModelSpec
-        In the order of the protocol.
+        In the order of the protocol; those from outside at the end.
 
     Raises
     ------
     InvalidInput
-        On an unknown model.
+        On an unknown model, and an object that is no model.
 
     Examples
     --------
@@ -169,11 +209,20 @@ def choose_models(protocol: EvaluationProtocol, names: Sequence[str] | None = No
     >>> [spec.name for spec in choose_models(find_protocol("paper"), ["linear6", "constant"])]
     ['constant', 'linear6']
     """
-    specs = protocol.models
-    if names is None:
-        return specs
-    known = [spec.name for spec in specs]
-    wrong = [name for name in names if name not in known]
+    if models is None:
+        return protocol.models
+    known, packaged = [spec.name for spec in protocol.models], packaged_correctors()
+    named = named_models(models)
+    names = [model for model in named.values() if isinstance(model, str)]
+    wrong = [name for name in names if name not in known and name not in packaged]
+    wrong += [name for name, model in named.items() if name in known and model != name]
     if wrong:
-        raise InvalidInput([Fault("unknown model", "--models", name, ", ".join(known)) for name in wrong])
-    return tuple(spec for spec in specs if spec.name in names)
+        allowed = ", ".join([*known, *packaged])
+        raise InvalidInput([Fault("unknown model", "models", name, allowed) for name in wrong])
+    others = {
+        name: packaged[model](seed) if isinstance(model, str) else model
+        for name, model in named.items()
+        if not (isinstance(model, str) and model in known)
+    }
+    outside = [protocol.from_outside(name, model) for name, model in others.items()]
+    return (*(spec for spec in protocol.models if spec.name in names), *outside)

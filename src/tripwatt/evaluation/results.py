@@ -11,15 +11,22 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import pandas as pd
 
+from tripwatt.errors import Fault, InvalidInput, raise_faults
 from tripwatt.evaluation.comparison import Comparison
 from tripwatt.evaluation.forecast_scores import ForecastInsight
 from tripwatt.evaluation.hold_outs import Prepared
+from tripwatt.evaluation.metrics import PairedDifference, paired_difference
 from tripwatt.paper.insight import GammInsight
+from tripwatt.trips.showing import html_table
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 SYNTHETIC: Final = "synthetic"
 """Name of the built-in fleet."""
@@ -67,6 +74,123 @@ class EvaluationRun:
     importances: pd.DataFrame | None = None
     gamm: GammInsight | None = None
     forecast: ForecastInsight | None = None
+
+    def to_frame(self) -> pd.DataFrame:
+        """Tabulate the errors of every model in every hold-out.
+
+        Returns
+        -------
+        DataFrame
+            `scheme, trips, model, n_trips, mape, mape_low, mape_high` (95 % bootstrap interval over trips)`, median_ape, max_ape,
+            bias, rmse_wh`; errors as fractions.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> from tripwatt.evaluation import Execution
+        >>> run = tw.evaluate(tw.synthetic_fleet(6), models=["constant", "physics"], execution=Execution(n_jobs=1))
+        >>> run.to_frame().groupby("scheme")["model"].count().to_dict()
+        {'leave_one_day_out': 2, 'leave_one_trip_out': 4}
+        """
+        rows = []
+        for part in self.results["evaluations"]:
+            for model, scores in part["models"].items():
+                low, high = scores["mape_ci95"]
+                about = {
+                    "scheme": part["scheme"],
+                    "trips": part["trips"],
+                    "model": model,
+                    "n_trips": part["n_trips"],
+                }
+                errors = {"mape": scores["mape"], "mape_low": low, "mape_high": high}
+                rows.append(
+                    about | errors | {k: scores[k] for k in ("median_ape", "max_ape", "bias", "rmse_wh")}
+                )
+        return pd.DataFrame(rows)
+
+    def compare(self, a: str, b: str, *, hold_out: str | None = None) -> PairedDifference:
+        """Compare two models over the same held-out trips.
+
+        Parameters
+        ----------
+        a, b : str
+            Names of models of the run.
+        hold_out : str, optional
+            A hold-out as ``scheme:trips``; the first of the run by default.
+
+        Returns
+        -------
+        PairedDifference
+            Mean APE of `a` less that of `b`, with its bootstrap interval over trips.
+
+        Raises
+        ------
+        InvalidInput
+            On an unknown model or hold-out.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> from tripwatt.evaluation import Execution
+        >>> run = tw.evaluate(tw.synthetic_fleet(6), models=["constant", "physics"], execution=Execution(n_jobs=1))
+        >>> run.compare("physics", "constant").diff < 0.0
+        True
+        """
+        ape = self._ape(hold_out)
+        raise_faults(
+            Fault("unknown model", "compare", name, ", ".join(map(str, ape)))
+            for name in (a, b)
+            if name not in ape
+        )
+        return paired_difference(ape[a].to_numpy(), ape[b].to_numpy(), self.results["seed"])
+
+    def plot(self, ax: Axes | None = None, *, hold_out: str | None = None) -> Figure:
+        """Box plots of the error of each trip, one for each model.
+
+        Parameters
+        ----------
+        ax : Axes, optional
+            Where to draw; a new figure by default.
+        hold_out : str, optional
+            As of `compare`.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            Absolute percentage error [%], on a logarithmic scale.
+
+        Raises
+        ------
+        InvalidInput
+            On an unknown hold-out.
+
+        Examples
+        --------
+        >>> run.plot().savefig("errors.png")  # doctest: +SKIP
+        """
+        from tripwatt.evaluation.plots import plot_errors  # matplotlib is slow to import
+
+        return plot_errors(self._ape(hold_out), ax)
+
+    def _ape(self, hold_out: str | None) -> pd.DataFrame:
+        """Error of each trip (rows) by each model (columns) in a hold-out."""
+        labels = self.folds["scheme"] + ":" + self.folds["trips"]
+        label = labels.iloc[0] if hold_out is None else hold_out
+        if label not in set(labels):
+            raise InvalidInput.of("unknown hold-out", "hold_out", label, ", ".join(labels.unique()))
+        rows = self.folds[labels == label]
+        return rows.pivot_table(index="trip", columns="model", values="ape", sort=False)
+
+    def _repr_html_(self) -> str:
+        frame = self.to_frame()
+        rows = [
+            (
+                f"{row.model}, {row.scheme} of {row.trips} trips",
+                f"{row.mape:.1%} ({row.mape_low:.1%} to {row.mape_high:.1%}) over {row.n_trips} trips",
+            )
+            for row in frame.itertuples()
+        ]
+        return html_table(f"{self!r}"[1:-1], rows)
 
     def __repr__(self) -> str:
         protocol, models, read = (self.results[key] for key in ("protocol", "models", "trips_read"))

@@ -6,6 +6,7 @@ Everything that is fitted, tuned or scaled is fitted inside the fold.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
@@ -13,11 +14,14 @@ from tripwatt.errors import InvalidInput
 from tripwatt.evaluation.comparison import Comparison
 from tripwatt.evaluation.folds import Execution, run_folds
 from tripwatt.evaluation.forecast_protocol import ForecastProtocol
-from tripwatt.evaluation.hold_outs import CarChoice
+from tripwatt.evaluation.hold_outs import CarChoice, HoldOutChoice, HoldOuts
+from tripwatt.evaluation.outside import AnyModel
 from tripwatt.evaluation.paper_protocol import PaperProtocol
 from tripwatt.evaluation.protocol import EvaluationProtocol, choose_models
 from tripwatt.evaluation.results import EvaluationRun
-from tripwatt.trips import Fleet
+from tripwatt.sources import read_logs
+from tripwatt.trips import Fleet, Recorded, Trip
+from tripwatt.vehicles import Vehicle
 
 PROTOCOLS: Final[Mapping[str, EvaluationProtocol]] = MappingProxyType(
     {protocol.name: protocol for protocol in (PaperProtocol(), ForecastProtocol())}
@@ -56,12 +60,12 @@ def find_protocol(name: str) -> EvaluationProtocol:
 
 
 def evaluate(
-    fleet: Fleet,
+    trips: Fleet | Sequence[Trip] | Path | str,
     *,
     protocol: str | EvaluationProtocol = DEFAULT_PROTOCOL,
-    models: Sequence[str] | None = None,
-    vehicle: str = "bmw_i3_60ah",
-    overrides: Mapping[str, float | str] | None = None,
+    models: Sequence[AnyModel] | Mapping[str, AnyModel] | None = None,
+    vehicle: Vehicle | CarChoice | Path | str = "bmw_i3_60ah",
+    hold_outs: HoldOuts | None = None,
     seed: int = 0,
     test_fleet: Fleet | None = None,
     execution: Execution | None = None,
@@ -70,20 +74,26 @@ def evaluate(
 
     Parameters
     ----------
-    fleet : Fleet
-        Raw trips of one car.
+    trips : Fleet, sequence of Trip, or path
+        Trips of one car as they were recorded. A path is read as by `read_logs`, strictly; read other kinds of logs than
+        those of TUM with `read_logs` first.
     protocol : {"paper", "forecast"} or EvaluationProtocol
         Which models, which trips are held out, and what is scored.
-    models : sequence of str, optional
-        Some of the protocol's models; all by default.
-    vehicle : str
-        Name or path of the vehicle's TOML.
-    overrides : mapping of str to (float or str), optional
-        Values of the car that replace those of its TOML, as for `load_vehicle`; the notes of the run name them.
+    models : sequence, or mapping of str to model, optional
+        Names of some of the protocol's models, and models from outside: a regressor of scikit-learn's kind as a corrector, an
+        object with ``fit(table)`` and ``predict(table)`` as a corrector on segments (protocol "forecast"), or one with
+        ``fit(trips)`` and ``predict(trip)`` as a whole model. A mapping names their rows. All of the protocol by default.
+    vehicle : Vehicle, str or path, or CarChoice
+        The car, its name, or the path of its TOML. A `CarChoice` has values that replace those of the car, also under a preset of
+        the protocol; the notes of the run name them.
+    hold_outs : str, splitter, or sequence of them, optional
+        Which hold-outs run: a scheme ("leave_one_trip_out"), a set of trips ("reference"), both ("leave_one_trip_out:reference"),
+        or a splitter of scikit-learn's kind over the trips of the main set, with their days as groups. The studies beside the
+        table run only when all of the protocol do, which is the default.
     seed : int
         Makes the run identical, also over a different number of processes.
     test_fleet : Fleet, optional
-        Protocol "forecast" alone: fit on `fleet`, score on these trips.
+        Protocol "forecast" alone: fit on `trips`, score on these trips.
     execution : Execution, optional
         Processes, and where finished folds are kept.
 
@@ -95,7 +105,8 @@ def evaluate(
     Raises
     ------
     InvalidInput
-        On an unknown protocol, model, vehicle or override, or when too few trips are left.
+        On an unknown protocol, model, vehicle, value or hold-out, an object that is no model, or when too few trips are
+        left.
 
     Examples
     --------
@@ -105,8 +116,29 @@ def evaluate(
     <EvaluationRun protocol paper, 2 models, 6 trips read>
     """
     chosen = find_protocol(protocol) if isinstance(protocol, str) else protocol
-    specs = choose_models(chosen, models)
-    prepared = chosen.prepare(fleet, test_fleet, CarChoice(vehicle, overrides))
+    specs, wanted = choose_models(chosen, models, seed), HoldOutChoice.from_argument(hold_outs)
+    car = vehicle if isinstance(vehicle, CarChoice) else CarChoice(vehicle)
+    prepared = chosen.prepare(_fleet(trips), test_fleet, car, wanted)
     main = [Comparison(hold_out, specs) for hold_out in prepared.hold_outs]
-    done = run_folds([*main, *chosen.beside(prepared, specs, seed)], seed, execution or Execution())
+    beside = chosen.beside(prepared, specs, seed) if wanted.chosen is None else []
+    done = run_folds([*main, *beside], seed, execution or Execution(), compares=bool(beside))
     return chosen.assemble(prepared, done[: len(main)], done[len(main) :], seed)
+
+
+def _fleet(trips: Fleet | Sequence[Trip] | Path | str) -> Fleet:
+    """Trips as a fleet.
+
+    Raises
+    ------
+    InvalidInput
+        As `read_logs`, and for what are no trips.
+    """
+    if isinstance(trips, Fleet):
+        return trips
+    if isinstance(trips, str | Path):
+        return read_logs(trips, strict=True)
+    logs = tuple(trips)
+    if not all(isinstance(log, Recorded) for log in logs):
+        got = next(type(log).__name__ for log in logs if not isinstance(log, Recorded))
+        raise InvalidInput.of("no trip", "trips", got, "trips, logs, a Fleet or a folder")
+    return Fleet("trips", logs)

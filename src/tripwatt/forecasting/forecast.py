@@ -45,6 +45,7 @@ from tripwatt.units import SECONDS_PER_HOUR
 from tripwatt.vehicles import Vehicle
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 QUANTILES: Final = (0.025, 0.05, 0.1, 0.25, 0.5, 0.75, 0.9, 0.95, 0.975)
@@ -66,12 +67,26 @@ OF_CHARGE: Final = frozenset({"soc_assumed", "battery_empty", "battery_full", "b
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Forecast:
-    """Forecast of one trip; `update` makes a new one.
+    """Forecast of one trip; `update` makes a new one. `ForecastModel.forecast` and `tripwatt.forecast` make it.
 
     Attributes
     ----------
+    energy_wh, sd_wh : float
+        Energy of the whole trip at the battery terminals and its standard deviation [Wh]; `interval` and `quantile` have its ends.
+    soc_arrival : float
+        Displayed state of charge at the end of the trip, 0 to 1; `soc_interval` and `p_arrive` have its uncertainty.
+    by_cause_wh : dict of str to float
+        Energy by cause [Wh]; the parts add up to `energy_wh`.
+    flags : tuple of Flag
+        What was assumed, and what limits the forecast.
+    plan : Plan
+        What was known at departure.
+    vehicle : Vehicle
+        The car.
     drive : ExpectedTrip
         The plan, simulated and corrected.
+    measured : Measured
+        What was measured so far.
     uncertainty : UncertaintyModel
         Of the model.
     posterior : ResidualPower
@@ -86,10 +101,6 @@ class Forecast:
         Standard deviation that a planned route adds to the trip's energy [Wh]; 0 for a driven trace.
     climbing : ClimbingEnergy or None
         What its climb takes, on a road of unknown heights.
-    flags : tuple of Flag
-        What was assumed, and what limits the forecast.
-    measured : Measured
-        What was measured so far.
     maker : callable or None
         Forecasts a plan as this one was forecast; None where the forecast was put together by hand.
 
@@ -501,15 +512,14 @@ class Forecast:
     @property
     def by_cause_wh(self) -> dict[str, float]:
         """Energy by cause [Wh]; the parts add up to `energy_wh`. Losses inside the battery are not among them."""
-        simulation, table = self.drive.simulation, self.drive.table
-        parts = {cause: float(energy[-1]) for cause, energy in simulation.energy_by_cause_wh.items()}
+        parts, table = self.drive.simulation.by_cause_wh, self.drive.table
         simulated = float(table.simulated_w @ table.hours)
         parts["climate"] += simulated - sum(parts.values())  # rounding of the segments' ends
-        parts["learned_correction"] = self.energy_wh - simulated
+        parts["correction"] = self.energy_wh - simulated
         if self._climb is not None:
             expected = float(self._excess.expected_wh[-1])
             parts["climb"] += expected
-            parts["learned_correction"] -= expected
+            parts["correction"] -= expected
         return parts
 
     @property
@@ -699,8 +709,13 @@ class Forecast:
         """
         return self.series()
 
-    def plot(self) -> Figure:
+    def plot(self, ax: Axes | None = None) -> Figure:
         """Energy and state of charge along the trip with their bands, and the energy by cause.
+
+        Parameters
+        ----------
+        ax : Axes, optional
+            Whose place the panels take; a new figure without them.
 
         Returns
         -------
@@ -717,7 +732,7 @@ class Forecast:
         from tripwatt.forecasting.plots import plot_forecast  # matplotlib is slow to import
 
         title = f"{self.plan.trip_id}: {self.energy_wh / 1000.0:.2f} kWh, given {self.given}"
-        return plot_forecast(self.series(), self.by_cause_wh, title, self.measured_until_s)
+        return plot_forecast(self.series(), self.by_cause_wh, title, self.measured_until_s, ax)
 
     def __repr__(self) -> str:
         low, high = self.interval(BAND)

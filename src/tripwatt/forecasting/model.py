@@ -45,7 +45,7 @@ from tripwatt.physics import simulate_trip
 from tripwatt.routes.terrain import net_climbs
 from tripwatt.trips import Departure, Flag, Plan, Trip, plan_from_trip, raise_faults
 from tripwatt.trips.messages import name_of
-from tripwatt.trips.showing import html_table
+from tripwatt.trips.showing import html_table, span
 from tripwatt.uncertainty import ChargeScale, LinkedTrips, RouteUncertainty, UncertaintyModel, linked_trips
 from tripwatt.uncertainty.free_flow import FreeFlowTrips
 from tripwatt.uncertainty.held_out import held_out_residual, process_segments
@@ -54,6 +54,7 @@ from tripwatt.uncertainty.process import HeldOutResidual
 from tripwatt.vehicles import Vehicle
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 DEFAULT_CORRECTOR: Final = "split"
@@ -418,13 +419,18 @@ class ForecastModel:
         rows = {name: (seen.low, seen.high, seen.sd) for name, seen in self.ranges_.items()}
         return pd.DataFrame.from_dict(rows, orient="index", columns=["low", "high", "sd"])
 
-    def plot(self) -> Figure:
+    def plot(self, ax: Axes | None = None) -> Figure:
         """Forecast consumption over speed at three outside temperatures, with 90 % intervals.
+
+        Parameters
+        ----------
+        ax : Axes, optional
+            To draw in; a new figure without them.
 
         Returns
         -------
         matplotlib.figure.Figure
-            Consumption [Wh/km] over speed [km/h].
+            Consumption [kWh/100 km] over speed [km/h].
 
         Examples
         --------
@@ -433,7 +439,7 @@ class ForecastModel:
         """
         from tripwatt.forecasting.plots import plot_model  # matplotlib is slow to import
 
-        return plot_model(self.forecast, self.vehicle.title)
+        return plot_model(self.forecast, self.vehicle.title, ax)
 
     def _title(self) -> str:
         corrector = (
@@ -448,11 +454,11 @@ class ForecastModel:
 
     def _repr_html_(self) -> str:
         rows = [
-            (name_of(name), f"{seen.low:.3g} to {seen.high:.3g}")
+            (name_of(name), span(name, seen.low, seen.high))
             for name, seen in self.ranges_.items()
             if np.isfinite(seen.low)
         ]
-        return html_table(f"ForecastModel {self._title()}", [("training trips", ""), *rows] if rows else [])
+        return html_table(f"ForecastModel {self._title()}", [("seen in training", ""), *rows] if rows else [])
 
 
 def _assumed(drive: ExpectedTrip) -> list[Flag]:

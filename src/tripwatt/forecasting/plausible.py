@@ -100,7 +100,7 @@ def impossible_faults(energy_wh: float, drive: ExpectedTrip) -> Iterator[Fault]:
     wind gives; where the car lacks power for it, it gains less, but it gives no more than it ends lower or slower. It takes at most
     what battery and motor give at their limits all the time.
     """
-    cause = {name: float(energy[-1]) for name, energy in drive.simulation.energy_by_cause_wh.items()}
+    cause = drive.simulation.by_cause_wh
     gain = cause["climb"] + cause["acceleration"]
     least = gain - MASS_MARGIN * abs(gain) + min(cause["air"], 0.0)
     if cause["shortfall"] < 0.0:

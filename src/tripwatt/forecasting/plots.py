@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, Final, Protocol
+from typing import Any, Final, Protocol
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
+from tripwatt.figures import axes_or_new, figure_of, place_for_panels
+from tripwatt.physics.simulate import CAUSE_NAMES
 from tripwatt.trips import Departure, Plan, table_of
 from tripwatt.units import M_S_PER_KM_H
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 class Interval(Protocol):
@@ -28,24 +29,15 @@ class Interval(Protocol):
         ...
 
 
-CAUSE_NAMES: Final = {
-    "air": "air drag",
-    "rolling": "rolling",
-    "climb": "climb",
-    "acceleration": "change of speed",
-    "friction_brakes": "friction brakes",
-    "drivetrain": "drivetrain",
-    "base_load": "base load",
-    "shortfall": "not delivered",
-    "learned_correction": "learned correction",
-}
-"""Names for people of the causes of `Forecast.by_cause_wh`."""
-
 _LINE, _ABOVE, _BELOW, _TOTAL = "#0b5c8a", "#c8553d", "#3a7d44", "#444444"
 
 
 def plot_forecast(
-    series: pd.DataFrame, by_cause_wh: Mapping[str, float], title: str, measured_until_s: float = 0.0
+    series: pd.DataFrame,
+    by_cause_wh: Mapping[str, float],
+    title: str,
+    measured_until_s: float = 0.0,
+    ax: Axes | None = None,
 ) -> Figure:
     """Energy and displayed state of charge along the trip with 90 % bands, and a waterfall of the causes.
 
@@ -58,17 +50,17 @@ def plot_forecast(
     title : str
     measured_until_s : float
         Time up to which the trip was measured [s since departure]; 0 before departure.
+    ax : Axes, optional
+        Whose place the panels take.
     """
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(10.0, 6.4), layout="constrained")
-    grid = figure.add_gridspec(2, 2, width_ratios=[1.0, 1.15])
-    energy = figure.add_subplot(grid[0, 0])
-    soc = figure.add_subplot(grid[1, 0], sharex=energy)
+    place = place_for_panels(ax, 10.0, 6.4)
+    grid = place.add_gridspec(2, 2, width_ratios=[1.0, 1.15])
+    energy = place.add_subplot(grid[0, 0])
+    soc = place.add_subplot(grid[1, 0], sharex=energy)
     minutes = series["time_s"] / 60.0
     for axis, name, scale, label in (
         (energy, "energy", 1e-3, "energy [kWh]"),
-        (soc, "soc", 100.0, "displayed state of charge [%]"),
+        (soc, "soc", 100.0, "state of charge [%]"),
     ):
         middle = "energy_wh" if name == "energy" else "displayed_soc"
         low, high = (
@@ -81,9 +73,9 @@ def plot_forecast(
         axis.set_ylabel(label)
     soc.set_xlabel("time [min]")
     energy.set_title("expected, with the central 90 % interval", fontsize="medium")
-    _waterfall(figure.add_subplot(grid[:, 1]), by_cause_wh)
-    figure.suptitle(title)
-    return figure
+    _waterfall(place.add_subplot(grid[:, 1]), by_cause_wh)
+    place.suptitle(title)
+    return figure_of(place)
 
 
 MODEL_SPEEDS_KM_H: Final = (20, 30, 50, 70, 90, 110, 130)
@@ -91,7 +83,7 @@ MODEL_AMBIENT_DEGC: Final = (-10.0, 5.0, 20.0)
 MODEL_DRIVE_M: Final = 20_000.0
 
 
-def plot_model(forecast: Callable[[Plan, Departure], Interval], car: str) -> Figure:
+def plot_model(forecast: Callable[[Plan, Departure], Interval], car: str, ax: Axes | None = None) -> Figure:
     """Forecast consumption of a flat drive of 20 km at constant speeds and three outside temperatures.
 
     Parameters
@@ -100,11 +92,10 @@ def plot_model(forecast: Callable[[Plan, Departure], Interval], car: str) -> Fig
         `ForecastModel.forecast`.
     car : str
         Its name.
+    ax : Axes, optional
+        To draw in.
     """
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(7.0, 4.4), layout="constrained")
-    axis = figure.subplots()
+    axis = axes_or_new(ax, 7.0, 4.4)
     for ambient, colour, marker in zip(MODEL_AMBIENT_DEGC, (_LINE, _TOTAL, _ABOVE), "so^", strict=True):
         departure = Departure(
             soc=0.9,
@@ -124,7 +115,7 @@ def plot_model(forecast: Callable[[Plan, Departure], Interval], car: str) -> Fig
     axis.set_ylabel("consumption [kWh/100 km]")
     axis.set_title(f"{car}: flat road, with the central 90 %", fontsize="medium")
     axis.legend()
-    return figure
+    return figure_of(axis)
 
 
 def _constant(speed_km_h: float) -> Plan:

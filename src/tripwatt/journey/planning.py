@@ -27,6 +27,7 @@ from tripwatt.units import M_S_PER_KM_H, SECONDS_PER_MINUTE
 from tripwatt.vehicles import Vehicle
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 CERTAIN: Final = 0.95
@@ -303,8 +304,13 @@ class Journey:
             )
         return pd.DataFrame(rows)
 
-    def plot(self) -> Figure:
+    def plot(self, ax: Axes | None = None) -> Figure:
         """Energy and state of charge along the fastest road.
+
+        Parameters
+        ----------
+        ax : Axes, optional
+            Whose place the panels take; a new figure without them.
 
         Returns
         -------
@@ -317,7 +323,7 @@ class Journey:
         >>> journey = tw.plan_journey(["Vaduz", "Malbun"], tw.Departure(soc=0.6), atlas="map")  # doctest: +SKIP
         >>> journey.plot().savefig("journey.png")  # doctest: +SKIP
         """
-        return self.forecast.plot()
+        return self.forecast.plot(ax)
 
     def _title(self) -> str:
         return " to ".join(place.title for place in self.stops)

@@ -87,7 +87,7 @@ class OutsideRegressor:
     def _input(self, columns: pd.DataFrame) -> pd.DataFrame:
         from sklearn.utils import get_tags
 
-        known = columns.reindex(columns=list(self.medians_))
+        known = columns.reindex(columns=list(self.medians_), fill_value=0.0)  # a level that is not there
         return known if get_tags(self.regressor_).input_tags.allow_nan else known.fillna(self.medians_)
 
 

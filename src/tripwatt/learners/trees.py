@@ -225,6 +225,8 @@ class ClusteredTrees(RegressorMixin, BaseEstimator):
     stored_arrays: ClassVar[tuple[str, ...]]
     """Attributes of a fitted learner that are stored, without the underscore at their end."""
 
+    __metadata_request__fit: ClassVar = {"groups": True}  # read by the metadata routing of scikit-learn
+
     def __sklearn_tags__(self) -> Any:
         tags = super().__sklearn_tags__()
         tags.input_tags.allow_nan = True

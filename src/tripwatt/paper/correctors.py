@@ -7,6 +7,7 @@ from typing import Any
 from tripwatt.learners.boosting import ClusteredBoosting
 from tripwatt.learners.correlation import Correlation
 from tripwatt.learners.forest import ClusteredForest
+from tripwatt.learners.outside import OutsideRegressor
 from tripwatt.paper.models import DataOnly, HybridModel
 from tripwatt.paper.table2 import Table2Corrector
 
@@ -48,6 +49,11 @@ def boosting(
 def boosting_without_physics(seed: int = 0) -> HybridModel:
     """The same boosting on the observed energy."""
     return DataOnly(_boosting(seed), shares_folds=True)
+
+
+def outside(regressor: Any, seed: int = 0, simulation: str = SIMULATION) -> HybridModel:
+    """A regressor of scikit-learn's kind in the place of the learner."""
+    return HybridModel(OutsideRegressor(regressor, seed), simulation)
 
 
 def _boosting(seed: int, correlation: Correlation = "independence") -> ClusteredBoosting:

@@ -262,7 +262,7 @@ def _control(task: CabinTask) -> tuple[float, ...]:
         pumped - resistive,
         1.0 / climate.cooler_cop,
         climate.compressor_idle_w,
-        1.0 / climate.heater_max_heat_w,
+        1.0 / (climate.heater_max_heat_w or math.inf),
         1.0 / climate.cooler_max_heat_w,
         interior_rate / interior_sum,
         exchange / interior_sum,

@@ -27,17 +27,20 @@ from tripwatt.trips import Flag
 from tripwatt.units import WH_PER_J
 from tripwatt.vehicles import Vehicle
 
-CAUSES: Final = (
-    "air",
-    "rolling",
-    "climb",
-    "acceleration",
-    "friction_brakes",
-    "drivetrain",
-    "base_load",
-    "climate",
-    "shortfall",
-)
+CAUSE_NAMES: Final = {
+    "air": "air drag",
+    "rolling": "rolling",
+    "climb": "climb",
+    "acceleration": "change of speed",
+    "friction_brakes": "friction brakes",
+    "drivetrain": "drivetrain",
+    "base_load": "base load",
+    "climate": "climate",
+    "shortfall": "not delivered",
+}
+"""Names for people of `CAUSES`."""
+
+CAUSES: Final = tuple(CAUSE_NAMES)
 """Causes of `Simulation.power_by_cause_w`; `shortfall` is the power that the trace needs beyond the car's limits."""
 
 ACCEPTANCE_TOLERANCE: Final = 1e-3

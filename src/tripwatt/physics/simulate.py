@@ -13,16 +13,19 @@ from tripwatt.arrays import FloatArray
 from tripwatt.errors import raise_faults
 from tripwatt.physics.arguments import argument_faults
 from tripwatt.physics.cabin import CabinRun, CabinTask, condition_cabins, irradiance
-from tripwatt.physics.chain import CAUSES, Driven, Known, Trace, drive_chain
+from tripwatt.physics.chain import CAUSE_NAMES, CAUSES, Driven, Known, Trace, drive_chain
 from tripwatt.physics.conditions import UNKNOWN_AMBIENT_DEGC, DriveConditions
 from tripwatt.physics.departure import cabin_at_departure, warmth_from_cabin
 from tripwatt.physics.road_load import air_density, grade_from_elevation
 from tripwatt.trips import Departure, Flag, Plan, PlanWeather, Recorded
+from tripwatt.trips.showing import period
 from tripwatt.units import WH_PER_J
 from tripwatt.vehicles import Vehicle, with_extras
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 __all__ = [
     "CAUSES",
@@ -36,7 +39,7 @@ __all__ = [
 ]
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(frozen=True, eq=False, slots=True, repr=False)
 class Simulation:
     """What the car does over a trip. Arrays have shape (samples,).
 
@@ -116,7 +119,12 @@ class Simulation:
         return float(self.energy_wh[-1])
 
     @property
-    def energy_by_cause_wh(self) -> dict[str, FloatArray]:
+    def by_cause_wh(self) -> dict[str, float]:
+        """Energy of the whole trip [Wh] by each of `CAUSES`, as `Forecast.by_cause_wh`; they sum to `simulated_energy_wh`."""
+        return {cause: float(energy[-1]) for cause, energy in self.cumulative_by_cause_wh.items()}
+
+    @property
+    def cumulative_by_cause_wh(self) -> dict[str, FloatArray]:
         """Cumulative energy [Wh] by each of `CAUSES`; they sum to `energy_wh`."""
         hours = np.diff(self.time_s, prepend=self.time_s[:1]) * WH_PER_J
         return {cause: np.cumsum(power * hours) for cause, power in self.power_by_cause_w.items()}
@@ -139,8 +147,36 @@ class Simulation:
 
         names = [n for n in self.__slots__ if n not in ("power_by_cause_w", "flags")]
         columns = {n: getattr(self, n) for n in names}
-        columns |= {f"energy_{cause}_wh": e for cause, e in self.energy_by_cause_wh.items()}
+        columns |= {f"energy_{cause}_wh": e for cause, e in self.cumulative_by_cause_wh.items()}
         return pd.DataFrame(columns)
+
+    def plot(self, ax: Axes | None = None) -> Figure:
+        """Energy at the battery terminals by cause, and their sum, over time.
+
+        Parameters
+        ----------
+        ax : Axes, optional
+            To draw in; a new figure without them.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            Cumulative energy [kWh] over time [min]; without causes that take and give nothing.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> run = tw.simulate(tw.read_route([{"length_m": 5000.0, "speed_m_s": 20.0}]), "vw_id3")
+        >>> run.plot().savefig("simulation.png")  # doctest: +SKIP
+        """
+        from tripwatt.trips.plots import plot_parts  # matplotlib is slow to import
+
+        causes = {CAUSE_NAMES[name]: wh for name, wh in self.cumulative_by_cause_wh.items()}
+        return plot_parts(self.time_s, causes, self.energy_wh, f"{self!r}"[1:-1], ax)
+
+    def __repr__(self) -> str:
+        span = period(float(self.time_s[-1] - self.time_s[0]))
+        return f"<Simulation {span}, {self.simulated_energy_wh / 1000.0:.2f} kWh, {len(self.time_s)} samples>"
 
 
 def simulate(

@@ -87,9 +87,9 @@ def styled(plot: Callable[P, Figure]) -> Callable[P, Figure]:
 
 def new_figure(height_in: float, title: str, note: str, synthetic: bool) -> Figure:
     """An empty figure of the common width with its head, marked where the trips are made up."""
-    from matplotlib.figure import Figure
+    from tripwatt.figures import ShownFigure  # imports matplotlib
 
-    figure = Figure(figsize=(WIDTH_IN, height_in), layout="constrained")
+    figure = ShownFigure(figsize=(WIDTH_IN, height_in), layout="constrained")
     lines = [title, *([note] if note else [])]
     if synthetic:
         lines.append("Synthetic trips, not measured ones")

@@ -26,7 +26,7 @@ from tripwatt.errors import (
 )
 from tripwatt.routes.links import FLAT_ROAD, MOST_LINKS, LinkRoute
 from tripwatt.trips import STEEPEST_GRADE, Flag
-from tripwatt.trips.headers import same_quantity
+from tripwatt.trips.headers import header_faults, same_quantity
 
 RELATIVE_ELEVATION: Final = Flag("elevation_relative", "road")
 
@@ -82,6 +82,7 @@ def route_from_links(links: Iterable[Mapping[str, float | None]] | pd.DataFrame)
     """
     rows: Iterable[object] = links
     if isinstance(links, pd.DataFrame):
+        raise_faults(link_header_faults([*map(str, links)], "links"))
         rows = links.astype(object).where(links.notna(), None).to_dict("records")
     columns, faults = columns_of_links(list(itertools.islice(rows, MOST_LINKS + 1)))
     raise_faults(faults)
@@ -210,6 +211,24 @@ def key_hint(key: object) -> str:
     """
     near = same_quantity(key, LINK_KEYS, cutoff=0.8)
     return f"did you mean {near}?" if near else ""
+
+
+def link_header_faults(names: Sequence[str], where: str) -> list[Fault]:
+    """Every fault of the header of a table of links: one that is wrong makes every link wrong, and is named once.
+
+    Examples
+    --------
+    >>> [str(fault) for fault in link_header_faults(["length_m"], "links")]
+    ['missing column: links: got length_m; allowed: speed_m_s or travel_time_s']
+    """
+    return [
+        *header_faults(names, LINK_KEYS, where, "unknown column", key_hint),
+        *(
+            Fault("missing column", where, ", ".join(names)[:120], " or ".join(needed))
+            for needed in (("length_m",), ("speed_m_s", "travel_time_s"))
+            if not set(needed) & set(names)
+        ),
+    ]
 
 
 def _unknown_keys(rows: Sequence[Mapping[str, Any]], wrong: _Faults) -> None:

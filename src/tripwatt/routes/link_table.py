@@ -7,9 +7,9 @@ import io
 import itertools
 
 from tripwatt.errors import Fault, InvalidInput, first_faults, raise_faults
-from tripwatt.routes.link_objects import LINK_KEYS, columns_of_links, key_hint, route_of_columns
+from tripwatt.routes.link_objects import columns_of_links, link_header_faults, route_of_columns
 from tripwatt.routes.links import MOST_LINKS, LinkRoute
-from tripwatt.trips.headers import DELIMITERS, header_faults
+from tripwatt.trips.headers import DELIMITERS
 
 
 def is_links_table(data: bytes) -> bool:
@@ -69,14 +69,8 @@ def route_from_table(data: bytes, where: str = "links") -> LinkRoute:
         rows = list(itertools.islice(filled, MOST_LINKS + 1))
     except (UnicodeDecodeError, csv.Error) as error:
         raise InvalidInput.of("not a table", where, str(error)[:120], "CSV in UTF-8") from error
-    faults = [*header_faults(names, LINK_KEYS, where, "unknown column", key_hint)]
-    faults += [
-        Fault("missing column", where, ", ".join(names)[:120], " or ".join(needed))
-        for needed in (("length_m",), ("speed_m_s", "travel_time_s"))
-        if not set(needed) & set(names)
-    ]
-    raise_faults(faults)  # a header that is wrong makes every link wrong: named once
-    faults += [
+    raise_faults(link_header_faults(names, where))
+    faults = [
         Fault("too many cells", f"{where}, link {k}", f"{len(row)}", f"{len(names)}")
         for k, row in enumerate(rows, start=1)
         if len(row) > len(names)

@@ -81,7 +81,7 @@ def canonical_of_text(content: bytes, where: str = "table") -> pd.DataFrame:
 
 
 def canonical_samples(
-    columns: Mapping[str, FloatArray],
+    columns: Mapping[str, FloatArray] | pd.DataFrame,
     where: str = "samples",
     *,
     required: Sequence[str] = REQUIRED_COLUMNS,
@@ -91,7 +91,7 @@ def canonical_samples(
 
     Parameters
     ----------
-    columns : mapping of str to ndarray, shape (samples,)
+    columns : mapping of str to ndarray, shape (samples,), or DataFrame
         NaN where a value is missing.
     where : str
         Name for messages.
@@ -103,7 +103,7 @@ def canonical_samples(
     Raises
     ------
     InvalidInput
-        With every fault: a name that is not ours, a column that is missing or shorter than another, and as
+        With every fault: a name that is not ours, a column that is missing, no numbers or shorter than another, and as
         `read_canonical`.
 
     Examples
@@ -111,7 +111,12 @@ def canonical_samples(
     >>> canonical_samples({"time_s": np.arange(3.0), "speed_m_s": np.ones(3)})["speed_m_s"].sum()
     np.float64(3.0)
     """
-    faults = [*_name_faults(list(columns), where), *_missing(list(columns), required, where)]
+    names = [*map(str, columns)]
+    faults = [*_name_faults(names, where), *_missing(names, required, where)]
+    if isinstance(columns, pd.DataFrame):
+        raise_faults(faults)
+        raise_faults(structure_faults(columns, where, required=()))
+        columns = {name: columns[name].to_numpy(np.float64) for name in names}
     known = {name: values for name, values in columns.items() if name in COLUMNS}
     lengths = {name: len(values) for name, values in known.items()}
     if len(set(lengths.values())) > 1:

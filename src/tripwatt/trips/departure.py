@@ -16,6 +16,7 @@ from tripwatt.trips.fields import Field, entry
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from tripwatt.trips.samples import Sampled
@@ -338,8 +339,13 @@ class Departure:
 
         return pd.DataFrame([asdict(self)], columns=list(FIELDS))
 
-    def plot(self) -> Figure:
+    def plot(self, ax: Axes | None = None) -> Figure:
         """The fields that are known, as a table.
+
+        Parameters
+        ----------
+        ax : Axes, optional
+            To draw in; a new figure without them.
 
         Returns
         -------
@@ -353,7 +359,7 @@ class Departure:
         """
         from tripwatt.trips.plots import plot_table  # matplotlib is slow to import
 
-        return plot_table("Departure", [(name, str(value)) for name, value in self.to_dict().items()])
+        return plot_table("Departure", [(name, str(value)) for name, value in self.to_dict().items()], ax)
 
     def __repr__(self) -> str:
         return f"Departure({', '.join(f'{name}={value!r}' for name, value in self._known())})"

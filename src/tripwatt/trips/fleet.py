@@ -68,3 +68,7 @@ class Fleet:
 
     def __len__(self) -> int:
         return len(self.logs)
+
+    def __repr__(self) -> str:
+        read = "" if self.report is None else f" from {self.report}"
+        return f"<Fleet {self.name}: {len(self)} logs{read}>"

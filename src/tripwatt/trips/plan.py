@@ -22,6 +22,7 @@ from tripwatt.trips.trip import Recorded
 from tripwatt.trips.weather import PlanWeather
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 ROUTE_COLUMNS: Final = ("time_s", "speed_m_s", "elevation_m", "grade")
@@ -226,8 +227,13 @@ class Plan(Sampled):
             "samples": self._columns(),
         }
 
-    def plot(self) -> Figure:
+    def plot(self, ax: Axes | None = None) -> Figure:
         """Speed, and elevation where it is known, over time.
+
+        Parameters
+        ----------
+        ax : Axes, optional
+            Whose place the panels take; a new figure without them.
 
         Returns
         -------
@@ -242,7 +248,7 @@ class Plan(Sampled):
         """
         from tripwatt.trips.plots import plot_drive  # matplotlib is slow to import
 
-        return plot_drive(self, self._title(), None)
+        return plot_drive(self, self._title(), None, ax)
 
     def _title(self) -> str:
         how = "driven speed" if self.link_m is None else f"links of {self.link_m:.0f} m"

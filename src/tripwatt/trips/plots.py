@@ -2,47 +2,64 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Final
 
-import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from tripwatt.arrays import FloatArray
+from tripwatt.figures import axes_or_new, figure_of, place_for_panels
 from tripwatt.trips.samples import Sampled
 from tripwatt.units import M_S_PER_KM_H
 
 LINE: Final = "#0b5c8a"
+LEAST_WH: Final = 1.0
+"""Parts of an energy that never take or give more are left out."""
 
 
-def plot_drive(
-    drive: Sampled, title: str, energy_wh: np.ndarray[tuple[int], np.dtype[np.float64]] | None
-) -> Figure:
+def plot_drive(drive: Sampled, title: str, energy_wh: FloatArray | None, ax: Axes | None) -> Figure:
     """Speed along a drive, with elevation and measured energy where they are known."""
     minutes = (drive.array("time_s") - drive.array("time_s")[0]) / 60.0
     curves = [("speed [km/h]", drive.array("speed_m_s") / M_S_PER_KM_H)]
     if drive.has("elevation_m"):
         curves.append(("elevation [m]", drive.array("elevation_m")))
     if energy_wh is not None:
-        curves.append(("energy at the battery [kWh]", energy_wh / 1000.0))
-    figure = Figure(figsize=(8.0, 1.2 + 1.7 * len(curves)), layout="constrained")
-    axes = np.atleast_1d(figure.subplots(len(curves), sharex=True))
+        curves.append(("energy [kWh]", energy_wh / 1000.0))
+    place = place_for_panels(ax, 8.0, 1.2 + 1.7 * len(curves))
+    axes = place.subplots(len(curves), squeeze=False, sharex=True)[:, 0]
     for axis, (label, values) in zip(axes, curves, strict=True):
         axis.plot(minutes, values, color=LINE, lw=1)
         axis.set_ylabel(label)
         axis.margins(x=0)
     axes[-1].set_xlabel("time [min]")
-    figure.suptitle(title)
-    return figure
+    place.suptitle(title)
+    return figure_of(place)
 
 
-def plot_table(title: str, rows: Sequence[tuple[str, str]]) -> Figure:
+def plot_parts(
+    time_s: FloatArray, parts_wh: Mapping[str, FloatArray], total_wh: FloatArray, title: str, ax: Axes | None
+) -> Figure:
+    """Cumulative energy by part and their sum over time; without parts that stay below `LEAST_WH`."""
+    axis, minutes = axes_or_new(ax, 8.0, 4.4), (time_s - time_s[0]) / 60.0
+    for name, energy in parts_wh.items():
+        if abs(energy).max() < LEAST_WH:
+            continue
+        axis.plot(minutes, energy / 1000.0, lw=1, label=name)
+    axis.plot(minutes, total_wh / 1000.0, color="black", label="total")
+    axis.margins(x=0)
+    axis.set(xlabel="time [min]", ylabel="energy at the battery terminals [kWh]", title=title)
+    axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+    return figure_of(axis)
+
+
+def plot_table(title: str, rows: Sequence[tuple[str, str]], ax: Axes | None) -> Figure:
     """Names and values as a picture."""
-    figure = Figure(figsize=(6.0, 0.7 + 0.3 * max(len(rows), 1)), layout="constrained")
-    axis = figure.subplots()
+    axis = axes_or_new(ax, 6.0, 0.7 + 0.3 * max(len(rows), 1))
     axis.set_axis_off()
     axis.set_title(title)
     if rows:
         axis.table(cellText=[list(row) for row in rows], loc="center", cellLoc="left", edges="horizontal")
     else:
         axis.text(0.5, 0.5, "nothing is known", ha="center", va="center")
-    return figure
+    return figure_of(axis)

@@ -108,7 +108,7 @@ class FileReading:
         return "in part" if self.faults or self.rows_used < self.rows else "read"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class ReadingReport:
     """What a reader took of its files.
 
@@ -143,3 +143,6 @@ class ReadingReport:
         rows, used = sum(file.rows for file in self.files), sum(file.rows_used for file in self.files)
         left = f"{len(self.files) - out} read, {out} left out; " if out else ""
         return f"{len(self.files)} files: {left}{used} of {rows} rows are used"
+
+    def __repr__(self) -> str:
+        return f"<ReadingReport {self}>"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from html import escape
 
-from tripwatt.units import SECONDS_PER_MINUTE
+from tripwatt.units import M_S_PER_KM_H, SECONDS_PER_MINUTE
 
 
 def html_table(title: str, rows: Iterable[tuple[str, str]]) -> str:
@@ -34,6 +34,19 @@ def period(seconds: float) -> str:
         return f"{seconds:.0f} s"
     minutes = round(seconds / SECONDS_PER_MINUTE)
     return f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60:02d} min"
+
+
+def span(name: str, low: float, high: float) -> str:
+    """A range in words, in the unit that its name ends with.
+
+    Examples
+    --------
+    >>> span("duration_s", 300.0, 3200.0), span("trip_speed_m_s", 5.0, 30.0), span("cabin_setpoint_degc", 19.0, 22.5)
+    ('5 min to 53 min', '18 to 108 km/h', '19 to 22.5 °C')
+    """
+    if name.endswith("_m_s"):
+        return f"{low / M_S_PER_KM_H:.0f} to {high / M_S_PER_KM_H:.0f} km/h"
+    return f"{period(low)} to {period(high)}" if name.endswith("_s") else f"{low:.3g} to {high:.3g} °C"
 
 
 def journey(distance_m: float, duration_s: float) -> str:

@@ -20,6 +20,7 @@ from tripwatt.trips.schema import structure_faults, validate_samples
 from tripwatt.trips.showing import html_table, journey
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
@@ -149,8 +150,13 @@ class Recorded(Sampled):
             "samples": self._columns(),
         }
 
-    def plot(self) -> Figure:
+    def plot(self, ax: Axes | None = None) -> Figure:
         """Speed, and elevation and measured energy where they are known, over time.
+
+        Parameters
+        ----------
+        ax : Axes, optional
+            Whose place the panels take; a new figure without them.
 
         Returns
         -------
@@ -164,7 +170,7 @@ class Recorded(Sampled):
             if "observed_energy_wh" in self
             else observed_cumulative_energy(self.samples)
         )
-        return plot_drive(self, self._title(), energy)
+        return plot_drive(self, self._title(), energy, ax)
 
     def _title(self) -> str:
         energy = self.observed_energy_wh

@@ -477,7 +477,7 @@ class Climate:
     occupant_heat_w : float
         Heat of the people inside [W].
     heater_max_heat_w : float
-        Largest heat of heater and heat pump together [W].
+        Largest heat of heater and heat pump together, 0 for none [W].
     heater_efficiency : float
         Heat in the cabin over electric power, resistive heater [1].
     heat_pump_max_heat_w : float
@@ -526,7 +526,7 @@ class Climate:
     solar_aperture_m2: float = quantity("m2", 0.0, 20.0)
     solar_share_to_air: float = quantity("1", 0.0, 1.0)
     occupant_heat_w: float = quantity("W", 0.0, 10_000.0)
-    heater_max_heat_w: float = quantity("W", 100.0, 60_000.0)
+    heater_max_heat_w: float = quantity("W", 0.0, 60_000.0)
     heater_efficiency: float = quantity("1", 0.3, 1.0)
     heat_pump_max_heat_w: float = quantity("W", 0.0, 60_000.0)
     heat_pump_cop_at_0_degc: float = quantity("1", 1.0, 6.0)

@@ -83,7 +83,7 @@ class Entry:
     published: Value | None = None
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Vehicle:
     """A car: its parts, and the origin of every value.
 
@@ -139,7 +139,7 @@ class Vehicle:
     battery: Battery
     auxiliaries: Auxiliaries
     climate: Climate | None
-    entries: Mapping[str, Entry] = dataclasses.field(repr=False, compare=False, hash=False)
+    entries: Mapping[str, Entry] = dataclasses.field(compare=False, hash=False)
     anchor: str = "published"
     charging: Charging | None = None
 
@@ -195,3 +195,6 @@ class Vehicle:
             by_section.setdefault(section, {})[name] = value
         parts: dict[str, Any] = {s: replace(getattr(self, s), **own) for s, own in by_section.items()}
         return replace(self, entries=types.MappingProxyType({**self.entries, **entries}), **parts)
+
+    def __repr__(self) -> str:
+        return f"<Vehicle {self.name}: {self.title}, preset {self.preset}>"

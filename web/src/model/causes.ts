@@ -13,7 +13,7 @@ export const CAUSES = {
   shortfall: "motion",
   climate: "comfort",
   base_load: "comfort",
-  learned_correction: "learned",
+  correction: "learned",
 } satisfies Record<string, Group>;
 
 export type CauseKey = keyof typeof CAUSES;

@@ -299,14 +299,14 @@ export const de: Text = {
       shortfall: "Geschwindigkeit nicht erreicht",
       climate: "Heizen und Kühlen",
       base_load: "Bordelektronik",
-      learned_correction: "Gelernte Korrektur",
+      correction: "Korrektur",
     },
     note: (unit, loss) =>
       `In ${unit} an den Klemmen der Batterie. Weitere ${loss} gehen als Wärme in der Batterie verloren.`,
     learnedOwn:
-      "Die gelernte Korrektur ist die Differenz zwischen den gemessenen Fahrten dieses Fahrzeugs und der Physik.",
+      "Die Korrektur ist die Differenz zwischen den gemessenen Fahrten dieses Fahrzeugs und der Physik.",
     learnedOf: (car) =>
-      `Die gelernte Korrektur ist die Differenz zwischen gemessenen Fahrten eines anderen Fahrzeugs (${car}) und der Physik.`,
+      `Die Korrektur ist die Differenz zwischen gemessenen Fahrten eines anderen Fahrzeugs (${car}) und der Physik.`,
   },
   arrival: {
     title: "Ladestand bei Ankunft",

@@ -297,14 +297,13 @@ export const en = {
       shortfall: "Speed not reached",
       climate: "Heating and cooling",
       base_load: "Electronics",
-      learned_correction: "Learned correction",
+      correction: "Correction",
     },
     note: (unit: string, loss: string) =>
       `In ${unit} at the battery terminals. Another ${loss} is lost as heat inside the battery.`,
-    learnedOwn:
-      "The learned correction is the difference between the measured trips of this car and the physics.",
+    learnedOwn: "The correction is the difference between the measured trips of this car and the physics.",
     learnedOf: (car: string) =>
-      `The learned correction is the difference between measured trips of a ${car} and the physics.`,
+      `The correction is the difference between measured trips of a ${car} and the physics.`,
   },
   arrival: {
     title: "Battery on arrival",

@@ -17,7 +17,7 @@ function nameOf(key: string): string {
 export function Causes({ of, other }: { of: Forecast; other: Forecast | null }) {
   const { figure, shown, signed } = format.value;
   const { causes, compare } = text.value;
-  const steps = waterfall(of.by_cause_wh, new Set(["learned_correction", "climate"]));
+  const steps = waterfall(of.by_cause_wh, new Set(["correction", "climate"]));
   const ends = steps.flatMap((step) => [step.startWh, step.startWh + step.energyWh]);
   const low = Math.min(0, ...ends);
   const high = Math.max(of.energy_wh, ...ends);

@@ -23,7 +23,7 @@ def waterfall(view: View) -> Content:
         return Content(view.no_focus)
     parts = []
     for role, trip, _ in selected:
-        largest = str(kept.causes.loc[trip].drop("learned_correction", errors="ignore").idxmax())
+        largest = str(kept.causes.loc[trip].drop("correction", errors="ignore").idxmax())
         parts.append(f"{largest.replace('_', ' ')} on the {role.lower()} trip {plain(trip)}")
     said = (
         f"The largest cause is {listed(parts)}. Each bar starts where the one above it ends; forecasts before departure, "

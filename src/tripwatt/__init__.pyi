@@ -1,0 +1,48 @@
+from .api import adapt, fit, forecast, read_route, read_trips, simulate, sweep
+from .auditing import audit
+from .certification import describe_car
+from .errors import InvalidInput
+from .evaluation import evaluate
+from .forecasting import Forecast, ForecastModel, load_model, save_model
+from .journey import Journey, plan_journey
+from .live import create_car, open_car
+from .population import for_car
+from .sources import read_logs
+from .store import create_store, open_store
+from .synthetic import synthetic_fleet
+from .trips import Departure, Plan, Trip
+from .vehicles import load_vehicle
+
+__version__: str
+
+__all__ = [
+    "Departure",
+    "Forecast",
+    "ForecastModel",
+    "InvalidInput",
+    "Journey",
+    "Plan",
+    "Trip",
+    "__version__",
+    "adapt",
+    "audit",
+    "create_car",
+    "create_store",
+    "describe_car",
+    "evaluate",
+    "fit",
+    "for_car",
+    "forecast",
+    "load_model",
+    "load_vehicle",
+    "open_car",
+    "open_store",
+    "plan_journey",
+    "read_logs",
+    "read_route",
+    "read_trips",
+    "save_model",
+    "simulate",
+    "sweep",
+    "synthetic_fleet",
+]

@@ -1,0 +1,86 @@
+"""Figures of matplotlib that a notebook shows and `show` opens, outside of pyplot's list of figures.
+
+`plot(ax=None)` of every object gives the figure it is in. One chart is drawn in `ax`; several share its place.
+"""
+
+from __future__ import annotations
+
+from io import BytesIO
+
+from matplotlib.axes import Axes
+from matplotlib.backend_bases import FigureManagerBase
+from matplotlib.figure import Figure, SubFigure
+
+from tripwatt.errors import InvalidInput
+
+
+class ShownFigure(Figure):
+    """A figure that needs no pyplot: a notebook shows it as a picture, also without `%matplotlib`.
+
+    Examples
+    --------
+    >>> figure = ShownFigure(figsize=(4.0, 3.0))
+    >>> figure._repr_png_()[1:4]
+    b'PNG'
+    """
+
+    def _repr_png_(self) -> bytes:
+        buffer = BytesIO()
+        self.savefig(buffer, format="png")
+        return buffer.getvalue()
+
+    def show(self, warn: bool = True) -> None:
+        """Open the figure in a window, as `pyplot.show` does; without a display nothing opens.
+
+        Parameters
+        ----------
+        warn : bool
+            As that of `matplotlib.figure.Figure.show`; without effect.
+        """
+        from matplotlib import pyplot
+
+        pyplot.figure(FigureClass=lambda **settings: self)  # type: ignore[arg-type]  # this one, no new one
+        pyplot.show()
+        if (
+            type(self.canvas.manager) is FigureManagerBase
+        ):  # has no window whose end would take it off the list
+            pyplot.close(self)
+
+
+def axes_or_new(ax: Axes | None, width_in: float, height_in: float) -> Axes:
+    """The given axes, or those of a new figure of this size."""
+    return ShownFigure(figsize=(width_in, height_in), layout="constrained").subplots() if ax is None else ax
+
+
+def place_for_panels(ax: Axes | None, width_in: float, height_in: float) -> Figure | SubFigure:
+    """A new figure of this size, or the place of given axes in their grid, from which they are removed.
+
+    Raises
+    ------
+    InvalidInput
+        When the axes are not part of a grid.
+
+    Examples
+    --------
+    >>> figure = Figure()
+    >>> left, right = figure.subplots(1, 2)
+    >>> place = place_for_panels(right, 4.0, 3.0)
+    >>> len(place.subplots(2)), figure_of(place) is figure, len(figure.axes)
+    (2, True, 3)
+    """
+    if ax is None:
+        return ShownFigure(figsize=(width_in, height_in), layout="constrained")
+    cell = ax.get_subplotspec()
+    if cell is None:
+        raise InvalidInput.of(
+            "axes without a grid", "ax", f"{ax}", "axes that subplots() or add_subplot() made"
+        )
+    around = ax.figure
+    ax.remove()
+    return around.add_subfigure(cell)
+
+
+def figure_of(drawn: Axes | Figure | SubFigure) -> Figure:
+    """The whole figure of what was drawn."""
+    figure = drawn.figure
+    return figure if isinstance(figure, Figure) else figure.figure
