@@ -6,7 +6,6 @@ import itertools
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import fields, replace
-from operator import attrgetter
 from typing import Any, Final, TypeVar
 
 import numpy as np
@@ -14,8 +13,8 @@ import numpy as np
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import Fault, InvalidInput, raise_faults
 from tripwatt.physics.cabin import CabinRun, condition_cabins
-from tripwatt.physics.chain import Driven, Known, Trace, drive_chain
-from tripwatt.physics.simulate import Drive, Simulation, at_samples, drive_of_trip, simulated
+from tripwatt.physics.chain import Flags, Trace, drive_chain
+from tripwatt.physics.simulate import Drive, Simulation, drive_of_trip
 from tripwatt.trips import Plan, Recorded
 from tripwatt.units import WH_PER_J
 from tripwatt.vehicles import Vehicle
@@ -33,8 +32,8 @@ PARTS: Final = ("body", "road_load", "tyres", "drivetrain", "regeneration", "bat
 """Parts of a car that the chain takes; the cabins have their own values."""
 
 Pair = tuple[Vehicle, Recorded | Plan]
-_KNOWN: Final = attrgetter(*(f.name for f in fields(Known)))
-_Result = TypeVar("_Result")
+R = TypeVar("R")
+Results = Callable[[Sequence[Drive], Sequence[CabinRun | None]], Iterable[R]]
 
 
 def simulate_trips(pairs: Iterable[Pair]) -> list[Simulation]:
@@ -97,160 +96,129 @@ def trip_totals(pairs: Iterable[Pair]) -> dict[str, list[Any]]:
     return {name: [row[name] for row in rows] for name in (rows[0] if rows else ())}
 
 
-def _in_order(
-    pairs: Iterable[Pair],
-    results: Callable[[Sequence[Drive], Driven, Sequence[CabinRun | None]], list[_Result]],
-) -> Iterator[_Result]:
+def _in_order(pairs: Iterable[Pair], results: Results[R]) -> Iterator[R]:
     """Results of the pairs in their order, a window of them at a time."""
     # once freed, it stops the C library from handing freed memory back to the system, whose new pages cost more than the chain
     np.empty(3_000_000)
     left = iter(pairs)
     while window := list(itertools.islice(left, WINDOW)):
-        made: dict[int, _Result] = {}
-        for numbers, drives, driven, cabins in _chunks(_prepared(window)):
-            made |= zip(numbers, results(drives, driven, cabins), strict=True)
+        drives, faults = [], list[Fault]()
+        for vehicle, trip in window:
+            try:
+                drives.append(drive_of_trip(vehicle, trip))
+            except InvalidInput as error:
+                faults += [replace(fault, where=f"{trip.trip_id}, {fault.where}") for fault in error.faults]
+        raise_faults(faults)
+        made = {
+            number: result for group in _alike(drives) for number, result in _group(drives, group, results)
+        }
         yield from (made[number] for number in range(len(window)))
 
 
-def _prepared(window: Sequence[Pair]) -> list[Drive]:
-    drives, faults = [], list[Fault]()
-    for vehicle, trip in window:
-        try:
-            drives.append(replace(drive_of_trip(vehicle, trip), name=trip.trip_id))
-        except InvalidInput as error:
-            faults += [replace(fault, where=f"{trip.trip_id}, {fault.where}") for fault in error.faults]
-    raise_faults(faults)
-    return drives
-
-
-def _chunks(
-    drives: Sequence[Drive],
-) -> Iterator[tuple[list[int], list[Drive], Driven, list[CabinRun | None]]]:
-    """Drives of one kind of car and similar length side by side, with their numbers."""
-    kinds: dict[tuple[Any, ...], list[int]] = {}
-    of_car: dict[int, tuple[Any, ...]] = {}
+def _alike(drives: Sequence[Drive]) -> Iterable[list[int]]:
+    """Numbers of the drives that can go through the chain together: one kind of car, and about one length."""
+    groups: dict[tuple[Any, ...], list[int]] = {}
+    kinds = {id(drive.vehicle): _kind(drive.vehicle) for drive in drives}
     for number, drive in enumerate(drives):
-        car = of_car.setdefault(id(drive.vehicle), ()) or _kind(drive.vehicle)
-        of_car[id(drive.vehicle)] = car
-        kinds.setdefault((drive.headwind_m_s is None, *car), []).append(number)
-    for members in kinds.values():
-        members.sort(key=lambda i: _likeness(drives[i]))
-        cabins = _cabins([drives[i] for i in members])
-        first = 0
-        while first < len(members):
-            last, longest = first, 0
-            while last < len(members):
-                longest = max(longest, len(drives[members[last]].time_s))
-                if last > first and (last + 1 - first) * longest > CHUNK_SAMPLES:
-                    break
-                last += 1
-            chunk = [drives[i] for i in members[first:last]]
-            yield members[first:last], chunk, _driven(chunk, cabins[first:last]), cabins[first:last]
-            first = last
-
-
-def _likeness(drive: Drive) -> tuple[int, bool, float]:
-    """Class of length; whether the battery limits regeneration, and the mean speed, which decide how many passes it takes."""
-    rules, known = drive.vehicle.regeneration, drive.known
-    limited = known.battery_degc < rules.full_temperature_degc or known.soc > rules.full_soc
-    length = round(LENGTHS_PER_OCTAVE * math.log2(len(drive.time_s)))
-    return length, bool(limited), float(drive.speed_m_s.mean())
-
-
-def _cabins(drives: Sequence[Drive]) -> list[CabinRun | None]:
-    done = iter(condition_cabins([drive.cabin for drive in drives if drive.cabin is not None]))
-    return [None if drive.cabin is None else next(done) for drive in drives]
+        length = round(LENGTHS_PER_OCTAVE * math.log2(len(drive.time_s)))
+        key = (length, drive.headwind_m_s is None, kinds[id(drive.vehicle)])
+        groups.setdefault(key, []).append(number)
+    return groups.values()
 
 
 def _kind(vehicle: Vehicle) -> tuple[Any, ...]:
     """Equal for cars that can be driven side by side: a number counts only as zero or not, everything else as it is."""
-    parts = [getattr(vehicle, part) for part in PARTS]
-    values = [None if part is None else [getattr(part, f.name) for f in fields(part)] for part in parts]
-    return tuple(
-        own and tuple(value == 0.0 if isinstance(value, float) else value for value in own) for own in values
-    )
+    parts = [part for name in PARTS if (part := getattr(vehicle, name)) is not None]
+    values = [type(part) for part in parts] + [getattr(part, f.name) for part in parts for f in fields(part)]
+    return tuple(value == 0.0 if isinstance(value, float) else value for value in values)
 
 
-def _stacked(cars: Sequence[Vehicle]) -> Vehicle:
-    """One car with columns of shape (cars, 1) where the values of the cars differ."""
-    first, parts = cars[0], {}
-    for name in PARTS:
-        own = [getattr(car, name) for car in cars]
-        if own[0] is None or all(part is own[0] for part in own):
-            continue
-        values = {f.name: [getattr(part, f.name) for part in own] for f in fields(own[0])}
-        columns = {
-            key: np.array(several)[:, None]
-            for key, several in values.items()
-            if isinstance(several[0], float) and len(set(several)) > 1
-        }
-        parts[name] = replace(own[0], **columns)
-    return replace(first, **parts) if parts else first
+def _group(drives: Sequence[Drive], numbers: list[int], results: Results[R]) -> Iterator[tuple[int, R]]:
+    """Results of drives that are alike, by number: their cabins together, then so many through the chain as the cache holds."""
+    numbers.sort(key=lambda i: _passes(drives[i]))
+    runs = iter(condition_cabins([task for i in numbers if (task := drives[i].cabin) is not None]))
+    cabins = [None if drives[i].cabin is None else next(runs) for i in numbers]
+    size = max(1, CHUNK_SAMPLES // max(len(drives[i].time_s) for i in numbers))
+    for first in range(0, len(numbers), size):
+        chunk = numbers[first : first + size]
+        yield from zip(chunk, results([drives[i] for i in chunk], cabins[first : first + size]), strict=True)
 
 
-def _driven(drives: Sequence[Drive], cabins: Sequence[CabinRun | None]) -> Driven:
+def _passes(drive: Drive) -> tuple[bool, float]:
+    """What decides how many passes the battery takes: whether it limits regeneration, and the mean speed."""
+    rules, conditions = drive.vehicle.regeneration, drive.conditions
+    cold = conditions.battery_start_degc < rules.full_temperature_degc
+    return cold or conditions.initial_soc > rules.full_soc, float(drive.speed_m_s.mean())
+
+
+def _stacked(several: Sequence[Any]) -> Any:
+    """One object of a dataclass with columns of shape (objects, 1) where the numbers of the objects differ."""
+    first = several[0]
+    if all(each is first for each in several):
+        return first
+    columns = {}
+    for field in fields(first):
+        values = [getattr(each, field.name) for each in several]
+        if isinstance(values[0], int | float) and any(value != values[0] for value in values):
+            columns[field.name] = np.array(values)[:, None]
+    return replace(first, **columns)
+
+
+def _driven(drives: Sequence[Drive], climate_w: Sequence[FloatArray]) -> tuple[dict[str, Any], list[Flags]]:
     """Some drives through the chain."""
-    length = [len(drive.time_s) for drive in drives]
-    shape = len(drives), max(length)
+    length = np.array([len(drive.time_s) for drive in drives])
+    beyond = np.arange(length.max()) >= length[:, None]
 
     def padded(rows: Iterable[FloatArray]) -> FloatArray:
-        table = np.empty(shape)
+        table = np.empty(beyond.shape)
         for row, values, n in zip(table, rows, length, strict=True):
-            row[:n] = values
-            row[n:] = values[-1]
+            row[:n], row[n:] = values, values[-1]
         return table
 
-    beyond = None if min(length) == shape[1] else np.arange(shape[1]) >= np.array(length)[:, None]
-    grade = padded(drive.grade for drive in drives)
-    if beyond is not None:
-        grade[beyond] = 0.0
     winds = [drive.headwind_m_s for drive in drives if drive.headwind_m_s is not None]
     trace = Trace.from_samples(
         padded(drive.time_s for drive in drives),
         padded(drive.speed_m_s for drive in drives),
-        grade,
+        np.where(beyond, 0.0, padded(drive.grade for drive in drives)),
         padded(winds) if winds else None,
-        beyond,
+        beyond if beyond.any() else None,
     )
-    climate = padded(
-        np.broadcast_to(drive.climate_power_w, n) if cabin is None else cabin.power_w
-        for drive, cabin, n in zip(drives, cabins, length, strict=True)
-    )
-    known = np.array([_KNOWN(drive.known) for drive in drives]).T[:, :, None]
-    return drive_chain(_stacked([drive.vehicle for drive in drives]), trace, Known(*known), climate)
+    cars = [drive.vehicle for drive in drives]
+    parts = {name: _stacked([getattr(car, name) for car in cars]) for name in PARTS if getattr(cars[0], name)}
+    known = [
+        replace(c, initial_battery_temperature_degc=c.battery_start_degc)
+        for c in (drive.conditions for drive in drives)
+    ]
+    return drive_chain(replace(cars[0], **parts), trace, _stacked(known), padded(climate_w))
 
 
-def _simulations(
-    drives: Sequence[Drive], driven: Driven, cabins: Sequence[CabinRun | None]
-) -> list[Simulation]:
-    arrays = simulated(driven)
+def _simulations(drives: Sequence[Drive], cabins: Sequence[CabinRun | None]) -> Iterator[Simulation]:
+    climates = [drive.climate(cabin) for drive, cabin in zip(drives, cabins, strict=True)]
+    arrays, flags = _driven(drives, [power for power, _, _ in climates])
     causes = arrays.pop("power_by_cause_w")
-    runs = []
-    for row, (drive, cabin) in enumerate(zip(drives, cabins, strict=True)):
+    for row, (drive, (_, fan, air)) in enumerate(zip(drives, climates, strict=True)):
         n = len(drive.time_s)
-        own = {name: values[row, :n] for name, values in arrays.items()}
+        own: dict[str, Any] = {name: values[row, :n] for name, values in arrays.items()}
         own["power_by_cause_w"] = {cause: power[row, :n] for cause, power in causes.items()}
-        runs.append(Simulation(**own, **at_samples(drive, cabin), flags=driven.flags[row]))
-    return runs
+        yield Simulation(**own, fan_power_w=fan, cabin_temperature_degc=air, flags=flags[row])
 
 
-def _totals(
-    drives: Sequence[Drive], driven: Driven, cabins: Sequence[CabinRun | None]
-) -> list[dict[str, Any]]:
-    step_s = driven.trace.step_s
-    powers = {"energy_wh": driven.battery.power_w}
-    powers |= {f"energy_{cause}_wh": power for cause, power in driven.by_cause_w().items()}
-
-    def sums(rate: FloatArray, step: FloatArray) -> list[float]:
-        return list(np.einsum("...i,...i->...", rate, step).tolist())
-
-    columns: dict[str, Sequence[Any]] = {
-        "trip": [drive.name for drive in drives],
-        "car": [drive.vehicle.name for drive in drives],
-        "duration_s": [float(drive.time_s[-1] - drive.time_s[0]) for drive in drives],
-        "distance_m": sums(driven.trace.mean_speed_m_s, step_s),
-        **{name: sums(power, step_s * WH_PER_J) for name, power in powers.items()},
-        "soc": np.clip(driven.battery.soc[:, -1], 0.0, 1.0).tolist(),
-        "flags": driven.flags,
+def _totals(drives: Sequence[Drive], cabins: Sequence[CabinRun | None]) -> Iterator[dict[str, Any]]:
+    power = [c.power_w if c else drive.climate(c)[0] for drive, c in zip(drives, cabins, strict=True)]
+    arrays, flags = _driven(drives, power)
+    step_h = np.diff(arrays["time_s"], prepend=arrays["time_s"][:, :1]) * WH_PER_J
+    energies = {
+        f"energy_{cause}_wh": np.einsum("ij,ij->i", power, step_h)
+        for cause, power in arrays["power_by_cause_w"].items()
     }
-    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+    for row, drive in enumerate(drives):
+        yield {
+            "trip": drive.name,
+            "car": drive.vehicle.name,
+            "duration_s": float(drive.time_s[-1] - drive.time_s[0]),
+            "distance_m": float(np.trapezoid(drive.speed_m_s, drive.time_s)),
+            "energy_wh": float(arrays["energy_wh"][row, -1]),
+            **{name: float(energy[row]) for name, energy in energies.items()},
+            "soc": float(arrays["soc"][row, -1]),
+            "flags": flags[row],
+        }

@@ -237,37 +237,22 @@ def _control(task: CabinTask) -> tuple[float, ...]:
     """What one step of the control computes with, in the order in which `_control_steps` takes it."""
     climate, start, ambient, dt = task.climate, task.start, task.ambient_temperature_degc, CONTROL_STEP_S
     air_rate, interior_rate = climate.air_heat_capacity_j_k / dt, climate.interior_heat_capacity_j_k / dt
-    exchange = climate.interior_exchange_w_k
+    exchange, share = climate.interior_exchange_w_k, climate.solar_share_to_air
     sun = climate.solar_aperture_m2 * start.solar_irradiance_w_m2
-    to_air = climate.occupant_heat_w + climate.solar_share_to_air * sun
-    shell = climate.shell_w_k + climate.fresh_air_low_w_k
+    shell, fresh = climate.shell_w_k + climate.fresh_air_low_w_k, climate.fresh_air_high_w_k
+    inflow = climate.occupant_heat_w + share * sun + shell * ambient
     approach = 1.0 - math.exp(-dt / climate.control_time_s)
+    most_heat, most_cooling = climate.heater_max_heat_w, climate.cooler_max_heat_w
     resistive, pumped = 1.0 / climate.heater_efficiency, 1.0 / heat_pump_cop(ambient, climate)
-    interior_sum = interior_rate + exchange
-    return (
-        start.temperature_degc,
-        ambient,
-        air_rate,
-        exchange,
-        air_rate + shell + exchange,
-        to_air + shell * ambient,
-        climate.shell_per_speed_w_s_k_m,
-        climate.fresh_air_high_w_k - climate.fresh_air_low_w_k,
-        1.0 - approach,
-        approach * start.setpoint_degc,
-        climate.heater_max_heat_w if start.mode != "cool" else 0.0,
-        climate.cooler_max_heat_w if start.mode != "heat" else 0.0,
-        heat_pump_heat(ambient, climate),
-        resistive,
-        pumped - resistive,
-        1.0 / climate.cooler_cop,
-        climate.compressor_idle_w,
-        1.0 / (climate.heater_max_heat_w or math.inf),
-        1.0 / climate.cooler_max_heat_w,
-        interior_rate / interior_sum,
-        exchange / interior_sum,
-        (1.0 - climate.solar_share_to_air) * sun / interior_sum,
-    )
+    settled = interior_rate + exchange
+    air = start.temperature_degc, ambient, air_rate, exchange, air_rate + shell + exchange, inflow
+    flows = climate.shell_per_speed_w_s_k_m, fresh - climate.fresh_air_low_w_k
+    aims = 1.0 - approach, approach * start.setpoint_degc
+    limits = most_heat * (start.mode != "cool"), most_cooling * (start.mode != "heat")
+    powers = resistive, pumped - resistive, 1.0 / climate.cooler_cop, climate.compressor_idle_w
+    fans = 1.0 / (most_heat or math.inf), 1.0 / most_cooling
+    interior = interior_rate / settled, exchange / settled, (1.0 - share) * sun / settled
+    return *air, *flows, *aims, *limits, heat_pump_heat(ambient, climate), *powers, *fans, *interior
 
 
 def _control_steps(

@@ -7,11 +7,11 @@ each trip has one of is a column of shape (trips, 1), in the values of the car t
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
-from tripwatt.arrays import BoolArray, FloatArray, PerTrip
+from tripwatt.arrays import BoolArray, FloatArray
 from tripwatt.physics.battery import BatteryRun, discharge, first_guess, shift
 from tripwatt.physics.conditions import DriveConditions
 from tripwatt.physics.drivetrain import Propulsion, propulsion, regeneration_acceptance, with_refused
@@ -19,8 +19,8 @@ from tripwatt.physics.road_load import (
     aero_drag_force,
     grade_force,
     inertia_force,
+    rolling_factor,
     rolling_resistance_force,
-    warming_factor,
     wet_factor,
 )
 from tripwatt.trips import Flag
@@ -96,37 +96,6 @@ class Trace:
         return cls(time, step, mean_speed, acceleration, grade, headwind, beyond)
 
 
-@dataclass(frozen=True, slots=True)
-class Known:
-    """What enters the chain beside car and trace: numbers of one drive, or columns of several."""
-
-    ambient_degc: PerTrip
-    soc: PerTrip
-    battery_degc: PerTrip
-    mass_kg: PerTrip
-    density_kg_m3: PerTrip
-    weather: PerTrip
-    warmth: PerTrip
-    wet: PerTrip
-    moving_load_w: PerTrip
-
-    @classmethod
-    def from_conditions(cls, vehicle: Vehicle, conditions: DriveConditions, density_kg_m3: float) -> Known:
-        """Of one drive."""
-        ambient, tyres = conditions.ambient_temperature_degc, vehicle.tyres
-        return cls(
-            ambient,
-            conditions.initial_soc,
-            conditions.battery_start_degc,
-            vehicle.body.test_mass_kg + conditions.payload_mass_kg,
-            density_kg_m3,
-            1.0 if tyres is None else tyres.weather_factor(ambient),
-            conditions.initial_warmth,
-            wet_factor(conditions.rain_mm_h),
-            0.0 if conditions.on_dynamometer else vehicle.auxiliaries.moving_load_w,
-        )
-
-
 @dataclass(frozen=True, eq=False, slots=True)
 class Forces:
     """Forces at the wheels [N], shape (..., samples)."""
@@ -137,90 +106,117 @@ class Forces:
     inertia: FloatArray
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class Driven:
-    """One drive or several, driven."""
-
-    trace: Trace
-    climate_power_w: FloatArray
-    forces: Forces
-    wheel_power_w: FloatArray
-    base_load_w: FloatArray
-    drive: Propulsion
-    battery: BatteryRun
-    flags: tuple[tuple[Flag, ...], ...]
-
-    @property
-    def auxiliary_power_w(self) -> FloatArray:
-        """Climate control and the rest [W]."""
-        return self.climate_power_w + self.base_load_w
-
-    def by_cause_w(self) -> dict[str, FloatArray]:
-        """Power at the battery terminals [W] by each of `CAUSES`; they sum to that of the battery."""
-        forces, drive, speed = self.forces, self.drive, self.trace.mean_speed_m_s
-        shortfall = drive.shortfall_power_w + (
-            drive.motor_power_w + self.auxiliary_power_w - self.battery.power_w
-        )
-        driven = self.wheel_power_w + drive.friction_brake_power_w - drive.shortfall_power_w
-        return {
-            "air": forces.aero * speed,
-            "rolling": forces.rolling * speed,
-            "climb": forces.climb * speed,
-            "acceleration": forces.inertia * speed,
-            "friction_brakes": drive.friction_brake_power_w,
-            "drivetrain": drive.motor_power_w - driven,
-            "base_load": self.base_load_w,
-            "climate": self.climate_power_w,
-            "shortfall": -shortfall,
-        }
+Flags = tuple[Flag, ...]
 
 
-def drive_chain(vehicle: Vehicle, trace: Trace, known: Known, climate_power_w: FloatArray) -> Driven:
-    """Road load, drivetrain, auxiliaries and battery, one after the other. O(samples)."""
-    forces = _forces(vehicle, trace, known)
-    wheel_power = (forces.aero + forces.rolling + forces.climb + forces.inertia) * trace.mean_speed_m_s
-    base_load = _base_load(vehicle, trace, known)
-    drive, battery = _drive_and_battery(vehicle, trace, wheel_power, climate_power_w + base_load, known)
+def drive_chain(
+    vehicle: Vehicle, trace: Trace, conditions: DriveConditions, climate_power_w: FloatArray
+) -> tuple[dict[str, Any], list[Flags]]:
+    """Road load, drivetrain, auxiliaries and battery, one after the other. O(samples).
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    trace : Trace
+    conditions : DriveConditions
+        With an air density.
+    climate_power_w : ndarray, shape (..., samples)
+
+    Returns
+    -------
+    dict of str to ndarray
+        The arrays of `Simulation` but those of the cabin, shape (..., samples).
+    list of tuple of Flag
+        Of each trip.
+    """
+    forces = _forces(vehicle, trace, conditions)
+    speed, step = trace.mean_speed_m_s, trace.step_s
+    wheel_power = (forces.aero + forces.rolling + forces.climb + forces.inertia) * speed
+    base_load = _base_load(vehicle, trace, conditions)
+    auxiliary = climate_power_w + base_load
+    drive, battery = _drive_and_battery(vehicle, trace, wheel_power, auxiliary, conditions)
     lost_wh = _lost_when_full_wh(vehicle, trace, wheel_power, drive, battery)
-    flags = _flags(vehicle, trace.step_s, drive, battery, lost_wh)
-    return Driven(trace, climate_power_w, forces, wheel_power, base_load, drive, battery, flags)
+    shortfall = drive.shortfall_power_w + (drive.motor_power_w + auxiliary - battery.power_w)
+    driven = wheel_power + drive.friction_brake_power_w - drive.shortfall_power_w
+    by_cause = {
+        "air": forces.aero * speed,
+        "rolling": forces.rolling * speed,
+        "climb": forces.climb * speed,
+        "acceleration": forces.inertia * speed,
+        "friction_brakes": drive.friction_brake_power_w,
+        "drivetrain": drive.motor_power_w - driven,
+        "base_load": base_load,
+        "climate": climate_power_w,
+        "shortfall": -shortfall,
+    }
+    arrays = {
+        "time_s": trace.time_s,
+        "grade": trace.grade,
+        "aero_drag_force_n": forces.aero,
+        "rolling_resistance_force_n": forces.rolling,
+        "grade_force_n": forces.climb,
+        "inertia_force_n": forces.inertia,
+        "wheel_power_w": wheel_power,
+        "motor_power_w": drive.motor_power_w,
+        "regen_power_w": np.maximum(-drive.motor_power_w, 0.0),
+        "friction_brake_power_w": drive.friction_brake_power_w,
+        "auxiliary_power_w": auxiliary,
+        "climate_power_w": climate_power_w,
+        "battery_power_w": battery.power_w,
+        "battery_current_a": battery.current_a,
+        "terminal_voltage_v": battery.terminal_voltage_v,
+        "battery_temperature_degc": battery.temperature_degc,
+        "soc": np.minimum(np.maximum(battery.soc, 0.0), 1.0),
+        "battery_loss_w": battery.open_circuit_power_w - battery.power_w,
+        "energy_wh": (battery.power_w * (step * WH_PER_J)).cumsum(axis=-1),
+        "power_by_cause_w": by_cause,
+    }
+    return arrays, _flags(vehicle, step, drive, battery, lost_wh)
 
 
-def _forces(vehicle: Vehicle, trace: Trace, known: Known) -> Forces:
-    load, speed = vehicle.road_load, trace.mean_speed_m_s
+def _forces(vehicle: Vehicle, trace: Trace, conditions: DriveConditions) -> Forces:
+    load, mass, speed = vehicle.road_load, vehicle.body.test_mass_kg, trace.mean_speed_m_s
+    mass, density = mass + conditions.payload_mass_kg, conditions.air_density_kg_m3
+    ambient, warmth = conditions.ambient_temperature_degc, conditions.initial_warmth
+    assert density is not None
     flat = not trace.grade.any()
     cosine = 1.0 if flat else 1.0 / np.sqrt(1.0 + trace.grade * trace.grade)
-    rolling = rolling_resistance_force(speed, known.mass_kg, load.rolling_coefficients, cosine)
+    rolling = rolling_resistance_force(speed, mass, load.rolling_coefficients, cosine)
     if vehicle.tyres is not None:
-        rolling *= warming_factor(speed, trace.step_s, known.weather, vehicle.tyres, known.warmth)
-    rolling *= known.wet
+        rolling *= rolling_factor(speed, trace.step_s, ambient, vehicle.tyres, warmth)
+    rolling *= wet_factor(conditions.rain_mm_h)
     return Forces(
-        aero=aero_drag_force(speed, load.drag_area_m2, known.density_kg_m3, trace.headwind_m_s),
+        aero=aero_drag_force(speed, load.drag_area_m2, density, trace.headwind_m_s),
         rolling=rolling,
-        climb=trace.grade if flat else grade_force(trace.grade, known.mass_kg),
+        climb=trace.grade if flat else grade_force(trace.grade, mass),
         # Mean speed times change of speed is the change of v²/2: kinetic energy adds up exactly over a trip.
-        inertia=inertia_force(trace.acceleration_m_s2, known.mass_kg, vehicle.body.rotating_mass_factor),
+        inertia=inertia_force(trace.acceleration_m_s2, mass, vehicle.body.rotating_mass_factor),
     )
 
 
-def _base_load(vehicle: Vehicle, trace: Trace, known: Known) -> FloatArray:
+def _base_load(vehicle: Vehicle, trace: Trace, conditions: DriveConditions) -> FloatArray:
     """Power of what neither drives nor heats [W], shape (..., samples): more of it while the car moves on a road.
 
     It rises up to `MOVING_M_S`, so that the noise of a standing car's speed adds next to nothing.
     """
-    moving = known.moving_load_w * np.minimum(trace.mean_speed_m_s * (1.0 / MOVING_M_S), 1.0)
-    return np.asarray(vehicle.auxiliaries.base_load_w + moving)
+    loads, share = vehicle.auxiliaries, np.minimum(trace.mean_speed_m_s * (1.0 / MOVING_M_S), 1.0)
+    return np.asarray(loads.base_load_w + (1.0 - conditions.on_dynamometer) * loads.moving_load_w * share)
 
 
 def _drive_and_battery(
-    vehicle: Vehicle, trace: Trace, wheel_power: FloatArray, auxiliary: FloatArray, known: Known
+    vehicle: Vehicle,
+    trace: Trace,
+    wheel_power: FloatArray,
+    auxiliary: FloatArray,
+    conditions: DriveConditions,
 ) -> tuple[Propulsion, BatteryRun]:
     """Drivetrain and battery, repeated until the regeneration that the battery accepts has settled in every trip.
 
     A trip that has settled takes its last pass again while others go on.
     """
     rules, battery, step = vehicle.regeneration, vehicle.battery, trace.step_s
-    soc, temperature = known.soc, known.battery_degc
+    soc, temperature = conditions.initial_soc, conditions.battery_start_degc
+    ambient = conditions.ambient_temperature_degc
     start = np.atleast_1d(np.asarray(soc)), np.atleast_1d(np.asarray(temperature))
     acceptance = regeneration_acceptance(*start, rules)
     hardest = -wheel_power.min(axis=-1, keepdims=True) * rules.fraction
@@ -229,7 +225,7 @@ def _drive_and_battery(
         drive = propulsion(wheel_power, trace.mean_speed_m_s, acceptance, vehicle.drivetrain, rules)
         power = drive.motor_power_w + auxiliary
         guess = first_guess(battery, power, step, soc, temperature) if guess is None else guess
-        run = discharge(battery, power, step, known.ambient_degc, soc, temperature, guess=guess)
+        run = discharge(battery, power, step, ambient, soc, temperature, guess=guess)
         fullest = np.maximum(soc, run.soc.max(axis=-1, keepdims=True))
         coldest = np.minimum(temperature, run.temperature_degc.min(axis=-1, keepdims=True))
         lowest = np.minimum(regeneration_acceptance(fullest, coldest, rules), acceptance)
@@ -271,7 +267,7 @@ def _lost_when_full_wh(
 
 def _flags(
     vehicle: Vehicle, step: FloatArray, drive: Propulsion, battery: BatteryRun, lost_wh: FloatArray
-) -> tuple[tuple[Flag, ...], ...]:
+) -> list[Flags]:
     """What the car could not follow in each trip, and for how long [s]; `step` is the length of each interval [s]."""
     window = vehicle.battery
     highest_v = window.max_cell_voltage_v * window.cells_in_series
@@ -294,4 +290,4 @@ def _flags(
             own.append(Flag("battery_full", "battery", float(lost), "wh"))
         if not converged:
             own.append(Flag("battery_not_settled", "battery"))
-    return tuple(map(tuple, flags))
+    return list(map(tuple, flags))

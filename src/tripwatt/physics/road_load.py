@@ -76,15 +76,15 @@ WET_FROM_MM_H: Final = 1.0
 """Rain that keeps a road wet; less rain wets it in proportion. A choice."""
 
 
-def wet_factor(rain_mm_h: float) -> float:
+def wet_factor(rain_mm_h: PerTrip) -> PerTrip:
     """Rolling resistance on a road in the rain over that on a dry one.
 
     Examples
     --------
-    >>> wet_factor(0.0), wet_factor(0.5), wet_factor(8.0)
-    (1.0, 1.05, 1.1)
+    >>> [float(wet_factor(rain)) for rain in (0.0, 0.5, 8.0)]
+    [1.0, 1.05, 1.1]
     """
-    return 1.0 + WET_ROAD * min(rain_mm_h / WET_FROM_MM_H, 1.0)
+    return 1.0 + WET_ROAD * np.minimum(rain_mm_h / WET_FROM_MM_H, 1.0)
 
 
 def rolling_resistance_force(
@@ -108,9 +108,9 @@ def rolling_resistance_force(
 def rolling_factor(
     speed_m_s: FloatArray,
     step_s: FloatArray,
-    temperature_degc: float,
+    temperature_degc: PerTrip,
     tyres: Tyres,
-    initial_warmth: float = 0.0,
+    initial_warmth: PerTrip = 0.0,
 ) -> FloatArray:
     """Rolling and driveline drag over that of the warm car at the reference temperature. Shape of `speed_m_s`.
 
@@ -129,15 +129,9 @@ def rolling_factor(
     >>> rolling_factor(np.full(3, 22.2), np.array([0.0, 900.0, 1e5]), 20.0, tyres).round(2)
     array([1.3 , 1.11, 1.  ])
     """
-    return warming_factor(speed_m_s, step_s, tyres.weather_factor(temperature_degc), tyres, initial_warmth)
-
-
-def warming_factor(
-    speed_m_s: FloatArray, step_s: FloatArray, weather: PerTrip, tyres: Tyres, initial_warmth: PerTrip
-) -> FloatArray:
-    """`rolling_factor` of one or more trips, `weather` being that of the warm car. Shape of `speed_m_s`."""
     settled = np.sqrt(np.minimum(speed_m_s / tyres.warm_up_speed_m_s, 1.0))
     warmth = Relaxation(step_s / tyres.warm_up_time_s).solve(initial_warmth, settled)
+    weather = tyres.weather_factor(np.asarray(temperature_degc))
     return np.asarray(np.maximum(weather * (1.0 + tyres.cold_excess * (1.0 - warmth)), 0.5), dtype=np.float64)
 
 

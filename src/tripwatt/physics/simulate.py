@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +13,7 @@ from tripwatt.arrays import FloatArray
 from tripwatt.errors import raise_faults
 from tripwatt.physics.arguments import argument_faults
 from tripwatt.physics.cabin import CabinRun, CabinTask, condition_cabins, irradiance
-from tripwatt.physics.chain import CAUSE_NAMES, CAUSES, Driven, Known, Trace, drive_chain
+from tripwatt.physics.chain import CAUSE_NAMES, Trace, drive_chain
 from tripwatt.physics.conditions import UNKNOWN_AMBIENT_DEGC, DriveConditions
 from tripwatt.physics.departure import cabin_at_departure, warmth_from_cabin
 from tripwatt.physics.road_load import air_density, grade_from_elevation
@@ -26,17 +26,6 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-__all__ = [
-    "CAUSES",
-    "Drive",
-    "Simulation",
-    "conditions_at_departure",
-    "drive_of",
-    "drive_of_trip",
-    "simulate",
-    "simulate_trip",
-]
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
@@ -226,15 +215,15 @@ def simulate(
     >>> parked.simulated_energy_wh
     300.0
     """
-    return simulate_drive(
+    return _simulated(
         drive_of(
             vehicle,
             time_s,
             speed_m_s,
-            grade=grade,
-            elevation_m=elevation_m,
-            climate_power_w=climate_power_w,
-            headwind_m_s=headwind_m_s,
+            grade,
+            elevation_m,
+            climate_power_w,
+            headwind_m_s,
             conditions=conditions,
         )
     )
@@ -273,7 +262,7 @@ def simulate_trip(vehicle: Vehicle, trip: Recorded | Plan) -> Simulation:
     >>> bool(run.simulated_energy_wh > 0.0)
     True
     """
-    return simulate_drive(drive_of_trip(vehicle, trip))
+    return _simulated(drive_of_trip(vehicle, trip))
 
 
 def conditions_at_departure(
@@ -332,11 +321,11 @@ def conditions_at_departure(
 class Drive:
     """A drive as it enters the chain, checked: arrays of shape (samples,), `grade` that of the intervals.
 
-    `climate_power_w` is used where `cabin` is None.
+    `conditions` have an air density; `climate_power_w` is used where `cabin` is None.
     """
 
     vehicle: Vehicle
-    known: Known
+    conditions: DriveConditions
     time_s: FloatArray
     speed_m_s: FloatArray
     grade: FloatArray
@@ -345,27 +334,33 @@ class Drive:
     climate_power_w: FloatArray
     name: str = ""
 
+    def climate(self, cabin: CabinRun | None) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Power of climate control and of its fans, and temperature of the cabin: NaN where none was simulated."""
+        if cabin is not None:
+            return cabin.power_w, cabin.fan_power_w, cabin.temperature_degc
+        time = self.time_s
+        return (
+            np.broadcast_to(self.climate_power_w, time.shape),
+            np.zeros_like(time),
+            np.full_like(time, np.nan),
+        )
+
 
 def drive_of(
     vehicle: Vehicle,
     time_s: npt.ArrayLike,
     speed_m_s: npt.ArrayLike,
-    *,
-    grade: npt.ArrayLike | None = None,
-    elevation_m: npt.ArrayLike | None = None,
-    climate_power_w: npt.ArrayLike | None = None,
-    headwind_m_s: npt.ArrayLike | None = None,
+    *more: npt.ArrayLike | None,
     conditions: DriveConditions | None = None,
+    name: str = "",
 ) -> Drive:
-    """Check the arguments of `simulate`, and put them together. O(samples)."""
+    """Check the arguments of `simulate`, and put them together: `more` are grade, elevation, climate power and headwind. O(samples)."""
     conditions = DriveConditions() if conditions is None else conditions
     time = np.asarray(time_s, dtype=np.float64)
     speed = np.asarray(speed_m_s, dtype=np.float64)
-    slope = None if grade is None else np.asarray(grade, dtype=np.float64)
-    height = None if elevation_m is None else np.asarray(elevation_m, dtype=np.float64)
-    climate = np.asarray(0.0 if climate_power_w is None else climate_power_w, dtype=np.float64)
+    slope, height, given, wind = (None if a is None else np.asarray(a, dtype=np.float64) for a in more)
+    climate = np.zeros(()) if given is None else given
     values = conditions.bounded_values(vehicle)
-    wind = None if headwind_m_s is None else np.asarray(headwind_m_s, dtype=np.float64)
     raise_faults(argument_faults(time, speed, slope, height, climate, values, wind))
     if slope is None:
         slope = np.zeros(len(time)) if height is None else grade_from_elevation(time, speed, height)
@@ -375,14 +370,12 @@ def drive_of(
         known = None if height is None else height[np.isfinite(height)]
         mean_height = float(known.mean()) if known is not None and len(known) else 0.0
         density = air_density(conditions.ambient_temperature_degc, mean_height)
-    else:
-        density = conditions.air_density_kg_m3
+        conditions = replace(conditions, air_density_kg_m3=density)
     cabin: CabinTask | None = None
-    if conditions.climate != "off" and climate_power_w is None and vehicle.climate is not None:
+    if conditions.climate != "off" and given is None and vehicle.climate is not None:
         ambient, start = conditions.ambient_temperature_degc, conditions.cabin_start(vehicle)
         cabin = CabinTask(vehicle.climate, time, speed, ambient, start)
-    start_values = Known.from_conditions(vehicle, conditions, density)
-    return Drive(vehicle, start_values, time, speed, slope, wind, cabin, climate)
+    return Drive(vehicle, conditions, time, speed, slope, wind, cabin, climate, name)
 
 
 def drive_of_trip(vehicle: Vehicle, trip: Recorded | Plan) -> Drive:
@@ -392,53 +385,18 @@ def drive_of_trip(vehicle: Vehicle, trip: Recorded | Plan) -> Drive:
         with_extras(vehicle, trip.departure.extras or ()),
         trip.array("time_s"),
         trip.array("speed_m_s"),
-        grade=trip.array("grade") if "grade" in trip and trip.has("grade") else None,
-        elevation_m=trip.array("elevation_m") if "elevation_m" in trip else None,
-        headwind_m_s=None if weather is None else weather.headwind_m_s,
+        trip.array("grade") if "grade" in trip and trip.has("grade") else None,
+        trip.array("elevation_m") if "elevation_m" in trip else None,
+        None,
+        None if weather is None else weather.headwind_m_s,
         conditions=conditions_at_departure(vehicle, trip.departure, weather),
+        name=trip.trip_id,
     )
 
 
-def simulate_drive(drive: Drive) -> Simulation:
-    """Drive one drive alone."""
+def _simulated(drive: Drive) -> Simulation:
     trace = Trace.from_samples(drive.time_s, drive.speed_m_s, drive.grade, drive.headwind_m_s)
     cabin = None if drive.cabin is None else condition_cabins([drive.cabin])[0]
-    power = np.broadcast_to(drive.climate_power_w, drive.time_s.shape) if cabin is None else cabin.power_w
-    driven = drive_chain(drive.vehicle, trace, drive.known, power)
-    return Simulation(**simulated(driven), **at_samples(drive, cabin), flags=driven.flags[0])
-
-
-def at_samples(drive: Drive, cabin: CabinRun | None) -> dict[str, Any]:
-    """The arrays of `Simulation` of the cabin, without a climate control where there is none."""
-    time = drive.time_s
-    return {
-        "fan_power_w": np.zeros_like(time) if cabin is None else cabin.fan_power_w,
-        "cabin_temperature_degc": np.full_like(time, np.nan) if cabin is None else cabin.temperature_degc,
-    }
-
-
-def simulated(driven: Driven) -> dict[str, Any]:
-    """The arrays of `Simulation` of one drive or of several, but those of the cabin."""
-    trace, forces, drive, battery = driven.trace, driven.forces, driven.drive, driven.battery
-    return {
-        "time_s": trace.time_s,
-        "grade": trace.grade,
-        "aero_drag_force_n": forces.aero,
-        "rolling_resistance_force_n": forces.rolling,
-        "grade_force_n": forces.climb,
-        "inertia_force_n": forces.inertia,
-        "wheel_power_w": driven.wheel_power_w,
-        "motor_power_w": drive.motor_power_w,
-        "regen_power_w": np.maximum(-drive.motor_power_w, 0.0),
-        "friction_brake_power_w": drive.friction_brake_power_w,
-        "auxiliary_power_w": driven.auxiliary_power_w,
-        "climate_power_w": driven.climate_power_w,
-        "battery_power_w": battery.power_w,
-        "battery_current_a": battery.current_a,
-        "terminal_voltage_v": battery.terminal_voltage_v,
-        "battery_temperature_degc": battery.temperature_degc,
-        "soc": np.minimum(np.maximum(battery.soc, 0.0), 1.0),
-        "battery_loss_w": battery.open_circuit_power_w - battery.power_w,
-        "energy_wh": (battery.power_w * (trace.step_s * WH_PER_J)).cumsum(axis=-1),
-        "power_by_cause_w": driven.by_cause_w(),
-    }
+    power, fan, air = drive.climate(cabin)
+    arrays, flags = drive_chain(drive.vehicle, trace, drive.conditions, power)
+    return Simulation(**arrays, fan_power_w=fan, cabin_temperature_degc=air, flags=flags[0])
