@@ -34,9 +34,9 @@ def rows() -> Iterator[Row]:
         DATA / "tum", protocol="forecast", models={"hybrid": "hybrid", "outside": outside}, hold_outs=ONE
     )
     errors = run.to_frame().set_index("model")
-    for model, row in errors.iterrows():
+    for name, row in errors.iterrows():
         spread = f"{row['mape_low']:.1%} to {row['mape_high']:.1%}"
-        yield Row(f"forecast, {model}: mean error", 100.0 * row["mape"], "%", note=spread)
+        yield Row(f"forecast, {name}: mean error", 100.0 * row["mape"], "%", note=spread)
     pair = run.compare("outside", "hybrid")
     low, high = pair.ci95
     yield Row(
