@@ -220,8 +220,8 @@ def _run_and_write(
 
 def _check(options: dict[str, Any], overrides: list[str], n_jobs: int) -> None:
     """Everything that can be wrong with the options, before hours of work; settles the overrides."""
-    from tripwatt.evaluation import choose_models, find_protocol
-    from tripwatt.vehicles import load_vehicle, parse_overrides
+    from tripwatt.evaluation import CarChoice, choose_models, find_protocol
+    from tripwatt.vehicles import parse_overrides
 
     def models() -> None:
         names = options["models"]
@@ -230,10 +230,11 @@ def _check(options: dict[str, Any], overrides: list[str], n_jobs: int) -> None:
             raise InvalidInput.of("no models", "--models", "an empty list", "names separated by commas")
 
     def given() -> None:
-        options["overrides"] = parse_overrides(overrides)
+        options["vehicle"] = CarChoice(options["vehicle"], parse_overrides(overrides))
 
     def car() -> None:
-        load_vehicle(options["vehicle"], overrides=options.get("overrides"))
+        chosen = options["vehicle"]
+        (chosen if isinstance(chosen, CarChoice) else CarChoice(chosen)).load()
 
     def jobs() -> None:
         if n_jobs < -1 or n_jobs == 0:

@@ -222,7 +222,20 @@ class Prepared(Generic[D]):
 
 @dataclass(frozen=True, slots=True)
 class CarChoice:
-    """A car, or its name or path, and values that replace those of its file."""
+    """A car, or its name or path, and values that replace those of its file.
+
+    Attributes
+    ----------
+    car : Vehicle, str or path
+        The car itself, its name, or the path of its TOML.
+    overrides : mapping of str to (float or str), optional
+        As for `load_vehicle`.
+
+    Examples
+    --------
+    >>> CarChoice("bmw_i3_60ah", {"mass": 1500.0}).load("paper").body.curb_mass_kg
+    1500.0
+    """
 
     car: Vehicle | Path | str
     overrides: Mapping[str, float | str] | None = None
@@ -233,12 +246,29 @@ class CarChoice:
         return self.car.name if isinstance(self.car, Vehicle) else str(self.car)
 
     def load(self, preset: str = "default", more: Mapping[str, float | str] | None = None) -> Vehicle:
-        """The car under a preset, with the values that replace its own and some more.
+        """Load the car under a preset, with the values that replace its own and some more.
+
+        Parameters
+        ----------
+        preset : str
+            As for `load_vehicle`.
+        more : mapping of str to (float or str), optional
+            Further values that replace those of the car.
+
+        Returns
+        -------
+        Vehicle
+            With these values.
 
         Raises
         ------
         InvalidInput
             As `load_vehicle`.
+
+        Examples
+        --------
+        >>> CarChoice("bmw_i3_60ah").load().title
+        'BMW i3 60 Ah'
         """
         values = {**(self.overrides or {}), **(more or {})}
         if not isinstance(self.car, Vehicle):
@@ -288,18 +318,38 @@ class HoldOutChoice:
     ----------
     chosen : tuple of (str or Splitter) or None
         None for all of the protocol.
+
+    Examples
+    --------
+    >>> HoldOutChoice.from_argument("reference").of([("leave_one_trip_out", "reference"), ("leave_one_trip_out", "all")])
+    [('leave_one_trip_out', 'reference')]
     """
 
     chosen: tuple[str | Splitter, ...] | None = None
 
     @classmethod
     def from_argument(cls, hold_outs: HoldOuts | None) -> HoldOutChoice:
-        """One, several or, with None, all of the protocol.
+        """Take one, several or, with None, all of the protocol.
+
+        Parameters
+        ----------
+        hold_outs : str, Splitter, sequence of them, or None
+            As of `evaluate`.
+
+        Returns
+        -------
+        HoldOutChoice
+            Of the same.
 
         Raises
         ------
         InvalidInput
             For what is neither a name nor a splitter, and for an empty list.
+
+        Examples
+        --------
+        >>> HoldOutChoice.from_argument(None).chosen is None
+        True
         """
         if hold_outs is None:
             return cls()
@@ -318,14 +368,29 @@ class HoldOutChoice:
         return any(not isinstance(each, str) for each in self.chosen or ())
 
     def of(self, known: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
-        """The chosen ones among the hold-outs of a protocol, by scheme and set of trips.
+        """Find the chosen ones among the hold-outs of a protocol.
 
         A name is a scheme, a set of trips, or both as ``scheme:trips``.
+
+        Parameters
+        ----------
+        known : sequence of (str, str)
+            Scheme and set of trips of each hold-out.
+
+        Returns
+        -------
+        list of (str, str)
+            In the order of the protocol.
 
         Raises
         ------
         InvalidInput
             With every name that none of them has.
+
+        Examples
+        --------
+        >>> HoldOutChoice().of([("leave_one_trip_out", "all")])
+        [('leave_one_trip_out', 'all')]
         """
         if self.chosen is None:
             return list(known)
@@ -340,12 +405,33 @@ class HoldOutChoice:
         return [pair for pair in known if spelt[pair] & set(names)]
 
     def split(self, trips: str, table: TripTable, data: D, recorded: Sequence[Trip]) -> Iterator[HoldOut[D]]:
-        """A hold-out for each splitter, over the trips of a set.
+        """Make a hold-out for each splitter, over the trips of a set.
+
+        Parameters
+        ----------
+        trips : str
+            Name of the set.
+        table : TripTable
+            Of its trips.
+        data : object
+            As of `HoldOut`.
+        recorded : sequence of Trip
+            The trips themselves, for the splitter.
+
+        Yields
+        ------
+        HoldOut
+            Named after the class of the splitter.
 
         Raises
         ------
         InvalidInput
             When a splitter cannot split them.
+
+        Examples
+        --------
+        >>> list(HoldOutChoice().split("all", None, None, []))
+        []
         """
         for splitter in self.chosen or ():
             if isinstance(splitter, str):

@@ -113,6 +113,10 @@ class EvaluationProtocol(Protocol):
         ------
         InvalidInput
             When the protocol has no use for such an object.
+
+        Examples
+        --------
+        >>> protocol.from_outside("ridge", Ridge())  # doctest: +SKIP
         """
         ...
 

@@ -76,7 +76,7 @@ class EvaluationRun:
     forecast: ForecastInsight | None = None
 
     def to_frame(self) -> pd.DataFrame:
-        """Errors of every model in every hold-out.
+        """Tabulate the errors of every model in every hold-out.
 
         Returns
         -------

@@ -64,8 +64,7 @@ def evaluate(
     *,
     protocol: str | EvaluationProtocol = DEFAULT_PROTOCOL,
     models: Sequence[AnyModel] | Mapping[str, AnyModel] | None = None,
-    vehicle: Vehicle | Path | str = "bmw_i3_60ah",
-    overrides: Mapping[str, float | str] | None = None,
+    vehicle: Vehicle | CarChoice | Path | str = "bmw_i3_60ah",
     hold_outs: HoldOuts | None = None,
     seed: int = 0,
     test_fleet: Fleet | None = None,
@@ -84,10 +83,9 @@ def evaluate(
         Names of some of the protocol's models, and models from outside: a regressor of scikit-learn's kind as a corrector, an
         object with ``fit(table)`` and ``predict(table)`` as a corrector on segments (protocol "forecast"), or one with
         ``fit(trips)`` and ``predict(trip)`` as a whole model. A mapping names their rows. All of the protocol by default.
-    vehicle : Vehicle, str or path
-        The car, its name, or the path of its TOML.
-    overrides : mapping of str to (float or str), optional
-        Values of the car that replace those of its TOML, as for `load_vehicle`; the notes of the run name them.
+    vehicle : Vehicle, str or path, or CarChoice
+        The car, its name, or the path of its TOML. A `CarChoice` has values that replace those of the car, also under a preset of
+        the protocol; the notes of the run name them.
     hold_outs : str, splitter, or sequence of them, optional
         Which hold-outs run: a scheme ("leave_one_trip_out"), a set of trips ("reference"), both ("leave_one_trip_out:reference"),
         or a splitter of scikit-learn's kind over the trips of the main set, with their days as groups. The studies beside the
@@ -107,7 +105,7 @@ def evaluate(
     Raises
     ------
     InvalidInput
-        On an unknown protocol, model, vehicle, override or hold-out, an object that is no model, or when too few trips are
+        On an unknown protocol, model, vehicle, value or hold-out, an object that is no model, or when too few trips are
         left.
 
     Examples
@@ -119,7 +117,8 @@ def evaluate(
     """
     chosen = find_protocol(protocol) if isinstance(protocol, str) else protocol
     specs, wanted = choose_models(chosen, models, seed), HoldOutChoice.from_argument(hold_outs)
-    prepared = chosen.prepare(_fleet(trips), test_fleet, CarChoice(vehicle, overrides), wanted)
+    car = vehicle if isinstance(vehicle, CarChoice) else CarChoice(vehicle)
+    prepared = chosen.prepare(_fleet(trips), test_fleet, car, wanted)
     main = [Comparison(hold_out, specs) for hold_out in prepared.hold_outs]
     beside = chosen.beside(prepared, specs, seed) if wanted.chosen is None else []
     done = run_folds([*main, *beside], seed, execution or Execution(), compares=bool(beside))
