@@ -1,6 +1,6 @@
-"""What one trip costs eight cars.
+"""What one trip costs, by car.
 
-The same trip on a cold day, half in town and half on a fast road, with eight cars of the library, by physics alone. Each bar is the
+The same trip on a cold day, half in town and half on a fast road, with cars of the library and by physics alone. Each bar is the
 consumption by cause, and the number its sum. Rolling and air drag depend on mass, tyres and shape, climate on whether a heat pump
 or a heater warms the cabin.
 """
@@ -27,23 +27,38 @@ SHOWN = {
     "base_load": ("base load", "#e69f00"),
     "climate": ("climate", "#d55e00"),
 }
-town = [{"length_m": 500.0, "speed_m_s": speed, "grade": 0.0} for speed in (8.0, 13.0) * 20]
-trip = tw.read_route([*town, {"length_m": 20_000.0, "speed_m_s": 30.0, "grade": 0.0}])
+town = [
+    {"length_m": 500.0, "speed_m_s": speed, "grade": 0.0}
+    for speed in (8.0, 13.0) * 20
+]
+trip = tw.read_route(
+    [*town, {"length_m": 20_000.0, "speed_m_s": 30.0, "grade": 0.0}]
+)
 departure = tw.Departure(soc=0.9, ambient_temperature_degc=0.0)
 rows = {}
 for name in CARS:
     car = tw.load_vehicle(name)
-    wh = {cause: along[-1] for cause, along in tw.simulate(trip, car, departure).energy_by_cause_wh.items()}
-    wh["driving"] = sum(energy for cause, energy in wh.items() if cause not in SHOWN)
+    wh = dict(tw.simulate(trip, car, departure).by_cause_wh)
+    wh["driving"] = sum(
+        energy for cause, energy in wh.items() if cause not in SHOWN
+    )
     rows[car.title] = [wh[cause] / trip.distance_m * 100.0 for cause in SHOWN]
 rows = dict(sorted(rows.items(), key=lambda row: -sum(row[1])))
 
 figure, axes = plt.subplots(figsize=(6.0, 4.4), layout="constrained")
 starts = np.zeros(len(rows))
-for part, (label, colour) in zip(np.array(list(rows.values())).T, SHOWN.values(), strict=True):
+for part, (label, colour) in zip(
+    np.array(list(rows.values())).T, SHOWN.values(), strict=True
+):
     axes.barh(list(rows), part, left=starts, color=colour, label=label)
     starts += part
 for place, total in enumerate(starts):
-    axes.annotate(f"{total:.1f}", (total, place), (4, 0), textcoords="offset points", va="center")
+    axes.annotate(
+        f"{total:.1f}",
+        (total, place),
+        (4, 0),
+        textcoords="offset points",
+        va="center",
+    )
 axes.set(xlabel="consumption [kWh/100 km]", xlim=(0, 1.15 * starts.max()))
 figure.legend(loc="outside upper center", ncols=3)

@@ -1,8 +1,8 @@
 """Coverage by regime.
 
-A model is fitted on 48 synthetic trips and forecasts 144 others. A point is the share of trips whose measured energy is inside of the
-interval; it should be on the dashed line of its level. The bar is the 95 % interval of that share, which is wide where trips are few.
-Intervals that hold over all trips can be too narrow in one regime and too wide in another, so each is counted.
+A model is fitted on a quarter of the synthetic trips and forecasts the others. A point is the share of trips whose measured energy is
+inside of the interval; it should be on the dashed line of its level. The bar is the 95 % interval of that share, which is wide where
+trips are few. Intervals that hold over all trips can be too narrow in one regime and too wide in another, so each is counted.
 """
 
 import matplotlib.pyplot as plt
@@ -27,8 +27,12 @@ regimes = {
 }
 
 figure, axes = plt.subplots(figsize=(6.0, 4.4), layout="constrained")
-for shift, (level, colour) in enumerate({0.9: "#0072b2", 0.8: "#009e73", 0.5: "#d55e00"}.items()):
-    low_wh, high_wh = np.array([forecast.interval(level) for forecast in forecasts]).T
+for shift, (level, colour) in enumerate(
+    {0.9: "#0072b2", 0.8: "#009e73", 0.5: "#d55e00"}.items()
+):
+    low_wh, high_wh = np.array(
+        [forecast.interval(level) for forecast in forecasts]
+    ).T
     inside = (low_wh <= measured_wh) & (measured_wh <= high_wh)
     axes.axhline(100.0 * level, color=colour, ls="--", lw=1)
     for place, mask in enumerate(regimes.values()):
@@ -39,7 +43,9 @@ for shift, (level, colour) in enumerate({0.9: "#0072b2", 0.8: "#009e73", 0.5: "#
         label = f"{100 * level:.0f} % interval" if place == 0 else None
         axes.plot(at, 100.0 * share.statistic, "o", color=colour, label=label)
 axes.set_xticks(
-    range(len(regimes)), [f"{name}\n{mask.sum()} trips" for name, mask in regimes.items()], fontsize=9
+    range(len(regimes)),
+    [f"{name}\n{mask.sum()} trips" for name, mask in regimes.items()],
+    fontsize=9,
 )
 axes.set(ylabel="measured energy inside [% of trips]", ylim=(0, 103))
 axes.legend(loc="lower right")

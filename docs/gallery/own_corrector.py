@@ -23,7 +23,9 @@ run = tw.evaluate(
         "physics": "physics",
         "power-linear": "power-linear",
         "my ridge": make_pipeline(StandardScaler(), RidgeCV((1e2, 1e3, 1e4))),
-        "my boosting": HistGradientBoostingRegressor(max_iter=60, max_leaf_nodes=4, random_state=0),
+        "my boosting": HistGradientBoostingRegressor(
+            max_iter=60, max_leaf_nodes=4, random_state=0
+        ),
     },
     hold_outs=KFold(2),
     execution=Execution(n_jobs=1),
@@ -34,4 +36,6 @@ low, high = (100.0 * end for end in pair.ci95)
 figure, axes = plt.subplots(figsize=(6.0, 3.8), layout="constrained")
 run.plot(axes)
 axes.set_ylabel("model")
-axes.set_title(f"my boosting less power-linear: {100.0 * pair.diff:+.1f} points, {low:+.1f} to {high:+.1f}")
+axes.set_title(
+    f"my boosting less power-linear: {100.0 * pair.diff:+.1f} points, {low:+.1f} to {high:+.1f}"
+)
