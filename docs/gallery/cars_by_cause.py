@@ -35,22 +35,18 @@ trip = tw.read_route(
     [*town, {"length_m": 20_000.0, "speed_m_s": 30.0, "grade": 0.0}]
 )
 departure = tw.Departure(soc=0.9, ambient_temperature_degc=0.0)
-rows = {}
-for name in CARS:
-    car = tw.load_vehicle(name)
-    wh = dict(tw.simulate(trip, car, departure).by_cause_wh)
-    wh["driving"] = sum(
-        energy for cause, energy in wh.items() if cause not in SHOWN
-    )
-    rows[car.title] = [wh[cause] / trip.distance_m * 100.0 for cause in SHOWN]
-rows = dict(sorted(rows.items(), key=lambda row: -sum(row[1])))
+table = tw.simulate(trip, list(CARS), departure).sort_values(
+    "energy_wh", ascending=False
+)
+titles = [tw.load_vehicle(name).title for name in table["car"]]
+shown_wh = [f"energy_{cause}_wh" for cause in SHOWN if cause != "driving"]
+table["energy_driving_wh"] = table["energy_wh"] - table[shown_wh].sum(axis=1)
 
 figure, axes = plt.subplots(figsize=(6.0, 4.4), layout="constrained")
-starts = np.zeros(len(rows))
-for part, (label, colour) in zip(
-    np.array(list(rows.values())).T, SHOWN.values(), strict=True
-):
-    axes.barh(list(rows), part, left=starts, color=colour, label=label)
+starts = np.zeros(len(table))
+for cause, (label, colour) in SHOWN.items():
+    part = (table[f"energy_{cause}_wh"] / table["distance_m"] * 100.0).to_numpy()
+    axes.barh(titles, part, left=starts, color=colour, label=label)
     starts += part
 for place, total in enumerate(starts):
     axes.annotate(

@@ -1,4 +1,4 @@
-from .api import adapt, fit, forecast, read_route, read_trips, simulate
+from .api import adapt, fit, forecast, read_route, read_trips, simulate, sweep
 from .auditing import audit
 from .certification import describe_car
 from .errors import InvalidInput
@@ -43,5 +43,6 @@ __all__ = [
     "read_trips",
     "save_model",
     "simulate",
+    "sweep",
     "synthetic_fleet",
 ]

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import itertools
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import overload
 
 import pandas as pd
 
 from tripwatt.auditing import audit
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, InvalidInput, raise_faults
 from tripwatt.forecasting.fitting import CarOfTrips
 from tripwatt.forecasting.forecast import Forecast
 from tripwatt.forecasting.model import DEFAULT_CORRECTOR, ForecastModel
 from tripwatt.hybrid import Corrector
 from tripwatt.physics import Simulation, simulate_trip
+from tripwatt.physics.batch import trip_totals
 from tripwatt.population import adaptation, for_car
 from tripwatt.routes import (
     is_route,
@@ -28,7 +32,7 @@ from tripwatt.sources import read_logs
 from tripwatt.sources.canonical import canonical_samples, read_canonical
 from tripwatt.sources.tum import is_tum_log, read_tum_file
 from tripwatt.trips import Departure, Fleet, Plan, Trip, plan_from_samples, plan_from_trip
-from tripwatt.vehicles import Vehicle, load_vehicle
+from tripwatt.vehicles import ALIASES, Vehicle, load_vehicle, vehicle_document, vehicle_from_document
 
 Route = Path | str | bytes | pd.DataFrame | Sequence[Mapping[str, float | None]]
 """What `read_route` reads."""
@@ -268,36 +272,142 @@ def adapt(base: ForecastModel, trips: Fleet | Sequence[Trip], vehicle: Vehicle |
     return adaptation(base, _sound(trips), _car(vehicle)).model
 
 
-def simulate(trip: Plan | Trip, vehicle: Vehicle | str, departure: Departure | None = None) -> Simulation:
-    """Simulate a drive with a car: physics alone, without a correction. O(samples).
+@overload
+def simulate(trip: Plan | Trip, vehicle: Vehicle | str, departure: Departure | None = None) -> Simulation: ...
+@overload
+def simulate(
+    trip: Plan | Trip | Iterable[Plan | Trip],
+    vehicle: list[Vehicle | str] | list[Vehicle] | list[str],
+    departure: Departure | None = None,
+) -> pd.DataFrame: ...
+@overload
+def simulate(
+    trip: Iterable[Plan | Trip], vehicle: Vehicle | str, departure: Departure | None = None
+) -> pd.DataFrame: ...
+def simulate(
+    trip: Plan | Trip | Iterable[Plan | Trip],
+    vehicle: Vehicle | str | list[Vehicle | str] | list[Vehicle] | list[str],
+    departure: Departure | None = None,
+) -> Simulation | pd.DataFrame:
+    """Simulate a drive with a car, or many: physics alone, without a correction. O(samples).
+
+    Many drives go through the same equations side by side, a few times faster than one by one; each has the energies that it has
+    alone. The memory depends on the number of rows, so drives may come from a generator.
 
     Parameters
     ----------
-    trip : Plan or Trip
+    trip : Plan or Trip, or an iterable of them
         The drive; of a trip that took place only what was known at its departure counts.
-    vehicle : Vehicle or str
+    vehicle : Vehicle or str, or a list of them
         A car, or the name of one of the library.
     departure : Departure, optional
-        Its known fields take the place of those of the plan.
+        Its known fields take the place of those of the plans.
 
     Returns
     -------
-    Simulation
-        Power by cause, charge and temperatures of every step.
+    Simulation or DataFrame
+        Of one drive with one car power by cause, charge and temperatures of every step. Of several a table with one row for each
+        drive with each car, the cars of a drive one after the other: `trip`, `car`, `duration_s`, `distance_m`, `energy_wh` at the
+        battery terminals, `energy_<cause>_wh` by cause, `soc` of the battery management at the end [1], and `flags`, their codes;
+        ``attrs["units"]`` has the units.
 
     Raises
     ------
     InvalidInput
-        When the drive cannot be simulated.
+        When a drive cannot be simulated.
 
     Examples
     --------
     >>> run = simulate(read_route([{"length_m": 5000.0, "speed_m_s": 20.0}]), "vw_id3")
     >>> bool(run.simulated_energy_wh > 0.0)
     True
+    >>> roads = [read_route([{"length_m": 5000.0, "speed_m_s": speed}]) for speed in (15.0, 30.0)]
+    >>> table = simulate(roads, ["vw_id3", "bmw_i3_60ah"], Departure(ambient_temperature_degc=-5))
+    >>> table["car"].tolist(), table.attrs["units"]["energy_air_wh"]
+    (['vw_id3', 'bmw_i3_60ah', 'vw_id3', 'bmw_i3_60ah'], 'Wh')
     """
-    plan = trip if isinstance(trip, Plan) else plan_from_trip(trip)
-    return simulate_trip(_car(vehicle), plan.with_departure(departure))
+    if isinstance(trip, Plan | Trip):
+        if not isinstance(vehicle, list):
+            return simulate_trip(_car(vehicle), _plan(trip, departure))
+        trip = [trip]
+    cars = [_car(each) for each in (vehicle if isinstance(vehicle, list) else [vehicle])]
+    plans = (_plan(each, departure) for each in trip)
+    return _totals_table((car, plan) for plan in plans for car in cars)
+
+
+def sweep(
+    trip: Plan | Trip,
+    vehicle: Vehicle | str,
+    values: Mapping[str, Sequence[float | str]],
+    departure: Departure | None = None,
+) -> pd.DataFrame:
+    """Simulate a drive with a car whose values change: every combination of them. O(samples x combinations).
+
+    Parameters
+    ----------
+    trip : Plan or Trip
+        The drive, as for `simulate`.
+    vehicle : Vehicle or str
+        The car, or the name of one of the library.
+    values : mapping of str to sequence of (float or str)
+        Values to try of each entry, by its key or short name, as for `load_vehicle`: ``{"mass": [1300.0, 1500.0]}``.
+    departure : Departure, optional
+        Its known fields take the place of those of the plan.
+
+    Returns
+    -------
+    DataFrame
+        As of `simulate`, with a column for each key of `values` after `car`; the last key varies fastest.
+
+    Raises
+    ------
+    InvalidInput
+        With every unknown key, every value that is out of its bounds and every combination that no car has; also when the drive
+        cannot be simulated.
+
+    Examples
+    --------
+    >>> plan = read_route([{"length_m": 5000.0, "speed_m_s": 20.0}])
+    >>> table = sweep(plan, "vw_id3", {"mass": [1700.0, 1900.0], "battery.capacity_ah": [150.0, 170.0]})
+    >>> len(table), table.attrs["units"]["mass"], bool(table["energy_wh"][3] > table["energy_wh"][1])
+    (4, 'kg', True)
+    """
+    car, names = _car(vehicle), list(values)
+    document, rows = vehicle_document(car), list(itertools.product(*values.values()))
+    faults: dict[Fault, None] = {}
+    cars = []
+    for row in rows:
+        try:
+            made = vehicle_from_document(
+                document, car.name, car.name, overrides=dict(zip(names, row, strict=True))
+            )
+            cars.append(replace(made, entries=car.entries))
+        except InvalidInput as error:
+            faults |= dict.fromkeys(error.faults)
+    empty = [Fault("no values", name, "none", "at least one") for name, given in values.items() if not given]
+    raise_faults([*empty, *faults])
+    plan = _plan(trip, departure)
+    table = _totals_table((made, plan) for made in cars)
+    for place, name in enumerate(names):
+        table.insert(2 + place, name, [row[place] for row in rows])
+        entry = car.entries.get(ALIASES.get(name, name))
+        table.attrs["units"] |= {} if entry is None else {name: entry.unit}
+    return table
+
+
+def _totals_table(pairs: Iterable[tuple[Vehicle, Plan]]) -> pd.DataFrame:
+    """One row for each pair, with the units of its columns."""
+    totals = trip_totals(pairs)
+    totals["flags"] = [", ".join(flag.code for flag in flags) for flags in totals.get("flags", [])]
+    table = pd.DataFrame(totals)
+    suffixes = {"s": "s", "m": "m", "wh": "Wh", "soc": "1"}
+    endings = {name: name.rpartition("_")[2] for name in table.columns}
+    table.attrs["units"] = {name: suffixes[end] for name, end in endings.items() if end in suffixes}
+    return table
+
+
+def _plan(trip: Plan | Trip, departure: Departure | None) -> Plan:
+    return (trip if isinstance(trip, Plan) else plan_from_trip(trip)).with_departure(departure)
 
 
 def _car(vehicle: Vehicle | str) -> Vehicle:

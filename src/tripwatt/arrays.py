@@ -14,6 +14,9 @@ IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
 """Masks."""
 
+PerTrip = float | FloatArray
+"""A number of one trip, or a column of them beside arrays of shape (trips, samples): shape (trips, 1)."""
+
 
 def running_sum(steps: npt.ArrayLike) -> FloatArray:
     """0 and the sums of the steps up to each of them, shape (steps + 1,).

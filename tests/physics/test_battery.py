@@ -123,7 +123,7 @@ class TestBattery:
         assert run.soc == pytest.approx(
             [0.5, 0.5 - 0.001 * first, 0.5 - 0.001 * (first + second)], rel=0, abs=2e-6
         )
-        again = discharge(ideal, power, step, 20.0, 0.5, 20.0, guess=run)
+        again = discharge(ideal, power, step, 20.0, 0.5, 20.0, guess=(run.soc, run.temperature_degc))
         assert again.soc == pytest.approx(
             [0.5, 0.5 - 0.001 * first, 0.5 - 0.001 * (first + second)], rel=0, abs=1e-8
         )

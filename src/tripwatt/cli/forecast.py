@@ -205,7 +205,7 @@ def forecast_rows(forecast: Forecast, reserve: float) -> list[tuple[str, str]]:
 
 def _show_forecast(forecast: Forecast, reserve: float) -> None:
     from tripwatt.cli.sentences import forecast_in_words
-    from tripwatt.physics.simulate import CAUSE_NAMES
+    from tripwatt.physics.chain import CAUSE_NAMES
     from tripwatt.trips.messages import leave_in_words
     from tripwatt.trips.showing import period
 

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tripwatt.figures import axes_or_new, figure_of, place_for_panels
-from tripwatt.physics.simulate import CAUSE_NAMES
+from tripwatt.physics.chain import CAUSE_NAMES
 from tripwatt.trips import Departure, Plan, table_of
 from tripwatt.units import M_S_PER_KM_H
 

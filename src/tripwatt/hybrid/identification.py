@@ -602,7 +602,7 @@ def _by_minute(climate: Climate, record: ClimateRecord) -> FloatArray:
         climate, record.time_s, record.speed_m_s, record.ambient_temperature_degc, record.start
     )
     minute = np.asarray(record.minute, dtype=np.int64)
-    return np.asarray(np.bincount(minute, run.power_w - run.fan_power_w) / np.bincount(minute))
+    return np.asarray(np.bincount(minute, run.means(run.heat_w)) / np.bincount(minute))
 
 
 def _rest_rows(samples: pd.DataFrame, vehicle: Vehicle) -> FloatArray:

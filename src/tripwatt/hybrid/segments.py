@@ -15,7 +15,7 @@ from tripwatt.errors import Fault, InvalidInput
 from tripwatt.hybrid.climate_log import logged_climate
 from tripwatt.hybrid.energy_errors import EnergyErrors, unknown_climb_wh
 from tripwatt.physics import Simulation, simulate_trip
-from tripwatt.physics.simulate import CAUSES
+from tripwatt.physics.chain import CAUSES
 from tripwatt.trips import TEMPERATURES, Plan, Trip, plan_from_trip, raise_faults, resample, table_of
 from tripwatt.units import SECONDS_PER_DAY, SECONDS_PER_HOUR
 from tripwatt.vehicles import Vehicle

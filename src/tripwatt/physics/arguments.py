@@ -47,7 +47,7 @@ def argument_faults(
             first = int(np.flatnonzero(~np.isfinite(values.ravel()))[0])
             where, got = f"{name}, sample {first}", str(values.ravel()[first])
             yield Fault("missing value", where, got, "finite numbers")
-    if time.ndim == 1 and len(time) > 1 and np.isfinite(time).all() and not (np.diff(time) > 0).all():
+    if time.ndim == 1 and not (time[1:] > time[:-1]).all() and np.isfinite(time).all():
         first = int(np.flatnonzero(np.diff(time) <= 0)[0]) + 1
         got = f"{time[first]:g} s after {time[first - 1]:g} s"
         yield Fault("time does not increase", f"time_s, sample {first}", got, "increasing times")
@@ -57,10 +57,16 @@ def argument_faults(
         ("climate_power_w", climate, 0.0, 1e5),
         ("headwind_m_s", headwind, -STRONGEST_WIND_M_S, STRONGEST_WIND_M_S),
     ):
-        finite = values is not None and values.size > 0 and np.isfinite(values).all()
-        if values is not None and finite and (values.min() < low or values.max() > high):
-            worst = values.min() if values.min() < low else values.max()
-            yield Fault("value out of range", name, f"{worst:g}", f"{low:g} to {high:g}")
+        if values is None or not values.size:
+            continue
+        smallest, largest = float(values.min()), float(values.max())
+        if (smallest < low or largest > high) and np.isfinite(values).all():
+            yield Fault(
+                "value out of range",
+                name,
+                f"{smallest if smallest < low else largest:g}",
+                f"{low:g} to {high:g}",
+            )
     for name, (value, low, high) in scalars.items():
         if not (math.isfinite(value) and low <= value <= high):
             yield Fault("value out of range", name, f"{value}", f"{low:g} to {high:g}")

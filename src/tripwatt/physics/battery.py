@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from tripwatt.arrays import BoolArray, FloatArray
+from tripwatt.arrays import BoolArray, FloatArray, PerTrip
 from tripwatt.physics.relaxation import Relaxation
 from tripwatt.units import SECONDS_PER_HOUR, ZERO_CELSIUS_K
 from tripwatt.vehicles import Battery
@@ -25,7 +25,7 @@ LEAST_RESISTANCE_OHM: Final = 1e-12
 """A battery without resistance has a power without limit; this keeps the number finite."""
 
 
-def open_circuit_voltage(soc: FloatArray, battery: Battery) -> FloatArray:
+def open_circuit_voltage(soc: PerTrip, battery: Battery) -> FloatArray:
     """Open-circuit voltage of the pack [V], linear between the table's points. Shape of `soc`.
 
     Examples
@@ -34,7 +34,7 @@ def open_circuit_voltage(soc: FloatArray, battery: Battery) -> FloatArray:
     >>> open_circuit_voltage(np.array([0.5]), load_vehicle("bmw_i3_60ah").battery).round(1)
     array([356.9])
     """
-    return battery.cells_in_series * np.interp(soc, battery.ocv_soc, battery.ocv_v)
+    return np.asarray(battery.cells_in_series * np.interp(soc, battery.ocv_soc, battery.ocv_v))
 
 
 def usable_energy_wh(battery: Battery) -> float:
@@ -77,12 +77,12 @@ def battery_current(power_w: FloatArray, ocv_v: FloatArray, resistance_ohm: Floa
 
 @dataclass(frozen=True, slots=True)
 class BatteryRun:
-    """The battery over a trip. Arrays have shape (samples,); value k belongs to the interval that ends at k.
+    """The battery over a trip. Arrays have shape (..., samples); value k belongs to the interval that ends at k.
 
     `power_w` [W] is the terminal power after limits, `refused_power_w` [W] the charging power that found no room,
     `open_circuit_power_w` [W] the terminal power with the heat in the battery; `soc` and `temperature_degc` are those at the
     end of the interval: `soc` is never above full, and falls below empty where the drive takes more than the battery
-    holds. `converged` is whether the passes settled.
+    holds. `converged` is whether the passes settled, shape (..., 1).
     """
 
     power_w: FloatArray
@@ -93,10 +93,10 @@ class BatteryRun:
     soc: FloatArray
     temperature_degc: FloatArray
     voltage_floor: BoolArray
-    converged: bool
+    converged: BoolArray
 
 
-def largest_power(ocv_v: FloatArray, resistance_ohm: FloatArray, floor_v: float) -> FloatArray:
+def largest_power(ocv_v: FloatArray, resistance_ohm: FloatArray, floor_v: PerTrip) -> FloatArray:
     """Largest terminal power [W] that keeps the voltage above `floor_v`. Shape of `ocv_v`.
 
     Examples
@@ -109,7 +109,7 @@ def largest_power(ocv_v: FloatArray, resistance_ohm: FloatArray, floor_v: float)
     return np.asarray(voltage * (ocv_v - voltage) / resistance, dtype=np.float64)
 
 
-def shift(initial: float, values: FloatArray) -> FloatArray:
+def shift(initial: PerTrip, values: FloatArray) -> FloatArray:
     """State at the start of each interval, for the states at their ends. Shape of `values`.
 
     Examples
@@ -118,12 +118,12 @@ def shift(initial: float, values: FloatArray) -> FloatArray:
     array([0., 1.])
     """
     result = np.empty_like(values)
-    result[0] = initial
-    result[1:] = values[:-1]
+    result[..., :1] = initial
+    result[..., 1:] = values[..., :-1]
     return result
 
 
-def kept_charge(gains: FloatArray, room: float) -> tuple[FloatArray, FloatArray]:
+def kept_charge(gains: FloatArray, room: PerTrip) -> tuple[FloatArray, FloatArray]:
     """Charge gained since the start when it may not exceed `room`, and what found none of each gain. O(samples).
 
     What is refused up to an interval is the largest excess of the free sum up to there (the reflection of Skorokhod).
@@ -133,27 +133,43 @@ def kept_charge(gains: FloatArray, room: float) -> tuple[FloatArray, FloatArray]
     >>> kept_charge(np.array([1.0, 2.0, -1.0, 2.0]), 2.0)
     (array([1., 2., 1., 2.]), array([0., 1., 0., 1.]))
     """
-    free = gains.cumsum()
-    if float(free.max()) <= room:
+    free = gains.cumsum(axis=-1)
+    if (free.max(axis=-1, keepdims=True) <= room).all():
         return free, np.zeros_like(free)
-    lost = np.maximum.accumulate(np.maximum(free - room, 0.0))
-    return free - lost, np.diff(lost, prepend=0.0)
+    lost = np.maximum.accumulate(np.maximum(free - room, 0.0), axis=-1)
+    return free - lost, lost - shift(0.0, lost)
+
+
+def first_guess(
+    battery: Battery,
+    power_w: FloatArray,
+    step_s: FloatArray,
+    initial_soc: PerTrip,
+    initial_temperature_degc: PerTrip,
+) -> tuple[FloatArray, FloatArray]:
+    """State of charge, shape of `power_w`, and constant temperature to start the passes of `discharge` from. O(samples)."""
+    nominal = open_circuit_voltage(initial_soc, battery)
+    drawn = (power_w * (step_s / (battery.capacity_ah * SECONDS_PER_HOUR))).cumsum(axis=-1) / nominal
+    halfway = open_circuit_voltage(initial_soc - 0.5 * drawn[..., -1:], battery)
+    soc = initial_soc - drawn * (nominal / halfway)
+    return soc, np.broadcast_to(initial_temperature_degc, nominal.shape if nominal.ndim else (1,))
 
 
 def discharge(
     battery: Battery,
     power_w: FloatArray,
     step_s: FloatArray,
-    ambient_temperature_degc: float,
-    initial_soc: float,
-    initial_temperature_degc: float,
+    ambient_temperature_degc: PerTrip,
+    initial_soc: PerTrip,
+    initial_temperature_degc: PerTrip,
     *,
-    guess: BatteryRun | None = None,
+    guess: tuple[FloatArray, FloatArray] | None = None,
 ) -> BatteryRun:
     """Draw a terminal power from the battery. O(samples x passes), no loop over samples.
 
     The state of an interval depends on those before it alone, so repeated passes over the whole trip (open-circuit
-    voltage -> current -> charge -> state) settle; four or five do.
+    voltage -> current -> charge -> state) settle; four or five do. Of several trips, one that has settled takes its last pass
+    again while the others go on, so each ends as it does alone.
 
     A full battery takes no more: the charge never rises above what the display shows as full, or above that of the
     start. An empty one keeps the voltage and the resistance that it has at empty: what a drive takes beyond its charge
@@ -161,49 +177,46 @@ def discharge(
 
     Parameters
     ----------
-    power_w, step_s : ndarray, shape (samples,)
+    power_w, step_s : ndarray, shape (samples,) or (trips, samples)
         Terminal power wanted [W], + discharges, and length [s] of the interval that ends at each sample.
-    guess : BatteryRun, optional
-        A run under a similar power to start from.
+    guess : tuple of ndarray, optional
+        State of charge and temperature of a run under a similar power, to start from.
     """
     per_step = step_s / (battery.capacity_ah * SECONDS_PER_HOUR)
     loss = battery.heat_loss_w_k
-    cooling = Relaxation(step_s * (loss / battery.heat_capacity_j_k))
-    heating = step_s / battery.heat_capacity_j_k
+    warming = Relaxation(step_s * (np.asarray(loss) / battery.heat_capacity_j_k))
     floor_v = battery.min_cell_voltage_v * battery.cells_in_series
     if guess is None:
-        nominal = battery.cells_in_series * float(np.interp(initial_soc, battery.ocv_soc, battery.ocv_v))
-        drawn = (power_w * per_step).cumsum() / nominal
-        half_soc = initial_soc - 0.5 * drawn[-1]
-        halfway = battery.cells_in_series * float(np.interp(half_soc, battery.ocv_soc, battery.ocv_v))
-        soc = initial_soc - drawn * (nominal / halfway)
-        temperature = np.full_like(soc, initial_temperature_degc)
-    else:
-        soc, temperature = guess.soc, guess.temperature_degc
-    empty = min(initial_soc, battery.displayed_zero_soc)
-    room = max(battery.displayed_full_soc - initial_soc, 0.0)
-    converged = False
+        guess = first_guess(battery, power_w, step_s, initial_soc, initial_temperature_degc)
+    soc, temperature = guess
+    empty = np.minimum(initial_soc, battery.displayed_zero_soc)
+    room = np.maximum(battery.displayed_full_soc - initial_soc, 0.0)
+    highest_w = power_w.max(axis=-1, keepdims=True)
     for _ in range(MOST_PASSES):
         before = np.maximum(shift(initial_soc, soc), empty)
         ocv = open_circuit_voltage(before, battery)
         resistance = internal_resistance(before, shift(initial_temperature_degc, temperature), battery)
-        bound = largest_power(ocv, resistance, floor_v)
-        allowed = np.minimum(power_w, bound)
+        least = largest_power(
+            ocv.min(axis=-1, keepdims=True), resistance.max(axis=-1, keepdims=True), floor_v
+        )
+        limited = (highest_w > least).any()  # the power of a trip beyond the least bound of its intervals
+        bound = largest_power(ocv, resistance, floor_v) if limited else least
+        allowed = np.minimum(power_w, bound) if limited else power_w
         wanted = battery_current(allowed, ocv, resistance)
         gained, refused = kept_charge(-wanted * per_step, room)
         spills = bool(refused.any())
         current = wanted + refused / np.maximum(per_step, TINY) if spills else wanted
         new_soc = initial_soc + gained
         heat = current * current * resistance
-        if loss > 0.0:
-            temperature = cooling.solve(initial_temperature_degc, ambient_temperature_degc + heat / loss)
+        if np.all(loss > 0.0):
+            warmed = warming.solve(initial_temperature_degc, ambient_temperature_degc + heat / loss)
         else:
-            temperature = initial_temperature_degc + (heat * heating).cumsum()
-        change = float(np.abs(new_soc - soc).max())
-        soc = new_soc
-        if change < SOC_TOLERANCE:
-            converged = True
+            gained_k = heat * (step_s / battery.heat_capacity_j_k)
+            warmed = initial_temperature_degc + gained_k.cumsum(axis=-1)
+        settled = np.abs(new_soc - soc).max(axis=-1, keepdims=True) < SOC_TOLERANCE
+        if settled.all():
             break
+        soc, temperature = np.where(settled, soc, new_soc), np.where(settled, temperature, warmed)
     power = np.where(refused > 0.0, (ocv - current * resistance) * current, allowed) if spills else allowed
     return BatteryRun(
         power_w=power,
@@ -211,8 +224,8 @@ def discharge(
         current_a=current,
         open_circuit_power_w=ocv * current,
         terminal_voltage_v=ocv - current * resistance,
-        soc=soc,
-        temperature_degc=temperature,
+        soc=new_soc,
+        temperature_degc=warmed,
         voltage_floor=power_w > bound,
-        converged=converged,
+        converged=settled,
     )

@@ -7,16 +7,21 @@ departure and a guess of the sun.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Final
+from operator import truth
+from typing import Any, Final
 
 import numpy as np
 
-from tripwatt.arrays import FloatArray
+from tripwatt.arrays import FloatArray, distance_driven, running_sum
 from tripwatt.vehicles import Climate
 
 CONTROL_STEP_S: Final = 10.0
 """Step of the climate control; the cabin's air responds in about a minute."""
+
+LEAST_SIDE_BY_SIDE: Final = 32
+"""Fewest cabins whose steps are computed as arrays: for fewer, plain numbers are faster."""
 
 UNKNOWN_SUN_W_M2: Final = 300.0
 """Irradiance when nothing is known: about the mean of a bright half-day in middle latitudes."""
@@ -105,17 +110,81 @@ class CabinStart:
     mode: str = "auto"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False, slots=True)
 class CabinRun:
-    """Electric power of the climate control [W] and air temperature [°C], shape (samples,).
+    """What the climate control does: in each of its steps, and at the samples of the drive.
 
-    `power_w` is the mean over the interval that ends at the sample, `temperature_degc` the value at the sample. `fan_power_w` is
-    the part of the power that blower, rear window and seats take, which no log counts as heater or air conditioner.
+    Attributes
+    ----------
+    time_s : ndarray, shape (samples,)
+    edges_s : ndarray, shape (steps + 1,)
+        Times between the steps of the control [s].
+    heat_w, fan_w : ndarray, shape (steps,)
+        Electric power of heater and compressor, and of blower, rear window and seats.
+    air_degc : ndarray, shape (steps + 1,)
+        Temperature of the air at the edges.
     """
 
-    power_w: FloatArray
-    temperature_degc: FloatArray
-    fan_power_w: FloatArray
+    time_s: FloatArray
+    edges_s: FloatArray
+    heat_w: FloatArray
+    fan_w: FloatArray
+    air_degc: FloatArray
+
+    @property
+    def power_w(self) -> FloatArray:
+        """Electric power of the climate control [W], shape (samples,): mean over the interval that ends at the sample."""
+        return self.means(self.heat_w + self.fan_w)
+
+    @property
+    def fan_power_w(self) -> FloatArray:
+        """The part of `power_w` that blower, rear window and seats take, which no log counts as heater or air conditioner."""
+        return self.means(self.fan_w)
+
+    @property
+    def temperature_degc(self) -> FloatArray:
+        """Temperature of the air at the samples [°C], shape (samples,)."""
+        return np.interp(self.time_s, self.edges_s, self.air_degc)
+
+    def means(self, power_w: FloatArray) -> FloatArray:
+        """Mean over the interval that ends at each sample of a power by steps of the control. O(samples)."""
+        time = self.time_s
+        cumulative = np.interp(time, self.edges_s, running_sum(power_w * CONTROL_STEP_S))
+        result = np.empty_like(time)
+        result[0] = power_w[0]
+        np.divide(cumulative[1:] - cumulative[:-1], time[1:] - time[:-1], out=result[1:])
+        return np.maximum(result, 0.0, out=result)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class CabinTask:
+    """A cabin to keep at its set-point along a speed trace: arrays of shape (samples,)."""
+
+    climate: Climate
+    time_s: FloatArray
+    speed_m_s: FloatArray
+    ambient_temperature_degc: float
+    start: CabinStart
+
+    def edges(self) -> FloatArray:
+        """Times between the steps of the control [s], shape (steps + 1,)."""
+        steps = max(1, math.ceil(float(self.time_s[-1] - self.time_s[0]) / CONTROL_STEP_S))
+        return np.asarray(self.time_s[0] + CONTROL_STEP_S * np.arange(steps + 1))
+
+    def mean_speeds(self, edges: FloatArray) -> FloatArray:
+        """Mean speed in each step of the control [m/s], shape (steps,)."""
+        distance = np.interp(edges, self.time_s, distance_driven(self.time_s, self.speed_m_s))
+        return np.asarray((distance[1:] - distance[:-1]) / CONTROL_STEP_S)
+
+    def run(self, edges: FloatArray, heat_w: FloatArray, fan: FloatArray, air_degc: FloatArray) -> CabinRun:
+        """The steps of the control: power of heater and compressor, share of the fans, air at the edges."""
+        climate = self.climate
+        fans = climate.blower_low_power_w + (climate.blower_high_power_w - climate.blower_low_power_w) * fan
+        frost = 0.5 + (climate.defrost_below_degc - self.ambient_temperature_degc) / DEFROST_WITHIN_K
+        if frost > 0.0 and self.start.mode != "cool":
+            share = min(frost, 1.0) * (1.0 - self.start.warmth)
+            fans[: math.ceil(climate.defrost_time_s / CONTROL_STEP_S)] += share * climate.defrost_power_w
+        return CabinRun(self.time_s, edges, heat_w, fans, air_degc)
 
 
 def condition_cabin(
@@ -139,93 +208,96 @@ def condition_cabin(
     >>> bool(run.power_w[60] > run.power_w[-1]), bool(20.0 < run.temperature_degc[-1] < 22.5)
     (True, True)
     """
-    duration = float(time_s[-1] - time_s[0])
-    n_steps = max(1, math.ceil(duration / CONTROL_STEP_S))
-    edges = time_s[0] + CONTROL_STEP_S * np.arange(n_steps + 1)
-    distance = np.zeros_like(time_s)
-    step_s = time_s[1:] - time_s[:-1]
-    np.cumsum(0.5 * (speed_m_s[1:] + speed_m_s[:-1]) * step_s, out=distance[1:])
-    speed = np.diff(np.interp(edges, time_s, distance)) / CONTROL_STEP_S
-    heat, fans, air = _control_steps(climate, speed.tolist(), ambient_temperature_degc, start)
+    return condition_cabins([CabinTask(climate, time_s, speed_m_s, ambient_temperature_degc, start)])[0]
 
-    def means(power: FloatArray) -> FloatArray:
-        energy_j = np.zeros(n_steps + 1)
-        np.cumsum(power * CONTROL_STEP_S, out=energy_j[1:])
-        cumulative = np.interp(time_s, edges, energy_j)
-        result = np.empty_like(time_s)
-        result[0] = power[0]
-        result[1:] = (cumulative[1:] - cumulative[:-1]) / step_s
-        return np.maximum(result, 0.0)
 
-    fan_power = means(fans)
-    return CabinRun(means(heat) + fan_power, np.interp(time_s, edges, air), fan_power)
+def condition_cabins(tasks: Sequence[CabinTask]) -> list[CabinRun]:
+    """`condition_cabin` of each task, many of them side by side: best of similar lengths. O(samples + steps)."""
+    edges = [task.edges() for task in tasks]
+    speeds = [task.mean_speeds(own) for task, own in zip(tasks, edges, strict=True)]
+    if len(tasks) < LEAST_SIDE_BY_SIDE:
+        steps = [
+            _control_steps(_control(task), own.tolist(), _smaller, _larger, truth)
+            for task, own in zip(tasks, speeds, strict=True)
+        ]
+    else:
+        together = np.zeros((max(map(len, speeds)), len(tasks)))
+        for column, own in enumerate(speeds):
+            together[: len(own), column] = own
+        control = np.array([_control(task) for task in tasks]).T
+        powers, fans, airs = _control_steps(control, together, np.minimum, np.maximum, np.any)
+        steps = list(zip(powers.T, fans.T, airs.T, strict=True))
+    return [
+        task.run(own, power[: len(own) - 1], fan[: len(own) - 1], air[: len(own)])
+        for task, own, (power, fan, air) in zip(tasks, edges, steps, strict=True)
+    ]
+
+
+def _control(task: CabinTask) -> tuple[float, ...]:
+    """What one step of the control computes with, in the order in which `_control_steps` takes it."""
+    climate, start, ambient, dt = task.climate, task.start, task.ambient_temperature_degc, CONTROL_STEP_S
+    air_rate, interior_rate = climate.air_heat_capacity_j_k / dt, climate.interior_heat_capacity_j_k / dt
+    exchange, share = climate.interior_exchange_w_k, climate.solar_share_to_air
+    sun = climate.solar_aperture_m2 * start.solar_irradiance_w_m2
+    shell, fresh = climate.shell_w_k + climate.fresh_air_low_w_k, climate.fresh_air_high_w_k
+    inflow = climate.occupant_heat_w + share * sun + shell * ambient
+    approach = 1.0 - math.exp(-dt / climate.control_time_s)
+    most_heat, most_cooling = climate.heater_max_heat_w, climate.cooler_max_heat_w
+    resistive, pumped = 1.0 / climate.heater_efficiency, 1.0 / heat_pump_cop(ambient, climate)
+    settled = interior_rate + exchange
+    air = start.temperature_degc, ambient, air_rate, exchange, air_rate + shell + exchange, inflow
+    flows = climate.shell_per_speed_w_s_k_m, fresh - climate.fresh_air_low_w_k
+    aims = 1.0 - approach, approach * start.setpoint_degc
+    limits = most_heat * (start.mode != "cool"), most_cooling * (start.mode != "heat")
+    powers = resistive, pumped - resistive, 1.0 / climate.cooler_cop, climate.compressor_idle_w
+    fans = 1.0 / (most_heat or math.inf), 1.0 / most_cooling
+    interior = interior_rate / settled, exchange / settled, (1.0 - share) * sun / settled
+    return *air, *flows, *aims, *limits, heat_pump_heat(ambient, climate), *powers, *fans, *interior
 
 
 def _control_steps(
-    climate: Climate, speeds: list[float], ambient: float, start: CabinStart
-) -> tuple[FloatArray, FloatArray, list[float]]:
-    """Electric power of heater and compressor, and of the fans, in each control step, and air temperature at its edges.
+    control: Iterable[Any], speeds: Iterable[Any], smaller: Any, larger: Any, some: Any
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Power of heater and compressor [W] and share of the fans in each control step, and air temperature at its edges [°C].
 
-    The loop has plain floats and no calls, for speed.
+    Numbers of one cabin with `_smaller`, `_larger` and `truth`, arrays of several with NumPy's functions.
     """
-    dt = CONTROL_STEP_S
-    air_rate = climate.air_heat_capacity_j_k / dt
-    interior_rate = climate.interior_heat_capacity_j_k / dt
-    exchange = climate.interior_exchange_w_k
-    sun = climate.solar_aperture_m2 * start.solar_irradiance_w_m2
-    to_air = climate.occupant_heat_w + climate.solar_share_to_air * sun
-    to_interior = (1.0 - climate.solar_share_to_air) * sun
-    approach = 1.0 - math.exp(-dt / climate.control_time_s)
-    setpoint = start.setpoint_degc
-    fan_range = climate.fresh_air_high_w_k - climate.fresh_air_low_w_k
-    blower_range = climate.blower_high_power_w - climate.blower_low_power_w
-    most_heat = climate.heater_max_heat_w if start.mode != "cool" else 0.0
-    most_cooling = climate.cooler_max_heat_w if start.mode != "heat" else 0.0
-    full_heat, full_cooling = climate.heater_max_heat_w or math.inf, climate.cooler_max_heat_w
-    most_pumped, pump_cop = heat_pump_heat(ambient, climate), heat_pump_cop(ambient, climate)
-    resistive, cooler_cop = climate.heater_efficiency, climate.cooler_cop
-    idle = climate.compressor_idle_w
-    shell, per_speed = climate.shell_w_k, climate.shell_per_speed_w_s_k_m
-    low_fresh, high_fresh = climate.fresh_air_low_w_k, climate.fresh_air_high_w_k
-    interior_sum = interior_rate + exchange
-    air = interior = start.temperature_degc
-    fan = 0.0
-    powers: list[float] = []
-    shares: list[float] = []
-    temperatures = [air]
+    air, ambient, air_rate, exchange, rates, inflow, per_speed, fan_range, keep, aim, *others = control
+    most_heat, most_cooling, most_pumped, resistive, pumped, cooler, idle, *others = others
+    per_heat, per_cooling, interior_keeps, interior_takes, interior_gains = others
+    interior, fan = air, 0.0 * air
+    powers, shares, temperatures = [], [], [air]
     for speed in speeds:
-        fresh = low_fresh + fan * fan_range
-        loss = shell + per_speed * speed + fresh
-        total = air_rate + loss + exchange
-        given = air_rate * air + loss * ambient + exchange * interior + to_air
-        wanted = total * (air + approach * (setpoint - air)) - given
-        if wanted >= 0.0:
-            heat = wanted if wanted < most_heat else most_heat
-            pumped = heat if heat < most_pumped else most_pumped
-            power = pumped / pump_cop + (heat - pumped) / resistive
-            fan = heat / full_heat
+        through = per_speed * speed + fan * fan_range
+        total = rates + through
+        given = air_rate * air + exchange * interior + through * ambient + inflow
+        wanted = total * (keep * air + aim) - given
+        demand = larger(wanted, 0.0)
+        heat = smaller(demand, most_heat)
+        power = heat * resistive + smaller(heat, most_pumped) * pumped
+        if some(wanted < 0.0):
+            surplus = demand - wanted
+            free = smaller((1.0 - fan) * fan_range * larger(air - ambient, 0.0), surplus)
+            cooling = smaller(surplus - free, most_cooling)
+            power = power + larger(cooling * cooler, idle * smaller(cooling * (1.0 / IDLE_FROM_W), 1.0))
+            fan = heat * per_heat + smaller((cooling + free) * per_cooling, 1.0)
+            heat = heat - (cooling + free)
         else:
-            free = (high_fresh - fresh) * (air - ambient) if air > ambient else 0.0
-            free = free if free < -wanted else -wanted
-            cooling = -wanted - free
-            cooling = cooling if cooling < most_cooling else most_cooling
-            heat = -cooling - free
-            power = cooling / cooler_cop
-            least = idle if cooling > IDLE_FROM_W else idle * (cooling / IDLE_FROM_W)
-            power = power if power > least else least
-            fan = -heat / full_cooling
-            fan = fan if fan < 1.0 else 1.0
+            fan = heat * per_heat
         air = (given + heat) / total
-        interior = (interior_rate * interior + exchange * air + to_interior) / interior_sum
+        interior = interior_keeps * interior + interior_takes * air + interior_gains
         powers.append(power)
         shares.append(fan)
         temperatures.append(air)
-    fans = climate.blower_low_power_w + blower_range * np.array(shares)
-    frost = 0.5 + (climate.defrost_below_degc - ambient) / DEFROST_WITHIN_K
-    if frost > 0.0 and start.mode != "cool":
-        share = min(frost, 1.0) * (1.0 - start.warmth)
-        fans[: math.ceil(climate.defrost_time_s / dt)] += share * climate.defrost_power_w
-    return np.array(powers), fans, temperatures
+    return np.array(powers), np.array(shares), np.array(temperatures)
+
+
+def _smaller(a: float, b: float) -> float:
+    return a if a < b else b  # half the time of `min`
+
+
+def _larger(a: float, b: float) -> float:
+    return a if a > b else b
 
 
 def heat_pump_heat(ambient_temperature_degc: float, climate: Climate) -> float:

@@ -133,8 +133,10 @@ class DriveConditions:
             "solar_irradiance_w_m2": (self.solar_irradiance_w_m2, "solar_irradiance_w_m2"),
             "rain_mm_h": (self.rain_mm_h, "rain_mm_h"),
         }
-        columns = {**COLUMNS, **QUANTITIES}
-        return {name: (value, *columns[column].bounds) for name, (value, column) in bounds.items()} | {
+        columns = (
+            (name, value, COLUMNS.get(key) or QUANTITIES[key]) for name, (value, key) in bounds.items()
+        )
+        return {name: (value, *column.bounds) for name, value, column in columns} | {
             "payload_mass_kg": (self.payload_mass_kg, lightest_kg, QUANTITIES["payload_mass_kg"].maximum),
             "initial_warmth": (self.initial_warmth, 0.0, 1.0),
             "air_density_kg_m3": (density, 0.0, 10.0),

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from tripwatt.arrays import FloatArray
+from tripwatt.arrays import FloatArray, PerTrip
 
 LONGEST_BLOCK: Final = 200.0
 """Time constants solved at once; exp(200) is far from overflow and sums of one sign lose no digits."""
@@ -15,11 +15,11 @@ LONGEST_BLOCK: Final = 200.0
 class Relaxation:
     """Solver of y[k] = y[k-1] e^(-step[k]) + target[k] (1 - e^(-step[k])) for all k at once.
 
-    What depends on the steps alone is computed once, for repeated passes over one trip.
+    What depends on the steps alone is computed once, for repeated passes over one trip, or over trips with the same steps.
 
     Parameters
     ----------
-    step : ndarray, shape (samples,)
+    step : ndarray, shape (..., samples)
         Length of each interval in time constants, not negative.
 
     Examples
@@ -28,14 +28,19 @@ class Relaxation:
     array([0. , 0.5])
     """
 
-    __slots__ = ("blocks", "gain", "growth")
+    __slots__ = ("blocks", "gain", "growth", "rows")
 
     def __init__(self, step: FloatArray) -> None:
-        self.gain = -np.expm1(-step)
-        elapsed = step.cumsum()
+        elapsed = step.cumsum(axis=-1)
         self.blocks: list[tuple[int, int]] = []
-        if elapsed[-1] < LONGEST_BLOCK:
+        self.rows: list[Relaxation] = []
+        self.gain = -np.expm1(-step)
+        if elapsed[..., -1].max() < LONGEST_BLOCK:
             self.growth = np.exp(elapsed)
+            self.gain *= self.growth
+            return
+        if step.ndim > 1:
+            self.rows = [Relaxation(row) for row in step]
             return
         self.growth = np.ones_like(step)
         first = 0
@@ -50,18 +55,22 @@ class Relaxation:
             self.blocks.append((first, last))
             first = last
 
-    def solve(self, initial: float, target: FloatArray) -> FloatArray:
+    def solve(self, initial: PerTrip, target: FloatArray) -> FloatArray:
         """The state at the end of each interval, for where it would settle in each. O(samples).
 
         Parameters
         ----------
-        initial : float
+        initial : float or ndarray, shape (trips, 1)
             State before the first interval.
-        target : ndarray, shape (samples,)
+        target : ndarray, shape (samples,) or (trips, samples)
             Where the state would settle, constant over the interval that ends at k.
         """
+        if self.rows:
+            rows = self.rows * (len(target) // len(self.rows))
+            starts = np.broadcast_to(initial, (len(target), 1))[:, 0].tolist()
+            return np.stack([row.solve(*pair) for row, *pair in zip(rows, starts, target, strict=True)])
         if not self.blocks:
-            result = (self.gain * self.growth * target).cumsum()
+            result = (self.gain * target).cumsum(axis=-1)
             result += initial
             result /= self.growth
             return np.asarray(result, dtype=np.float64)

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from tripwatt.arrays import BoolArray, FloatArray, running_sum
+from tripwatt.arrays import BoolArray, FloatArray, PerTrip, running_sum
 from tripwatt.physics.relaxation import Relaxation
 from tripwatt.trips import STEEPEST_GRADE
 from tripwatt.units import (
@@ -50,8 +50,8 @@ def air_density(temperature_degc: float, elevation_m: float = 0.0) -> float:
 
 def aero_drag_force(
     speed_m_s: FloatArray,
-    drag_area_m2: float,
-    density_kg_m3: float,
+    drag_area_m2: PerTrip,
+    density_kg_m3: PerTrip,
     headwind_m_s: FloatArray | None = None,
 ) -> FloatArray:
     """Air drag ρ/2 · c_d A · (v + w) |v + w| [N], shape of `speed_m_s`; w is the wind against the car.
@@ -64,7 +64,7 @@ def aero_drag_force(
     (array([36.]), array([-36.]))
     """
     if headwind_m_s is None:
-        return 0.5 * density_kg_m3 * drag_area_m2 * speed_m_s * speed_m_s
+        return np.asarray(0.5 * density_kg_m3 * drag_area_m2 * speed_m_s * speed_m_s)
     against = speed_m_s + headwind_m_s
     return np.asarray(0.5 * density_kg_m3 * drag_area_m2 * against * np.abs(against), dtype=np.float64)
 
@@ -76,19 +76,22 @@ WET_FROM_MM_H: Final = 1.0
 """Rain that keeps a road wet; less rain wets it in proportion. A choice."""
 
 
-def wet_factor(rain_mm_h: float) -> float:
+def wet_factor(rain_mm_h: PerTrip) -> PerTrip:
     """Rolling resistance on a road in the rain over that on a dry one.
 
     Examples
     --------
-    >>> wet_factor(0.0), wet_factor(0.5), wet_factor(8.0)
-    (1.0, 1.05, 1.1)
+    >>> [float(wet_factor(rain)) for rain in (0.0, 0.5, 8.0)]
+    [1.0, 1.05, 1.1]
     """
-    return 1.0 + WET_ROAD * min(rain_mm_h / WET_FROM_MM_H, 1.0)
+    return 1.0 + WET_ROAD * np.minimum(rain_mm_h / WET_FROM_MM_H, 1.0)
 
 
 def rolling_resistance_force(
-    speed_m_s: FloatArray, mass_kg: float, coefficients: tuple[float, float], cosine: FloatArray | float = 1.0
+    speed_m_s: FloatArray,
+    mass_kg: PerTrip,
+    coefficients: tuple[float, float],
+    cosine: FloatArray | float = 1.0,
 ) -> FloatArray:
     """Rolling and driveline drag m g cos(α) · (c0 + c1 v) [N]; zero at standstill. Shape of `speed_m_s`.
 
@@ -105,9 +108,9 @@ def rolling_resistance_force(
 def rolling_factor(
     speed_m_s: FloatArray,
     step_s: FloatArray,
-    temperature_degc: float,
+    temperature_degc: PerTrip,
     tyres: Tyres,
-    initial_warmth: float = 0.0,
+    initial_warmth: PerTrip = 0.0,
 ) -> FloatArray:
     """Rolling and driveline drag over that of the warm car at the reference temperature. Shape of `speed_m_s`.
 
@@ -128,11 +131,11 @@ def rolling_factor(
     """
     settled = np.sqrt(np.minimum(speed_m_s / tyres.warm_up_speed_m_s, 1.0))
     warmth = Relaxation(step_s / tyres.warm_up_time_s).solve(initial_warmth, settled)
-    weather = tyres.weather_factor(temperature_degc)
+    weather = tyres.weather_factor(np.asarray(temperature_degc))
     return np.asarray(np.maximum(weather * (1.0 + tyres.cold_excess * (1.0 - warmth)), 0.5), dtype=np.float64)
 
 
-def grade_force(grade: FloatArray, mass_kg: float) -> FloatArray:
+def grade_force(grade: FloatArray, mass_kg: PerTrip) -> FloatArray:
     """Downhill force m g sin(α) [N] for `grade` = tan(α), shape of `grade`.
 
     Examples
@@ -140,10 +143,10 @@ def grade_force(grade: FloatArray, mass_kg: float) -> FloatArray:
     >>> grade_force(np.array([0.0, 0.75]), 1000.0).round(2)
     array([   0.  , 5883.99])
     """
-    return mass_kg * GRAVITY_M_S2 * grade / np.sqrt(1.0 + grade * grade)
+    return np.asarray(mass_kg * GRAVITY_M_S2 * grade / np.sqrt(1.0 + grade * grade))
 
 
-def inertia_force(acceleration_m_s2: FloatArray, mass_kg: float, rotating_mass_factor: float) -> FloatArray:
+def inertia_force(acceleration_m_s2: FloatArray, mass_kg: PerTrip, rotating_mass_factor: float) -> FloatArray:
     """Force that accelerates the car and its rotating parts [N], shape of `acceleration_m_s2`.
 
     Examples
@@ -151,7 +154,7 @@ def inertia_force(acceleration_m_s2: FloatArray, mass_kg: float, rotating_mass_f
     >>> inertia_force(np.array([1.0]), 1000.0, 1.04)
     array([1040.])
     """
-    return mass_kg * rotating_mass_factor * acceleration_m_s2
+    return np.asarray(mass_kg * rotating_mass_factor * acceleration_m_s2)
 
 
 def grade_from_elevation(time_s: FloatArray, speed_m_s: FloatArray, elevation_m: FloatArray) -> FloatArray:

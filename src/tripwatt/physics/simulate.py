@@ -1,10 +1,10 @@
-"""The chain: road load -> drivetrain -> auxiliaries -> battery, over a whole trip at once."""
+"""A drive of a car: what it takes, the simulation, and its conditions from what is known at departure."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -12,21 +12,11 @@ import numpy.typing as npt
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import raise_faults
 from tripwatt.physics.arguments import argument_faults
-from tripwatt.physics.battery import BatteryRun, discharge, shift
-from tripwatt.physics.cabin import CabinRun, condition_cabin, irradiance
+from tripwatt.physics.cabin import CabinRun, CabinTask, condition_cabins, irradiance
+from tripwatt.physics.chain import CAUSE_NAMES, Trace, drive_chain
 from tripwatt.physics.conditions import UNKNOWN_AMBIENT_DEGC, DriveConditions
 from tripwatt.physics.departure import cabin_at_departure, warmth_from_cabin
-from tripwatt.physics.drivetrain import Propulsion, propulsion, regeneration_acceptance, with_refused
-from tripwatt.physics.road_load import (
-    aero_drag_force,
-    air_density,
-    grade_force,
-    grade_from_elevation,
-    inertia_force,
-    rolling_factor,
-    rolling_resistance_force,
-    wet_factor,
-)
+from tripwatt.physics.road_load import air_density, grade_from_elevation
 from tripwatt.trips import Departure, Flag, Plan, PlanWeather, Recorded
 from tripwatt.trips.showing import period
 from tripwatt.units import WH_PER_J
@@ -36,34 +26,6 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-
-CAUSE_NAMES: Final = {
-    "air": "air drag",
-    "rolling": "rolling",
-    "climb": "climb",
-    "acceleration": "change of speed",
-    "friction_brakes": "friction brakes",
-    "drivetrain": "drivetrain",
-    "base_load": "base load",
-    "climate": "climate",
-    "shortfall": "not delivered",
-}
-"""Names for people of `CAUSES`."""
-
-CAUSES: Final = tuple(CAUSE_NAMES)
-"""Causes of `Simulation.power_by_cause_w`; `shortfall` is the power that the trace needs beyond the car's limits."""
-
-ACCEPTANCE_TOLERANCE: Final = 1e-3
-"""Share of the largest braking power; passes that agree to it have settled."""
-
-MOST_ACCEPTANCE_PASSES: Final = 6
-
-LEAST_LOST_WH: Final = 50.0
-"""Recovered energy that a full battery does not take is named from here on: some 0.3 km."""
-
-MOVING_M_S: Final = 1.4
-"""Walking pace, 5 km/h: from here on a car draws all of its `moving_load_w`."""
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
@@ -253,34 +215,18 @@ def simulate(
     >>> parked.simulated_energy_wh
     300.0
     """
-    conditions = DriveConditions() if conditions is None else conditions
-    time = np.asarray(time_s, dtype=np.float64)
-    speed = np.asarray(speed_m_s, dtype=np.float64)
-    slope = None if grade is None else np.asarray(grade, dtype=np.float64)
-    height = None if elevation_m is None else np.asarray(elevation_m, dtype=np.float64)
-    climate = np.asarray(0.0 if climate_power_w is None else climate_power_w, dtype=np.float64)
-    values = conditions.bounded_values(vehicle)
-    wind = None if headwind_m_s is None else np.asarray(headwind_m_s, dtype=np.float64)
-    raise_faults(argument_faults(time, speed, slope, height, climate, values, wind))
-    if slope is None:
-        slope = np.zeros(len(time)) if height is None else grade_from_elevation(time, speed, height)
-    else:
-        slope = np.concatenate((slope[:1], 0.5 * (slope[1:] + slope[:-1])))
-    if conditions.air_density_kg_m3 is None:
-        known = None if height is None else height[np.isfinite(height)]
-        mean_height = float(known.mean()) if known is not None and len(known) else 0.0
-        density = air_density(conditions.ambient_temperature_degc, mean_height)
-    else:
-        density = conditions.air_density_kg_m3
-    cabin: CabinRun | None = None
-    if conditions.climate != "off" and climate_power_w is None and vehicle.climate is not None:
-        start = conditions.cabin_start(vehicle)
-        cabin = condition_cabin(vehicle.climate, time, speed, conditions.ambient_temperature_degc, start)
-    trace = _Trace.from_samples(time, speed, slope, wind)
-    if cabin is None:
-        power = np.broadcast_to(climate, time.shape)
-        cabin = CabinRun(power, np.full_like(time, np.nan), np.zeros_like(time))
-    return _chain(vehicle, trace, conditions, density, cabin)
+    return _simulated(
+        drive_of(
+            vehicle,
+            time_s,
+            speed_m_s,
+            grade,
+            elevation_m,
+            climate_power_w,
+            headwind_m_s,
+            conditions=conditions,
+        )
+    )
 
 
 def simulate_trip(vehicle: Vehicle, trip: Recorded | Plan) -> Simulation:
@@ -316,16 +262,7 @@ def simulate_trip(vehicle: Vehicle, trip: Recorded | Plan) -> Simulation:
     >>> bool(run.simulated_energy_wh > 0.0)
     True
     """
-    weather = trip.air if isinstance(trip, Plan) else None
-    return simulate(
-        with_extras(vehicle, trip.departure.extras or ()),
-        trip.array("time_s"),
-        trip.array("speed_m_s"),
-        grade=trip.array("grade") if "grade" in trip and trip.has("grade") else None,
-        elevation_m=trip.array("elevation_m") if "elevation_m" in trip else None,
-        headwind_m_s=None if weather is None else weather.headwind_m_s,
-        conditions=conditions_at_departure(vehicle, trip.departure, weather),
-    )
+    return _simulated(drive_of_trip(vehicle, trip))
 
 
 def conditions_at_departure(
@@ -381,178 +318,85 @@ def conditions_at_departure(
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class _Trace:
-    """A drive by its intervals, each of which ends at a sample: shape (samples,), the first without length."""
+class Drive:
+    """A drive as it enters the chain, checked: arrays of shape (samples,), `grade` that of the intervals.
 
+    `conditions` have an air density; `climate_power_w` is used where `cabin` is None.
+    """
+
+    vehicle: Vehicle
+    conditions: DriveConditions
     time_s: FloatArray
-    step_s: FloatArray
-    mean_speed_m_s: FloatArray
-    acceleration_m_s2: FloatArray
+    speed_m_s: FloatArray
     grade: FloatArray
     headwind_m_s: FloatArray | None
+    cabin: CabinTask | None
+    climate_power_w: FloatArray
+    name: str = ""
 
-    @classmethod
-    def from_samples(
-        cls, time: FloatArray, speed: FloatArray, grade: FloatArray, headwind: FloatArray | None
-    ) -> _Trace:
-        step = np.zeros_like(time)
-        np.subtract(time[1:], time[:-1], out=step[1:])
-        mean_speed = speed.copy()
-        mean_speed[1:] = 0.5 * (speed[1:] + speed[:-1])
-        acceleration = np.zeros_like(speed)
-        acceleration[1:] = (speed[1:] - speed[:-1]) / step[1:]
-        return cls(time, step, mean_speed, acceleration, grade, headwind)
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class _Forces:
-    """Forces at the wheels [N], shape (samples,)."""
-
-    aero: FloatArray
-    rolling: FloatArray
-    climb: FloatArray
-    inertia: FloatArray
+    def climate(self, cabin: CabinRun | None) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Power of climate control and of its fans, and temperature of the cabin: NaN where none was simulated."""
+        if cabin is not None:
+            return cabin.power_w, cabin.fan_power_w, cabin.temperature_degc
+        time = self.time_s
+        return (
+            np.broadcast_to(self.climate_power_w, time.shape),
+            np.zeros_like(time),
+            np.full_like(time, np.nan),
+        )
 
 
-def _chain(
-    vehicle: Vehicle, trace: _Trace, conditions: DriveConditions, density: float, cabin: CabinRun
-) -> Simulation:
-    """Road load, drivetrain, auxiliaries and battery, one after the other."""
-    forces = _forces(vehicle, trace, conditions, density)
-    wheel_power = (forces.aero + forces.rolling + forces.climb + forces.inertia) * trace.mean_speed_m_s
-    base_load = _base_load(vehicle, trace, conditions)
-    auxiliary = cabin.power_w + base_load
-    drive, battery = _drive_and_battery(vehicle, trace, wheel_power, auxiliary, conditions)
-    lost_wh = _lost_when_full_wh(vehicle, trace, wheel_power, drive, battery)
-    shortfall = drive.shortfall_power_w + (drive.motor_power_w + auxiliary - battery.power_w)
-    driven = wheel_power + drive.friction_brake_power_w - drive.shortfall_power_w
-    by_cause = {
-        "air": forces.aero * trace.mean_speed_m_s,
-        "rolling": forces.rolling * trace.mean_speed_m_s,
-        "climb": forces.climb * trace.mean_speed_m_s,
-        "acceleration": forces.inertia * trace.mean_speed_m_s,
-        "friction_brakes": drive.friction_brake_power_w,
-        "drivetrain": drive.motor_power_w - driven,
-        "base_load": base_load,
-        "climate": cabin.power_w,
-        "shortfall": -shortfall,
-    }
-    return Simulation(
-        time_s=trace.time_s,
-        grade=trace.grade,
-        aero_drag_force_n=forces.aero,
-        rolling_resistance_force_n=forces.rolling,
-        grade_force_n=forces.climb,
-        inertia_force_n=forces.inertia,
-        wheel_power_w=wheel_power,
-        motor_power_w=drive.motor_power_w,
-        regen_power_w=np.maximum(-drive.motor_power_w, 0.0),
-        friction_brake_power_w=drive.friction_brake_power_w,
-        auxiliary_power_w=auxiliary,
-        climate_power_w=cabin.power_w,
-        fan_power_w=cabin.fan_power_w,
-        battery_power_w=battery.power_w,
-        battery_current_a=battery.current_a,
-        terminal_voltage_v=battery.terminal_voltage_v,
-        battery_temperature_degc=battery.temperature_degc,
-        cabin_temperature_degc=cabin.temperature_degc,
-        soc=np.minimum(np.maximum(battery.soc, 0.0), 1.0),
-        battery_loss_w=battery.open_circuit_power_w - battery.power_w,
-        energy_wh=(battery.power_w * (trace.step_s * WH_PER_J)).cumsum(),
-        power_by_cause_w=by_cause,
-        flags=_flags(vehicle, trace.step_s, drive, battery, lost_wh),
-    )
-
-
-def _forces(vehicle: Vehicle, trace: _Trace, conditions: DriveConditions, density: float) -> _Forces:
-    load, mass = vehicle.road_load, vehicle.body.test_mass_kg + conditions.payload_mass_kg
-    speed = trace.mean_speed_m_s
-    cosine = 1.0 / np.sqrt(1.0 + trace.grade * trace.grade)
-    rolling = rolling_resistance_force(speed, mass, load.rolling_coefficients, cosine)
-    if vehicle.tyres is not None:
-        ambient, warmth = conditions.ambient_temperature_degc, conditions.initial_warmth
-        rolling *= rolling_factor(speed, trace.step_s, ambient, vehicle.tyres, warmth)
-    if conditions.rain_mm_h > 0.0:
-        rolling *= wet_factor(conditions.rain_mm_h)
-    return _Forces(
-        aero=aero_drag_force(speed, load.drag_area_m2, density, trace.headwind_m_s),
-        rolling=rolling,
-        climb=grade_force(trace.grade, mass),
-        # Mean speed times change of speed is the change of v²/2: kinetic energy adds up exactly over a trip.
-        inertia=inertia_force(trace.acceleration_m_s2, mass, vehicle.body.rotating_mass_factor),
-    )
-
-
-def _base_load(vehicle: Vehicle, trace: _Trace, conditions: DriveConditions) -> FloatArray:
-    """Power of what neither drives nor heats [W], shape (samples,): more of it while the car moves on a road.
-
-    It rises up to `MOVING_M_S`, so that the noise of a standing car's speed adds next to nothing.
-    """
-    loads = vehicle.auxiliaries
-    moving = 0.0 if conditions.on_dynamometer else loads.moving_load_w
-    return np.asarray(loads.base_load_w + moving * np.minimum(trace.mean_speed_m_s * (1.0 / MOVING_M_S), 1.0))
-
-
-def _drive_and_battery(
+def drive_of(
     vehicle: Vehicle,
-    trace: _Trace,
-    wheel_power: FloatArray,
-    auxiliary: FloatArray,
-    conditions: DriveConditions,
-) -> tuple[Propulsion, BatteryRun]:
-    """Drivetrain and battery, repeated until the regeneration that the battery accepts has settled."""
-    regeneration = vehicle.regeneration
-    soc, temperature = conditions.initial_soc, conditions.battery_start_degc
-    ambient = conditions.ambient_temperature_degc
-    acceptance = regeneration_acceptance(np.array([soc]), np.array([temperature]), regeneration)
-    hardest = -float(wheel_power.min()) * regeneration.fraction
-    previous: BatteryRun | None = None
-    for _ in range(MOST_ACCEPTANCE_PASSES):
-        drive = propulsion(wheel_power, trace.mean_speed_m_s, acceptance, vehicle.drivetrain, regeneration)
-        power = drive.motor_power_w + auxiliary
-        run = discharge(vehicle.battery, power, trace.step_s, ambient, soc, temperature, guess=previous)
-        previous = run
-        states = shift(soc, run.soc), shift(temperature, run.temperature_degc)
-        settled = regeneration_acceptance(*states, regeneration)
-        lowest = min(float(settled.min()), float(acceptance.min()))
-        if hardest <= regeneration.max_power_w * lowest:
-            break  # no braking in this trip meets the limit
-        if float(np.abs(settled - acceptance).max()) < ACCEPTANCE_TOLERANCE:
-            break
-        acceptance = settled
-    return with_refused(drive, run.refused_power_w), run
+    time_s: npt.ArrayLike,
+    speed_m_s: npt.ArrayLike,
+    *more: npt.ArrayLike | None,
+    conditions: DriveConditions | None = None,
+    name: str = "",
+) -> Drive:
+    """Check the arguments of `simulate`, and put them together: `more` are grade, elevation, climate power and headwind. O(samples)."""
+    conditions = DriveConditions() if conditions is None else conditions
+    time = np.asarray(time_s, dtype=np.float64)
+    speed = np.asarray(speed_m_s, dtype=np.float64)
+    slope, height, given, wind = (None if a is None else np.asarray(a, dtype=np.float64) for a in more)
+    climate = np.zeros(()) if given is None else given
+    values = conditions.bounded_values(vehicle)
+    raise_faults(argument_faults(time, speed, slope, height, climate, values, wind))
+    if slope is None:
+        slope = np.zeros(len(time)) if height is None else grade_from_elevation(time, speed, height)
+    else:
+        slope = np.concatenate((slope[:1], 0.5 * (slope[1:] + slope[:-1])))
+    if conditions.air_density_kg_m3 is None:
+        known = None if height is None else height[np.isfinite(height)]
+        mean_height = float(known.mean()) if known is not None and len(known) else 0.0
+        density = air_density(conditions.ambient_temperature_degc, mean_height)
+        conditions = replace(conditions, air_density_kg_m3=density)
+    cabin: CabinTask | None = None
+    if conditions.climate != "off" and given is None and vehicle.climate is not None:
+        ambient, start = conditions.ambient_temperature_degc, conditions.cabin_start(vehicle)
+        cabin = CabinTask(vehicle.climate, time, speed, ambient, start)
+    return Drive(vehicle, conditions, time, speed, slope, wind, cabin, climate, name)
 
 
-def _lost_when_full_wh(
-    vehicle: Vehicle, trace: _Trace, wheel_power: FloatArray, drive: Propulsion, run: BatteryRun
-) -> float:
-    """Energy that a battery with room would have recovered, and this one is too full for [Wh]."""
-    regeneration = vehicle.regeneration
-    if float(run.soc.max()) <= regeneration.full_soc and not run.refused_power_w.any():
-        return 0.0
-    with_room = np.full_like(run.soc, regeneration.full_soc)
-    acceptance = regeneration_acceptance(with_room, run.temperature_degc, regeneration)
-    roomy = propulsion(wheel_power, trace.mean_speed_m_s, acceptance, vehicle.drivetrain, regeneration)
-    return float((drive.motor_power_w - roomy.motor_power_w) @ trace.step_s) * WH_PER_J
+def drive_of_trip(vehicle: Vehicle, trip: Recorded | Plan) -> Drive:
+    """`drive_of` a trip or a plan, as `simulate_trip` takes it. O(samples)."""
+    weather = trip.air if isinstance(trip, Plan) else None
+    return drive_of(
+        with_extras(vehicle, trip.departure.extras or ()),
+        trip.array("time_s"),
+        trip.array("speed_m_s"),
+        trip.array("grade") if "grade" in trip and trip.has("grade") else None,
+        trip.array("elevation_m") if "elevation_m" in trip else None,
+        None,
+        None if weather is None else weather.headwind_m_s,
+        conditions=conditions_at_departure(vehicle, trip.departure, weather),
+        name=trip.trip_id,
+    )
 
 
-def _flags(
-    vehicle: Vehicle, step: FloatArray, drive: Propulsion, battery: BatteryRun, lost_wh: float
-) -> tuple[Flag, ...]:
-    """What the car could not follow, and for how long [s]; `step` is the length of each interval [s]."""
-    window = vehicle.battery
-    highest_v = window.max_cell_voltage_v * window.cells_in_series
-    lasting = {
-        ("motor_torque_limit", "motor"): drive.torque_limited,
-        ("motor_power_limit", "motor"): drive.power_limited,
-        ("motor_speed_limit", "motor"): drive.over_speed,
-        ("battery_voltage_floor", "battery"): battery.voltage_floor,
-        ("battery_empty", "battery"): battery.soc < window.displayed_zero_soc,
-        ("battery_over_voltage", "battery"): battery.terminal_voltage_v > highest_v,
-    }
-    flags = [Flag(*kind, float(step[mask].sum()), "s") for kind, mask in lasting.items() if mask.any()]
-    if lost_wh >= LEAST_LOST_WH:
-        flags.append(Flag("battery_full", "battery", lost_wh, "wh"))
-    if not battery.converged:
-        flags.append(Flag("battery_not_settled", "battery"))
-    return tuple(flags)
+def _simulated(drive: Drive) -> Simulation:
+    trace = Trace.from_samples(drive.time_s, drive.speed_m_s, drive.grade, drive.headwind_m_s)
+    cabin = None if drive.cabin is None else condition_cabins([drive.cabin])[0]
+    power, fan, air = drive.climate(cabin)
+    arrays, flags = drive_chain(drive.vehicle, trace, drive.conditions, power)
+    return Simulation(**arrays, fan_power_w=fan, cabin_temperature_degc=air, flags=flags[0])

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 
 from tripwatt.arrays import FloatArray
 from tripwatt.vehicles.parts import Drivetrain
+
+TINY: Final = float(np.finfo(np.float64).tiny)
 
 
 def motor_loss(torque_nm: FloatArray, speed_rad_s: FloatArray, drivetrain: Drivetrain) -> FloatArray:
@@ -32,7 +36,9 @@ def motor_loss(torque_nm: FloatArray, speed_rad_s: FloatArray, drivetrain: Drive
     iron = (
         drivetrain.iron_loss_linear + drivetrain.iron_loss_quadratic * speed_rad_s
     ) * speed_rad_s  # negative below about 20 rad/s, where the fit does not hold
-    iron = np.maximum(iron, 0.0) * torque**drivetrain.iron_loss_torque_exponent
+    # a logarithm and its exponential cost half of a power
+    powered = np.exp(drivetrain.iron_loss_torque_exponent * np.log(np.maximum(torque, TINY)))
+    iron = np.maximum(iron, 0.0) * powered
     of_machine = _given_flux if drivetrain.machine == "permanent_magnet" else _chosen_flux
     loss = of_machine(torque, speed_rad_s, iron, drivetrain) + drivetrain.inverter_fixed_loss_w
     loss = drivetrain.motor_loss_factor * loss + drivetrain.flux_loss_w_s2_rad2 * speed_rad_s**2

@@ -167,19 +167,22 @@ class Tyres:
     @property
     def warm_coefficient_per_k(self) -> float:
         """Relative fall of rolling drag for each kelvin above the reference [1/K]."""
-        return min(self.temperature_coefficient_per_k, WARM_COEFFICIENT_PER_K)
+        slope = self.temperature_coefficient_per_k  # a sum over cases, so that columns of several cars pass
+        return (slope < WARM_COEFFICIENT_PER_K) * slope + (
+            slope >= WARM_COEFFICIENT_PER_K
+        ) * WARM_COEFFICIENT_PER_K
 
-    def weather_factor(self, temperature_degc: float) -> float:
+    def weather_factor(self, temperature_degc: Number) -> Number:
         """Warm rolling drag in air of a temperature over that at the reference.
 
         Parameters
         ----------
-        temperature_degc : float
+        temperature_degc : float or ndarray
             Of the outside air [°C].
 
         Returns
         -------
-        float
+        float or ndarray
             1 at the reference; continuous, and never rising with the temperature.
 
         Examples
@@ -190,7 +193,9 @@ class Tyres:
         (1.0, 1.172, 0.828)
         """
         colder = self.reference_temperature_degc - temperature_degc
-        slope = self.temperature_coefficient_per_k if colder > 0.0 else self.warm_coefficient_per_k
+        slope = (colder > 0.0) * self.temperature_coefficient_per_k + (
+            colder <= 0.0
+        ) * self.warm_coefficient_per_k
         return 1.0 + slope * colder
 
 

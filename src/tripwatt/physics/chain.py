@@ -1,0 +1,293 @@
+"""The chain: road load -> drivetrain -> auxiliaries -> battery, over whole trips at once, one or many.
+
+Arrays of one trip have shape (samples,), and what it has one of is a number. Those of several have shape (trips, samples), and what
+each trip has one of is a column of shape (trips, 1), in the values of the car too. Shorter trips end in intervals without length.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from tripwatt.arrays import BoolArray, FloatArray
+from tripwatt.physics.battery import BatteryRun, discharge, first_guess, shift
+from tripwatt.physics.conditions import DriveConditions
+from tripwatt.physics.drivetrain import Propulsion, propulsion, regeneration_acceptance, with_refused
+from tripwatt.physics.road_load import (
+    aero_drag_force,
+    grade_force,
+    inertia_force,
+    rolling_factor,
+    rolling_resistance_force,
+    wet_factor,
+)
+from tripwatt.trips import Flag
+from tripwatt.units import WH_PER_J
+from tripwatt.vehicles import Vehicle
+
+CAUSE_NAMES: Final = {
+    "air": "air drag",
+    "rolling": "rolling",
+    "climb": "climb",
+    "acceleration": "change of speed",
+    "friction_brakes": "friction brakes",
+    "drivetrain": "drivetrain",
+    "base_load": "base load",
+    "climate": "climate",
+    "shortfall": "not delivered",
+}
+"""Names for people of `CAUSES`."""
+
+CAUSES: Final = tuple(CAUSE_NAMES)
+"""Causes of `Simulation.power_by_cause_w`; `shortfall` is the power that the trace needs beyond the car's limits."""
+
+ACCEPTANCE_TOLERANCE: Final = 1e-3
+"""Share of the largest braking power; passes that agree to it have settled."""
+
+MOST_ACCEPTANCE_PASSES: Final = 6
+
+LEAST_LOST_WH: Final = 50.0
+"""Recovered energy that a full battery does not take is named from here on: some 0.3 km."""
+
+MOVING_M_S: Final = 1.4
+"""Walking pace, 5 km/h: from here on a car draws all of its `moving_load_w`."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Trace:
+    """Drives by their intervals, each of which ends at a sample: shape (..., samples), the first without length.
+
+    `beyond` marks the intervals after the end of the shorter ones of several drives; None where there are none.
+    """
+
+    time_s: FloatArray
+    step_s: FloatArray
+    mean_speed_m_s: FloatArray
+    acceleration_m_s2: FloatArray
+    grade: FloatArray
+    headwind_m_s: FloatArray | None
+    beyond: BoolArray | None = None
+
+    @classmethod
+    def from_samples(
+        cls,
+        time: FloatArray,
+        speed: FloatArray,
+        grade: FloatArray,
+        headwind: FloatArray | None,
+        beyond: BoolArray | None = None,
+    ) -> Trace:
+        """Intervals of samples; `grade` is that of the intervals already."""
+        step = np.zeros_like(time)
+        np.subtract(time[..., 1:], time[..., :-1], out=step[..., 1:])
+        mean_speed = speed.copy()
+        mean_speed[..., 1:] = 0.5 * (speed[..., 1:] + speed[..., :-1])
+        acceleration = np.zeros_like(speed)
+        change = speed[..., 1:] - speed[..., :-1]
+        if beyond is None:
+            np.divide(change, step[..., 1:], out=acceleration[..., 1:])
+        else:
+            np.divide(change, step[..., 1:], out=acceleration[..., 1:], where=~beyond[..., 1:])
+            mean_speed[beyond] = 0.0
+        if step.ndim > 1 and (step == step[:1]).all():
+            step = step[:1]
+        return cls(time, step, mean_speed, acceleration, grade, headwind, beyond)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Forces:
+    """Forces at the wheels [N], shape (..., samples)."""
+
+    aero: FloatArray
+    rolling: FloatArray
+    climb: FloatArray
+    inertia: FloatArray
+
+
+Flags = tuple[Flag, ...]
+
+
+def drive_chain(
+    vehicle: Vehicle, trace: Trace, conditions: DriveConditions, climate_power_w: FloatArray
+) -> tuple[dict[str, Any], list[Flags]]:
+    """Road load, drivetrain, auxiliaries and battery, one after the other. O(samples).
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    trace : Trace
+    conditions : DriveConditions
+        With an air density.
+    climate_power_w : ndarray, shape (..., samples)
+
+    Returns
+    -------
+    dict of str to ndarray
+        The arrays of `Simulation` but those of the cabin, shape (..., samples).
+    list of tuple of Flag
+        Of each trip.
+    """
+    forces = _forces(vehicle, trace, conditions)
+    speed, step = trace.mean_speed_m_s, trace.step_s
+    wheel_power = (forces.aero + forces.rolling + forces.climb + forces.inertia) * speed
+    base_load = _base_load(vehicle, trace, conditions)
+    auxiliary = climate_power_w + base_load
+    drive, battery = _drive_and_battery(vehicle, trace, wheel_power, auxiliary, conditions)
+    lost_wh = _lost_when_full_wh(vehicle, trace, wheel_power, drive, battery)
+    shortfall = drive.shortfall_power_w + (drive.motor_power_w + auxiliary - battery.power_w)
+    driven = wheel_power + drive.friction_brake_power_w - drive.shortfall_power_w
+    by_cause = {
+        "air": forces.aero * speed,
+        "rolling": forces.rolling * speed,
+        "climb": forces.climb * speed,
+        "acceleration": forces.inertia * speed,
+        "friction_brakes": drive.friction_brake_power_w,
+        "drivetrain": drive.motor_power_w - driven,
+        "base_load": base_load,
+        "climate": climate_power_w,
+        "shortfall": -shortfall,
+    }
+    arrays = {
+        "time_s": trace.time_s,
+        "grade": trace.grade,
+        "aero_drag_force_n": forces.aero,
+        "rolling_resistance_force_n": forces.rolling,
+        "grade_force_n": forces.climb,
+        "inertia_force_n": forces.inertia,
+        "wheel_power_w": wheel_power,
+        "motor_power_w": drive.motor_power_w,
+        "regen_power_w": np.maximum(-drive.motor_power_w, 0.0),
+        "friction_brake_power_w": drive.friction_brake_power_w,
+        "auxiliary_power_w": auxiliary,
+        "climate_power_w": climate_power_w,
+        "battery_power_w": battery.power_w,
+        "battery_current_a": battery.current_a,
+        "terminal_voltage_v": battery.terminal_voltage_v,
+        "battery_temperature_degc": battery.temperature_degc,
+        "soc": np.minimum(np.maximum(battery.soc, 0.0), 1.0),
+        "battery_loss_w": battery.open_circuit_power_w - battery.power_w,
+        "energy_wh": (battery.power_w * (step * WH_PER_J)).cumsum(axis=-1),
+        "power_by_cause_w": by_cause,
+    }
+    return arrays, _flags(vehicle, step, drive, battery, lost_wh)
+
+
+def _forces(vehicle: Vehicle, trace: Trace, conditions: DriveConditions) -> Forces:
+    load, mass, speed = vehicle.road_load, vehicle.body.test_mass_kg, trace.mean_speed_m_s
+    mass, density = mass + conditions.payload_mass_kg, conditions.air_density_kg_m3
+    ambient, warmth = conditions.ambient_temperature_degc, conditions.initial_warmth
+    assert density is not None
+    flat = not trace.grade.any()
+    cosine = 1.0 if flat else 1.0 / np.sqrt(1.0 + trace.grade * trace.grade)
+    rolling = rolling_resistance_force(speed, mass, load.rolling_coefficients, cosine)
+    if vehicle.tyres is not None:
+        rolling *= rolling_factor(speed, trace.step_s, ambient, vehicle.tyres, warmth)
+    rolling *= wet_factor(conditions.rain_mm_h)
+    return Forces(
+        aero=aero_drag_force(speed, load.drag_area_m2, density, trace.headwind_m_s),
+        rolling=rolling,
+        climb=trace.grade if flat else grade_force(trace.grade, mass),
+        # Mean speed times change of speed is the change of v²/2: kinetic energy adds up exactly over a trip.
+        inertia=inertia_force(trace.acceleration_m_s2, mass, vehicle.body.rotating_mass_factor),
+    )
+
+
+def _base_load(vehicle: Vehicle, trace: Trace, conditions: DriveConditions) -> FloatArray:
+    """Power of what neither drives nor heats [W], shape (..., samples): more of it while the car moves on a road.
+
+    It rises up to `MOVING_M_S`, so that the noise of a standing car's speed adds next to nothing.
+    """
+    loads, share = vehicle.auxiliaries, np.minimum(trace.mean_speed_m_s * (1.0 / MOVING_M_S), 1.0)
+    return np.asarray(loads.base_load_w + (1.0 - conditions.on_dynamometer) * loads.moving_load_w * share)
+
+
+def _drive_and_battery(
+    vehicle: Vehicle,
+    trace: Trace,
+    wheel_power: FloatArray,
+    auxiliary: FloatArray,
+    conditions: DriveConditions,
+) -> tuple[Propulsion, BatteryRun]:
+    """Drivetrain and battery, repeated until the regeneration that the battery accepts has settled in every trip.
+
+    A trip that has settled takes its last pass again while others go on.
+    """
+    rules, battery, step = vehicle.regeneration, vehicle.battery, trace.step_s
+    soc, temperature = conditions.initial_soc, conditions.battery_start_degc
+    ambient = conditions.ambient_temperature_degc
+    start = np.atleast_1d(np.asarray(soc)), np.atleast_1d(np.asarray(temperature))
+    acceptance = regeneration_acceptance(*start, rules)
+    hardest = -wheel_power.min(axis=-1, keepdims=True) * rules.fraction
+    guess: tuple[FloatArray, FloatArray] | None = None
+    for _ in range(MOST_ACCEPTANCE_PASSES):
+        drive = propulsion(wheel_power, trace.mean_speed_m_s, acceptance, vehicle.drivetrain, rules)
+        power = drive.motor_power_w + auxiliary
+        guess = first_guess(battery, power, step, soc, temperature) if guess is None else guess
+        run = discharge(battery, power, step, ambient, soc, temperature, guess=guess)
+        fullest = np.maximum(soc, run.soc.max(axis=-1, keepdims=True))
+        coldest = np.minimum(temperature, run.temperature_degc.min(axis=-1, keepdims=True))
+        lowest = np.minimum(regeneration_acceptance(fullest, coldest, rules), acceptance)
+        if (hardest <= rules.max_power_w * lowest.min(axis=-1, keepdims=True)).all():
+            break  # no braking meets the limit
+        states = shift(soc, run.soc), shift(temperature, run.temperature_degc)
+        accepted = regeneration_acceptance(*states, rules)
+        if trace.beyond is not None:
+            accepted[trace.beyond] = 1.0
+        change = np.abs(accepted - acceptance).max(axis=-1, keepdims=True)
+        lowest = np.minimum(accepted, acceptance).min(axis=-1, keepdims=True)
+        settled = (change < ACCEPTANCE_TOLERANCE) | (hardest <= rules.max_power_w * lowest)
+        if settled.all():
+            break
+        acceptance = np.where(settled, acceptance, accepted)
+        guess = (
+            np.where(settled, guess[0], run.soc),
+            np.where(settled, guess[1], run.temperature_degc),
+        )
+    return with_refused(drive, run.refused_power_w), run
+
+
+def _lost_when_full_wh(
+    vehicle: Vehicle, trace: Trace, wheel_power: FloatArray, drive: Propulsion, run: BatteryRun
+) -> FloatArray:
+    """Energy that a battery with room would have recovered, and this one is too full for [Wh], shape (..., 1)."""
+    rules = vehicle.regeneration
+    full = (run.soc.max(axis=-1, keepdims=True) > rules.full_soc) | run.refused_power_w.any(
+        axis=-1, keepdims=True
+    )
+    if not full.any():
+        return np.zeros(full.shape)
+    with_room = np.broadcast_to(rules.full_soc, run.soc.shape)
+    acceptance = regeneration_acceptance(with_room, run.temperature_degc, rules)
+    roomy = propulsion(wheel_power, trace.mean_speed_m_s, acceptance, vehicle.drivetrain, rules)
+    lost = ((drive.motor_power_w - roomy.motor_power_w) * trace.step_s).sum(axis=-1, keepdims=True)
+    return np.asarray(np.where(full, lost * WH_PER_J, 0.0))
+
+
+def _flags(
+    vehicle: Vehicle, step: FloatArray, drive: Propulsion, battery: BatteryRun, lost_wh: FloatArray
+) -> list[Flags]:
+    """What the car could not follow in each trip, and for how long [s]; `step` is the length of each interval [s]."""
+    window = vehicle.battery
+    highest_v = window.max_cell_voltage_v * window.cells_in_series
+    lasting = {
+        ("motor_torque_limit", "motor"): drive.torque_limited,
+        ("motor_power_limit", "motor"): drive.power_limited,
+        ("motor_speed_limit", "motor"): drive.over_speed,
+        ("battery_voltage_floor", "battery"): battery.voltage_floor,
+        ("battery_empty", "battery"): battery.soc < window.displayed_zero_soc,
+        ("battery_over_voltage", "battery"): battery.terminal_voltage_v > highest_v,
+    }
+    flags: list[list[Flag]] = [[] for _ in lost_wh]
+    for kind, mask in lasting.items():
+        if mask.any():
+            seconds = np.atleast_1d((mask * step).sum(axis=-1)).tolist()
+            for trip in np.flatnonzero(np.atleast_2d(mask).any(axis=-1)):
+                flags[trip].append(Flag(*kind, seconds[trip], "s"))
+    for own, lost, converged in zip(flags, lost_wh.ravel(), battery.converged.ravel(), strict=True):
+        if lost >= LEAST_LOST_WH:
+            own.append(Flag("battery_full", "battery", float(lost), "wh"))
+        if not converged:
+            own.append(Flag("battery_not_settled", "battery"))
+    return list(map(tuple, flags))
