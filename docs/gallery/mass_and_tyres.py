@@ -19,8 +19,8 @@ trip = tw.read_route(
 car = tw.load_vehicle("nissan_leaf_24")
 crr = "road_load.rolling_resistance_coefficient"
 values = {
-    "body.curb_mass_kg": np.linspace(1200.0, 2000.0, 9),
-    crr: np.linspace(0.006, 0.012, 7),
+    "body.curb_mass_kg": np.linspace(1200.0, 2000.0, 9).tolist(),
+    crr: np.linspace(0.006, 0.012, 7).tolist(),
 }
 table = tw.sweep(
     trip, car, values, tw.Departure(soc=0.8, ambient_temperature_degc=20.0)
@@ -31,23 +31,11 @@ grid = table.pivot_table(
 )
 
 figure, axes = plt.subplots(figsize=(6.0, 4.2), layout="constrained")
-axes.pcolormesh(grid.columns, grid.index, grid, shading="gouraud", cmap="cividis")
-lines = axes.contour(
-    grid.columns,
-    grid.index,
-    grid,
-    levels=np.arange(10, 25),
-    colors="white",
-    linewidths=1,
-)
+masses_kg, rolling = grid.columns, grid.index
+axes.pcolormesh(masses_kg, rolling, grid, shading="gouraud", cmap="cividis")
+lines = axes.contour(masses_kg, rolling, grid, np.arange(10, 19), colors="white")
 axes.clabel(lines, fmt="%.0f")
-axes.plot(
-    car.body.curb_mass_kg,
-    car.entries[crr].value,
-    "x",
-    color="#d55e00",
-    ms=10,
-    mew=2.5,
-)
+of_car = car.body.curb_mass_kg, car.entries[crr].value
+axes.plot(*of_car, "x", color="#d55e00", ms=10, mew=2.5)
 axes.set(xlabel="kerb mass [kg]", ylabel="rolling resistance coefficient [1]")
 axes.set_title("consumption [kWh/100 km]")
