@@ -67,7 +67,7 @@ def is_known(path: str) -> bool:
 
 @cache
 def scripts() -> tuple[str, ...]:
-    folders = ("src", "tests", "tools", "benchmarks", "web")
+    folders = ("src", "tests", "tools", "benchmarks", "web", "docs")
     files = (f for name in folders for f in (ROOT / name).rglob("*.py") if "node_modules" not in f.parts)
     return tuple("/" + f.relative_to(ROOT).as_posix() for f in files)
 

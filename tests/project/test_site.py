@@ -17,7 +17,7 @@ from urllib.parse import unquote, urljoin, urlsplit
 
 import pytest
 from tests.support import ROOT
-from tools.docs import render_pages
+from tools.docs import gallery, render_pages
 from tools.docs.site import conf
 from tools.quality.page import browsing, chromium
 
@@ -189,6 +189,14 @@ def test_every_page_of_the_repository_is_in_the_site(site: Path, pages: dict[str
         assert f"project/{name}.html" in pages
 
 
+def test_every_example_of_the_gallery_is_a_page_that_its_thumbnail_leads_to(pages: dict[str, Found]) -> None:
+    first = pages["gallery/index.html"]
+    for name in gallery.NAMES:
+        assert f"{name}.html" in first.links
+        assert f"../_images/{name}.png" in first.assets
+        assert f"../_images/{name}.png" in pages[f"gallery/{name}.html"].assets
+
+
 def test_old_addresses_lead_to_the_pages_of_now(site: Path) -> None:
     for old, new in {
         "car": "howto/own-car",
@@ -283,7 +291,16 @@ def brightness(page: Any) -> float:
     return (red + green + blue) / 3
 
 
-@pytest.mark.parametrize("name", ["index.html", "api/tripwatt.html", "tutorials/first-forecast.html"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "index.html",
+        "api/tripwatt.html",
+        "tutorials/first-forecast.html",
+        "gallery/index.html",
+        "gallery/cold_start.html",
+    ],
+)
 def test_a_page_fits_a_phone_and_follows_the_scheme_without_other_hosts(
     look: Callable[..., Any], name: str
 ) -> None:

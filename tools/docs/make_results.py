@@ -23,7 +23,7 @@ from typing import Annotated, Any, Final, NamedTuple
 from typer import Argument, BadParameter, Option
 
 from tools import CATALOGUE, DATA, REFERENCE, ROOT, command
-from tools.docs import pages
+from tools.docs import gallery, pages
 from tools.quality import probe
 
 PROBE: Final = ROOT / "docs" / "results" / "probe.json"
@@ -159,6 +159,14 @@ RESULTS: Final = (
         minutes=5,
     ),
     Result("peers", ("make peers",), ("docs/explanation/peers.md#peers",), ("tum", "ved"), 4),
+    Result(
+        "gallery",
+        ("-m tools.docs.gallery",),
+        ("docs/gallery/index.md", *(f"docs/images/gallery/{name}.png" for name in gallery.NAMES)),
+        (MODEL, *(f"docs/gallery/{name}.py" for name in gallery.NAMES)),
+        2,
+        other_cars=True,
+    ),
     part(
         "long-trips",
         "long_trips --cars 12",

@@ -26,6 +26,7 @@ from sphinx.pycode import ModuleAnalyzer
 from sphinx.util.docutils import docutils_namespace, patch_docutils
 
 from tools import DOCS, ROOT
+from tools.docs import gallery
 
 HERE: Final = Path(__file__).resolve().parent
 
@@ -103,6 +104,8 @@ def stage(folder: Path) -> None:
     with (folder / "reference" / "python.md").open("a", encoding="utf-8") as file:
         file.write("\n".join(["", "## Every public name", "", "```{toctree}", ":titlesonly:", "", ""]))
         file.write("\n".join([*(f"../api/{name}" for name in PACKAGES), "```", ""]))
+    for name in gallery.NAMES:
+        _write(folder / "gallery" / f"{name}.md", gallery.page_of(name))
     shutil.copytree(DOCS / "images", folder / "images")
 
 
@@ -117,7 +120,9 @@ def _relinked(page: Path, place: Path) -> str:
     def moved(match: re.Match[str]) -> str:
         target = (page.parent / match[1]).resolve()
         if target.is_relative_to(DOCS):
-            page_of_site = target.relative_to(DOCS).as_posix()
+            page_of_site = (
+                target.relative_to(DOCS).as_posix().replace(".py", ".md")
+            )  # a script of the gallery is a page
         else:
             page_of_site = PROJECT.get(target.relative_to(ROOT).as_posix(), "")
         if not page_of_site:

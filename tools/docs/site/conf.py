@@ -26,7 +26,7 @@ nitpick_ignore_regex = [
 ]
 suppress_warnings = ["myst.header"]  # a page may begin its first level after a list or a table
 
-myst_enable_extensions = ["dollarmath"]
+myst_enable_extensions = ["dollarmath", "html_image"]
 myst_heading_anchors = 4
 myst_links_external_new_tab = False
 
@@ -94,7 +94,7 @@ def contents(index: str) -> str:
 
 
 def _add_contents(app: Any, docname: str, source: list[str]) -> None:
-    if docname in ("index", "decisions/index"):
+    if docname in ("index", "decisions/index", "gallery/index"):
         source[0] += contents(source[0])
 
 
