@@ -28,12 +28,9 @@ SHOWN = {
     "climate": ("climate", "#d55e00"),
 }
 town = [
-    {"length_m": 500.0, "speed_m_s": speed, "grade": 0.0}
-    for speed in (8.0, 13.0) * 20
+    {"length_m": 500.0, "speed_m_s": speed, "grade": 0.0} for speed in (8.0, 13.0) * 20
 ]
-trip = tw.read_route(
-    [*town, {"length_m": 20_000.0, "speed_m_s": 30.0, "grade": 0.0}]
-)
+trip = tw.read_route([*town, {"length_m": 20_000.0, "speed_m_s": 30.0, "grade": 0.0}])
 departure = tw.Departure(soc=0.9, ambient_temperature_degc=0.0)
 table = tw.simulate(trip, list(CARS), departure).sort_values(
     "energy_wh", ascending=False

@@ -1,8 +1,9 @@
 """Coverage by regime.
 
-A model is fitted on a quarter of the synthetic trips and forecasts the others. A point is the share of trips whose measured energy is
-inside of the interval; it should be on the dashed line of its level. The bar is the 95 % interval of that share, which is wide where
-trips are few. Intervals that hold over all trips can be too narrow in one regime and too wide in another, so each is counted.
+A linear correction of published values is fitted on a quarter of the synthetic trips and forecasts the others. A point is the share of
+trips whose measured energy is inside of the interval; it should be on the dashed line of its level. The bar is the 95 % interval of
+that share, which is wide where trips are few. Intervals that hold over all trips can be too narrow in one regime and too wide in
+another, so each is counted.
 """
 
 import matplotlib.pyplot as plt
@@ -12,7 +13,8 @@ from scipy.stats import binomtest
 import tripwatt as tw
 
 trips = tw.audit(tw.synthetic_fleet(192, seed=1)).trips
-model, test = tw.fit(trips[:48], "bmw_i3_60ah", corrector="linear"), trips[48:]
+model = tw.fit(trips[:48], "bmw_i3_60ah", corrector="linear", identified=False)
+test = trips[48:]
 forecasts = [model.forecast(trip) for trip in test]
 measured_wh = np.array([trip.observed_energy_wh for trip in test])
 degc = np.array([trip.departure.ambient_temperature_degc for trip in test])
@@ -30,9 +32,7 @@ figure, axes = plt.subplots(figsize=(6.0, 4.4), layout="constrained")
 for shift, (level, colour) in enumerate(
     {0.9: "#0072b2", 0.8: "#009e73", 0.5: "#d55e00"}.items()
 ):
-    low_wh, high_wh = np.array(
-        [forecast.interval(level) for forecast in forecasts]
-    ).T
+    low_wh, high_wh = np.array([forecast.interval(level) for forecast in forecasts]).T
     inside = (low_wh <= measured_wh) & (measured_wh <= high_wh)
     axes.axhline(100.0 * level, color=colour, ls="--", lw=1)
     for place, mask in enumerate(regimes.values()):
@@ -48,4 +48,4 @@ axes.set_xticks(
     fontsize=9,
 )
 axes.set(ylabel="measured energy inside [% of trips]", ylim=(0, 103))
-axes.legend(loc="lower right")
+figure.legend(loc="outside upper center", ncols=3)

@@ -21,18 +21,14 @@ for count in COUNTS:
     forecasts = [model.forecast(trip) for trip in test]
     expected = np.array([forecast.energy_wh for forecast in forecasts])
     measured = np.array([trip.observed_energy_wh for trip in test])
-    width = np.diff([forecast.interval(0.9) for forecast in forecasts], axis=1)[
-        :, 0
-    ]
+    width = np.diff([forecast.interval(0.9) for forecast in forecasts], axis=1)[:, 0]
     errors.append(100.0 * np.abs(expected / measured - 1.0))
     half_widths.append(50.0 * width / expected)
 
 figure, axes = plt.subplots(figsize=(6.0, 4.0), layout="constrained")
 places = np.arange(len(COUNTS))
 axes.plot(places, np.array(errors), ".", color="#0072b2", alpha=0.4)
-axes.plot(
-    places, np.mean(errors, axis=1), "o-", color="#0072b2", label="mean error"
-)
+axes.plot(places, np.mean(errors, axis=1), "o-", color="#0072b2", label="mean error")
 axes.plot(
     places,
     np.mean(half_widths, axis=1),

@@ -56,17 +56,11 @@ for axes, car_model in zip(panels, CAR_MODELS, strict=True):
         100.0 * trip_features(segment_table(trip, run))[0] / run.simulated_energy_wh
     )
     for row, count in enumerate((0, *COUNTS)):
-        mean, covariance = model.posterior.weights(
-            car_model, f"{car_model} {count}"
-        )
+        mean, covariance = model.posterior.weights(car_model, f"{car_model} {count}")
         half = norm.ppf(0.95) * np.sqrt(features @ covariance @ features)
         colour = "#0072b2" if count else "#d55e00"
-        axes.errorbar(
-            features @ mean, row, xerr=half, fmt="o", color=colour, capsize=3
-        )
+        axes.errorbar(features @ mean, row, xerr=half, fmt="o", color=colour, capsize=3)
     axes.set_yticks(range(1 + len(COUNTS)), (0, *COUNTS))
     axes.invert_yaxis()
-    axes.set(
-        ylabel="trips of the vehicle [1]", title=tw.load_vehicle(car_model).title
-    )
+    axes.set(ylabel="trips of the vehicle [1]", title=tw.load_vehicle(car_model).title)
 axes.set(xlabel="energy beyond the simulation [%]")

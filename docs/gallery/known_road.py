@@ -37,9 +37,7 @@ for row, (name, plan) in enumerate(plans.items()):
     colour = "#d55e00" if "no heights" in name else "#0072b2"
     for level, height in ((0.9, 0.3), (0.5, 0.6)):
         low_kwh, high_kwh = np.array(forecast.interval(level)) / 1000.0
-        axes.barh(
-            row, high_kwh - low_kwh, height, low_kwh, color=colour, alpha=0.45
-        )
+        axes.barh(row, high_kwh - low_kwh, height, low_kwh, color=colour, alpha=0.45)
     axes.plot(forecast.quantile(0.5) / 1000.0, row, "k|", ms=14)
 axes.axvline(
     trip.observed_energy_wh / 1000.0, color="#555555", ls="--", label="measured"

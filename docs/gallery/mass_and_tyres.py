@@ -10,12 +10,9 @@ import numpy as np
 import tripwatt as tw
 
 town = [
-    {"length_m": 500.0, "speed_m_s": speed, "grade": 0.0}
-    for speed in (8.0, 14.0) * 10
+    {"length_m": 500.0, "speed_m_s": speed, "grade": 0.0} for speed in (8.0, 14.0) * 10
 ]
-trip = tw.read_route(
-    [*town, {"length_m": 10_000.0, "speed_m_s": 25.0, "grade": 0.0}]
-)
+trip = tw.read_route([*town, {"length_m": 10_000.0, "speed_m_s": 25.0, "grade": 0.0}])
 car = tw.load_vehicle("nissan_leaf_24")
 crr = "road_load.rolling_resistance_coefficient"
 values = {
@@ -26,9 +23,7 @@ table = tw.sweep(
     trip, car, values, tw.Departure(soc=0.8, ambient_temperature_degc=20.0)
 )
 table["consumption"] = table["energy_wh"] / table["distance_m"] * 100.0
-grid = table.pivot_table(
-    index=crr, columns="body.curb_mass_kg", values="consumption"
-)
+grid = table.pivot_table(index=crr, columns="body.curb_mass_kg", values="consumption")
 
 figure, axes = plt.subplots(figsize=(6.0, 4.2), layout="constrained")
 masses_kg, rolling = grid.columns, grid.index

@@ -48,9 +48,7 @@ axes.axhline(
     ls="--",
     label="measured at the end",
 )
-axes.set(
-    xlabel="time since departure [min]", ylabel="energy of the whole trip [kWh]"
-)
+axes.set(xlabel="time since departure [min]", ylabel="energy of the whole trip [kWh]")
 narrower = 1.0 - np.diff(forecasts[len(forecasts) // 2].interval(0.9)) / np.diff(
     before.interval(0.9)
 )

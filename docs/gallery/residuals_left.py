@@ -44,9 +44,7 @@ for name, (label, colour, marker) in MODELS.items():
         ends = np.array([x.min(), x.max()])
         axes.plot(ends, np.polyval(np.polyfit(x, left, 1), ends), color=colour)
         axes.axhline(0.0, color="#999999", lw=0.8)
-panels[0].set(
-    xlabel="outside temperature [°C]", ylabel="measured less forecast [%]"
-)
+panels[0].set(xlabel="outside temperature [°C]", ylabel="measured less forecast [%]")
 panels[1].set(xlabel="mean speed [km/h]")
 figure.legend(
     *panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=2

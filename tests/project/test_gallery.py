@@ -40,7 +40,8 @@ def test_an_example_draws_its_figure(name: str) -> None:
     assert [f"{w.filename}: {w.message}" for w in said] == []
     assert all(axes.has_data() for axes in figure.axes)
     width, height = (round(gallery.DPI * inches) for inches in figure.get_size_inches())
-    assert Image.open(gallery.IMAGES / f"{name}.png").size == (width, height)
+    with Image.open(gallery.IMAGES / f"{name}.png") as picture:
+        assert picture.size == (width, height)
 
 
 def test_an_axis_without_a_unit_is_found() -> None:
