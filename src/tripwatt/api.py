@@ -8,6 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import overload
 
+import numpy as np
+import numpy.typing as npt
 import pandas as pd
 
 from tripwatt.auditing import audit
@@ -108,7 +110,12 @@ def _without_effect(where: str) -> Fault:
 
 
 def read_trips(
-    path: Path | str, dataset: str = "tum", mapping: Path | str | None = None, *, strict: bool = False
+    path: Path | str,
+    dataset: str = "tum",
+    mapping: Path | str | None = None,
+    *,
+    strict: bool = False,
+    vehicle: Vehicle | str | None = None,
 ) -> tuple[Trip, ...]:
     """Read logs, audit them, and keep the sound drives: `read_logs`, whose report says what is left out, then `audit`.
 
@@ -122,6 +129,8 @@ def read_trips(
         Names of the columns of a table, as for `read_logs`.
     strict : bool
         Refuse what cannot be read as it stands, as for `read_logs`.
+    vehicle : Vehicle or str, optional
+        The car of logs that have the state of charge alone, as for `read_logs`.
 
     Returns
     -------
@@ -138,7 +147,7 @@ def read_trips(
     >>> import tripwatt as tw
     >>> trips = tw.read_trips("exports", "table", "leaf_spy")  # doctest: +SKIP
     """
-    return audit(read_logs(path, dataset, mapping, strict=strict)).trips
+    return audit(read_logs(path, dataset, mapping, strict=strict, vehicle=vehicle)).trips
 
 
 def forecast(
@@ -336,20 +345,20 @@ def simulate(
 
 
 def sweep(
-    trip: Plan | Trip,
+    trip: Plan | Trip | Route,
     vehicle: Vehicle | str,
-    values: Mapping[str, Sequence[float | str]],
+    values: Mapping[str, npt.ArrayLike],
     departure: Departure | None = None,
 ) -> pd.DataFrame:
     """Simulate a drive with a car whose values change: every combination of them. O(samples x combinations).
 
     Parameters
     ----------
-    trip : Plan or Trip
+    trip : Plan or Trip, or what `read_route` reads
         The drive, as for `simulate`.
     vehicle : Vehicle or str
         The car, or the name of one of the library.
-    values : mapping of str to sequence of (float or str)
+    values : mapping of str to sequence of (float or str), or to one
         Values to try of each entry, by its key or short name, as for `load_vehicle`: ``{"mass": [1300.0, 1500.0]}``.
     departure : Departure, optional
         Its known fields take the place of those of the plan.
@@ -373,7 +382,8 @@ def sweep(
     (4, 'kg', True)
     """
     car, names = _car(vehicle), list(values)
-    document, rows = vehicle_document(car), list(itertools.product(*values.values()))
+    tried = [np.ravel(np.array(given, dtype=object)).tolist() for given in values.values()]
+    document, rows = vehicle_document(car), list(itertools.product(*tried))
     faults: dict[Fault, None] = {}
     cars = []
     for row in rows:
@@ -384,9 +394,13 @@ def sweep(
             cars.append(replace(made, entries=car.entries))
         except InvalidInput as error:
             faults |= dict.fromkeys(error.faults)
-    empty = [Fault("no values", name, "none", "at least one") for name, given in values.items() if not given]
+    empty = [
+        Fault("no values", name, "none", "at least one")
+        for name, given in zip(names, tried, strict=True)
+        if not given
+    ]
     raise_faults([*empty, *faults])
-    plan = _plan(trip, departure)
+    plan = _plan(trip if isinstance(trip, Plan | Trip) else read_route(trip), departure)
     table = _totals_table((made, plan) for made in cars)
     for place, name in enumerate(names):
         table.insert(2 + place, name, [row[place] for row in rows])
@@ -411,6 +425,8 @@ def _plan(trip: Plan | Trip, departure: Departure | None) -> Plan:
 
 
 def _car(vehicle: Vehicle | str) -> Vehicle:
+    if not isinstance(vehicle, Vehicle | str | Path):
+        raise InvalidInput.of("no car", "vehicle", type(vehicle).__name__, "a Vehicle, or the name of one")
     return vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
 
 

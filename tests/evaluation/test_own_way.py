@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from sklearn.ensemble import HistGradientBoostingRegressor
-from sklearn.linear_model import Ridge
-from sklearn.model_selection import GroupKFold, KFold, LeaveOneOut, StratifiedKFold
+from sklearn.linear_model import LogisticRegression, Ridge
+from sklearn.model_selection import GroupKFold, KFold, LeaveOneOut, ShuffleSplit, StratifiedKFold
 
 import tripwatt as tw
 from tripwatt.evaluation import Execution
@@ -107,9 +107,9 @@ def test_trips_a_car_and_a_splitter(fleet, run):
     given = tw.evaluate(
         fleet, models=["physics"], vehicle=heavy, hold_outs=[GroupKFold(3), ONE], execution=HERE
     )
-    assert list(dict.fromkeys(given.folds["scheme"])) == ["leave_one_trip_out", "GroupKFold"]
+    assert list(dict.fromkeys(given.folds["scheme"])) == ["GroupKFold", "leave_one_trip_out"]
     assert (
-        given.folds["predicted_energy_wh"].iloc[:9].to_numpy()
+        given.folds["predicted_energy_wh"].iloc[9:].to_numpy()
         > theirs[theirs["model"] == "physics"]["predicted_energy_wh"].to_numpy()
     ).all()
 
@@ -142,7 +142,12 @@ def test_days_are_the_groups_of_a_splitter(fleet):
         ({"models": [Ridge]}, "class in place of an object: models: got Ridge"),
         ({"models": [abs]}, "object cannot be fitted: models"),
         ({"models": ["forrest"]}, "unknown model: models: got forrest; allowed: constant"),
-        ({"models": {"forest": Ridge()}}, "unknown model: models: got forest"),
+        ({"models": {"forest": Ridge()}}, "name is taken: models: got forest"),
+        (
+            {"models": [LogisticRegression()]},
+            "object cannot be fitted: models: got the classifier LogisticRegression",
+        ),
+        ({"hold_outs": KFold}, "unknown hold-out: hold_outs: got <class .*objects, not classes"),
         (
             {"models": [MeanPower()]},
             "model not available: models: got MeanPower on segments; allowed: a regressor",
@@ -215,7 +220,37 @@ def test_a_figure_of_a_run(run):
     assert [t.get_text() for t in axes.get_yticklabels()] == means.sort_values(ascending=False).index.tolist()
     own = Figure().subplots()
     assert run.plot(own) is own.figure
-    assert own.get_xlabel() == "absolute percentage error of each trip [%]"
+    assert own.get_xlabel() == "absolute percentage error of each trip [%], mean: diamond"
+    assert own.get_title() == "leave one trip out:audited, 9 trips"
+
+
+@pytest.mark.parametrize("protocol", ["paper", "forecast"])
+def test_a_trip_that_is_scored_twice_counts_once(protocol):
+    """Repeated splits: the error of a trip is the mean of its errors, and the interval is over trips."""
+    splitters = [
+        ShuffleSplit(3, test_size=0.4, random_state=0),
+        ShuffleSplit(2, test_size=0.4, random_state=1),
+    ]
+    fleet = tw.synthetic_fleet(16)
+    models = ["linear4", "physics"] if protocol == "paper" else ["linear4", "physics", "power-linear"]
+    run = tw.evaluate(fleet, protocol=protocol, models=models, hold_outs=splitters, execution=HERE)
+    frame = run.to_frame()
+    assert list(dict.fromkeys(frame["scheme"])) == ["ShuffleSplit", "ShuffleSplit-2"]
+    for label, splitter in zip(("ShuffleSplit", "ShuffleSplit-2"), splitters, strict=True):
+        tests = [test for _, test in splitter.split(fleet.logs)]
+        rows = run.folds[(run.folds["scheme"] == label) & (run.folds["model"] == "linear4")]
+        assert len(rows) == sum(map(len, tests)) > rows["trip"].nunique()
+        own = frame[(frame["scheme"] == label) & (frame["model"] == "linear4")].iloc[0]
+        assert own["n_trips"] == rows["trip"].nunique() == len(np.unique(np.concatenate(tests)))
+        assert own["mape"] == pytest.approx(rows.groupby("trip")["ape"].mean().mean())
+    means = run.folds.groupby(["scheme", "model", "trip"], sort=False)["ape"].mean()["ShuffleSplit-2"]
+    pair = run.compare("linear4", "physics", hold_out="ShuffleSplit-2:audited")
+    assert pair.diff == pytest.approx((means["linear4"] - means["physics"]).mean())
+
+
+def test_a_mapping_names_rows_of_the_protocol_too(fleet):
+    run = tw.evaluate(fleet, models={"bare": "physics", "mean": "constant"}, hold_outs=ONE, execution=HERE)
+    assert run.folds["model"].unique().tolist() == ["mean", "bare"]
 
 
 def test_finished_folds_of_an_equal_model_from_outside_are_used_again(fleet, tmp_path):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import Any, Final
 
@@ -14,7 +14,12 @@ import pandas as pd
 from tripwatt.arrays import FloatArray
 from tripwatt.evaluation.held_out_forecasts import HeldOutForecasts
 from tripwatt.evaluation.hold_outs import HoldOut
-from tripwatt.evaluation.metrics import absolute_percentage_error, paired_difference, summarise_errors
+from tripwatt.evaluation.metrics import (
+    absolute_percentage_error,
+    bootstrap_interval,
+    paired_difference,
+    summarise_errors,
+)
 from tripwatt.evaluation.tasks import FoldResult, ModelSpec
 
 FOLD_COLUMNS: Final = (
@@ -80,14 +85,14 @@ class Comparison:
         return HeldOutForecasts.joined(parts, order) if parts else None
 
     def _ordered(self, model: str) -> tuple[list[FoldResult], Any]:
-        own = self.of(model)
+        own = sorted(self.of(model), key=lambda result: result.split.number)
         trips = [result.split.test for result in own]
-        return own, np.argsort(np.concatenate(trips)) if trips else np.empty(0, np.int64)
+        return own, np.argsort(np.concatenate(trips), kind="stable") if trips else np.empty(0, np.int64)
 
     @cached_property
     def frame(self) -> pd.DataFrame:
-        """`FOLD_COLUMNS` of every model: one row for each scored trip."""
-        table, scored = self.hold_out.table, self.hold_out.scored
+        """`FOLD_COLUMNS` of every model: one row for each scored trip, several for a trip of several splits."""
+        table, scored = self.hold_out.table, self.hold_out.tested
         last = table.last_rows[scored]
         observed = table.observed_wh[last]
         frames = []
@@ -112,8 +117,9 @@ class Comparison:
         return self.frame[self.frame["model"] == model]
 
     def ape(self, model: str) -> FloatArray:
-        """Absolute percentage error of each scored trip."""
-        return self.rows_of(model)["ape"].to_numpy()
+        """Absolute percentage error of each scored trip, the mean of a trip of several splits."""
+        _, place = np.unique(self.hold_out.tested, return_inverse=True)
+        return np.asarray(np.bincount(place, self.rows_of(model)["ape"]) / np.bincount(place))
 
     def summary(self, seed: int) -> dict[str, Any]:
         """Errors of every model."""
@@ -121,6 +127,11 @@ class Comparison:
         for name in names:
             rows, own = self.rows_of(name), self.of(name)
             errors = summarise_errors(*_observed_and_predicted(rows), seed)
+            if len(self.hold_out.tested) > len(
+                self.hold_out.scored
+            ):  # the interval is over trips, not over splits
+                ape = self.ape(name)
+                errors = replace(errors, mape=float(ape.mean()), mape_ci95=bootstrap_interval(ape, seed))
             models[name] = asdict(errors) | {
                 "improved_share": {
                     base: float(np.mean(self.ape(name) < self.ape(base)))

@@ -73,8 +73,8 @@ def forecast_insight(
     for j, fraction in enumerate(FRACTIONS):
         for k, name in enumerate(UPDATES):
             columns[f"{name}_{100 * fraction:g}"] = forecasts.updates_wh[:, j, k]
-    about = about_trips(hold_out.data, hold_out.scored).drop(columns="trip")
-    names = [hold_out.table.trip_ids[i] for i in hold_out.scored]
+    about = about_trips(hold_out.data, hold_out.tested).drop(columns="trip")
+    names = [hold_out.table.trip_ids[i] for i in hold_out.tested]
     return ForecastInsight(
         pd.concat([pd.DataFrame(columns), about], axis=1),
         pd.DataFrame(forecasts.causes_wh, index=names, columns=forecasts.cause_names.tolist()),
@@ -82,7 +82,7 @@ def forecast_insight(
             name: pd.DataFrame(piece, columns=forecasts.series_names.tolist())
             for name, piece in zip(names, forecasts.pieces(), strict=True)
         },
-        {name: hold_out.data.logs[i] for name, i in zip(names, hold_out.scored, strict=True)},
+        {name: hold_out.data.logs[i] for name, i in zip(names, hold_out.tested, strict=True)},
     )
 
 

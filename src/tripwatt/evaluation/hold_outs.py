@@ -129,9 +129,14 @@ class HoldOut(Generic[D]):
         )
 
     @cached_property
+    def tested(self) -> IntArray:
+        """Numbers of the trips that are scored, ascending; a trip of several splits as often as it is scored."""
+        return np.sort(np.concatenate([split.test for split in self.splits]))
+
+    @cached_property
     def scored(self) -> IntArray:
-        """Numbers of the trips that are scored, ascending."""
-        return np.unique(np.concatenate([split.test for split in self.splits]))
+        """Numbers of the trips that are scored, ascending, each once."""
+        return np.unique(self.tested)
 
     @cached_property
     def folds(self) -> IntArray | None:
@@ -356,11 +361,48 @@ class HoldOutChoice:
         chosen: tuple[Any, ...] = (hold_outs,)
         if isinstance(hold_outs, Sequence) and not isinstance(hold_outs, str):
             chosen = tuple(hold_outs)
-        allowed = "names of hold-outs, or splitters of scikit-learn's kind"
-        wrong = [f"{c!r}"[:80] for c in chosen if not isinstance(c, str) and not hasattr(c, "split")]
+        allowed = "names of hold-outs, or splitters of scikit-learn's kind (objects, not classes)"
+        usable = [isinstance(c, str) or (hasattr(c, "split") and not isinstance(c, type)) for c in chosen]
+        wrong = [f"{c!r}"[:80] for c, good in zip(chosen, usable, strict=True) if not good]
         wrong += [] if chosen else ["an empty list"]
         raise_faults(Fault("unknown hold-out", "hold_outs", got, allowed) for got in wrong)
         return cls(chosen)
+
+    @property
+    def labels(self) -> list[str]:
+        """The names, and the classes of the splitters; those that are chosen twice with a number."""
+        labels: list[str] = []
+        for each in self.chosen or ():
+            label = each if isinstance(each, str) else type(each).__name__
+            same = sum(other.rpartition("-")[0] == label or other == label for other in labels)
+            labels.append(f"{label}-{same + 1}" if same and not isinstance(each, str) else label)
+        return labels
+
+    def in_order(self, hold_outs: Sequence[HoldOut[D]]) -> list[HoldOut[D]]:
+        """Sort hold-outs into the order in which they were chosen.
+
+        Parameters
+        ----------
+        hold_outs : sequence of HoldOut
+            Those of the protocol, and those of the splitters.
+
+        Returns
+        -------
+        list of HoldOut
+            The same.
+
+        Examples
+        --------
+        >>> HoldOutChoice().in_order([])
+        []
+        """
+        labels = self.labels
+
+        def place(hold_out: HoldOut[D]) -> int:
+            spelt = {hold_out.scheme, hold_out.trips, f"{hold_out.scheme}:{hold_out.trips}"}
+            return next((k for k, label in enumerate(labels) if label in spelt), 0)
+
+        return sorted(hold_outs, key=place)
 
     @property
     def splits(self) -> bool:
@@ -433,10 +475,9 @@ class HoldOutChoice:
         >>> list(HoldOutChoice().split("all", None, None, []))
         []
         """
-        for splitter in self.chosen or ():
+        for name, splitter in zip(self.labels, self.chosen or (), strict=True):
             if isinstance(splitter, str):
                 continue
-            name = type(splitter).__name__
             days = days_of(recorded)
             groups = np.arange(len(recorded)) if days is None else days
             try:

@@ -216,7 +216,7 @@ def _hold_outs(
     if wanted.splits:
         hold_outs += wanted.split(main, tables[main], None, sets[main])
     notes.extend(hold_outs[0].table.notes)
-    return hold_outs, notes
+    return wanted.in_order(hold_outs), notes
 
 
 def _usable(trips: Sequence[Trip]) -> tuple[list[Trip], list[str]]:

@@ -9,13 +9,15 @@ from matplotlib.figure import Figure
 from tripwatt.figures import axes_or_new, figure_of
 
 
-def plot_errors(ape: pd.DataFrame, ax: Axes | None = None) -> Figure:
+def plot_errors(ape: pd.DataFrame, title: str, ax: Axes | None = None) -> Figure:
     """Box plots of the error of each trip.
 
     Parameters
     ----------
     ape : DataFrame, shape (trips, models)
         Absolute percentage errors as fractions.
+    title : str
+        Of the chart.
     ax : Axes, optional
         Where to draw; a new figure by default.
 
@@ -26,9 +28,9 @@ def plot_errors(ape: pd.DataFrame, ax: Axes | None = None) -> Figure:
 
     Examples
     --------
-    >>> axes = plot_errors(pd.DataFrame({"a": [0.3, 0.5], "b": [0.01, 0.1]})).axes[0]
+    >>> axes = plot_errors(pd.DataFrame({"a": [0.3, 0.5], "b": [0.01, 0.1]}), "two trips").axes[0]
     >>> axes.get_xlabel(), [label.get_text() for label in axes.get_yticklabels()]
-    ('absolute percentage error of each trip [%]', ['a', 'b'])
+    ('absolute percentage error of each trip [%], mean: diamond', ['a', 'b'])
     """
     ax = axes_or_new(ax, 7.0, 1.2 + 0.4 * ape.shape[1])
     order = ape.mean().sort_values(ascending=False).index
@@ -44,6 +46,7 @@ def plot_errors(ape: pd.DataFrame, ax: Axes | None = None) -> Figure:
     )
     ax.set_xscale("log")
     ax.xaxis.set_major_formatter(lambda value, _: f"{100.0 * value:g}")
-    ax.set_xlabel("absolute percentage error of each trip [%]")
+    ax.set_xlabel("absolute percentage error of each trip [%], mean: diamond")
+    ax.set_title(title)
     ax.grid(axis="x", alpha=0.3)
     return figure_of(ax)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final, Protocol
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, raise_faults
 from tripwatt.evaluation.comparison import Comparison
 from tripwatt.evaluation.hold_outs import CarChoice, HoldOutChoice, Prepared
 from tripwatt.evaluation.outside import AnyModel, WholeModel, named_models
@@ -214,15 +214,24 @@ def choose_models(
     known, packaged = [spec.name for spec in protocol.models], packaged_correctors()
     named = named_models(models)
     names = [model for model in named.values() if isinstance(model, str)]
-    wrong = [name for name in names if name not in known and name not in packaged]
-    wrong += [name for name, model in named.items() if name in known and model != name]
-    if wrong:
-        allowed = ", ".join([*known, *packaged])
-        raise InvalidInput([Fault("unknown model", "models", name, allowed) for name in wrong])
+    allowed = ", ".join([*known, *packaged])
+    unknown = [name for name in names if name not in known and name not in packaged]
+    taken = [name for name, model in named.items() if name in known and not isinstance(model, str)]
+    raise_faults(
+        [
+            *(Fault("unknown model", "models", name, allowed) for name in unknown),
+            *(
+                Fault("name is taken", "models", name, "a name that no model of the protocol has")
+                for name in taken
+            ),
+        ]
+    )
     others = {
         name: packaged[model](seed) if isinstance(model, str) else model
         for name, model in named.items()
         if not (isinstance(model, str) and model in known)
     }
     outside = [protocol.from_outside(name, model) for name, model in others.items()]
-    return (*(spec for spec in protocol.models if spec.name in names), *outside)
+    rows = {model: name for name, model in named.items() if isinstance(model, str)}
+    own = [replace(spec, name=rows[spec.name]) for spec in protocol.models if spec.name in rows]
+    return (*own, *outside)

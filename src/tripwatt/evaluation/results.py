@@ -136,7 +136,7 @@ class EvaluationRun:
         >>> run.compare("physics", "constant").diff < 0.0
         True
         """
-        ape = self._ape(hold_out)
+        _, ape = self._ape(hold_out)
         raise_faults(
             Fault("unknown model", "compare", name, ", ".join(map(str, ape)))
             for name in (a, b)
@@ -170,16 +170,17 @@ class EvaluationRun:
         """
         from tripwatt.evaluation.plots import plot_errors  # matplotlib is slow to import
 
-        return plot_errors(self._ape(hold_out), ax)
+        label, ape = self._ape(hold_out)
+        return plot_errors(ape, f"{label.replace('_', ' ')}, {len(ape)} trips", ax)
 
-    def _ape(self, hold_out: str | None) -> pd.DataFrame:
-        """Error of each trip (rows) by each model (columns) in a hold-out."""
+    def _ape(self, hold_out: str | None) -> tuple[str, pd.DataFrame]:
+        """A hold-out, and in it the error of each trip (rows) by each model (columns), the mean of a trip of several splits."""
         labels = self.folds["scheme"] + ":" + self.folds["trips"]
         label = labels.iloc[0] if hold_out is None else hold_out
         if label not in set(labels):
             raise InvalidInput.of("unknown hold-out", "hold_out", label, ", ".join(labels.unique()))
         rows = self.folds[labels == label]
-        return rows.pivot_table(index="trip", columns="model", values="ape", sort=False)
+        return label, rows.pivot_table(index="trip", columns="model", values="ape", sort=False)
 
     def _repr_html_(self) -> str:
         frame = self.to_frame()

@@ -55,7 +55,7 @@ def find_protocol(name: str) -> EvaluationProtocol:
     ['constant', 'linear4', 'linear6']
     """
     if name not in PROTOCOLS:
-        raise InvalidInput.of("unknown protocol", "--protocol", name, ", ".join(PROTOCOLS))
+        raise InvalidInput.of("unknown protocol", "protocol", name, ", ".join(PROTOCOLS))
     return PROTOCOLS[name]
 
 

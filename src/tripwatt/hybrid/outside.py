@@ -133,6 +133,10 @@ def require_fitting(model: object, where: str, how: str) -> None:
     """Raise `InvalidInput` for a class, and for an object without `fit` and `predict`."""
     if inspect.isclass(model):
         raise InvalidInput.of("class in place of an object", where, model.__name__, f"{model.__name__}()")
+    from sklearn.base import is_classifier
+
+    if is_regressor(model) and is_classifier(model):
+        raise InvalidInput.of("object cannot be fitted", where, f"the classifier {type(model).__name__}", how)
     if not all(callable(getattr(model, name, None)) for name in ("fit", "predict")):
         raise InvalidInput.of("object cannot be fitted", where, f"{model!r}"[:80], how)
 

@@ -31,7 +31,7 @@ def read_logs(
     mapping: Path | str | None = None,
     *,
     strict: bool = False,
-    vehicle: Vehicle | None = None,
+    vehicle: Vehicle | str | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Fleet:
     """Read all logs of a data set.
@@ -50,7 +50,7 @@ def read_logs(
         of the files propose it.
     strict : bool
         Refuse everything that cannot be read as it stands, with every fault.
-    vehicle : Vehicle, optional
+    vehicle : Vehicle or str, optional
         For tables without a mapping: the car, whose battery gives the energy of a state of charge.
     progress : callable, optional
         For tables: called with the files that were read and their number.
@@ -76,8 +76,10 @@ def read_logs(
         raise InvalidInput.of("unknown data set", "dataset", repr(dataset), ", ".join(DATASETS))
     if dataset == "table":
         from tripwatt.sources.table import read_table
+        from tripwatt.vehicles import load_vehicle
 
-        return read_table(path, mapping, strict=strict, vehicle=vehicle, progress=progress)
+        car = load_vehicle(vehicle) if isinstance(vehicle, str) else vehicle
+        return read_table(path, mapping, strict=strict, vehicle=car, progress=progress)
     if mapping is not None:
         raise InvalidInput.of(
             "mapping has no effect", "mapping", f"{mapping}", "only with the data set 'table'"
