@@ -90,6 +90,7 @@ class TableRows:
 
     def __init__(self, parts: list[IndexedColumns], n: int, p: int) -> None:
         self.parts, self.n, self.p = parts, n, p
+        self.overlaps = sum(len(q.columns) for q in parts) > p  # as whitened rows do
 
     def subset(self, rows: Index | None = None, columns: Index | None = None) -> TableRows:
         """Some rows and some columns, in the given order of rows."""
@@ -139,10 +140,9 @@ class TableRows:
             piece = np.take(q.table, q.index[rows], axis=0)
             if q.scale is not None:
                 piece *= q.scale[rows][:, None]
-            if len(q.columns) and q.columns[-1] - q.columns[0] + 1 == len(q.columns):
-                out[:, q.columns[0] : q.columns[-1] + 1] += piece
-            else:
-                out[:, q.columns] += piece
+            dense = len(q.columns) and q.columns[-1] - q.columns[0] + 1 == len(q.columns)
+            at = slice(q.columns[0], q.columns[-1] + 1) if dense else q.columns
+            out[:, at] = out[:, at] + piece if self.overlaps else piece
         return out
 
     def _chunks(self) -> list[slice]:
