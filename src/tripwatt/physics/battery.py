@@ -152,7 +152,7 @@ def first_guess(
     drawn = (power_w * (step_s / (battery.capacity_ah * SECONDS_PER_HOUR))).cumsum(axis=-1) / nominal
     halfway = open_circuit_voltage(initial_soc - 0.5 * drawn[..., -1:], battery)
     soc = initial_soc - drawn * (nominal / halfway)
-    return soc, np.broadcast_to(initial_temperature_degc, nominal.shape if nominal.ndim else (1,))
+    return soc, np.broadcast_to(initial_temperature_degc, (*soc.shape[:-1], 1))
 
 
 def discharge(
