@@ -34,6 +34,7 @@ from benchmarks import (
     journeys,
     leave_with,
     live,
+    own_way,
     physics_trips,
     pipeline,
     service,
@@ -59,6 +60,7 @@ def suites(results: Path | None, forecast: Path | None, links: Path | None) -> I
     evaluate, bench = "tripwatt evaluate DATA/tum --protocol", "python -m benchmarks."
     yield Suite(f"{evaluate} paper", partial(accuracy.paper, results), () if results else (tum,))
     yield Suite(f"{evaluate} forecast", partial(accuracy.forecast, forecast), () if forecast else (tum,))
+    yield Suite(f"{bench}own_way", own_way.rows, (tum,))
     yield Suite(f"{bench}coverage", accuracy.synthetic_coverage)
     yield Suite(f"{bench}planned", partial(accuracy.planned_routes, links), () if links else (tum,))
     yield Suite(f"{bench}cars", cars.bounds, (tum, ved, DATA / "sedan", DATA / "twizy"))

@@ -6,11 +6,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import t as student
+from tests.gam.bare_matrix import table_rows
 
 from tripwatt.gam import GAMM, Formula, Parametric, RandomEffect, ScaledT, Smooth, Tensor
 from tripwatt.gam.design import build_design
 from tripwatt.gam.families import Theta, t_derivatives, theta_objective
-from tripwatt.gam.fit import DenseRows, NormalEquations, gaussian_score
+from tripwatt.gam.fit import NormalEquations, gaussian_score
 from tripwatt.gam.laplace import LaplaceModel
 from tripwatt.gam.penalties import PenaltyStack
 
@@ -145,7 +146,7 @@ def test_scores_have_exact_gradients_and_hessians(seed):
     X, y = design.rows.dense(slice(None)), frame["y"].to_numpy()
     active = np.arange(design.p)
     stack, _ = design.penalty_stack(active)
-    rows, rng = DenseRows(X), np.random.default_rng(seed)
+    rows, rng = table_rows(X), np.random.default_rng(seed)
     gram, cross = stack.rotate_both(rows.gram()), stack.rotate(rows.transpose(y))
     normal = NormalEquations(gram, cross, float(y @ y), len(y))
     rho = rng.uniform(-3, 4, stack.size)

@@ -6,10 +6,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from tests.gam.bare_matrix import fit_matrix
 
 from tripwatt.gam import GAMM, Formula, Parametric, RandomEffect, ScaledT, Smooth, Tensor
-from tripwatt.gam.matrix import fit_matrix
-from tripwatt.gam.summary import summary
 
 SYNTH = Path(__file__).parent.parent / "fixtures" / "mgcv_synth"
 
@@ -142,7 +141,7 @@ def test_smooths_by_an_ordered_factor_are_those_of_gam(synth, name, errors):
     assert model.reml_ == pytest.approx(peer.scalars["score"], rel=1e-9)
     assert np.abs(model.fitted_values_ - peer.fitted).max() < 1e-6
     table = pd.read_csv(SYNTH / f"{name}_gam_{errors}" / "smooths.csv")
-    found = summary(model).smooth
+    found = model.summary().smooth
     assert list(found.index) == table["term"].tolist()  # no smooth for the reference level
     assert found["edf"].to_numpy() == pytest.approx(table["edf"].to_numpy(), abs=1e-5)
     assert found["ref_df"].to_numpy() == pytest.approx(table["Ref.df"].to_numpy(), abs=1e-3)
@@ -157,7 +156,7 @@ def test_at_our_optimum_every_smooth_by_an_ordered_factor_has_the_edf_of_mgcv(sy
     table = pd.read_csv(SYNTH / f"{name}_{engine}_scat" / "smooths.csv")
     method = "REML" if engine == "gam" else "fREML"
     model = fitted(name, with_ordered_factors(synth), peer, "scat", method=method)
-    assert summary(model).smooth["edf"].to_numpy() == pytest.approx(table["edf"].to_numpy(), abs=0.05)
+    assert model.summary().smooth["edf"].to_numpy() == pytest.approx(table["edf"].to_numpy(), abs=0.05)
     assert np.abs(model.fitted_values_ - peer.fitted).max() < 2e-3 * synth["y"].std()
 
 

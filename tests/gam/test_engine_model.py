@@ -311,8 +311,8 @@ def test_predict_and_options_say_what_is_wrong(frame, model):
         model.predict(frame, exclude=["s(trip)"])
     with pytest.raises(InvalidInput, match="unknown family"):
         GAMM(FULL, "poisson").fit(frame)
-    with pytest.raises(InvalidInput, match="gaussian errors"):
-        GAMM(FULL, "scat", ar1_rho=0.5).fit(frame)
+    with pytest.raises(InvalidInput, match="no score for a correlation"):
+        GAMM(FULL, "scat", ar1_rho="estimate").fit(frame)
     with pytest.raises(InvalidInput, match=r"invalid smoothing parameters.*s\(x,z\)"):
         GAMM(FULL, smoothing_parameters=[1.0]).fit(frame)
     with pytest.raises(InvalidInput, match="only one group"):

@@ -28,6 +28,8 @@ def tensors(draw: st.DrawFn) -> Tensor:
 TERMS = st.one_of(
     st.builds(Parametric, NAMES),
     st.builds(RandomEffect, NAMES),
+    PAIR.map(lambda names: RandomEffect(names[0], names[1:])),
+    PAIR.map(lambda names: RandomEffect(names[0], names[1:], correlated=True)),
     st.builds(Smooth, NAMES.map(lambda n: (n,)), st.sampled_from(["tp", "ps", "cr"]), K, BY, M),
     st.builds(Smooth, PAIR, st.just("tp"), K, BY, M),
     tensors(),
@@ -64,6 +66,19 @@ def test_the_papers_formula():
     )
 
 
+def test_random_effects_of_lme4_and_of_mgcv():
+    formula = parse_formula("y ~ (1 | g) + (x + `my x` | h) + (1 + z | a.b) + s(g, f, x, bs='re')")
+    assert formula.terms == (
+        RandomEffect("g"),
+        RandomEffect("h", ("x", "my x"), correlated=True),
+        RandomEffect("a.b", ("z",), correlated=True),
+        RandomEffect("g", ("f", "x")),
+    )
+    assert render_formula(formula) == (
+        'y ~ s(g, bs="re") + (1 + x + `my x` | h) + (1 + z | a.b) + s(g, f, x, bs="re")'
+    )
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
@@ -81,7 +96,15 @@ def test_the_papers_formula():
         ("y ~ ti(a, b, k=c(3, 4, 5))", ["3 numbers for 2 covariates"]),
         ("y ~ ti(a)", ["two or more covariates"]),
         ("y ~ s(a, b, bs='ps')", ["basis of one covariate only", 'te(a, b, bs="ps")']),
-        ("y ~ s(trip, bs='re', k=3)", ["an intercept per level"]),
+        ("y ~ s(trip, bs='re', k=3)", ["takes columns only", "got k"]),
+        ("y ~ 1 + x | g", ["without brackets", "(1 + x | group)"]),
+        ("y ~ a + (1 + x | g + h)", ["cannot be read", "'1 + x | g + h' at character 10"]),
+        ("y ~ (1 + x * z | g)", ["cannot be read", "(1 + x | group)"]),
+        ("y ~ (0 + x | g)", ["cannot be read"]),
+        ("y ~ (1 - x | g)", ["cannot be read"]),
+        ("y ~ (1 + x + x | g)", ["cannot be read"]),
+        ("y ~ (1 + g | g)", ["cannot be read"]),
+        ("y ~ s(g, bs='re') + (1 | g)", ["term given twice", "'s(g)'"]),
         ("y ~ s(a, a)", ["column given twice"]),
         ("y ~ s()", ["a smooth takes columns"]),
         ("y ~ a * b", ["not a term", "'a * b' at character 5", "interaction"]),

@@ -10,7 +10,7 @@ import pytest
 from tests.gam.oracle import SYNTH
 
 from tripwatt.gam.model import GAMM
-from tripwatt.gam.summary import stars, summary
+from tripwatt.gam.summary import stars
 
 FORMULAS = {
     "A": 'y ~ weather + season + s(time, by=season, bs="ps", k=12) + s(tamb, bs="ps", k=10) + s(vel, k=10)'
@@ -54,7 +54,7 @@ def test_the_whole_page_is_that_of_mgcv_at_its_parameters(kind, family):
     folder = SYNTH / f"{kind}_gam_{family}"
     parameters = pd.read_csv(folder / "sp.csv")["sp"].to_numpy()
     model = GAMM(FORMULAS[kind], family=family, method="REML", smoothing_parameters=parameters)
-    page = summary(model.fit(pd.read_csv(SYNTH / "data.csv")))
+    page = model.fit(pd.read_csv(SYNTH / "data.csv")).summary()
     smooths, parametric = pd.read_csv(folder / "smooths.csv"), pd.read_csv(folder / "parametric.csv")
     scalars = pd.read_csv(folder / "scalars.csv").iloc[0]
     assert list(page.smooth.index) == list(smooths["term"])
@@ -77,7 +77,7 @@ def test_terms_are_those_of_mgcv_on_the_tum_regressions(reference_dir, fit):
     family = {"gauss": "gaussian"}.get(family, family)
     parameters = pd.read_csv(folder / "sp.csv")["sp"].to_numpy()
     model = GAMM(TUM[name], family=family, method="REML", smoothing_parameters=parameters)
-    page = summary(model.fit(pd.read_csv(folder.parent / "tum_60s.csv")))
+    page = model.fit(pd.read_csv(folder.parent / "tum_60s.csv")).summary()
     printed = pd.read_csv(folder / "edf.csv")
     np.testing.assert_allclose(page.smooth["edf"], printed["edf"], atol=0.01)
     tested = printed["stat"].notna().to_numpy()  # the random effect was not
@@ -90,7 +90,7 @@ def test_terms_are_those_of_mgcv_on_the_tum_regressions(reference_dir, fit):
 
 
 def test_level_without_data_is_zero_everywhere(fit):
-    page = summary(fit)
+    page = fit.summary()
     row = page.frame().set_index("term").loc["kind & co_1<never>"]
     assert (row["estimate"], row["std_error"], row["stars"]) == (0.0, 0.0, "")
     assert np.isnan(row["p_value"])
@@ -101,7 +101,7 @@ def test_level_without_data_is_zero_everywhere(fit):
 
 
 def test_html_is_well_formed_and_holds_every_row(fit):
-    page = summary(fit)
+    page = fit.summary()
     table = ElementTree.fromstring(page.html("TUM & co"))
     body = table.find("tbody")
     assert [row.findtext("th") for row in body] == [label for label, _, _ in page.rows()]
@@ -109,14 +109,14 @@ def test_html_is_well_formed_and_holds_every_row(fit):
 
 
 def test_latex_has_the_layout_of_the_paper(fit):
-    lines = summary(fit).latex("Model TUM").splitlines()
+    lines = fit.summary().latex("Model TUM").splitlines()
     assert lines[:4] == [r"\begin{tabular}{l c}", r"\hline", r" & Model TUM \\", r"\hline"]
     smooth = next(line for line in lines if line.startswith("EDF: s(x)"))
     assert re.fullmatch(r"EDF: s\(x\) +& \$\d+\.\d\d \\; \(\d+\.\d\d\)\^\{\*\*\*\}\$ \\\\", smooth)
 
 
 def test_text_says_what_was_estimated_and_what_went_wrong(fit):
-    page = summary(fit)
+    page = fit.summary()
     assert f"nu {page.nu:.4g}" in page.text()
     assert ("at bound" in page.text()) == page.nu_at_bound
     for value in (f"{page.reml:.4f}", f"{page.r2:.3f}", "n:                  240"):
@@ -128,7 +128,7 @@ def test_text_says_what_was_estimated_and_what_went_wrong(fit):
 
 
 def test_constant_model_has_an_empty_smooth_table(data):
-    page = summary(GAMM("y ~ 1").fit(data))
+    page = GAMM("y ~ 1").fit(data).summary()
     assert page.parametric.loc["(Intercept)", "estimate"] == pytest.approx(data["y"].mean())
     assert len(page.smooth) == 0
     assert "Smooth terms" not in page.text()

@@ -8,17 +8,12 @@
 >>> model.predict(frame).shape
 (50,)
 
-A fitted model explains itself through functions that live in modules of the same name, so that they are imported from
-there:
+A fitted model explains itself:
 
->>> from tripwatt.gam.summary import summary
->>> from tripwatt.gam.diagnosis import diagnosis
->>> from tripwatt.gam.effects import effects
->>> summary(model).smooth.index.tolist(), diagnosis(model).qq.distribution.name, list(effects(model, frame))
+>>> model.summary().smooth.index.tolist(), model.diagnosis().qq.distribution.name, list(model.effects(frame))
 (['s(x)'], 'normal', ['s(x)'])
-
-What they return (`Summary`, `Diagnosis`, `CurveEffect` and its siblings), `concurvity`, `autocorrelation` and
-`plot_effects` are exported here.
+>>> model.plot(frame).axes[0].get_xlabel()
+'x'
 """
 
 from tripwatt.gam.dependence import Autocorrelation, autocorrelation, concurvity

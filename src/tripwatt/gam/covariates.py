@@ -41,6 +41,14 @@ def is_ordered(column: pd.Series[Any]) -> bool:
     return isinstance(column.dtype, pd.CategoricalDtype) and bool(column.dtype.ordered)
 
 
+def crossed(frame: pd.DataFrame, names: tuple[str, ...]) -> pd.Series[Any]:
+    """Levels of a factor, or of several together, joined by colons."""
+    first, *rest = (frame[name] for name in names)
+    for column in rest:
+        first = first.astype(str) + ":" + column.astype(str)
+    return first
+
+
 def missing_columns(frame: pd.DataFrame, wanted: Iterable[str]) -> list[Fault]:
     """One fault for each column that the frame does not have."""
     names = [str(name) for name in frame.columns]

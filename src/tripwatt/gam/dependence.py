@@ -11,18 +11,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import Fault, InvalidInput, raise_faults
-from tripwatt.gam.figures import BLUE, GREY, axes_or_new
+from tripwatt.gam.figures import BLUE, GREY, axes_or_new, figure_of
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
-    from tripwatt.gam.model import GAMM
-
-__all__ = ["Autocorrelation", "autocorrelation", "concurvity"]
+    from tripwatt.gam.estimator import Estimator
 
 
-def concurvity(model: GAMM) -> pd.DataFrame:
+def concurvity(model: Estimator) -> pd.DataFrame:
     """How far each term can be had from all the others: 0 not at all, 1 entirely.
 
     A term's function f splits into the part g that lies in the space of the other terms and the rest. All three
@@ -123,7 +122,7 @@ class Autocorrelation:
     >>> result = autocorrelation([1.0, -1.0, 1.0, -1.0], ["a", "a", "b", "b"], max_lag=1)
     >>> list(result.frame().columns)
     ['lag', 'correlation', 'pairs', 'bound']
-    >>> result.plot().get_xlabel()
+    >>> result.plot().axes[0].get_xlabel()
     'Lag (rows)'
     """
 
@@ -161,7 +160,7 @@ class Autocorrelation:
         columns = {"lag": self.lag, "correlation": self.correlation, "pairs": self.pairs, "bound": self.bound}
         return pd.DataFrame(columns)
 
-    def plot(self, ax: Axes | None = None) -> Axes:
+    def plot(self, ax: Axes | None = None) -> Figure:
         """Draw the correlation over the lag.
 
         Parameters
@@ -171,15 +170,15 @@ class Autocorrelation:
 
         Returns
         -------
-        matplotlib Axes
-            The axes that were drawn on.
+        matplotlib Figure
+            The figure that was drawn on.
         """
         ax = axes_or_new(ax)
         ax.fill_between(self.lag, -self.bound, self.bound, color=GREY, alpha=0.3, linewidth=0)
         ax.vlines(self.lag, 0.0, self.correlation, color=BLUE, linewidth=2)
         ax.axhline(0.0, color="black", linewidth=0.8)
         ax.set(title="Autocorrelation within groups", xlabel="Lag (rows)", ylabel="Correlation of residuals")
-        return ax
+        return figure_of(ax)
 
 
 def autocorrelation(

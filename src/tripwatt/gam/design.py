@@ -24,6 +24,7 @@ from tripwatt.gam.covariates import (
     Points,
     Support,
     Training,
+    crossed,
     grid_limit,
     is_factor,
     is_ordered,
@@ -32,10 +33,13 @@ from tripwatt.gam.covariates import (
     numbers,
 )
 from tripwatt.gam.fitted_terms import Extrapolation, FittedTerm
-from tripwatt.gam.penalties import PenaltyStack
+from tripwatt.gam.penalties import Blocks, PenaltyStack, correlated_penalties
 from tripwatt.gam.smoothers import Built, build_smooth, build_tensor
 from tripwatt.gam.tables import IndexedColumns, TableRows
 from tripwatt.gam.terms import Formula, Parametric, RandomEffect, Smooth, Tensor
+
+LARGEST_RATIO = 1e4
+"""Of the sizes of two correlated effects' columns: beyond it their penalties are parallel to working precision."""
 
 MOST_TABLE_CELLS = 4_000_000
 """Largest table that holds the smooths of all levels of a factor; beyond it each level has a table of its own."""
@@ -89,16 +93,19 @@ class Design:
 
     def penalty_stack(self, active: Index) -> tuple[PenaltyStack, list[int]]:
         """Penalties of the active coefficients, and which of the model's smoothing parameters they are."""
-        terms: list[tuple[int, list[FloatArray]]] = []
+        terms: Blocks = []
+        scales: dict[int, FloatArray] = {}
         which: list[int] = []
         j = 0
         position = {int(column): i for i, column in enumerate(active)}
         for fitted in self.terms:
             if fitted.penalties and fitted.start in position:
                 terms.append((position[fitted.start], fitted.penalties))
+                if fitted.scales is not None:
+                    scales[position[fitted.start]] = fitted.scales
                 which += range(j, j + len(fitted.penalties))
             j += len(fitted.penalties)
-        return PenaltyStack(len(active), terms), which
+        return PenaltyStack(len(active), terms, scales), which
 
     @property
     def penalty_names(self) -> list[str]:
@@ -120,9 +127,11 @@ def check_columns(formula: Formula, frame: pd.DataFrame) -> None:
             if name not in frame.columns or name in seen:
                 continue
             seen.add(name)
-            factor = isinstance(term, RandomEffect) or (
-                is_factor(frame[name]) and (isinstance(term, Parametric) or name == getattr(term, "by", None))
-            )
+            if isinstance(term, RandomEffect):
+                factor = name == term.name or (is_factor(frame[name]) and not term.correlated)
+            else:
+                plain = isinstance(term, Parametric)
+                factor = is_factor(frame[name]) and (plain or name == getattr(term, "by", None))
             if isinstance(term, Parametric) and term.levels is not None:
                 factor = True
             missing = (
@@ -137,6 +146,31 @@ def check_columns(formula: Formula, frame: pd.DataFrame) -> None:
     raise_faults(faults)
 
 
+@dataclass(frozen=True, eq=False)
+class _Piece:
+    """Columns of terms, or `part` of them, as a table with an index and a multiplier of each row."""
+
+    terms: list[FittedTerm]
+    table: FloatArray
+    index: Index
+    scale: FloatArray | None = None
+    part: slice = field(default_factory=lambda: slice(None))
+
+    @property
+    def columns(self) -> Index:
+        spans = [np.arange(fitted.start, fitted.start + fitted.size, dtype=np.intp) for fitted in self.terms]
+        return np.concatenate(spans)[self.part]
+
+    def indexed(self) -> IndexedColumns:
+        return IndexedColumns(self.columns, self.table, self.index, self.scale)
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether these are indicators of levels, or the intercept."""
+        kinds = (b.kind == "random" or b.contrast is not None or b.term is None for b in self.terms)
+        return self.scale is None and all(kinds)
+
+
 class _Builder:
     """Collects fitted terms and parts of the matrix while the terms of a formula are built."""
 
@@ -145,7 +179,7 @@ class _Builder:
     ) -> None:
         self.formula, self.frame, self.limit, self.extrapolation = formula, frame, limit, extrapolation
         self.terms: list[FittedTerm] = []
-        self.pieces: list[tuple[list[FittedTerm], FloatArray, Index, FloatArray | None]] = []
+        self.pieces: list[_Piece] = []
         self.notes: list[str] = []
         self.joint: dict[tuple[str, ...], Points] = {}
         self.codes: dict[str, Index] = {}
@@ -176,13 +210,17 @@ class _Builder:
             self.supports[names] = Support(self.joint[names].values)
         return self.joint[names]
 
-    def factor(self, name: str, given: tuple[str, ...] | None, label: str) -> tuple[Levels, Index]:
+    def factor(
+        self, names: tuple[str, ...], given: tuple[str, ...] | None, label: str
+    ) -> tuple[Levels, Index]:
+        name = ":".join(names)
         if name not in self.levels or given is not None:
-            self.levels[name] = Levels.from_column(self.frame[name], given)
-            self.codes[name] = self.levels[name].codes(self.frame[name])
+            column = crossed(self.frame, names)
+            self.levels[name] = Levels.from_column(column, given)
+            self.codes[name] = self.levels[name].codes(column)
             if (self.codes[name] < 0).any():
                 row = int(np.argmax(self.codes[name] < 0))
-                got = f"{self.frame[name].iloc[row]!r} at row {row}"
+                got = f"{column.iloc[row]!r} at row {row}"
                 raise InvalidInput.of(
                     "unknown level", f"{name!r} of {label}", got, ", ".join(self.levels[name].names)
                 )
@@ -195,9 +233,9 @@ class _Builder:
                 raise InvalidInput.of("constant covariate", term.label, "one value", "at least two")
             fitted = FittedTerm(term.label, term, "parametric", [term.name], [])
             self.terms.append(fitted)
-            self.pieces.append(([fitted], points.values, points.index, None))
+            self.pieces.append(_Piece([fitted], points.values, points.index))
             return
-        levels, codes = self.factor(term.name, term.levels, term.label)
+        levels, codes = self.factor((term.name,), term.levels, term.label)
         reference = int(np.argmax(levels.share > 0)) if self.formula.intercept else -1
         if self.formula.intercept and reference > 0:
             self.notes.append(
@@ -211,20 +249,41 @@ class _Builder:
         fitted = FittedTerm(term.label, term, "parametric", [term.name + levels.names[i] for i in kept], [])
         fitted.contrast = np.eye(len(levels.names))[:, kept]
         self.terms.append(fitted)
-        self.pieces.append(([fitted], fitted.contrast, codes, None))
+        self.pieces.append(_Piece([fitted], fitted.contrast, codes))
 
     def random(self, term: RandomEffect) -> None:
-        levels, codes = self.factor(term.name, None, term.label)
+        groups = (term.name, *(name for name in term.others if is_factor(self.frame[name])))
+        if len(groups) > 1 and not is_factor(self.frame[term.name]):
+            allowed, fix = "a factor first", "put it last to multiply, make it text for levels"
+            raise InvalidInput.of("a number before a factor", term.label, repr(term.name), allowed, fix)
+        levels, codes = self.factor(groups, None, term.label)
         size = len(levels.names)
         if size < 2:
             fix = "leave the random effect out"
             raise InvalidInput.of(
                 "only one group", term.label, f"level {levels.names[0]!r}", "two or more levels", fix
             )
-        names = [f"{term.label}.{i + 1}" for i in range(size)]
-        fitted = FittedTerm(term.label, term, "random", names, [np.eye(size)])
+        fitted = FittedTerm(term.label, term, "random", [], [np.eye(size)], groups=groups)
+        points = [self.points((name,)) for name in fitted.needed]
+        effects = fitted.multipliers([at.values[at.index, 0] for at in points])
+        fitted.names = [f"{term.label}.{i + 1}" for i in range(size * len(effects))]
+        if term.correlated:
+            self._correlate(fitted, effects, size)
         self.terms.append(fitted)
-        self.pieces.append(([fitted], np.eye(size), codes, None))
+        for j, scale in enumerate(effects):
+            part = slice(j * size, (j + 1) * size)
+            self.pieces.append(_Piece([fitted], np.eye(size), codes, scale, part))
+
+    def _correlate(self, fitted: FittedTerm, effects: list[FloatArray | None], levels: int) -> None:
+        """Penalties without correlation, and the sizes of the columns that loadings are measured in."""
+        sizes = np.array([1.0 if effect is None else np.sqrt(np.mean(effect**2)) for effect in effects])
+        if sizes.max() > LARGEST_RATIO * sizes.min():
+            got = ", ".join(f"{name} {size:.3g}" for name, size in zip(fitted.effects, sizes, strict=True))
+            fix = "give the columns units in which their values are near 1"
+            allowed = f"root mean squares within a factor of {LARGEST_RATIO:g}"
+            raise InvalidInput.of("correlated effects of unlike size", fitted.label, got, allowed, fix)
+        fitted.scales = sizes
+        fitted.penalties = correlated_penalties(levels, np.zeros(len(sizes) * (len(sizes) - 1) // 2))
 
     def smooth(self, term: Smooth | Tensor) -> None:
         points = self.points(term.names)
@@ -242,10 +301,10 @@ class _Builder:
             if by is not None and term.by is not None:
                 self.members[term.names, term.by, None] = by != 0
             self.terms.append(fitted)
-            self.pieces.append(([fitted], built.table, points.index, by))
+            self.pieces.append(_Piece([fitted], built.table, points.index, by))
             return
         assert term.by is not None
-        levels, codes = self.factor(term.by, None, term.label)
+        levels, codes = self.factor((term.by,), None, term.label)
         first = (
             1 if is_ordered(self.frame[term.by]) else 0
         )  # the lowest level of an ordered factor is the reference
@@ -265,11 +324,11 @@ class _Builder:
         if m * q * len(levels.names) * len(by_level) <= MOST_TABLE_CELLS:
             blocks = np.eye(len(levels.names))[:, first:]
             table: FloatArray = np.kron(blocks, built.table).astype(np.float64)
-            self.pieces.append((by_level, table, codes * m + points.index, None))
+            self.pieces.append(_Piece(by_level, table, codes * m + points.index))
             return
         padded = np.vstack([built.table, np.zeros(q)])
         for i, fitted in zip(kept, by_level, strict=True):
-            self.pieces.append(([fitted], padded, np.where(codes == i, points.index, m), None))
+            self.pieces.append(_Piece([fitted], padded, np.where(codes == i, points.index, m)))
 
     def _fitted_term(self, term: Smooth | Tensor, built: Built, level: str | None, label: str) -> FittedTerm:
         names = [f"{label}.{i + 1}" for i in range(built.table.shape[1])]
@@ -283,7 +342,7 @@ class _Builder:
         if self.formula.intercept:
             fitted = FittedTerm("(Intercept)", None, "parametric", ["(Intercept)"], [])
             self.terms.insert(0, fitted)
-            self.pieces.insert(0, ([fitted], np.ones((1, 1)), np.zeros(len(self.frame), dtype=np.intp), None))
+            self.pieces.insert(0, _Piece([fitted], np.ones((1, 1)), np.zeros(len(self.frame), dtype=np.intp)))
         self.terms.sort(key=lambda fitted: order[fitted.kind])
         within = {
             (names, by, level): Support(
@@ -329,36 +388,19 @@ class _Builder:
 
     def _parts(self) -> list[IndexedColumns]:
         """Parts, with all factors and the intercept merged over their joint levels where those are few."""
-        plain = [
-            piece
-            for piece in self.pieces
-            if all(b.kind == "random" or b.contrast is not None or b.term is None for b in piece[0])
-        ]
-        parts = [
-            IndexedColumns(_columns(terms), table, index, scale)
-            for terms, table, index, scale in self.pieces
-            if not any(terms is piece[0] for piece in plain)
-        ]
-        parts = self._nest(parts)
+        plain = [piece for piece in self.pieces if piece.is_plain]
+        parts = self._nest([piece.indexed() for piece in self.pieces if not piece.is_plain])
         if not plain:
             return parts
         code = np.zeros(len(self.frame), dtype=np.int64)
-        for _, table, index, _ in plain:
-            code = pd.factorize(code * len(table) + index)[0]
+        for piece in plain:
+            code = pd.factorize(code * len(piece.table) + piece.index)[0]
         _, first = np.unique(code, return_index=True)
         if len(first) > MAX_JOINT:
-            return parts + [
-                IndexedColumns(_columns(terms), table, index, scale) for terms, table, index, scale in plain
-            ]
-        table = np.hstack([table[index[first]] for _, table, index, _ in plain])
-        columns = np.concatenate([_columns(terms) for terms, _, _, _ in plain])
+            return parts + [piece.indexed() for piece in plain]
+        table = np.hstack([piece.table[piece.index[first]] for piece in plain])
+        columns = np.concatenate([piece.columns for piece in plain])
         return [*parts, IndexedColumns(columns, table, code.astype(np.intp), None)]
-
-
-def _columns(terms: list[FittedTerm]) -> Index:
-    return np.concatenate(
-        [np.arange(fitted.start, fitted.start + fitted.size, dtype=np.intp) for fitted in terms]
-    )
 
 
 def value_limit(discretise: bool | int, n: int) -> int | None:

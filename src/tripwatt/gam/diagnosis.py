@@ -1,4 +1,4 @@
-"""Checks of a fitted model: residual figures, concurvity, autocorrelation within groups.
+"""Residuals of a fitted model against their distribution.
 
 Every object gives its numbers by `frame` and draws itself by `plot`.
 """
@@ -12,28 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripwatt.arrays import FloatArray, IntArray
-from tripwatt.gam.dependence import Autocorrelation, autocorrelation, concurvity
-from tripwatt.gam.figures import BLUE, GREY, RED, axes_or_new, new_figure, thin_index
+from tripwatt.gam.figures import BLUE, GREY, RED, axes_or_new, figure_of, place_for_panels, thin_index
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from tripwatt.gam.model import GAMM
-
-__all__ = [
-    "Autocorrelation",
-    "Diagnosis",
-    "ErrorDistribution",
-    "QuantileQuantile",
-    "ResidualHistogram",
-    "ResidualsAgainstPredictor",
-    "ResponseAgainstFitted",
-    "autocorrelation",
-    "concurvity",
-    "diagnosis",
-]
+    from tripwatt.gam.estimator import Estimator
 
 
 def _scatter(ax: Axes, x: FloatArray, y: FloatArray) -> None:
@@ -79,7 +65,7 @@ class ErrorDistribution:
         return np.asarray(d / self.sigma, dtype=float)
 
 
-def _distribution(model: GAMM) -> ErrorDistribution:
+def _distribution(model: Estimator) -> ErrorDistribution:
     nu = float("nan") if model.nu_ is None else float(model.nu_)
     return ErrorDistribution(float(np.sqrt(model.scale_)) if np.isnan(nu) else float(model.sigma_), nu)
 
@@ -136,7 +122,7 @@ class QuantileQuantile:
         columns = {"theoretical": self.theoretical, "residual": self.residual}
         return pd.DataFrame({**columns, "lower": lower, "upper": upper})
 
-    def plot(self, ax: Axes | None = None) -> Axes:
+    def plot(self, ax: Axes | None = None) -> Figure:
         """Draw it, on new axes if none are given."""
         ax = axes_or_new(ax)
         ends = np.arange(min(200, self.residual.size))
@@ -157,7 +143,7 @@ class QuantileQuantile:
         ax.set(
             title="Q-Q plot", xlabel=f"Quantiles of the fitted {self.distribution.name}", ylabel="Residual"
         )
-        return ax
+        return figure_of(ax)
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,13 +164,13 @@ class ResidualsAgainstPredictor:
 
         return pd.DataFrame({"linear_predictor": self.linear_predictor, "residual": self.residual})
 
-    def plot(self, ax: Axes | None = None) -> Axes:
+    def plot(self, ax: Axes | None = None) -> Figure:
         """Draw it, on new axes if none are given."""
         ax = axes_or_new(ax)
         _scatter(ax, self.linear_predictor, self.residual)
         ax.axhline(0.0, color=RED, linewidth=1.5)
         ax.set(title="Residuals and linear predictor", xlabel="Linear predictor", ylabel="Residual")
-        return ax
+        return figure_of(ax)
 
 
 @dataclass(frozen=True, slots=True)
@@ -238,7 +224,7 @@ class ResidualHistogram:
         }
         return pd.DataFrame(columns)
 
-    def plot(self, ax: Axes | None = None) -> Axes:
+    def plot(self, ax: Axes | None = None) -> Figure:
         """Draw it, on new axes if none are given."""
         ax = axes_or_new(ax)
         middle = (self.edges[1:] + self.edges[:-1]) / 2
@@ -252,7 +238,7 @@ class ResidualHistogram:
             0.0, 1.3 * max(float(self.count.max()), float(self.expected.max()))
         )  # room for the legend
         ax.legend(frameon=False, loc="upper right")
-        return ax
+        return figure_of(ax)
 
 
 @dataclass(frozen=True, slots=True)
@@ -273,14 +259,14 @@ class ResponseAgainstFitted:
 
         return pd.DataFrame({"fitted": self.fitted, "response": self.response})
 
-    def plot(self, ax: Axes | None = None) -> Axes:
+    def plot(self, ax: Axes | None = None) -> Figure:
         """Draw it, on new axes if none are given."""
         ax = axes_or_new(ax)
         _scatter(ax, self.fitted, self.response)
         ends = [float(self.fitted.min()), float(self.fitted.max())]
         ax.plot(ends, ends, color=RED, linewidth=1.5)
         ax.set(title="Response and fitted values", xlabel="Fitted value", ylabel="Response")
-        return ax
+        return figure_of(ax)
 
 
 @dataclass(frozen=True, slots=True)
@@ -304,7 +290,7 @@ class Diagnosis:
     >>> from tripwatt.gam.model import GAMM
     >>> x = np.linspace(0, 1, 60)
     >>> frame = pd.DataFrame({"x": x, "y": np.sin(6 * x) + 0.2 * np.cos(90 * x)})
-    >>> result = diagnosis(GAMM("y ~ s(x, k=8)").fit(frame))
+    >>> result = Diagnosis.from_model(GAMM("y ~ s(x, k=8)").fit(frame))
     >>> result.frame().shape
     (60, 5)
     >>> len(result.plot().axes)
@@ -315,6 +301,25 @@ class Diagnosis:
     predictor: ResidualsAgainstPredictor
     histogram: ResidualHistogram
     response: ResponseAgainstFitted
+
+    @classmethod
+    def from_model(cls, model: Estimator) -> Diagnosis:
+        """Compare the residuals of a fitted model with their distribution.
+
+        Parameters
+        ----------
+        model : GAMM
+            A fitted model.
+        """
+        distribution = _distribution(model)
+        residual = np.asarray(model.residuals_, dtype=float)
+        fitted = np.asarray(model.fitted_values_, dtype=float)
+        return cls(
+            QuantileQuantile.from_residuals(residual, distribution),
+            ResidualsAgainstPredictor(np.asarray(model.linear_predictor_, dtype=float), residual),
+            ResidualHistogram.from_residuals(residual, distribution),
+            ResponseAgainstFitted(fitted, fitted + residual),
+        )
 
     def frame(self) -> pd.DataFrame:
         """Tabulate what the figures show.
@@ -328,58 +333,23 @@ class Diagnosis:
         rank = np.argsort(np.argsort(self.predictor.residual, kind="stable"), kind="stable")
         return whole.assign(theoretical=self.qq.theoretical[rank])
 
-    def plot(self, figure: Figure | None = None) -> Figure:
+    def plot(self, ax: Axes | None = None) -> Figure:
         """Draw the four figures.
 
         Parameters
         ----------
-        figure : matplotlib Figure, optional
-            Figure to draw on; a new one with 2 x 2 axes by default.
+        ax : matplotlib Axes, optional
+            Axes whose place the 2 x 2 panels take; a new figure by default.
 
         Returns
         -------
         matplotlib Figure
             The figure that was drawn on.
         """
-        if figure is None:
-            figure = new_figure(9.0, 7.2)
-        axes = figure.subplots(2, 2)
+        place = place_for_panels(ax, 9.0, 7.2)
+        axes = place.subplots(2, 2)
         self.qq.plot(axes[0, 0])
         self.predictor.plot(axes[0, 1])
         self.histogram.plot(axes[1, 0])
         self.response.plot(axes[1, 1])
-        return figure
-
-
-def diagnosis(model: GAMM) -> Diagnosis:
-    """Residual figures of a fitted model.
-
-    Parameters
-    ----------
-    model : GAMM
-        A fitted model.
-
-    Returns
-    -------
-    Diagnosis
-        ``.qq``, ``.predictor``, ``.histogram``, ``.response``; ``.plot()`` draws all four.
-
-    Examples
-    --------
-    >>> import pandas as pd
-    >>> from tripwatt.gam.model import GAMM
-    >>> x = np.linspace(0, 1, 60)
-    >>> frame = pd.DataFrame({"x": x, "y": np.sin(6 * x) + 0.2 * np.cos(90 * x)})
-    >>> model = GAMM("y ~ s(x, k=8)").fit(frame)
-    >>> diagnosis(model).frame().columns.tolist()
-    ['fitted', 'response', 'linear_predictor', 'residual', 'theoretical']
-    """
-    distribution = _distribution(model)
-    residual = np.asarray(model.residuals_, dtype=float)
-    fitted = np.asarray(model.fitted_values_, dtype=float)
-    return Diagnosis(
-        QuantileQuantile.from_residuals(residual, distribution),
-        ResidualsAgainstPredictor(np.asarray(model.linear_predictor_, dtype=float), residual),
-        ResidualHistogram.from_residuals(residual, distribution),
-        ResponseAgainstFitted(fitted, fitted + residual),
-    )
+        return figure_of(place)

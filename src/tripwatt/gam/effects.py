@@ -13,7 +13,8 @@ import numpy as np
 
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import Fault, raise_faults
-from tripwatt.gam.figures import BLUE, GREY, RED, axes_or_new, new_figure
+from tripwatt.gam.components import random_covariance
+from tripwatt.gam.figures import BLUE, GREY, RED, axes_or_new, figure_of, place_for_panels
 from tripwatt.gam.terms import RandomEffect, Smooth, Tensor
 
 if TYPE_CHECKING:
@@ -21,18 +22,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from tripwatt.gam.estimator import Estimator
     from tripwatt.gam.fitted_terms import FittedTerm
-    from tripwatt.gam.model import GAMM
-
-__all__ = [
-    "CurveEffect",
-    "Effect",
-    "FactorEffect",
-    "RandomEffects",
-    "SurfaceEffect",
-    "effects",
-    "plot_effects",
-]
 
 _TOO_FAR: Final = 0.1  # of the range of the data: what lies farther from every point is not shown
 _CELLS: Final = 400  # per covariate, finer than a figure shows
@@ -61,10 +52,10 @@ class CurveEffect:
     >>> from tripwatt.gam.model import GAMM
     >>> x = np.linspace(0, 1, 60)
     >>> frame = pd.DataFrame({"x": x, "y": np.sin(6 * x) + 0.2 * np.cos(90 * x)})
-    >>> curve = effects(GAMM("y ~ s(x, k=8)").fit(frame), frame)["s(x)"]
+    >>> curve = GAMM("y ~ s(x, k=8)").fit(frame).effects(frame)["s(x)"]
     >>> list(curve.frame().columns)
     ['x', 'effect', 'std_error', 'lower', 'upper']
-    >>> curve.plot().get_xlabel()
+    >>> curve.plot().axes[0].get_xlabel()
     'x'
     """
 
@@ -93,7 +84,7 @@ class CurveEffect:
             {self.covariate: self.x, **columns, "lower": self.effect - half, "upper": self.effect + half}
         )
 
-    def plot(self, ax: Axes | None = None) -> Axes:
+    def plot(self, ax: Axes | None = None) -> Figure:
         """Draw the curve with its band.
 
         Parameters
@@ -103,8 +94,8 @@ class CurveEffect:
 
         Returns
         -------
-        matplotlib Axes
-            The axes that were drawn on.
+        matplotlib Figure
+            The figure that was drawn on.
         """
         ax = axes_or_new(ax)
         table = self.frame()
@@ -118,7 +109,7 @@ class CurveEffect:
                 shown, 0.0, 0.03, color="black", alpha=0.35, linewidth=0.6, transform=ax.get_xaxis_transform()
             )
         ax.set(title=f"{self.label}, EDF {self.edf:.2f}", xlabel=self.covariate, ylabel="Effect")
-        return ax
+        return figure_of(ax)
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,7 +139,7 @@ class SurfaceEffect:
     >>> effect = SurfaceEffect("te(x,z)", ("x", "z"), grid, grid, np.outer(grid, grid), np.ones((5, 5)), edf=3.0)
     >>> effect.frame().shape
     (25, 4)
-    >>> effect.plot().get_ylabel()
+    >>> effect.plot().axes[0].get_ylabel()
     'z'
     """
 
@@ -176,7 +167,7 @@ class SurfaceEffect:
         columns = {self.covariates[0]: x.ravel(), self.covariates[1]: y.ravel()}
         return pd.DataFrame({**columns, "effect": self.effect.ravel(), "std_error": self.std_error.ravel()})
 
-    def plot(self, ax: Axes | None = None) -> Axes:
+    def plot(self, ax: Axes | None = None) -> Figure:
         """Draw the surface as filled contours.
 
         Parameters
@@ -186,8 +177,8 @@ class SurfaceEffect:
 
         Returns
         -------
-        matplotlib Axes
-            The axes that were drawn on.
+        matplotlib Figure
+            The figure that was drawn on.
         """
         ax = axes_or_new(ax)
         shown = np.ma.masked_invalid(self.effect)
@@ -211,7 +202,7 @@ class SurfaceEffect:
             xlabel=self.covariates[0],
             ylabel=self.covariates[1],
         )
-        return ax
+        return figure_of(ax)
 
 
 @dataclass(frozen=True, slots=True)
@@ -236,7 +227,7 @@ class RandomEffects:
     ... )
     >>> effect.frame().shape
     (2, 4)
-    >>> effect.plot().get_ylabel()
+    >>> effect.plot().axes[0].get_ylabel()
     'Random effect'
     """
 
@@ -261,7 +252,7 @@ class RandomEffects:
         columns = {"effect": self.effect, "std_error": self.std_error, "theoretical": self.theoretical}
         return pd.DataFrame({"level": self.level, **columns})
 
-    def plot(self, ax: Axes | None = None) -> Axes:
+    def plot(self, ax: Axes | None = None) -> Figure:
         """Draw the random effects against Gaussian quantiles.
 
         Parameters
@@ -271,8 +262,8 @@ class RandomEffects:
 
         Returns
         -------
-        matplotlib Axes
-            The axes that were drawn on.
+        matplotlib Figure
+            The figure that was drawn on.
         """
         ax = axes_or_new(ax)
         ends = self.theoretical[[0, -1]]
@@ -289,7 +280,7 @@ class RandomEffects:
         )
         title = f"{self.label}, EDF {self.edf:.2f}, sd {self.sd:.3g}"
         ax.set(title=title, xlabel="Gaussian quantiles", ylabel="Random effect")
-        return ax
+        return figure_of(ax)
 
 
 @dataclass(frozen=True, slots=True)
@@ -314,7 +305,7 @@ class FactorEffect:
     >>> effect = FactorEffect("season", ("winter",), np.array([2.0]), np.array([0.5]), 1.96, reference="summer")
     >>> effect.frame()[["lower", "upper"]].round(2).to_numpy().tolist()
     [[1.02, 2.98]]
-    >>> effect.plot().get_xlabel()
+    >>> effect.plot().axes[0].get_xlabel()
     'Difference from summer'
     """
 
@@ -341,7 +332,7 @@ class FactorEffect:
             {"level": self.level, **columns, "lower": self.effect - half, "upper": self.effect + half}
         )
 
-    def plot(self, ax: Axes | None = None) -> Axes:
+    def plot(self, ax: Axes | None = None) -> Figure:
         """Draw the coefficients with their intervals.
 
         Parameters
@@ -351,8 +342,8 @@ class FactorEffect:
 
         Returns
         -------
-        matplotlib Axes
-            The axes that were drawn on.
+        matplotlib Figure
+            The figure that was drawn on.
         """
         ax = axes_or_new(ax)
         rows = np.arange(len(self.level))
@@ -370,14 +361,14 @@ class FactorEffect:
         ax.set_ylim(len(self.level) - 0.5, -0.5)
         against = f"Difference from {self.reference}" if self.reference else "Coefficient"
         ax.set(title=self.label, xlabel=against)
-        return ax
+        return figure_of(ax)
 
 
 Effect: TypeAlias = CurveEffect | SurfaceEffect | RandomEffects | FactorEffect
 
 
-def effects(
-    model: GAMM, frame: pd.DataFrame | None = None, level: float = 0.95, points: int | None = None
+def term_effects(
+    model: Estimator, frame: pd.DataFrame | None = None, level: float = 0.95, points: int | None = None
 ) -> dict[str, Effect]:
     """All terms of a fitted model as effects.
 
@@ -409,7 +400,7 @@ def effects(
     >>> x = np.linspace(0, 1, 60)
     >>> frame = pd.DataFrame({"x": x, "y": np.sin(6 * x) + 0.2 * np.cos(90 * x)})
     >>> model = GAMM("y ~ s(x, k=8)").fit(frame)
-    >>> curve = effects(model, frame, points=3)["s(x)"]
+    >>> curve = term_effects(model, frame, points=3)["s(x)"]
     >>> curve.frame().columns.tolist(), curve.rug.size
     (['x', 'effect', 'std_error', 'lower', 'upper'], 60)
     """
@@ -431,7 +422,7 @@ def effects(
         if fitted.term is None:
             continue
         if isinstance(fitted.term, RandomEffect):
-            by_term[fitted.label] = _random(model, fitted)
+            by_term |= _random(model, fitted)
         elif not isinstance(fitted.term, Smooth | Tensor):
             by_term[fitted.label] = _factor(model, fitted, multiplier)
         elif len(fitted.term.names) == 1:
@@ -442,7 +433,7 @@ def effects(
 
 
 def _evaluate(
-    model: GAMM, fitted: FittedTerm, columns: Mapping[str, FloatArray]
+    model: Estimator, fitted: FittedTerm, columns: Mapping[str, FloatArray]
 ) -> tuple[FloatArray, FloatArray]:
     """Effect of a fitted term and its standard error where its covariates have these values."""
     import pandas as pd
@@ -472,13 +463,13 @@ def _cells(points: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
     return points[first]
 
 
-def _grid(model: GAMM, name: str, points: int) -> FloatArray:
+def _grid(model: Estimator, name: str, points: int) -> FloatArray:
     low, high = model.ranges_[name]
     return np.linspace(float(low), float(high), points)
 
 
 def _curve(
-    model: GAMM, fitted: FittedTerm, frame: pd.DataFrame | None, multiplier: float, points: int
+    model: Estimator, fitted: FittedTerm, frame: pd.DataFrame | None, multiplier: float, points: int
 ) -> CurveEffect:
     assert isinstance(fitted.term, Smooth | Tensor)
     name = fitted.term.names[0]
@@ -495,7 +486,7 @@ def _curve(
     )
 
 
-def _surface(model: GAMM, fitted: FittedTerm, frame: pd.DataFrame | None, points: int) -> SurfaceEffect:
+def _surface(model: Estimator, fitted: FittedTerm, frame: pd.DataFrame | None, points: int) -> SurfaceEffect:
     assert isinstance(fitted.term, Smooth | Tensor)
     first, second, *rest = fitted.term.names
     x, y = _grid(model, first, points), _grid(model, second, points)
@@ -520,37 +511,25 @@ def _surface(model: GAMM, fitted: FittedTerm, frame: pd.DataFrame | None, points
     )
 
 
-def _random(model: GAMM, fitted: FittedTerm) -> RandomEffects:
+def _random(model: Estimator, fitted: FittedTerm) -> dict[str, Effect]:
+    """One plot for each effect that the levels have; those of a correlated term bear their names."""
     from scipy import stats
 
-    assert isinstance(fitted.term, RandomEffect)
-    effect = model.coef_[fitted.slice]
-    error = np.sqrt(np.clip(np.diag(model.Vp_)[fitted.slice], 0.0, None))
-    order = np.argsort(effect, kind="stable")
-    names = [str(name) for name in model.levels_[fitted.term.name]]
-    sd = _random_sd(model, fitted)
-    theoretical = sd * stats.norm.ppf((np.arange(effect.size) + 0.5) / effect.size)
-    level = tuple(names[i] for i in order)
-    return RandomEffects(
-        fitted.label,
-        level,
-        effect[order],
-        error[order],
-        theoretical,
-        float(model.edf_[fitted.slice].sum()),
-        sd,
-    )
+    sds = np.sqrt(np.diag(random_covariance(model, fitted)))
+    names = [str(name) for name in model.levels_[":".join(fitted.groups)]]
+    found: dict[str, Effect] = {}
+    for j, (name, sd) in enumerate(zip(fitted.effects, sds, strict=True)):
+        at = slice(fitted.start + j * len(names), fitted.start + (j + 1) * len(names))
+        effect, error = model.coef_[at], np.sqrt(np.clip(np.diag(model.Vp_)[at], 0.0, None))
+        order = np.argsort(effect, kind="stable")
+        theoretical = float(sd) * stats.norm.ppf((np.arange(effect.size) + 0.5) / effect.size)
+        label = fitted.label if len(sds) == 1 else f"{fitted.label} {name}"
+        level, edf = tuple(names[i] for i in order), float(model.edf_[at].sum())
+        found[label] = RandomEffects(label, level, effect[order], error[order], theoretical, edf, float(sd))
+    return found
 
 
-def _random_sd(model: GAMM, fitted: FittedTerm) -> float:
-    """Standard deviation of a random intercept, from its smoothing parameter."""
-    from tripwatt.gam.inference import total_penalty
-
-    precision = float(total_penalty(model)[fitted.start, fitted.start])
-    return float(np.sqrt(model.scale_ / precision))
-
-
-def _factor(model: GAMM, fitted: FittedTerm, multiplier: float) -> FactorEffect:
+def _factor(model: Estimator, fitted: FittedTerm, multiplier: float) -> FactorEffect:
     at = fitted.slice
     error = np.sqrt(np.clip(np.diag(model.Vp_)[at], 0.0, None))
     levels = [str(name) for name in model.levels_.get(fitted.label, ())]
@@ -560,15 +539,15 @@ def _factor(model: GAMM, fitted: FittedTerm, multiplier: float) -> FactorEffect:
     return FactorEffect(fitted.label, shown, effect, error, multiplier, reference)
 
 
-def plot_effects(found: Mapping[str, Effect], figure: Figure | None = None, columns: int = 3) -> Figure:
+def plot_effects(found: Mapping[str, Effect], ax: Axes | None = None, columns: int = 3) -> Figure:
     """Draw effects on one figure.
 
     Parameters
     ----------
     found : mapping
-        What `effects` returned, or some of it.
-    figure : matplotlib Figure, optional
-        Figure to draw on.
+        Effects by label, those of `GAMM.effects` or some of them.
+    ax : matplotlib Axes, optional
+        Axes whose place the panels take; a new figure by default.
     columns : int
         Panels per row.
 
@@ -584,17 +563,16 @@ def plot_effects(found: Mapping[str, Effect], figure: Figure | None = None, colu
     >>> x = np.linspace(0, 1, 60)
     >>> frame = pd.DataFrame({"x": x, "y": np.sin(6 * x) + 0.2 * np.cos(90 * x)})
     >>> model = GAMM("y ~ s(x, k=8)").fit(frame)
-    >>> figure = plot_effects(effects(model, frame))
+    >>> figure = plot_effects(model.effects(frame))
     >>> [ax.get_xlabel() for ax in figure.axes]
     ['x']
     """
     columns = max(1, min(columns, len(found)))
     rows = -(-len(found) // columns)
-    if figure is None:
-        figure = new_figure(4.6 * columns, 3.6 * max(rows, 1))
-    axes = figure.subplots(max(rows, 1), columns, squeeze=False).ravel()
-    for effect, ax in zip(found.values(), axes, strict=False):
-        effect.plot(ax)
-    for ax in axes[len(found) :]:
-        ax.set_axis_off()
-    return figure
+    place = place_for_panels(ax, 4.6 * columns, 3.6 * max(rows, 1))
+    axes = place.subplots(max(rows, 1), columns, squeeze=False).ravel()
+    for effect, panel in zip(found.values(), axes, strict=False):
+        effect.plot(panel)
+    for panel in axes[len(found) :]:
+        panel.set_axis_off()
+    return figure_of(place)

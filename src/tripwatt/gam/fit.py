@@ -10,66 +10,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Protocol, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from scipy.linalg import lapack
 
 from tripwatt.arrays import FloatArray
-from tripwatt.gam.penalties import PenaltyStack
-
-LOG_RATIO = (-25.0, 22.0)
-"""Bounds of log(smoothing parameter) about the value at which penalty and data weigh alike."""
+from tripwatt.gam.penalties import LOG_RATIO, PenaltyStack
+from tripwatt.gam.tables import Whitening
 
 Value: TypeAlias = tuple[float, FloatArray, FloatArray]
-
-
-class Rows(Protocol):
-    """Model matrix X (n, p) that need not exist as one array."""
-
-    n: int
-    p: int
-
-    def predictor(self, beta: FloatArray) -> FloatArray:
-        """X beta for beta (p,) or (p, q)."""
-
-    def transpose(self, v: FloatArray) -> FloatArray:
-        """X' v for v (n,) or (n, q)."""
-
-    def gram(self, weights: FloatArray | None = None) -> FloatArray:
-        """X' W X, (p, p)."""
-
-    def leverage(self, K: FloatArray) -> FloatArray:
-        """Diagonal (n,) of X K X'."""
-
-
-class DenseRows:
-    """Model matrix as one array.
-
-    Parameters
-    ----------
-    X : ndarray (n, p)
-    """
-
-    def __init__(self, X: FloatArray) -> None:
-        self.X = X
-        self.n, self.p = X.shape
-
-    def predictor(self, beta: FloatArray) -> FloatArray:
-        """X beta."""
-        return np.asarray(self.X @ beta)
-
-    def transpose(self, v: FloatArray) -> FloatArray:
-        """X' v."""
-        return np.asarray(self.X.T @ v)
-
-    def gram(self, weights: FloatArray | None = None) -> FloatArray:
-        """X' W X."""
-        return np.asarray(self.X.T @ (self.X if weights is None else weights[:, None] * self.X))
-
-    def leverage(self, K: FloatArray) -> FloatArray:
-        """Diagonal of X K X'."""
-        return np.asarray(np.einsum("ij,ij->i", self.X @ K, self.X))
 
 
 @dataclass(frozen=True)
@@ -122,6 +72,12 @@ class Solution:
         What ended the iteration.
     gradient : ndarray (M,)
         Of the score in `rho` at the end.
+    hessian : ndarray (m, m)
+        Of the score at the end, `rho` first; (0, 0) where the smoothing parameters were given.
+    white : Whitening or None
+        Of autocorrelated errors.
+    loadings : ndarray
+        Of correlated effects, as `PenaltyStack.loaded` takes them.
     """
 
     beta: FloatArray
@@ -136,8 +92,9 @@ class Solution:
     gradient: FloatArray
     nu: float = math.nan
     sigma: float = math.nan
-    ar1_rho: float = 0.0
-    extra: dict[str, float] = field(default_factory=dict)
+    white: Whitening | None = None
+    hessian: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
+    loadings: FloatArray = field(default_factory=lambda: np.zeros(0))
 
 
 @dataclass(frozen=True)
@@ -300,12 +257,9 @@ def minimise(
 def bounds(gram_diagonal: FloatArray, stack: PenaltyStack) -> tuple[FloatArray, FloatArray]:
     """Lowest and highest log smoothing parameters that still mean something next to the data."""
     middle = np.array(
-        [
-            math.log(max(float(gram_diagonal[pen.where].sum()), 1e-300) / float(np.trace(pen.matrix)))
-            for pen in stack.penalties
-        ]
+        [math.log(max(float(gram_diagonal[pen.where].sum()), 1e-300) / pen.trace) for pen in stack.penalties]
     )
-    return middle + LOG_RATIO[0], middle + LOG_RATIO[1]
+    return middle + LOG_RATIO[0], middle + np.array([pen.log_most for pen in stack.penalties])
 
 
 def fit_gaussian(
@@ -365,4 +319,5 @@ def fit_gaussian(
         n_iter=n_iter,
         message=message,
         gradient=scored.gradient,
+        hessian=np.zeros((0, 0)) if fixed else scored.hessian,
     )

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import FloatArray
-from tripwatt.gam.covariates import Points, Support, Training
+from tripwatt.gam.covariates import Points, Support, Training, crossed
 from tripwatt.gam.smoothers import Smoother
 from tripwatt.gam.terms import Parametric, RandomEffect, Smooth, Tensor, Term
 
@@ -37,6 +37,10 @@ class FittedTerm:
     smoother : Smoother or None
     by, level : str or None
         By-variable, and the level of this smooth.
+    groups : tuple of str
+        Columns that hold the levels of a random effect.
+    scales : ndarray (q,) or None
+        Root mean squares of the columns of correlated effects.
     training : Training
         Ranges and levels of the training rows, for rows outside of them.
     extrapolation : {"clamp", "linear"}
@@ -52,6 +56,8 @@ class FittedTerm:
     by: str | None = None
     level: str | None = None
     contrast: FloatArray | None = None
+    groups: tuple[str, ...] = ()
+    scales: FloatArray | None = None
     training: Training = field(default_factory=lambda: Training({}, {}, {}))
     extrapolation: Extrapolation = "clamp"
 
@@ -97,13 +103,42 @@ class FittedTerm:
         if self.term is None:
             return np.ones((len(frame), 1))
         if isinstance(self.term, RandomEffect):
-            if self.term.name not in frame.columns:
-                return np.zeros((len(frame), self.size))
-            codes = self.training.levels[self.term.name].codes(frame[self.term.name])
-            return np.asarray(np.vstack([np.eye(self.size), np.zeros(self.size)])[codes])
+            return self._random(frame)
         if isinstance(self.term, Parametric):
             return self._parametric(frame, self.term.name, known)
         return self._smooth(frame, known)
+
+    @property
+    def needed(self) -> tuple[str, ...]:
+        """Columns that a prediction reads; levels of a random effect may be missing."""
+        return () if self.term is None else tuple(n for n in self.term.columns if n not in self.groups)
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Effects that each level of a random effect has."""
+        if not isinstance(self.term, RandomEffect):
+            return ()
+        return (
+            ("(Intercept)", *self.needed)
+            if self.term.correlated
+            else (":".join(self.needed) or "(Intercept)",)
+        )
+
+    def multipliers(self, numbers: list[FloatArray]) -> list[FloatArray | None]:
+        """Multiplier (n,) of each of `effects` from the columns `needed`; None is one."""
+        correlated = isinstance(self.term, RandomEffect) and self.term.correlated
+        return [None, *numbers] if correlated else [np.prod(numbers, axis=0) if numbers else None]
+
+    def _random(self, frame: pd.DataFrame) -> FloatArray:
+        if any(name not in frame.columns for name in self.groups):
+            return np.zeros((len(frame), self.size))
+        levels = self.training.levels[":".join(self.groups)]
+        codes = levels.codes(crossed(frame, self.groups))
+        indicator = np.eye(len(levels.names) + 1)[codes, :-1]
+        numbers = [frame[name].to_numpy(dtype=np.float64) for name in self.needed]
+        return np.hstack(
+            [indicator if m is None else indicator * m[:, None] for m in self.multipliers(numbers)]
+        )
 
     def _parametric(self, frame: pd.DataFrame, name: str, known: Training) -> FloatArray:
         if self.contrast is None:

@@ -18,15 +18,13 @@ from typing import Final, get_args
 from tripwatt.errors import Fault, InvalidInput, raise_faults
 from tripwatt.gam.terms import Basis, Formula, Parametric, RandomEffect, Smooth, Tensor, Term
 
-__all__ = ["nearest", "parse_formula", "render_formula", "unknown_columns", "validate_columns"]
-
 _BASES: Final = (*get_args(Basis), "re")
 _ARGUMENTS: Final[Mapping[str, tuple[str, ...]]] = {
     "s": ("bs", "k", "by", "m"),
     "te": ("bs", "k", "by", "m"),
     "ti": ("bs", "k", "by", "m"),
 }
-_TERMS_ALLOWED: Final = "a column, s(...), te(...), ti(...), 1, 0 or -1, joined by +"
+_TERMS_ALLOWED: Final = "a column, s(...), te(...), ti(...), (1 + x | group), 1, 0 or -1, joined by +"
 _QUOTED: Final = re.compile(r"`([^`]*)`")
 _MASK: Final = re.compile(r"ǂ(\d+)ǂ*")  # a letter to Python, and one that no column is likely to start with
 _PLAIN_NAME: Final = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*")
@@ -110,6 +108,8 @@ class _Reader:
                 self.intercept = bool(node.value)
             elif isinstance(node, ast.Call):
                 self.terms.append(self.call(node))
+            elif isinstance(node, ast.BinOp) and isinstance(node.op, ast.BitOr):
+                self.terms.append(self.correlated(node))
             elif (name := self.column(node)) is not None:
                 self.terms.append(Parametric(name))
             else:
@@ -149,6 +149,16 @@ class _Reader:
             self.smooth(node, columns, options) if kind == "s" else self.tensor(node, kind, columns, options)
         )
 
+    def correlated(self, node: ast.BinOp) -> RandomEffect:
+        """Intercept and slopes of a group, (1 + x | g)."""
+        group = self.column(node.right)
+        parts = [part for part in _summands(node.left) if ast.unparse(part[1]) != "1" or part[0] < 0]
+        names = [name for sign, part in parts if sign > 0 and (name := self.column(part)) is not None]
+        if group is None or len(names) < len(parts) or len({group, *names}) <= len(names):
+            self.complain(node, "random effects cannot be read", self.original(node), "(1 + x | group)")
+            raise _Unreadable
+        return RandomEffect(group, tuple(names), correlated=bool(names))
+
     def options(self, node: ast.Call, kind: str) -> dict[str, ast.expr]:
         allowed = _ARGUMENTS[kind]
         given: dict[str, ast.expr] = {}
@@ -172,12 +182,11 @@ class _Reader:
     def smooth(self, node: ast.Call, names: tuple[str, ...], options: Mapping[str, ast.expr]) -> Term:
         basis = self.basis(node, options["bs"]) if "bs" in options else "tp"
         if basis == "re":
-            extra = [key for key in options if key != "bs"]
-            if len(names) > 1 or extra:
-                got = self.original(node)
-                self.complain(node, "a random effect is an intercept per level", got, 's(column, bs="re")')
+            if len(options) > 1:
+                got = ", ".join(key for key in options if key != "bs")
+                self.complain(node, "a random effect takes columns only", got, 's(group, x, bs="re")')
                 raise _Unreadable
-            return RandomEffect(names[0])
+            return RandomEffect(names[0], names[1:])
         if len(names) > 1 and basis != "tp":
             fix = f'te({", ".join(names)}, bs="{basis}") or ti(...)'
             self.complain(node, "basis of one covariate only", f'bs="{basis}"', '"tp"', fix)
@@ -266,7 +275,7 @@ def parse_formula(text: str) -> Formula:
     text : str
         ``response ~ term + term + ...``. Terms: a column (numeric or factor); ``s(x)``, ``s(x, by=f)``,
         ``s(a, b)`` with ``bs`` ("tp", "ps", "cr"), ``k``, ``by``, ``m``; ``te(a, b)`` and ``ti(a, b)``;
-        ``s(group, bs="re")``; ``-1`` or ``+0`` to leave out the intercept. ``c(6, 6)`` gives one number per
+        ``s(group, bs="re")``, ``s(group, x, bs="re")``, ``(1 + x | group)``; ``-1`` or ``+0`` to leave out the intercept. ``c(6, 6)`` gives one number per
         margin. A column whose name is no plain name is written in backticks. The response may be missing.
 
     Returns
@@ -304,6 +313,8 @@ def parse_formula(text: str) -> Formula:
     except (SyntaxError, ValueError) as error:
         reader.faults.append(_syntax_fault(error, text, reader.offset))
         raise InvalidInput(reader.faults) from None
+    if isinstance(tree, ast.BinOp) and isinstance(tree.op, ast.BitOr) and not right.strip().startswith("("):
+        reader.complain(tree, "random effects without brackets", reader.original(tree), "(1 + x | group)")
     for sign, node in _summands(tree):
         reader.read(node) if sign > 0 else reader.remove(node)
     seen: set[str] = set()
@@ -356,7 +367,9 @@ def _render_term(term: Term) -> str:
     if isinstance(term, Parametric):
         return _name(term.name)
     if isinstance(term, RandomEffect):
-        return f's({_name(term.name)}, bs="re")'
+        if term.correlated:
+            return f"({' + '.join(('1', *map(_name, term.others)))} | {_name(term.name)})"
+        return f's({", ".join(map(_name, term.columns))}, bs="re")'
     parts = [_name(name) for name in term.names]
     if term.by is not None:
         parts.append(f"by={_name(term.by)}")

@@ -22,16 +22,7 @@ from tripwatt.gam.families import Gaussian
 if TYPE_CHECKING:
     import pandas as pd
 
-    from tripwatt.gam.model import GAMM
-
-__all__ = [
-    "TermTest",
-    "coefficient_table",
-    "random_effect_test",
-    "smooth_test",
-    "term_table",
-    "total_penalty",
-]
+    from tripwatt.gam.estimator import Estimator
 
 _WHOLE: Final = 1e-6  # a reference df this close to a whole number is one
 _RANK: Final = 1e-8  # relative size below which an eigenvalue is rounding
@@ -248,7 +239,7 @@ def _solve(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.asarray(solution / d[:, None], dtype=float)
 
 
-def total_penalty(model: GAMM) -> FloatArray:
+def total_penalty(model: Estimator) -> FloatArray:
     """Penalty of a fitted model, smoothing parameters included.
 
     Parameters
@@ -281,18 +272,18 @@ def total_penalty(model: GAMM) -> FloatArray:
     return penalty
 
 
-def _parameters(model: GAMM) -> list[float]:
+def _parameters(model: Estimator) -> list[float]:
     given = model.smoothing_parameters_
     return [float(v) for v in (given.values() if isinstance(given, Mapping) else np.ravel(given))]
 
 
-def _estimated_scale_df(model: GAMM) -> float | None:
+def _estimated_scale_df(model: Estimator) -> float | None:
     """Residual degrees of freedom where the scale is estimated, None where it is known."""
     family = model.family_
     return float(model.residual_df_) if isinstance(family, Gaussian) and family.scale is None else None
 
 
-def coefficient_table(model: GAMM) -> pd.DataFrame:
+def coefficient_table(model: Estimator) -> pd.DataFrame:
     """Tests of the parametric coefficients.
 
     Parameters
@@ -332,7 +323,7 @@ def coefficient_table(model: GAMM) -> pd.DataFrame:
     return pd.DataFrame(columns, index=pd.Index([model.coef_names_[i] for i in index], name="term"))
 
 
-def term_table(model: GAMM) -> pd.DataFrame:
+def term_table(model: Estimator) -> pd.DataFrame:
     """Tests of the smooth terms and random effects.
 
     Parameters

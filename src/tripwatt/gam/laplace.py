@@ -14,8 +14,9 @@ import numpy as np
 
 from tripwatt.arrays import FloatArray
 from tripwatt.gam.families import LOG_EXCESS_DF, ScaledT, TDerivatives, Theta, t_derivatives
-from tripwatt.gam.fit import Factor, Rows, Solution, Value, bounds, minimise
+from tripwatt.gam.fit import Factor, Solution, Value, bounds, minimise
 from tripwatt.gam.penalties import PenaltyStack
+from tripwatt.gam.tables import TableRows
 
 
 @dataclass
@@ -34,7 +35,7 @@ class LaplaceModel:
 
     Parameters
     ----------
-    rows : Rows
+    rows : TableRows
     y : ndarray (n,)
     stack : PenaltyStack
     family : ScaledT
@@ -43,7 +44,7 @@ class LaplaceModel:
     """
 
     def __init__(
-        self, rows: Rows, y: FloatArray, stack: PenaltyStack, family: ScaledT, beta: FloatArray
+        self, rows: TableRows, y: FloatArray, stack: PenaltyStack, family: ScaledT, beta: FloatArray
     ) -> None:
         self.rows, self.y, self.stack, self.family, self.beta = rows, y, stack, family, beta
 
@@ -212,12 +213,12 @@ def fit_laplace(
         return None if scored is None else (scored[0], scored[1][free], scored[2][np.ix_(free, free)])
 
     x, n_iter, converged, message = x0[free], 0, True, "all parameters were given"
-    gradient = np.zeros(0)
+    gradient, hessian = np.zeros(0), np.zeros((0, 0))
     if free.any():
         x, last, n_iter, converged, message = minimise(
             score, x, lower[free], upper[free], tolerance, max_iter
         )
-        gradient = last[1]
+        _, gradient, hessian = last
     best_rho, best = whole(x)
     scored = model.score(best_rho, best)
     if scored is None:
@@ -236,6 +237,7 @@ def fit_laplace(
         n_iter=n_iter,
         message=message,
         gradient=gradient,
+        hessian=np.zeros((0, 0)) if fixed else hessian,
         nu=best.nu if family.nu is None else family.nu,
         sigma=best.sigma,
     )

@@ -13,7 +13,8 @@ from tripwatt.gam.covariates import EXACT_ROWS, Index, Levels, Support, Training
 from tripwatt.gam.design import Design
 from tripwatt.gam.identify import identify, require_rows
 from tripwatt.gam.moments import Moments, moments
-from tripwatt.gam.solve import FitSettings, solve
+from tripwatt.gam.solve import FitSettings, Problem, solve
+from tripwatt.gam.tables import previous_rows
 
 DEAD = 1e-10
 """Share of a column's sum of squares below which a downdate has left nothing but rounding."""
@@ -79,7 +80,9 @@ def _fold(
     require_rows(len(kept), stack, f"without fold of row {out[0]}")
     if settings.rho is not None:
         settings = replace(settings, rho=settings.rho[which])
-    solution = solve(own.rows.subset(kept, active), y[kept], sums, stack, active, settings)
+    previous = previous_rows(groups[kept]) if lagged else None
+    rows = own.rows.subset(kept, active)
+    solution = solve(Problem(rows, y[kept], sums, stack, active, settings, previous))
     if solution is None:
         where = f"without fold of row {out[0]}"
         raise InvalidInput.of(

@@ -7,7 +7,10 @@ diagonal, several share one range space, in which log|S|+ is exact for smoothing
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +19,15 @@ from scipy.linalg import eigh, qr, solve_triangular
 from tripwatt.arrays import FloatArray
 
 RANK_TOLERANCE = 1e-9
+
+LOG_RATIO = (-25.0, 22.0)
+"""Bounds of log(smoothing parameter) about the value at which penalty and data weigh alike."""
+
+MOST_CORRELATED = 14.0
+"""The upper one of correlated effects, whose penalties overlap: a larger ratio drowns the smaller penalty in rounding."""
+
+Blocks: TypeAlias = list[tuple[int, list[FloatArray]]]
+"""First coefficient and penalties (m, m) of each penalised block."""
 
 
 @dataclass(frozen=True)
@@ -109,13 +121,47 @@ class PenaltyBlock:
         return 2 * float(np.log(np.abs(np.diag(R))).sum()), gradient, hessian
 
 
+def correlated_penalties(levels: int, loadings: FloatArray) -> list[FloatArray]:
+    """Penalties of q correlated effects of each of some levels, all levels of an effect together.
+
+    With b = L u, L unit lower triangular and independent u, the covariance of the effects of a level is L D L', and its
+    inverse the sum of v_j v_j' / D_j over the rows v_j of the inverse of L: one penalty for each j.
+
+    Parameters
+    ----------
+    levels : int
+    loadings : ndarray (q (q - 1) / 2,)
+        Lower triangle of L, row by row.
+    """
+    q = round((1 + math.sqrt(1 + 8 * len(loadings))) / 2)
+    L = np.eye(q)
+    L[np.tril_indices(q, -1)] = loadings
+    rows = np.linalg.inv(L)
+    return [np.asarray(np.kron(np.outer(v, v), np.eye(levels)), dtype=np.float64) for v in rows]
+
+
 @dataclass(frozen=True)
 class Penalty:
-    """One penalty in rotated coordinates: its coefficients, its matrix and, where it is diagonal, that diagonal."""
+    """One penalty in rotated coordinates.
+
+    Attributes
+    ----------
+    where : slice
+        Its coefficients.
+    matrix : ndarray (r, r)
+    diagonal : ndarray (r,) or None
+        Where it is diagonal.
+    trace : float
+        Trace that, against that of the crossproduct of `where`, gives the scale of its smoothing parameter.
+    log_most : float
+        Most of the log smoothing parameter about that scale.
+    """
 
     where: slice
     matrix: FloatArray
     diagonal: FloatArray | None
+    trace: float
+    log_most: float = LOG_RATIO[1]
 
     def times(self, M: FloatArray) -> FloatArray:
         """Penalty times the rows `where` of a vector or matrix M (r, ...)."""
@@ -132,7 +178,9 @@ class PenaltyStack:
     p : int
         Number of coefficients.
     terms : list of (int, list of ndarray)
-        First coefficient and penalties (m, m) of each penalised block.
+        As `Blocks`.
+    scales : mapping of int to ndarray (q,), optional
+        For each block of correlated effects, by its first coefficient, the size of the columns of each effect.
 
     Examples
     --------
@@ -141,20 +189,49 @@ class PenaltyStack:
     (1, 2)
     """
 
-    def __init__(self, p: int, terms: list[tuple[int, list[FloatArray]]]) -> None:
-        self.p = p
+    def __init__(self, p: int, terms: Blocks, scales: Mapping[int, FloatArray] | None = None) -> None:
+        self.p, self.terms, self.scales = p, terms, dict(scales or {})
         self.blocks = [PenaltyBlock.from_matrices(start, matrices) for start, matrices in terms]
         self.penalties: list[Penalty] = []
         self.members: list[npt.NDArray[np.intp]] = []
         for block in self.blocks:
             first = len(self.penalties)
-            for S in block.matrices:
+            sizes = self.scales.get(block.start)
+            for j, S in enumerate(block.matrices):
                 alone = np.diag(S) if len(block.matrices) == 1 else None
-                self.penalties.append(Penalty(block.range, S, alone))
+                if sizes is None:
+                    self.penalties.append(Penalty(block.range, S, alone, float(np.trace(S))))
+                else:
+                    own = block.rank / len(sizes) * float(sizes @ sizes) / sizes[j] ** 2
+                    self.penalties.append(Penalty(block.range, S, None, own, MOST_CORRELATED))
             self.members.append(np.arange(first, len(self.penalties)))
         self.size = len(self.penalties)
         self.rank = sum(block.rank for block in self.blocks)
         self.null_dim = p - self.rank
+
+    @property
+    def n_loadings(self) -> int:
+        """Parameters of correlation, which no penalty is linear in."""
+        return sum(len(size) * (len(size) - 1) // 2 for size in self.scales.values())
+
+    def loaded(self, x: FloatArray) -> PenaltyStack:
+        """The stack with other correlations of its correlated effects.
+
+        Parameters
+        ----------
+        x : ndarray (n_loadings,)
+            Loadings of all blocks, in units of the ratio of the effects' columns.
+        """
+        terms, rest = [], x
+        for start, matrices in self.terms:
+            if start in self.scales:
+                size = self.scales[start]
+                low, high = np.tril_indices(len(size), -1)
+                own, rest = rest[: len(low)], rest[len(low) :]
+                levels = len(matrices[0]) // len(size)
+                matrices = correlated_penalties(levels, own * size[high] / size[low])
+            terms.append((start, matrices))
+        return PenaltyStack(self.p, terms, self.scales)
 
     def rotate(self, M: FloatArray) -> FloatArray:
         """A vector (p,) or the rows of a matrix (p, q) in rotated coordinates."""

@@ -16,7 +16,6 @@ from tripwatt.gam.families import LOG_EXCESS_DF, ScaledT, Theta, fit_theta
 from tripwatt.gam.fit import (
     Evaluation,
     NormalEquations,
-    Rows,
     Solution,
     bounds,
     fit_gaussian,
@@ -24,6 +23,7 @@ from tripwatt.gam.fit import (
     newton_step,
 )
 from tripwatt.gam.penalties import PenaltyStack
+from tripwatt.gam.tables import TableRows
 
 SHORT = 0.5
 """Steps of log smoothing parameters below which, near the end, the working model is not evaluated a second time."""
@@ -38,7 +38,7 @@ class TData:
 
     Attributes
     ----------
-    rows : Rows
+    rows : TableRows
         Model matrix.
     y : ndarray (n,)
     gram : ndarray (p, p)
@@ -47,7 +47,7 @@ class TData:
         X'y there.
     """
 
-    rows: Rows
+    rows: TableRows
     y: FloatArray
     gram: FloatArray
     cross: FloatArray
@@ -216,6 +216,7 @@ class PerformanceIteration:
             n_iter=iterations,
             message=message,
             gradient=working.gradient,
+            hessian=np.zeros((0, 0)) if self.fixed else working.hessian,
             nu=last.state.theta.nu if self.family.nu is None else self.family.nu,
             sigma=last.state.theta.sigma,
         )

@@ -109,6 +109,12 @@ def results(design: Design, y: FloatArray, family: Family, solution: Solution, a
     eta = design.rows.predictor(coef)
     residual = y - eta
     loglik, deviance, null = _likelihood(family, residual, y, solution.nu, solution.sigma)
+    white = solution.white
+    if white is not None:  # the likelihood is that of the independent innovations
+        loglik = (
+            _likelihood(family, white.values(residual), y, solution.nu, solution.sigma)[0]
+            + white.log_jacobian
+        )
     if isinstance(family, Gaussian):
         count, at_bound = 1, False
     else:
@@ -129,7 +135,7 @@ def results(design: Design, y: FloatArray, family: Family, solution: Solution, a
         nu=solution.nu,
         sigma=solution.sigma if not isinstance(family, Gaussian) else math.sqrt(solution.scale),
         nu_at_bound=at_bound,
-        ar1_rho=solution.ar1_rho,
+        ar1_rho=0.0 if white is None else white.rho,
         reml=solution.score,
         loglik=loglik,
         aic=-2 * loglik + 2 * (float(edf.sum()) + count),

@@ -2,27 +2,34 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from scipy.optimize import minimize_scalar
+from scipy.optimize import minimize, minimize_scalar
 
 from tripwatt.arrays import FloatArray
 from tripwatt.gam.covariates import Index
 from tripwatt.gam.families import Family, Gaussian, ScaledT, Theta
-from tripwatt.gam.fit import NormalEquations, Rows, Solution, fit_gaussian
+from tripwatt.gam.fit import NormalEquations, Solution, fit_gaussian
 from tripwatt.gam.laplace import LaplaceModel, fit_laplace
 from tripwatt.gam.moments import Moments
 from tripwatt.gam.penalties import PenaltyStack
 from tripwatt.gam.performance import PerformanceIteration, State, TData
-from tripwatt.gam.tables import TableRows
+from tripwatt.gam.tables import TableRows, Whitening
 
 Method = Literal["fREML", "REML"]
 THIN_ROWS = 10_000
 """A scaled t with twice as many rows is started from a fit to so many of them."""
 
 AR1_BOUNDS = (-0.95, 0.9999)
+
+MOST_GRADIENT = 1e-2
+"""Of the score in the loadings of correlated effects, where the search for them has converged."""
+
+LOADING_STEP = 1e-3
+"""Of the derivatives of the score in the loadings of correlated effects; the score has ten digits or more."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +56,46 @@ class FitSettings:
     max_iter: int = 400
 
 
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """What is to be fitted, active coefficients only.
+
+    Attributes
+    ----------
+    rows : TableRows
+        Active columns only.
+    y : ndarray (n,)
+    sums : Moments
+        Of all columns.
+    stack : PenaltyStack
+        Of the active columns.
+    active : ndarray
+        Active columns.
+    settings : FitSettings
+    previous : ndarray (n,), optional
+        The row of the same group before each row, for autocorrelated errors.
+    """
+
+    rows: TableRows
+    y: FloatArray
+    sums: Moments
+    stack: PenaltyStack
+    active: Index
+    settings: FitSettings
+    previous: Index | None = None
+
+    def normal(self, rho: float) -> NormalEquations:
+        """Normal equations at an autocorrelation."""
+        return self.sums.normal(self.stack, self.active, rho)
+
+    def whitened(self, rho: float) -> tuple[TableRows, FloatArray]:
+        """Rows and response with independent errors."""
+        if self.previous is None:
+            return self.rows, self.y
+        white = Whitening(self.previous, rho)
+        return white.rows(self.rows), white.values(self.y)
+
+
 def _with_ridge(data: NormalEquations) -> NormalEquations:
     """A ridge of one part in 1e8, for crossproducts that are singular to working precision."""
     gram = data.gram.copy()
@@ -73,41 +120,10 @@ def _gaussian(
     )
 
 
-def _autoregressive(
-    sums: Moments, stack: PenaltyStack, active: Index, settings: FitSettings, scale: float | None
-) -> Solution | None:
-    if not isinstance(settings.ar1_rho, str):
-        rho = float(settings.ar1_rho or 0.0)
-        fitted = _gaussian(sums.normal(stack, active, rho), stack, settings, scale)
-        return None if fitted is None else replace(fitted, ar1_rho=rho)
-    last: dict[str, FloatArray] = {}
-
-    def score(z: float) -> float:
-        solution = fit_gaussian(
-            sums.normal(stack, active, float(np.tanh(z))), stack, last.get("rho"), False, scale
-        )
-        if solution is None:
-            return np.inf
-        last["rho"] = solution.rho
-        return solution.score
-
-    if settings.rho is not None:
-        kept = settings.rho
-
-        def score(z: float) -> float:
-            solution = fit_gaussian(sums.normal(stack, active, float(np.tanh(z))), stack, kept, True, scale)
-            return np.inf if solution is None else solution.score
-
-    low, high = np.arctanh(AR1_BOUNDS)
-    best = minimize_scalar(score, bounds=(low, high), method="bounded", options={"xatol": 1e-4})
-    rho = float(np.tanh(best.x))
-    return _autoregressive(sums, stack, active, replace(settings, ar1_rho=rho), scale)
-
-
-def _subset_start(rows: Rows, y: FloatArray, stack: PenaltyStack, settings: FitSettings) -> State | None:
+def _subset_start(rows: TableRows, y: FloatArray, stack: PenaltyStack, settings: FitSettings) -> State | None:
     """A start from every so many-th row, where there are many rows; None where that is no use."""
     step = rows.n // THIN_ROWS
-    if step < 2 or not isinstance(rows, TableRows):
+    if step < 2:
         return None
     every = np.arange(0, rows.n, step, dtype=np.intp)
     few, some = rows.subset(every), y[every]
@@ -124,7 +140,7 @@ def _subset_start(rows: Rows, y: FloatArray, stack: PenaltyStack, settings: FitS
 
 
 def _scaled_t(
-    rows: Rows, y: FloatArray, data: NormalEquations, stack: PenaltyStack, settings: FitSettings
+    rows: TableRows, y: FloatArray, data: NormalEquations, stack: PenaltyStack, settings: FitSettings
 ) -> Solution | None:
     family = settings.family
     assert isinstance(family, ScaledT)
@@ -142,35 +158,82 @@ def _scaled_t(
     return fit_laplace(model, first.rho, theta, data.gram, fixed, max_iter=settings.max_iter)
 
 
-def solve(
-    rows: Rows, y: FloatArray, sums: Moments, stack: PenaltyStack, active: Index, settings: FitSettings
-) -> Solution | None:
-    """Fit the active coefficients.
+def _at(problem: Problem, rho: float) -> Solution | None:
+    """Fit at a given autocorrelation, with a ridge where it takes one."""
+    settings, stack, data = problem.settings, problem.stack, problem.normal(rho)
+    fitted = None
+    if isinstance(settings.family, Gaussian):
+        scale = settings.family.scale
+        fitted = _gaussian(data, stack, settings, scale) or _gaussian(
+            _with_ridge(data), stack, settings, scale
+        )
+    else:
+        rows, y = problem.whitened(rho)
+        fitted = _scaled_t(rows, y, data, stack, settings) or _scaled_t(
+            rows, y, _with_ridge(data), stack, settings
+        )
+        if fitted is not None:
+            fitted.score -= data.log_jacobian
+    white = None if problem.previous is None else Whitening(problem.previous, rho)
+    return None if fitted is None else replace(fitted, white=white)
+
+
+def _solve(problem: Problem) -> Solution | None:
+    """Fit with the correlations of effects that the stack has; the autocorrelation by a search on the score."""
+    settings, stack, family = problem.settings, problem.stack, problem.settings.family
+    if not isinstance(settings.ar1_rho, str):
+        return _at(problem, float(settings.ar1_rho or 0.0))
+    start = settings.rho
+
+    def score(z: float) -> float:
+        nonlocal start
+        rho = float(np.tanh(z))
+        if isinstance(family, Gaussian) and not stack.n_loadings:
+            fixed = settings.rho is not None
+            fitted = fit_gaussian(problem.normal(rho), stack, start, fixed, family.scale)
+        else:
+            fitted = _at(problem, rho)
+        start = start if fitted is None else fitted.rho
+        return math.inf if fitted is None else fitted.score
+
+    low, high = np.arctanh(AR1_BOUNDS)
+    xatol = (
+        1e-8 if stack.n_loadings else 1e-4
+    )  # the search around it needs a smooth score, so no warm starts too
+    best = minimize_scalar(score, bounds=(low, high), method="bounded", options={"xatol": xatol})
+    return _at(problem, float(np.tanh(best.x)))
+
+
+def solve(problem: Problem) -> Solution | None:
+    """Fit the active coefficients, and the correlations of effects by an outer search on the REML score.
 
     Parameters
     ----------
-    rows : Rows
-        Active columns only.
-    y : ndarray (n,)
-    sums : Moments
-        Of all columns.
-    stack : PenaltyStack
-        Of the active columns.
-    active : ndarray
-        Active columns.
-    settings : FitSettings
+    problem : Problem
 
     Returns
     -------
     Solution or None
         None where no start leads to a positive definite system.
     """
-    family = settings.family
-    if isinstance(family, Gaussian):
-        solution = _autoregressive(sums, stack, active, settings, family.scale)
-        if solution is not None or len(sums.gram) > 1:
-            return solution
-        return _gaussian(_with_ridge(sums.normal(stack, active)), stack, settings, family.scale)
-    data = sums.normal(stack, active)
-    solution = _scaled_t(rows, y, data, stack, settings)
-    return solution if solution is not None else _scaled_t(rows, y, _with_ridge(data), stack, settings)
+    stack = problem.stack
+    if not stack.n_loadings:
+        return _solve(problem)
+
+    def at(loadings: FloatArray) -> Solution | None:
+        return _solve(replace(problem, stack=stack.loaded(loadings)))
+
+    def score(loadings: FloatArray) -> float:
+        fitted = at(loadings)
+        return math.inf if fitted is None else fitted.score
+
+    def gradient(loadings: FloatArray) -> FloatArray:
+        steps = LOADING_STEP * np.eye(len(loadings))
+        return np.array([score(loadings + s) - score(loadings - s) for s in steps]) / (2 * LOADING_STEP)
+
+    best = minimize(score, np.zeros(stack.n_loadings), jac=gradient, method="BFGS", options={"gtol": 1e-4})
+    solution = at(best.x)
+    if solution is None:
+        return None
+    flat = float(np.abs(best.jac).max()) < MOST_GRADIENT
+    return replace(solution, loadings=best.x, converged=solution.converged and flat)

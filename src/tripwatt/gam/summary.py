@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from tripwatt.gam.components import variance_components
+from tripwatt.gam.families import Gaussian
 from tripwatt.gam.formula import render_formula
 from tripwatt.gam.inference import coefficient_table, term_table
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from tripwatt.gam.model import GAMM
-
-__all__ = ["Summary", "stars", "summary"]
+    from tripwatt.gam.estimator import Estimator
 
 _LEVELS: Final = ((0.001, "***"), (0.01, "**"), (0.05, "*"))
 _LEGEND: Final = "*** p < 0.001, ** p < 0.01, * p < 0.05"
@@ -65,6 +65,8 @@ class Summary:
         What ended the fit.
     notes : tuple of str
         Reductions that the data forced: columns removed, levels without data.
+    variance : pandas.DataFrame
+        Of `GAMM.variance_components`; empty in a model without random effects.
 
     Examples
     --------
@@ -72,7 +74,7 @@ class Summary:
     >>> from tripwatt.gam.model import GAMM
     >>> x = np.linspace(0, 1, 60)
     >>> frame = pd.DataFrame({"x": x, "y": np.sin(6 * x) + 0.2 * np.cos(90 * x)})
-    >>> result = summary(GAMM("y ~ s(x, k=8)").fit(frame))
+    >>> result = Summary.from_model(GAMM("y ~ s(x, k=8)").fit(frame))
     >>> list(result.frame()["kind"]), [label for label, _, _ in result.rows()]
     (['parametric', 'smooth'], ['(Intercept)', 'EDF: s(x)'])
     >>> list(result.scores())
@@ -102,6 +104,40 @@ class Summary:
     converged: bool
     message: str = ""
     notes: tuple[str, ...] = ()
+    variance: pd.DataFrame | None = None
+
+    @classmethod
+    def from_model(cls, model: Estimator) -> Summary:
+        """Summarise a fitted model.
+
+        Parameters
+        ----------
+        model : GAMM
+            A fitted model.
+        """
+        family = model.family_
+        return cls(
+            parametric=coefficient_table(model),
+            smooth=term_table(model),
+            formula=render_formula(model.formula_),
+            family=family.name,
+            method=str(model.method) if family.name == "scat" else "REML",
+            scale_known=not (isinstance(family, Gaussian) and family.scale is None),
+            r2=float(model.r2_),
+            deviance_explained=float(model.deviance_explained_),
+            reml=float(model.reml_),
+            aic=float(model.aic_),
+            loglik=float(model.loglik_),
+            scale=float(model.scale_),
+            n=int(model.n_),
+            nu=float(model.nu_) if model.nu_ is not None else float("nan"),
+            sigma=float(model.sigma_) if model.sigma_ is not None else float("nan"),
+            nu_at_bound=bool(model.nu_at_bound_),
+            converged=bool(model.converged_),
+            message=str(model.message_),
+            notes=tuple(model.notes_),
+            variance=variance_components(model),
+        )
 
     def frame(self) -> pd.DataFrame:
         """Both tables in one, term by term.
@@ -148,12 +184,15 @@ class Summary:
         Returns
         -------
         dict
-            Label to text.
+            Label to text; with random effects and REML also -2 log of the restricted likelihood, which lme4 prints as
+            the REML criterion.
         """
+        mixed = self.method == "REML" and self.variance is not None and len(self.variance) > 1
         return {
             "R2 (adjusted)": f"{self.r2:.3f}",
             "Deviance explained": f"{100 * self.deviance_explained:.1f} %",
             self.method: f"{self.reml:.4f}",
+            **({"-2 log REML": f"{2 * self.reml:.4f}"} if mixed else {}),
             "Log-likelihood": f"{self.loglik:.3f}",
             "AIC": f"{self.aic:.3f}",
             "n": f"{self.n:d}",
@@ -180,6 +219,11 @@ class Summary:
         for title, table, heads, style in tables:
             if len(table):
                 lines += ["", f"{title}:", *_align(table, heads, style)]
+        if self.variance is not None and len(self.variance) > 1:
+            shown = self.variance.drop(columns="variance").to_string(
+                index=False, na_rep="", float_format="%.4f"
+            )
+            lines += ["", "Variance components:", *map(str.rstrip, shown.split("\n"))]
         lines += ["", f"Stars: {_LEGEND}", ""]
         lines += [f"{label + ':':<20}{value}" for label, value in self.scores().items()]
         lines += ["", *(f"Note: {note}" for note in self.notes)] if self.notes else []
@@ -291,54 +335,3 @@ def _p_value(p: float) -> str:
 def _latex(text: str) -> str:
     escapes = {c: "\\" + c for c in "&%$#_{}"} | {"\\": r"\textbackslash{}", "~": r"\~{}", "^": r"\^{}"}
     return "".join(escapes.get(c, c) for c in text)
-
-
-def summary(model: GAMM) -> Summary:
-    """Tables, tests and scores of a fitted model.
-
-    Parameters
-    ----------
-    model : GAMM
-        A fitted model.
-
-    Returns
-    -------
-    Summary
-
-    Examples
-    --------
-    >>> import pandas as pd
-    >>> from tripwatt.gam.model import GAMM
-    >>> x = np.linspace(0, 1, 60)
-    >>> frame = pd.DataFrame({"x": x, "y": np.sin(6 * x) + 0.2 * np.cos(90 * x)})
-    >>> model = GAMM("y ~ s(x, k=8)").fit(frame)
-    >>> page = summary(model)
-    >>> page.smooth.round(1).loc["s(x)", ["edf", "ref_df"]].tolist()
-    [6.3, 6.8]
-    >>> print(page.text().splitlines()[1])
-    Formula: y ~ s(x, k=8)
-    """
-    from tripwatt.gam.families import Gaussian
-
-    family = model.family_
-    return Summary(
-        parametric=coefficient_table(model),
-        smooth=term_table(model),
-        formula=render_formula(model.formula_),
-        family=family.name,
-        method=str(model.method) if family.name == "scat" else "REML",
-        scale_known=not (isinstance(family, Gaussian) and family.scale is None),
-        r2=float(model.r2_),
-        deviance_explained=float(model.deviance_explained_),
-        reml=float(model.reml_),
-        aic=float(model.aic_),
-        loglik=float(model.loglik_),
-        scale=float(model.scale_),
-        n=int(model.n_),
-        nu=float(model.nu_) if model.nu_ is not None else float("nan"),
-        sigma=float(model.sigma_) if model.sigma_ is not None else float("nan"),
-        nu_at_bound=bool(model.nu_at_bound_),
-        converged=bool(model.converged_),
-        message=str(model.message_),
-        notes=tuple(model.notes_),
-    )

@@ -6,6 +6,7 @@ Products with X cost a few operations per row and term; crossproducts go chunk b
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,6 +26,56 @@ class IndexedColumns:
     table: FloatArray
     index: Index
     scale: FloatArray | None = None
+
+
+@dataclass(frozen=True)
+class Whitening:
+    """The rows v_t of a group become (v_t - rho v_(t-1)) / sqrt(1 - rho^2), its first row stays.
+
+    Attributes
+    ----------
+    previous : ndarray (n,)
+        The row of the same group before each row, -1 where there is none.
+    rho : float
+        Correlation of successive rows.
+    """
+
+    previous: Index
+    rho: float
+
+    @property
+    def weights(self) -> tuple[FloatArray, FloatArray]:
+        """Weights (n,) of each row and of the row before it."""
+        root, first = math.sqrt(1 - self.rho**2), self.previous < 0
+        return np.where(first, 1.0, 1 / root), np.where(first, 0.0, -self.rho / root)
+
+    @property
+    def log_jacobian(self) -> float:
+        """Log determinant of the map."""
+        return -float((self.previous >= 0).sum()) / 2 * math.log(1 - self.rho**2)
+
+    def values(self, v: FloatArray) -> FloatArray:
+        """Map a vector (n,)."""
+        now, before = self.weights
+        return np.asarray(now * v + before * v[self.previous])
+
+    def rows(self, rows: TableRows) -> TableRows:
+        """Map the rows of a model matrix."""
+        parts = []
+        for weight, at in zip(self.weights, (np.arange(rows.n), self.previous), strict=True):
+            for q in rows.parts:
+                scale = weight if q.scale is None else weight * q.scale[at]
+                parts.append(IndexedColumns(q.columns, q.table, q.index[at], scale))
+        return TableRows(parts, rows.n, rows.p)
+
+
+def previous_rows(groups: Index) -> Index:
+    """The row of the same group before each row (n,), -1 for the first of a group."""
+    order = np.argsort(groups, kind="stable")
+    previous = np.full(len(groups), -1, dtype=np.intp)
+    same = np.diff(groups[order]) == 0
+    previous[order[1:][same]] = order[:-1][same]
+    return previous
 
 
 class TableRows:
@@ -89,9 +140,9 @@ class TableRows:
             if q.scale is not None:
                 piece *= q.scale[rows][:, None]
             if len(q.columns) and q.columns[-1] - q.columns[0] + 1 == len(q.columns):
-                out[:, q.columns[0] : q.columns[-1] + 1] = piece
+                out[:, q.columns[0] : q.columns[-1] + 1] += piece
             else:
-                out[:, q.columns] = piece
+                out[:, q.columns] += piece
         return out
 
     def _chunks(self) -> list[slice]:

@@ -135,30 +135,45 @@ class Tensor:
 
 @dataclass(frozen=True, slots=True)
 class RandomEffect:
-    """A random intercept: one independent normal effect per level, all with the same variance.
+    """Normal effects of the levels of a group with mean 0: intercepts, slopes, or both with a covariance.
 
-    Parameters
+    Attributes
     ----------
     name : str
         Column of the levels.
+    others : tuple of str
+        Further columns. Numbers multiply the effect, which makes it a slope. Factors are crossed with the levels: one
+        effect for each combination that occurs, e.g. of machine and worker. Beside a factor a numeric `name` is
+        refused, since it may be meant as either.
+    correlated : bool
+        An intercept and one slope for each of `others`, which are then numbers, with a covariance matrix of their
+        own: lme4's ``(1 + x | g)``. Otherwise all effects of the term are independent with one variance.
 
     Examples
     --------
-    >>> RandomEffect("trip").label
-    's(trip)'
+    >>> RandomEffect("trip").label, RandomEffect("trip", ("speed",)).label
+    ('s(trip)', 's(trip,speed)')
+    >>> RandomEffect("trip", ("speed",), correlated=True).label
+    '(1+speed|trip)'
     """
 
     name: str
+    others: tuple[str, ...] = ()
+    correlated: bool = False
 
     @property
     def label(self) -> str:
         """Name of the term in tables."""
-        return f"s({self.name})"
+        return (
+            f"({'+'.join(('1', *self.others))}|{self.name})"
+            if self.correlated
+            else f"s({','.join(self.columns)})"
+        )
 
     @property
     def columns(self) -> tuple[str, ...]:
         """Columns of the frame that the term reads."""
-        return (self.name,)
+        return (self.name, *self.others)
 
 
 Term: TypeAlias = Parametric | Smooth | Tensor | RandomEffect

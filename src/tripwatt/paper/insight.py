@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from tripwatt.gam.diagnosis import Autocorrelation, Diagnosis, autocorrelation, diagnosis
-from tripwatt.gam.effects import Effect, RandomEffects, effects
-from tripwatt.gam.summary import Summary, summary
+from tripwatt.gam import Autocorrelation, Diagnosis, RandomEffects, Summary, autocorrelation
+from tripwatt.gam.effects import Effect
 from tripwatt.hybrid.trip_table import EnergyModel, TripTable
 from tripwatt.paper.models import HybridModel
 from tripwatt.paper.table2 import TABLE2, Table2Corrector
@@ -131,9 +130,9 @@ def gamm_insight(model: HybridModel, table: TripTable) -> GammInsight:
     whole = np.asarray(fitted.predict(corrector.frame(X, groups)), dtype=np.float64)
     neighbours = autocorrelation(residual - whole, groups, max_lag=1)
     return GammInsight(
-        summary=summary(fitted),
-        diagnosis=diagnosis(fitted),
-        effects={label: _named(effect, table.trip_ids) for label, effect in effects(fitted, frame).items()},
+        summary=fitted.summary(),
+        diagnosis=fitted.diagnosis(),
+        effects={label: _named(effect, table.trip_ids) for label, effect in fitted.effects(frame).items()},
         autocorrelation=autocorrelation(fitted.residuals_, groups[rows]),
         row_step_s=_step_s(X["time_s"].to_numpy()[rows], groups[rows]),
         full_step_s=_step_s(X["time_s"].to_numpy(), groups),

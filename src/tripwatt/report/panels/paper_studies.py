@@ -15,7 +15,7 @@ from tripwatt.report.panel import Content, panel
 from tripwatt.report.style import INK, legend_below, plotted, size_axes
 from tripwatt.report.tables import DASH, Column, Table, in_percent, in_words, tabulated
 from tripwatt.report.view import Record, View
-from tripwatt.report.words import label, listed, percent, points
+from tripwatt.report.words import interval, label, listed, percent, points
 
 ABSENT = (
     "Measured on the reference trips of the TUM data set alone, with the models that it varies in the run."
@@ -144,17 +144,28 @@ def gamm_errors(view: View) -> Content:
 
 
 def on_gamm_errors(view: View) -> str:
-    """What the error of the GAMM depends on."""
-    scores, paper = study_scores(view), view.published.get("gamm")
-    beside = "" if paper is None else f" (the paper: {percent(paper)})"
+    """The mean error with the paper's options beside its figure, and without the trip of the largest error."""
+    own = study_scores(view)["gamm"]
     return (
-        "Rows of a trip are dependent, also a minute apart. With errors taken for independent, the ambient temperature, nearly "
-        "constant within a trip, serves as a second trip effect, and the surface of temperature and elevation takes up what "
-        f"belongs to the trip. With Student's t errors, as in the paper, the mean error is {percent(scores['gamm']['mape'])}{beside}. "
-        "Normal errors with AR(1) correlation put the dependence into the correlation; they are another family than the paper's, "
-        f"so their {percent(scores['gamm-ar1']['mape'])} is no counterpart of its figure."
+        f"With Student's t errors, as in the paper, the mean error is {percent(own['mape'])}{interval(own)}."
+        f"{gamm_beside_paper(view)} Without the trip of the largest error it is {percent(without_worst(view, 'gamm'))}."
         f"{_on_choice(view, 'gamm-chosen')}"
     )
+
+
+def gamm_beside_paper(view: View) -> str:
+    """Whether the interval of the GAMM's mean error contains the figure of the paper; empty without either."""
+    paper, bounds = view.published.get("gamm"), study_scores(view)["gamm"].get("mape_ci95")
+    if paper is None or bounds is None:
+        return ""
+    contains = "contains" if bounds[0] <= paper <= bounds[1] else "does not contain"
+    return f" The interval {contains} the paper's {percent(paper)}."
+
+
+def without_worst(view: View, name: str) -> float:
+    """Mean absolute percentage error of a model of the studies without the trip of its largest error."""
+    score, trips = study_scores(view)[name], int(view.results["studies"]["n_trips"])
+    return (trips * float(score["mape"]) - float(score["max_ape"])) / (trips - 1)
 
 
 def _on_choice(view: View, name: str) -> str:
