@@ -22,7 +22,7 @@ from tripwatt.vehicles import Vehicle
 WINDOW: Final = 1024
 """Drives that are prepared and sorted together: it bounds the memory."""
 
-CHUNK_SAMPLES: Final = 16_384
+CHUNK_SAMPLES: Final = 32_768
 """Samples that go through the chain at once: their arrays stay in the cache."""
 
 LENGTHS_PER_OCTAVE: Final = 8
