@@ -17,7 +17,7 @@ from tripwatt.errors import InvalidInput
 from tripwatt.hybrid import (
     SegmentTable,
     StageRecord,
-    identify,
+    identify_each,
     resimulated,
     segment_trips,
     stage_record,
@@ -111,15 +111,16 @@ class ForecastData:
             tuple(self.trips[i] for i in members) if self.trips else (),
         )
 
-    def identified(self, train: IntArray) -> tuple[Vehicle, SegmentTable]:
-        """The car as the signals of some trips show its stages, and the segments of all trips with it.
+    def identified(self, trains: Sequence[IntArray]) -> list[tuple[Vehicle, SegmentTable]]:
+        """The car as the signals of some trips show its stages, and the segments of all trips with it; for each of several choices.
 
-        O(samples). The table is the same where the signals show nothing.
+        O(samples) for each. The table is the same where the signals show nothing.
         """
-        vehicle = identify([self.stages[i] for i in train], self.vehicle).applied(self.vehicle)
-        if vehicle is self.vehicle:
-            return vehicle, self.segments
-        return vehicle, resimulated(self.segments, self.plans, vehicle)
+        records = [[self.stages[i] for i in train] for train in trains]
+        cars = [found.applied(self.vehicle) for found in identify_each(records, self.vehicle)]
+        new = [car for car in cars if car is not self.vehicle]
+        tables = iter(resimulated(self.segments, self.plans, new))
+        return [(car, self.segments if car is self.vehicle else next(tables)) for car in cars]
 
     def take_stages(self, members: IntArray) -> ForecastData:
         """Some of the trips with what `identified` needs of them; the rest is empty."""

@@ -39,7 +39,7 @@ class PowerMethod(Method[ForecastData]):
 
     def fit(self, data: ForecastData, train: IntArray, seed: int) -> Fitted:
         """Fit the corrector to what the physics leaves of the measured power."""
-        segments = data.identified(train)[1] if self.identified else data.segments
+        segments = data.identified([train])[0][1] if self.identified else data.segments
         corrector = self.corrector and power_corrector(self.corrector, seed).fit(segments.take(train))
 
         def predict(test: IntArray) -> FloatArray:
@@ -141,10 +141,12 @@ class ForecastMethod(Method[ForecastData]):
 
     def fit(self, data: ForecastData, train: IntArray, seed: int) -> Fitted:
         """Identify the car, fit model and uncertainty."""
-        vehicle, segments = data.identified(train)
+        ((vehicle, segments),) = data.identified([train])
         model = ForecastModel(vehicle, self.corrector, seed)
         training = data.take_stages(train)
-        model.fit_segments(segments.take(train), again=lambda kept: training.identified(kept)[1])
+        model.fit_segments(
+            segments.take(train), again=lambda several: [t for _, t in training.identified(several)]
+        )
         made: dict[int, Forecast] = {}
 
         def predict(test: IntArray) -> FloatArray:

@@ -23,8 +23,8 @@ INNER_FOLDS: Final = 10
 SETTINGS_BLOCKS: Final = 3
 """Parts of the folds that share their settings. More cost a search each; fewer leave the search too few trips."""
 
-Again = Callable[[IntArray], SegmentTable]
-"""Numbers of some training trips -> all of them, simulated with the car as those show it."""
+Again = Callable[[Sequence[IntArray]], Sequence[SegmentTable]]
+"""Choices of some training trips by their numbers -> for each all of them, simulated with the car as those show it."""
 
 
 def shown_by(
@@ -43,9 +43,10 @@ def shown_by(
     """
     plans = [plan_from_trip(trip) for trip in trips]
 
-    def again(members: IntArray) -> SegmentTable:
-        car = car_of(members)
-        return table if car is vehicle else resimulated(table, plans, car)
+    def again(several: Sequence[IntArray]) -> list[SegmentTable]:
+        cars = [car_of(members) for members in several]
+        tables = iter(resimulated(table, plans, [car for car in cars if car is not vehicle]))
+        return [table if car is vehicle else next(tables) for car in cars]
 
     return again
 
@@ -87,16 +88,14 @@ def inner_fits(
     """
     folds = inner_folds(table, seed)
     blocks = folds % SETTINGS_BLOCKS
-    tuned: dict[int, PowerCorrector] = {}
-    for fold in range(int(folds.max()) + 1):
-        block = fold % SETTINGS_BLOCKS
-        if block not in tuned:
-            tuned[block] = fitted
-            if isinstance(name, str) and name in TUNED:
-                others = np.flatnonzero(blocks != block)
-                seen = table if again is None else again(others)
-                tuned[block] = fresh_corrector(name, seed, fitted).fit(seen.take(others))
-        kept = np.flatnonzero(folds != fold)
-        seen = table if again is None else again(kept)
-        corrector = tuned[block].clone_tuned().fit(seen.take(kept))
-        yield InnerFit(np.flatnonzero(folds == fold), corrector, seen)
+    numbers = range(int(folds.max()) + 1)
+    tunes = isinstance(name, str) and name in TUNED
+    kept = [np.flatnonzero(folds != fold) for fold in numbers]
+    others = [np.flatnonzero(blocks != block) for block in np.unique(blocks)] if tunes else []
+    seen = [table] * (len(kept) + len(others)) if again is None else again([*kept, *others])
+    tuned = [fitted] * SETTINGS_BLOCKS
+    for block, (members, own) in enumerate(zip(others, seen[len(kept) :], strict=True)):
+        tuned[block] = fresh_corrector(str(name), seed, fitted).fit(own.take(members))
+    for fold, members, own in zip(numbers, kept, seen, strict=False):
+        corrector = tuned[fold % SETTINGS_BLOCKS].clone_tuned().fit(own.take(members))
+        yield InnerFit(np.flatnonzero(folds == fold), corrector, own)

@@ -6,7 +6,14 @@ what is known before departure. In both ``residual = observed - simulated`` and 
 
 from tripwatt.hybrid.baselines import EnergyRegression, PhysicsOnly
 from tripwatt.hybrid.correctors import POWER_CORRECTORS, STORABLE, power_corrector
-from tripwatt.hybrid.identification import Identified, StageRecord, identify, identify_trips, stage_record
+from tripwatt.hybrid.identification import (
+    Identified,
+    StageRecord,
+    identify,
+    identify_each,
+    identify_trips,
+    stage_record,
+)
 from tripwatt.hybrid.outside import Corrector
 from tripwatt.hybrid.power import PowerCorrector
 from tripwatt.hybrid.segments import SEGMENT_S, SegmentTable, resimulated, segment_table, segment_trips
@@ -28,6 +35,7 @@ __all__ = [
     "TripTable",
     "build_table",
     "identify",
+    "identify_each",
     "identify_trips",
     "power_corrector",
     "resimulated",

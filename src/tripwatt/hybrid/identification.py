@@ -19,9 +19,8 @@ voltage at rest        open-circuit voltage = curve + smooth change             
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, Final
 
@@ -30,15 +29,15 @@ import pandas as pd
 
 from tripwatt.arrays import FloatArray
 from tripwatt.auditing.signals import blank_stuck_heater
+from tripwatt.hybrid.climate_values import FARTHEST, LEAST_TRIPS, ClimateRecord, climate_values
 from tripwatt.hybrid.parameters import with_values
 from tripwatt.physics import Simulation, simulate_trip
 from tripwatt.physics.battery import internal_resistance, open_circuit_voltage
-from tripwatt.physics.cabin import CabinStart, condition_cabin
 from tripwatt.physics.road_load import rolling_factor
 from tripwatt.physics.simulate import conditions_at_departure
 from tripwatt.trips import Trip, resample
 from tripwatt.units import GRAVITY_M_S2
-from tripwatt.vehicles import Climate, Vehicle
+from tripwatt.vehicles import Vehicle
 
 STRETCH_S: Final = 30.0
 """Stretches over which work is summed, so that torque and speed need not belong to the same moment."""
@@ -68,24 +67,8 @@ LEAST_RECOVERED: Final = 0.4
 MOST_RECOVERED: Final = 1.2
 """Shares of the braking power above the published end of the fade that a torque of this car shows; another belongs to no motor."""
 COLD_DEGC: Final = 5.0
-WARM_DEGC: Final = 15.0
 """The rise in the cold needs `LEAST_TRIPS` colder trips than the first: warm ones do not show it. Where all trips are cold the priors
 share an excess between the rise and the rolling resistance at the reference temperature."""
-INTERIOR_WIDTH: Final = 0.7
-"""Prior standard deviation of the logarithm of the interior heat capacity: a factor of two of the mass that takes part."""
-COOLER_WIDTH: Final = 0.4
-"""Prior standard deviation of the logarithm of sensible cooling over electric power: published figures of 2.5 to 3.5 in total, of which drying
-the air, hot surfaces and the cooling of the battery take power that does not follow from the set-point."""
-IDLE_QUANTILE: Final = 0.25
-"""Quantile of the power of a running compressor that stands for its least power."""
-RUNNING_W: Final = 50.0
-LEAST_RUNNING_S: Final = 60.0
-IDLE_WIDTH_W: Final = 300.0
-"""Prior standard deviation of the least power: hardly any, because no source has one."""
-MINUTE_SD_W: Final = 600.0
-"""Scatter of the climate power of one minute about the model's: settings of the driver, seats, sun."""
-MINUTES_WORTH: Final = 4.0
-"""Minutes of a trip scatter together; a trip counts as so many of them."""
 BASE_WIDTH: Final = 0.4
 """Prior standard deviation of the base load, as in `tripwatt.hybrid.parameters`."""
 LEAST_SD: Final = 0.1
@@ -102,10 +85,6 @@ RESTING_S: Final = 10.0
 STANDING_M_S: Final = 0.1
 CLIMATE_OFF_W: Final = 50.0
 LEAST_STANDING_S: Final = 10.0
-FARTHEST: Final = 3.0
-"""Prior standard deviations beyond which a value comes from a dead or misnamed signal, and not from the car: the published one stays."""
-LEAST_TRIPS: Final = 3
-"""Fewest trips with a signal before it changes anything."""
 
 HEATER: Final = ("heating_power_w", "aircon_power_w")
 _PASSES: Final = 3
@@ -150,19 +129,6 @@ class StageRecord:
     standing_w: float
     climate: ClimateRecord | None
     rest: FloatArray
-
-
-@dataclass(frozen=True, eq=False)
-class ClimateRecord:
-    """Logged power of heater and air conditioner by minutes [W], and what the cabin model needs to follow it."""
-
-    time_s: FloatArray
-    speed_m_s: FloatArray
-    ambient_temperature_degc: float
-    start: CabinStart
-    minute: FloatArray
-    power_w: FloatArray
-    least_w: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -256,7 +222,7 @@ def stage_record(trip: Trip, vehicle: Vehicle) -> StageRecord:
         _standing_power(samples, climate),
         None
         if climate is None or compressor is None
-        else _climate_record(trip, vehicle, climate, compressor),
+        else ClimateRecord.from_trip(trip, vehicle, climate, compressor),
         _rest_rows(samples, vehicle),
     )
 
@@ -288,13 +254,29 @@ def identify(records: Sequence[StageRecord], vehicle: Vehicle) -> Identified:
     >>> dict(identify([], load_vehicle("bmw_i3_60ah")).values)
     {}
     """
+    return identify_each([records], vehicle)[0]
+
+
+def identify_each(several: Sequence[Sequence[StageRecord]], vehicle: Vehicle) -> list[Identified]:
+    """`identify` from each of several sets of trips; much faster than one by one, because they share the steps of the cabins."""
+    climates = [[r.climate for r in records if r.climate is not None] for records in several]
+    of_climate = climate_values(climates, vehicle)
+    return [
+        _identified(records, vehicle, values, seen)
+        for records, values, seen in zip(several, of_climate, climates, strict=True)
+    ]
+
+
+def _identified(
+    records: Sequence[StageRecord], vehicle: Vehicle, of_climate: _Values, climates: Sequence[ClimateRecord]
+) -> Identified:
     values: _Values = {}
     trips: dict[str, int] = {}
     signals: tuple[tuple[Callable[[Any, Vehicle], _Values], list[Any]], ...] = (
         (_road_values, [r for r in records if len(r.road)]),
         (_fade_values, [r.braking for r in records if r.braking.any()]),
         (_base_value, [r.standing_w for r in records if np.isfinite(r.standing_w)]),
-        (_climate_values, [r.climate for r in records if r.climate is not None]),
+        (lambda _records, _vehicle: of_climate, list(climates)),
         (_curve_value, [r.rest for r in records if len(r.rest)]),
     )
     for values_of, seen in signals:
@@ -528,81 +510,6 @@ def _base_value(standing: Sequence[float], vehicle: Vehicle) -> _Values:
     if value <= 0.0 or abs(value - published) > FARTHEST * BASE_WIDTH * published:
         return {}
     return {"auxiliaries.base_load_w": value}
-
-
-def _climate_record(
-    trip: Trip, vehicle: Vehicle, climate: FloatArray, compressor: FloatArray
-) -> ClimateRecord | None:
-    if vehicle.climate is None or len(trip) < 120:
-        return None
-    time = trip.array("time_s")
-    conditions = conditions_at_departure(vehicle, trip.departure)
-    minute = ((time - time[0]) / 60.0).astype(np.int64)
-    count = np.bincount(minute)
-    running = compressor[compressor > RUNNING_W]
-    return ClimateRecord(
-        time,
-        trip.array("speed_m_s"),
-        conditions.ambient_temperature_degc,
-        conditions.cabin_start(vehicle),
-        minute,
-        np.bincount(minute, climate) / count,
-        float(np.quantile(running, IDLE_QUANTILE)) if len(running) > LEAST_RUNNING_S else float("nan"),
-    )
-
-
-def _climate_values(records: Sequence[ClimateRecord], vehicle: Vehicle) -> _Values:
-    """Interior heat capacity of the cabin, and in warm air the compressor's least power and power for the cooling."""
-    climate = vehicle.climate
-    if climate is None:
-        return {}
-    names = ["interior_heat_capacity_j_k"]
-    climate = _scaled_climate(climate, names[0], INTERIOR_WIDTH, records)
-    warm = [r for r in records if r.ambient_temperature_degc > WARM_DEGC]
-    running = [r.least_w for r in warm if np.isfinite(r.least_w)]
-    if len(running) >= LEAST_TRIPS:
-        known = len(running) / max(float(np.var(running, ddof=1)), 1.0)
-        least = _most_probable(float(np.median(running)), known, climate.compressor_idle_w, IDLE_WIDTH_W)
-        if abs(least - climate.compressor_idle_w) <= FARTHEST * IDLE_WIDTH_W:
-            climate = replace(climate, compressor_idle_w=least)
-        climate = _scaled_climate(climate, "cooler_cop", COOLER_WIDTH, warm)
-        names += ["compressor_idle_w", "cooler_cop"]
-    return {f"climate.{name}": getattr(climate, name) for name in names}
-
-
-def _scaled_climate(climate: Climate, name: str, width: float, records: Sequence[ClimateRecord]) -> Climate:
-    """The climate control with one value times the factor that follows the logged power by minutes best.
-
-    As it is where the best factor is `FARTHEST` widths away: such a log is not of this signal.
-    """
-    from scipy.optimize import minimize_scalar  # scipy is slow to import
-
-    weights = [MINUTES_WORTH / len(r.power_w) for r in records]
-
-    def at(log: float) -> Climate:
-        return replace(climate, **{name: getattr(climate, name) * math.exp(log)})
-
-    def cost(log: float) -> float:
-        changed, total = at(log), 0.5 * (log / width) ** 2
-        for record, weight in zip(records, weights, strict=True):
-            error = (_by_minute(changed, record) - record.power_w) / MINUTE_SD_W
-            total += weight * float(
-                np.sum(np.sqrt(1.0 + error * error) - 1.0)
-            )  # the sun and the driver have tails
-        return total
-
-    farthest = FARTHEST * width
-    best = float(minimize_scalar(cost, bounds=(-farthest, farthest), method="bounded").x)
-    return at(best) if abs(best) < 0.98 * farthest else climate
-
-
-def _by_minute(climate: Climate, record: ClimateRecord) -> FloatArray:
-    """Simulated power of heater and compressor [W], shape (minutes,)."""
-    run = condition_cabin(
-        climate, record.time_s, record.speed_m_s, record.ambient_temperature_degc, record.start
-    )
-    minute = np.asarray(record.minute, dtype=np.int64)
-    return np.asarray(np.bincount(minute, run.means(run.heat_w)) / np.bincount(minute))
 
 
 def _rest_rows(samples: pd.DataFrame, vehicle: Vehicle) -> FloatArray:

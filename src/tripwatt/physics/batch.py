@@ -22,7 +22,7 @@ from tripwatt.vehicles import Vehicle
 WINDOW: Final = 1024
 """Drives that are prepared and sorted together: it bounds the memory."""
 
-CHUNK_SAMPLES: Final = 16_384
+CHUNK_SAMPLES: Final = 32_768
 """Samples that go through the chain at once: their arrays stay in the cache."""
 
 LENGTHS_PER_OCTAVE: Final = 8
@@ -103,9 +103,11 @@ def _in_order(pairs: Iterable[Pair], results: Results[R]) -> Iterator[R]:
     left = iter(pairs)
     while window := list(itertools.islice(left, WINDOW)):
         drives, faults = [], list[Fault]()
+        roads: dict[int, FloatArray] = {}
         for vehicle, trip in window:
             try:
-                drives.append(drive_of_trip(vehicle, trip))
+                drives.append(drive_of_trip(vehicle, trip, roads.get(id(trip))))
+                roads[id(trip)] = drives[-1].grade
             except InvalidInput as error:
                 faults += [replace(fault, where=f"{trip.trip_id}, {fault.where}") for fault in error.faults]
         raise_faults(faults)
@@ -127,10 +129,18 @@ def _alike(drives: Sequence[Drive]) -> Iterable[list[int]]:
 
 
 def _kind(vehicle: Vehicle) -> tuple[Any, ...]:
-    """Equal for cars that can be driven side by side: a number counts only as zero or not, everything else as it is."""
-    parts = [part for name in PARTS if (part := getattr(vehicle, name)) is not None]
-    values = [type(part) for part in parts] + [getattr(part, f.name) for part in parts for f in fields(part)]
-    return tuple(value == 0.0 if isinstance(value, float) else value for value in values)
+    """Equal for cars that can be driven side by side: numbers and the values of tables may differ, all else may not."""
+    parts = {name: part for name in PARTS if (part := getattr(vehicle, name)) is not None}
+    values = [(f.name, getattr(part, f.name)) for part in parts.values() for f in fields(part)]
+    return (
+        *parts,
+        vehicle.battery.heat_loss_w_k == 0.0,
+        *(
+            len(v) if isinstance(v, tuple) and not name.endswith("soc") else v
+            for name, v in values
+            if not isinstance(v, float)
+        ),
+    )
 
 
 def _group(drives: Sequence[Drive], numbers: list[int], results: Results[R]) -> Iterator[tuple[int, R]]:
@@ -152,15 +162,15 @@ def _passes(drive: Drive) -> tuple[bool, float]:
 
 
 def _stacked(several: Sequence[Any]) -> Any:
-    """One object of a dataclass with columns of shape (objects, 1) where the numbers of the objects differ."""
+    """One object of a dataclass with arrays of shape (objects, 1) where numbers differ, (objects, values) where tables do."""
     first = several[0]
     if all(each is first for each in several):
         return first
     columns = {}
     for field in fields(first):
         values = [getattr(each, field.name) for each in several]
-        if isinstance(values[0], int | float) and any(value != values[0] for value in values):
-            columns[field.name] = np.array(values)[:, None]
+        if isinstance(values[0], int | float | tuple) and any(value != values[0] for value in values):
+            columns[field.name] = np.array(values).reshape(len(values), -1)
     return replace(first, **columns)
 
 

@@ -34,7 +34,15 @@ def open_circuit_voltage(soc: PerTrip, battery: Battery) -> FloatArray:
     >>> open_circuit_voltage(np.array([0.5]), load_vehicle("bmw_i3_60ah").battery).round(1)
     array([356.9])
     """
-    return np.asarray(battery.cells_in_series * np.interp(soc, battery.ocv_soc, battery.ocv_v))
+    return np.asarray(battery.cells_in_series * _between(soc, battery.ocv_soc, battery.ocv_v))
+
+
+def _between(soc: PerTrip, grid: tuple[float, ...], values: tuple[float, ...]) -> FloatArray:
+    """Values of a table between its points, shape of `soc`; each trip has its own table where `values` are several."""
+    if np.ndim(values) == 1:
+        return np.asarray(np.interp(soc, grid, values))
+    rows = np.broadcast_to(soc, (len(values), np.shape(soc)[-1] if np.ndim(soc) else 1))
+    return np.stack([np.interp(row, grid, own) for row, own in zip(rows, values, strict=True)])
 
 
 def usable_energy_wh(battery: Battery) -> float:
@@ -54,7 +62,7 @@ def internal_resistance(soc: FloatArray, temperature_degc: FloatArray, battery: 
     >>> internal_resistance(np.array([0.5, 0.5]), np.array([25.0, 0.0]), battery).round(3)
     array([0.079, 0.165])
     """
-    table = battery.cells_in_series * np.interp(soc, battery.resistance_soc, battery.resistance_ohm)
+    table = battery.cells_in_series * _between(soc, battery.resistance_soc, battery.resistance_ohm)
     scale = battery.resistance_activation_energy_j_mol / MOLAR_GAS_CONSTANT_J_MOL_K
     reference = battery.resistance_temperature_degc + ZERO_CELSIUS_K
     inverse_k = 1.0 / (temperature_degc + ZERO_CELSIUS_K)
@@ -152,7 +160,7 @@ def first_guess(
     drawn = (power_w * (step_s / (battery.capacity_ah * SECONDS_PER_HOUR))).cumsum(axis=-1) / nominal
     halfway = open_circuit_voltage(initial_soc - 0.5 * drawn[..., -1:], battery)
     soc = initial_soc - drawn * (nominal / halfway)
-    return soc, np.broadcast_to(initial_temperature_degc, nominal.shape if nominal.ndim else (1,))
+    return soc, np.broadcast_to(initial_temperature_degc, (*soc.shape[:-1], 1))
 
 
 def discharge(

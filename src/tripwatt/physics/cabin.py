@@ -214,28 +214,39 @@ def condition_cabin(
 def condition_cabins(tasks: Sequence[CabinTask]) -> list[CabinRun]:
     """`condition_cabin` of each task, many of them side by side: best of similar lengths. O(samples + steps)."""
     edges = [task.edges() for task in tasks]
-    speeds = [task.mean_speeds(own) for task, own in zip(tasks, edges, strict=True)]
-    if len(tasks) < LEAST_SIDE_BY_SIDE:
-        steps = [
-            _control_steps(_control(task), own.tolist(), _smaller, _larger, truth)
-            for task, own in zip(tasks, speeds, strict=True)
+    steps = control_steps(
+        [control_values(task.climate, task.ambient_temperature_degc, task.start) for task in tasks],
+        [task.mean_speeds(own) for task, own in zip(tasks, edges, strict=True)],
+    )
+    return [task.run(own, *run) for task, own, run in zip(tasks, edges, steps, strict=True)]
+
+
+def control_steps(
+    controls: Sequence[tuple[float, ...]], speeds: Sequence[FloatArray]
+) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
+    """Steps of the control of several cabins, from their `control_values` and the speed in each step [m/s]. O(steps).
+
+    Of each cabin the power of heater and compressor [W] and the share of the fans in each step, and the temperature of the air before
+    the first and after each of them [°C].
+    """
+    if len(speeds) < LEAST_SIDE_BY_SIDE:
+        return [
+            _control_steps(control, own.tolist(), _smaller, _larger, truth)
+            for control, own in zip(controls, speeds, strict=True)
         ]
-    else:
-        together = np.zeros((max(map(len, speeds)), len(tasks)))
-        for column, own in enumerate(speeds):
-            together[: len(own), column] = own
-        control = np.array([_control(task) for task in tasks]).T
-        powers, fans, airs = _control_steps(control, together, np.minimum, np.maximum, np.any)
-        steps = list(zip(powers.T, fans.T, airs.T, strict=True))
+    together = np.zeros((max(map(len, speeds)), len(speeds)))
+    for column, own in enumerate(speeds):
+        together[: len(own), column] = own
+    power, fan, air = _control_steps(np.array(controls).T, together, np.minimum, np.maximum, np.any)
     return [
-        task.run(own, power[: len(own) - 1], fan[: len(own) - 1], air[: len(own)])
-        for task, own, (power, fan, air) in zip(tasks, edges, steps, strict=True)
+        (power[:n, column], fan[:n, column], air[: n + 1, column])
+        for column, n in enumerate(map(len, speeds))
     ]
 
 
-def _control(task: CabinTask) -> tuple[float, ...]:
+def control_values(climate: Climate, ambient: float, start: CabinStart) -> tuple[float, ...]:
     """What one step of the control computes with, in the order in which `_control_steps` takes it."""
-    climate, start, ambient, dt = task.climate, task.start, task.ambient_temperature_degc, CONTROL_STEP_S
+    dt = CONTROL_STEP_S
     air_rate, interior_rate = climate.air_heat_capacity_j_k / dt, climate.interior_heat_capacity_j_k / dt
     exchange, share = climate.interior_exchange_w_k, climate.solar_share_to_air
     sun = climate.solar_aperture_m2 * start.solar_irradiance_w_m2

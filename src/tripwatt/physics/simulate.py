@@ -353,8 +353,12 @@ def drive_of(
     *more: npt.ArrayLike | None,
     conditions: DriveConditions | None = None,
     name: str = "",
+    road: FloatArray | None = None,
 ) -> Drive:
-    """Check the arguments of `simulate`, and put them together: `more` are grade, elevation, climate power and headwind. O(samples)."""
+    """Check the arguments of `simulate`, and put them together: `more` are grade, elevation, climate power and headwind. O(samples).
+
+    `road` is the grade of the intervals, where it was made of the same elevation before.
+    """
     conditions = DriveConditions() if conditions is None else conditions
     time = np.asarray(time_s, dtype=np.float64)
     speed = np.asarray(speed_m_s, dtype=np.float64)
@@ -362,7 +366,9 @@ def drive_of(
     climate = np.zeros(()) if given is None else given
     values = conditions.bounded_values(vehicle)
     raise_faults(argument_faults(time, speed, slope, height, climate, values, wind))
-    if slope is None:
+    if road is not None:
+        slope = road
+    elif slope is None:
         slope = np.zeros(len(time)) if height is None else grade_from_elevation(time, speed, height)
     else:
         slope = np.concatenate((slope[:1], 0.5 * (slope[1:] + slope[:-1])))
@@ -378,7 +384,7 @@ def drive_of(
     return Drive(vehicle, conditions, time, speed, slope, wind, cabin, climate, name)
 
 
-def drive_of_trip(vehicle: Vehicle, trip: Recorded | Plan) -> Drive:
+def drive_of_trip(vehicle: Vehicle, trip: Recorded | Plan, road: FloatArray | None = None) -> Drive:
     """`drive_of` a trip or a plan, as `simulate_trip` takes it. O(samples)."""
     weather = trip.air if isinstance(trip, Plan) else None
     return drive_of(
@@ -391,6 +397,7 @@ def drive_of_trip(vehicle: Vehicle, trip: Recorded | Plan) -> Drive:
         None if weather is None else weather.headwind_m_s,
         conditions=conditions_at_departure(vehicle, trip.departure, weather),
         name=trip.trip_id,
+        road=road,
     )
 
 
