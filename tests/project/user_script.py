@@ -35,10 +35,37 @@ def charge_to_leave_with(plan: tw.Plan) -> float:
 def by_cause(plan: tw.Plan) -> dict[str, float]:
     car = tw.load_vehicle("bmw_i3_60ah")
     simulation = tw.simulate(plan, car)
+    print(
+        tw.sweep(plan, car, {"mass": [1300.0, 1500.0]})["energy_wh"].max(),
+        tw.simulate([plan], car)["soc"].min(),
+    )
     figure: Figure = simulation.plot(ax=Figure().subplots())
     figure.clear()
     more: dict[str, float] = tw.forecast(plan, vehicle=car).by_cause_wh
     return {cause: energy - simulation.by_cause_wh.get(cause, 0.0) for cause, energy in more.items()}
+
+
+class PerKilometre:
+    """A whole model."""
+
+    wh_m = 0.0
+
+    def fit(self, trips: Sequence[tw.Trip]) -> None:
+        self.wh_m = sum(trip.observed_energy_wh or 0.0 for trip in trips) / sum(t.distance_m for t in trips)
+
+    def predict(self, trip: tw.Plan) -> float:
+        return self.wh_m * trip.distance_m
+
+
+class Halves:
+    """A splitter."""
+
+    def split(
+        self, X: Sequence[tw.Trip], y: object = None, groups: object = None
+    ) -> list[tuple[list[int], list[int]]]:
+        even = list(range(0, len(X), 2))
+        odd = list(range(1, len(X), 2))
+        return [(even, odd), (odd, even)]
 
 
 def trips_of_logs(folder: Path) -> tuple[tw.Trip, ...]:
@@ -46,8 +73,18 @@ def trips_of_logs(folder: Path) -> tuple[tw.Trip, ...]:
     audit = tw.audit(fleet)
     for finding in audit.findings:
         print(finding.trip, finding.what)
-    run = tw.evaluate(fleet, protocol="paper", models=["constant"])
-    print(run.folds["model"].unique(), audit.lost_distance_m)
+    car = tw.load_vehicle("bmw_i3_60ah")
+    run = tw.evaluate(
+        fleet.trips, models=["constant", PerKilometre()], vehicle=car, hold_outs=[Halves(), "audited"]
+    )
+    pair = run.compare("constant", "PerKilometre")
+    print(
+        run.to_frame()["mape"].min(),
+        run.folds["model"].unique(),
+        pair.diff,
+        pair.significant,
+        audit.lost_distance_m,
+    )
     return audit.trips or tw.read_trips(folder)
 
 
