@@ -31,6 +31,6 @@ axes.pcolormesh(masses_kg, rolling, grid, shading="gouraud", cmap="cividis")
 lines = axes.contour(masses_kg, rolling, grid, np.arange(10, 19), colors="white")
 axes.clabel(lines, fmt="%.0f")
 of_car = car.body.curb_mass_kg, car.entries[crr].value
-axes.plot(*of_car, "x", color="#d55e00", ms=10, mew=2.5)
+axes.plot(*of_car, "x", color="white", ms=10, mew=2.5)
 axes.set(xlabel="kerb mass [kg]", ylabel="rolling resistance coefficient [1]")
 axes.set_title("consumption [kWh/100 km]")

@@ -31,8 +31,8 @@ SECTIONS: Final[Mapping[str, tuple[str, ...]]] = {
 }
 NAMES: Final = tuple(name for names in SECTIONS.values() for name in names)
 DPI: Final = 140
-COLOURS: Final = 128
-"""Of a picture's palette: lines and bands need no more."""
+COLOURS: Final = 256
+"""Of a picture's palette."""
 THUMBNAIL_PX: Final = 360
 
 HEAD: Final = """# Gallery
