@@ -16,8 +16,8 @@ trip = tw.read_route([*town, {"length_m": 10_000.0, "speed_m_s": 25.0, "grade": 
 car = tw.load_vehicle("nissan_leaf_24")
 crr = "road_load.rolling_resistance_coefficient"
 values = {
-    "body.curb_mass_kg": np.linspace(1200.0, 2000.0, 9).tolist(),
-    crr: np.linspace(0.006, 0.012, 7).tolist(),
+    "body.curb_mass_kg": np.linspace(1200.0, 2000.0, 9),
+    crr: np.linspace(0.006, 0.012, 7),
 }
 table = tw.sweep(
     trip, car, values, tw.Departure(soc=0.8, ambient_temperature_degc=20.0)
