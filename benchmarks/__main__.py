@@ -8,9 +8,9 @@ from pathlib import Path
 
 from tools.command import run
 
-from benchmarks import forecast, gam, peers, pipeline
+from benchmarks import batch, forecast, gam, peers, pipeline
 
-SUITES = (pipeline.run, forecast.run, gam.run, peers.rows)
+SUITES = (pipeline.run, batch.rows, forecast.run, gam.run, peers.rows)
 
 
 def main(out: Path = Path("bench.json")) -> None:

@@ -25,6 +25,7 @@ from benchmarks import (
     accuracy,
     anchors,
     argonne,
+    batch,
     cars,
     coarse_speed,
     dirty_logs,
@@ -73,6 +74,7 @@ def suites(results: Path | None, forecast: Path | None, links: Path | None) -> I
     yield Suite(f"{bench}argonne", argonne.bars, (DATA / "cycles", REFERENCE / "anl_d3_i3.csv"))
     yield Suite(f"{bench}physics_trips", physics_trips.bars, (tum,))
     yield Suite(f"{bench}ved_trips", ved_trips.bars, (ved,))
+    yield Suite(f"{bench}batch", batch.rows, (tum,))
     yield Suite("make bench", pipeline.run)
     yield Suite(f"OMP_NUM_THREADS=1 {bench}gam", gam.run, (REFERENCE / "mgcv",))
     yield Suite(f"{bench}forecast", forecast_speed.run)

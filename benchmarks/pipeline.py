@@ -12,6 +12,7 @@ from typing import Any
 
 from benchmarks.measure import Row, medians_in_turn, not_measured, reference_loop, seconds, tum_folder
 from tripwatt.physics import simulate_trip
+from tripwatt.physics.batch import trip_totals
 from tripwatt.sources import read_logs
 from tripwatt.trips import Trip, resample
 from tripwatt.vehicles import load_vehicle
@@ -58,6 +59,9 @@ def _simulating(trips: Sequence[Trip]) -> Iterator[Row]:
     text = "simulate the trips at 1 Hz, one process"
     yield Row(text, ours, "s/s", least=1e6, peer="FASTSim", peer_value=theirs, ratio=ours / theirs)
     yield Row(f"{text}, times FASTSim", ours / theirs, least=20)
+    many = simulated_s / seconds(lambda: trip_totals((car, t) for t in trips))
+    text = "simulate the trips at 1 Hz side by side, one process"
+    yield Row(text, many, "s/s", peer="FASTSim", peer_value=theirs, ratio=many / theirs)
 
 
 def _fastsim(trips: Sequence[Trip]) -> tuple[Callable[[], None], float]:

@@ -42,6 +42,7 @@ NAMES = {
     "read_trips",
     "save_model",
     "simulate",
+    "sweep",
     "synthetic_fleet",
 }
 LINKS = [{"length_m": 6000.0, "speed_m_s": 15.0, "grade": 0.01}, {"length_m": 4000.0, "speed_m_s": 25.0}]

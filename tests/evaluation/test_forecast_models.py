@@ -144,7 +144,7 @@ def test_the_fold_of_a_forecast_is_held_out(monkeypatch) -> None:
 
         def fit_segments(self, own, *, again) -> None:
             seen["trained"] = own.trip_ids
-            seen["again"] = again(np.array([0])).trip_ids
+            seen["again"] = again([np.array([0])])[0].trip_ids
 
         def forecast(self, plan):
             return Told(100.0 + len(plan))
@@ -153,7 +153,9 @@ def test_the_fold_of_a_forecast_is_held_out(monkeypatch) -> None:
     monkeypatch.setattr(forecast_models, "ForecastModel", Model)
     monkeypatch.setattr(held_out_forecasts, "arrivals_of", lambda model, plan: nothing)
     monkeypatch.setattr(
-        ForecastData, "identified", lambda own, train: (f"car of {train.tolist()}", own.segments)
+        ForecastData,
+        "identified",
+        lambda own, trains: [(f"car of {t.tolist()}", own.segments) for t in trains],
     )
     own = dataclasses.replace(data(1, 1, 1), logs=(driven_log(),) * 3)
     hold_out = held_out(own, [5, 6, 5])

@@ -79,12 +79,12 @@ def test_a_fold_asks_for_the_car_without_its_trips_and_for_settings_without_its_
         def clone_tuned(self):
             return self
 
-    def again(members):
-        asked.append(members.tolist())
-        return table
+    def again(several):
+        asked.extend(members.tolist() for members in several)
+        return [table] * len(several)
 
-    for fit in inner_fits("linear", 0, Spy(), table, again):
-        assert sorted([*asked[-1], *fit.members.tolist()]) == list(range(len(LOGS)))
+    for fold, fit in enumerate(inner_fits("linear", 0, Spy(), table, again)):
+        assert sorted([*asked[fold], *fit.members.tolist()]) == list(range(len(LOGS)))
     assert len(asked) == INNER_FOLDS
     assert fitted_on == [len(members) for members in asked]
     asked.clear()

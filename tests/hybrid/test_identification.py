@@ -281,7 +281,7 @@ def test_trips_without_signals_change_nothing():
 def test_trips_simulated_again_are_those_of_the_other_car():
     other = changed(BOOK, {"rolling": 0.3})
     plans = [plan_from_trip(trip) for trip in FLEET]
-    again, fresh = resimulated(segment_trips(FLEET, BOOK), plans, other), segment_trips(FLEET, other)
+    (again,), fresh = resimulated(segment_trips(FLEET, BOOK), plans, [other]), segment_trips(FLEET, other)
     np.testing.assert_array_equal(again.simulated_w, fresh.simulated_w)
     np.testing.assert_array_equal(again.observed_power_w, fresh.observed_power_w)
     assert again.features.equals(fresh.features)
@@ -297,7 +297,7 @@ def test_an_energy_from_the_charge_is_spread_evenly_again():
     plans = [plan_from_trip(trip) for trip in known]
     table, fresh = segment_trips(known, BOOK), segment_trips(known, other)
     assert not table.energy_errors.along.any()
-    again = resimulated(table, plans, other)
+    (again,) = resimulated(table, plans, [other])
     assert again.observed_power_w == pytest.approx(fresh.observed_power_w)
 
 

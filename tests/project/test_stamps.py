@@ -13,7 +13,9 @@ from tools.quality import probe
 from tripwatt.vehicles import load_vehicle
 
 NAMES = [result.name for result in make_results.RESULTS]
-SIMULATE, CABIN = (importlib.import_module(f"tripwatt.physics.{name}") for name in ("simulate", "cabin"))
+CHAIN, SIMULATE, CABIN = (
+    importlib.import_module(f"tripwatt.physics.{name}") for name in ("chain", "simulate", "cabin")
+)
 TENTH_OF_A_PERCENT = 1.001
 
 
@@ -83,10 +85,10 @@ def simulated() -> probe.Probe:
 @pytest.mark.parametrize(
     ("module", "name"),
     [
-        (SIMULATE, "rolling_resistance_force"),
-        (SIMULATE, "aero_drag_force"),
-        (SIMULATE, "grade_force"),
-        (SIMULATE, "inertia_force"),
+        (CHAIN, "rolling_resistance_force"),
+        (CHAIN, "aero_drag_force"),
+        (CHAIN, "grade_force"),
+        (CHAIN, "inertia_force"),
         (SIMULATE, "air_density"),
         (CABIN, "HEAT_PUMP_HEAT_PER_K"),
     ],

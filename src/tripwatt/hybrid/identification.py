@@ -258,7 +258,26 @@ def identify(records: Sequence[StageRecord], vehicle: Vehicle) -> Identified:
 
 
 def identify_each(several: Sequence[Sequence[StageRecord]], vehicle: Vehicle) -> list[Identified]:
-    """`identify` from each of several sets of trips; much faster than one by one, because they share the steps of the cabins."""
+    """Identify a car from each of several sets of trips, side by side: they share the steps of the cabins.
+
+    Parameters
+    ----------
+    several : sequence of sequence of StageRecord
+        What the signals of the trips of each set show.
+    vehicle : Vehicle
+        The car with its published values.
+
+    Returns
+    -------
+    list of Identified
+        As `identify` gives them for each set.
+
+    Examples
+    --------
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> [dict(found.values) for found in identify_each([[], []], load_vehicle("bmw_i3_60ah"))]
+    [{}, {}]
+    """
     climates = [[r.climate for r in records if r.climate is not None] for records in several]
     of_climate = climate_values(climates, vehicle)
     return [

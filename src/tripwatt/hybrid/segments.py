@@ -278,7 +278,7 @@ class _Pieces:
             np.floor((time - time[0]) / segment_s).astype(np.int64),
             max(int((time[-1] - time[0]) // segment_s - 0.5), 0),
         )
-        return cls(segment, step, np.bincount(segment, step))
+        return cls(segment, step, np.asarray(np.bincount(segment, step), dtype=np.float64))
 
     def mean(self, values: FloatArray) -> FloatArray:
         """Mean of each segment."""
@@ -390,7 +390,7 @@ def _with_simulated(table: SegmentTable, trips: Sequence[dict[str, FloatArray]])
         change = (table.totals_wh(simulated - table.simulated_w) / seconds)[rows]
         even = simulated + (observed - table.simulated_w) - change
         observed = np.where(table.energy_errors.along[rows], observed, even)
-    features = table_of({**{name: table.features[name].to_numpy() for name in table.features}, **new})
+    features = table_of({**{str(name): column.to_numpy() for name, column in table.features.items()}, **new})
     return replace(table, features=features, simulated_w=simulated, observed_w=observed)
 
 

@@ -95,6 +95,11 @@ class Plan(Sampled):
         ------
         KeyError
             When the plan lacks the column.
+
+        Examples
+        --------
+        >>> plan_from_samples(pd.DataFrame({"time_s": [0.0, 1.0], "speed_m_s": [0.0, 2.0]}), "start").array("speed_m_s")
+        array([0., 2.])
         """
         place = self.samples.columns.get_loc(column)
         return np.asarray(self.samples.to_numpy(dtype=np.float64)[:, place])

@@ -294,7 +294,8 @@ def _override(entries: dict[str, Entry], key: str, value: float | str, faults: l
     wrong = list(_value_faults(field, value, f"overrides, {key}"))
     faults += wrong
     if not wrong:
-        scale, unit = entries[key].scale if key in entries else "soc", field.metadata["unit"]
+        unit, absent = field.metadata["unit"], "soc" if field.metadata.get("scaled") else ""
+        scale = entries[key].scale if key in entries else absent
         entries[key] = Entry(_as_value(value), unit, "given by the caller", scale=scale, licence="user")
 
 

@@ -1,0 +1,160 @@
+"""Many drives at once: each as it is alone, whatever is beside it."""
+
+import itertools
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import tripwatt as tw
+from tripwatt.errors import InvalidInput
+from tripwatt.hybrid.parameters import changed
+from tripwatt.physics import CAUSES, simulate_trip
+from tripwatt.physics.batch import CHUNK_SAMPLES, simulate_trips, trip_totals
+from tripwatt.physics.cabin import LEAST_SIDE_BY_SIDE
+from tripwatt.trips import Plan
+
+I3 = tw.load_vehicle("bmw_i3_60ah")
+CARS = (
+    I3,
+    tw.load_vehicle("bmw_i3_60ah", "paper"),
+    tw.load_vehicle("nissan_leaf_24"),
+    tw.load_vehicle("tesla_model_3_lr"),
+)
+WEATHER = (
+    {"ambient_temperature_degc": -15.0, "soc": 0.9},
+    {"ambient_temperature_degc": 37.0, "soc": 1.0},
+    {"ambient_temperature_degc": 20.0, "soc": 0.02},
+    {"climate": "off", "payload_mass_kg": 200.0},
+    {"wind_speed_m_s": 9.0, "rain_mm_h": 2.0, "extras": ("roof_box",)},
+)
+
+
+def drive(seed: int, n: int, **known) -> Plan:
+    """A drive over hills at about 1 Hz, with steps that are not all equal."""
+    rng = np.random.default_rng(seed)
+    speed = np.clip(14.0 + np.cumsum(rng.normal(0.0, 0.8, n)), 0.0, 45.0)
+    time = np.cumsum(rng.choice([1.0, 1.0, 0.5], n))
+    height = 200.0 + 40.0 * np.sin(time / 300.0 + seed)
+    columns = {"time_s": time, "speed_m_s": speed} | ({"elevation_m": height} if seed % 2 else {})
+    return Plan.from_samples(f"drive {seed}", pd.DataFrame(columns), tw.Departure(**known))
+
+
+DRIVES = [drive(k, n, **known) for k, (n, known) in enumerate(itertools.product((2, 300, 317, 900), WEATHER))]
+
+
+def assert_same(one, many):
+    for name in one.__slots__:
+        expected, found = getattr(one, name), getattr(many, name)
+        if name == "power_by_cause_w":
+            for cause in CAUSES:
+                np.testing.assert_allclose(found[cause], expected[cause], rtol=1e-9, atol=1e-9)
+        elif name == "flags":
+            assert [(f.code, f.subject) for f in found] == [(f.code, f.subject) for f in expected]
+            assert [f.value for f in found] == pytest.approx([f.value for f in expected], rel=1e-9)
+        else:
+            np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9, err_msg=name)
+
+
+def test_each_drive_is_as_it_is_alone():
+    pairs = list(itertools.product(CARS, DRIVES))
+    assert len(pairs) > LEAST_SIDE_BY_SIDE
+    codes = set()
+    for (car, plan), run in zip(pairs, simulate_trips(pairs), strict=True):
+        alone = simulate_trip(car, plan)
+        codes |= {flag.code for flag in alone.flags}
+        assert_same(alone, run)
+    assert {"battery_empty", "battery_full"} <= codes, "the drives reach both ends of the battery"
+
+
+def test_totals_are_the_sums_of_the_arrays():
+    pairs = list(itertools.product(CARS, DRIVES))
+    totals = trip_totals(pairs)
+    for row, (car, plan) in enumerate(pairs):
+        alone = simulate_trip(car, plan)
+        energy = alone.simulated_energy_wh
+        assert totals["energy_wh"][row] == pytest.approx(energy, rel=1e-9)
+        for cause, wh in alone.by_cause_wh.items():
+            assert totals[f"energy_{cause}_wh"][row] == pytest.approx(wh, rel=1e-9, abs=1e-9 * abs(energy))
+        assert totals["soc"][row] == pytest.approx(alone.soc[-1], rel=1e-9)
+        assert totals["duration_s"][row] == pytest.approx(plan.duration_s, rel=1e-9)
+        assert totals["distance_m"][row] == pytest.approx(plan.distance_m, rel=1e-9)
+        assert [f.code for f in totals["flags"][row]] == [f.code for f in alone.flags]
+
+
+def test_the_order_of_the_drives_does_not_matter():
+    order = np.random.default_rng(1).permutation(len(DRIVES))
+    straight = trip_totals((I3, plan) for plan in DRIVES)["energy_wh"]
+    mixed = trip_totals((I3, DRIVES[i]) for i in order)["energy_wh"]
+    assert mixed == pytest.approx([straight[i] for i in order], rel=1e-9)
+
+
+def test_cars_that_differ_in_their_values_are_driven_side_by_side():
+    cars = [changed(I3, {"mass": 0.02 * k, "air": -0.01 * k, "base_load": 0.1 * k}) for k in range(12)]
+    curve = tuple(v + 0.01 for v in I3.battery.ocv_v)
+    cars += [I3.with_values({"battery.ocv_v": curve}), I3.with_values({"battery.heat_loss_w_k": 0.0})]
+    for car, run in zip(cars, simulate_trips((car, DRIVES[15]) for car in cars), strict=True):
+        assert_same(simulate_trip(car, DRIVES[15]), run)
+
+
+def test_a_long_drive_beside_short_ones_and_a_drive_larger_than_a_chunk():
+    time = np.linspace(0.0, 170_000.0, 300)  # hundreds of time constants of the tyres
+    days = Plan.from_samples("days", pd.DataFrame({"time_s": time, "speed_m_s": 10.0 + time % 7.0}))
+    long = [drive(3, CHUNK_SAMPLES + 5, soc=0.9)]
+    plans = [days, *long, *DRIVES[5:9], days]
+    for plan, run in zip(plans, simulate_trips((I3, plan) for plan in plans), strict=True):
+        assert_same(simulate_trip(I3, plan), run)
+
+
+def test_a_heavier_car_never_takes_less_on_a_level_road():
+    table = tw.sweep(drive(2, 600), I3, {"mass": np.linspace(1000.0, 2000.0, 21).tolist()})
+    assert (np.diff(table["energy_wh"]) > 0.0).all()
+    assert table["mass"].tolist() == np.linspace(1000.0, 2000.0, 21).tolist()
+
+
+def test_a_sweep_is_the_grid_of_its_values():
+    values = {"c_rr": [0.008, 0.012], "climate.setpoint_degc": [18.0, 22.0, 26.0]}
+    car = tw.load_vehicle(
+        "vw_id3", "default", {"road_load": "coefficients", "c_d": 0.27, "area": 2.4, "c_rr": 0.01}
+    )
+    plan = DRIVES[5]
+    table = tw.sweep(plan, car, values, tw.Departure(soc=0.7))
+    assert list(table.columns[:4]) == ["trip", "car", *values]
+    assert table.attrs["units"]["climate.setpoint_degc"] == "degC"
+    for row, (rolling, setpoint) in enumerate(itertools.product(*values.values())):
+        own = car.with_values(
+            {"road_load.rolling_resistance_coefficient": rolling, "climate.setpoint_degc": setpoint}
+        )
+        alone = tw.simulate(plan, own, tw.Departure(soc=0.7))
+        assert table["energy_wh"][row] == pytest.approx(alone.simulated_energy_wh, rel=1e-9)
+
+
+def test_all_faults_of_a_sweep_come_at_once():
+    with pytest.raises(InvalidInput) as error:
+        tw.sweep(DRIVES[5], I3, {"mas": [1.0], "battery.heat_loss_w_k": [5.0, -1.0], "c_d": []})
+    assert [fault.what for fault in error.value.faults] == ["no values"]
+    with pytest.raises(InvalidInput) as error:
+        tw.sweep(DRIVES[5], I3, {"body.mas": [1.0], "battery.heat_loss_w_k": [5.0, -1.0]})
+    assert sorted(fault.what for fault in error.value.faults) == ["unknown key", "value out of range"]
+
+
+def test_faults_of_many_drives_have_their_names():
+    wrong = [plan.with_departure(tw.Departure(payload_mass_kg=59_000.0)) for plan in DRIVES[:2]]
+    light = I3.with_values({"body.curb_mass_kg": 1000.0})
+    bad = Plan("far", pd.DataFrame({"time_s": [0.0, 1.0], "speed_m_s": [0.0, 1000.0]}))
+    with pytest.raises(InvalidInput) as error:
+        simulate_trips((light, plan) for plan in [*wrong, bad, bad])
+    assert {fault.where for fault in error.value.faults} == {"far, speed_m_s"}
+
+
+def test_rows_of_a_table_are_each_trip_with_each_car():
+    trips = tw.synthetic_fleet(3).trips
+    table = tw.simulate(trips, ["vw_id3", I3], tw.Departure(soc=0.6))
+    assert list(zip(table["trip"], table["car"], strict=True)) == list(
+        itertools.product([trip.trip_id for trip in trips], ["vw_id3", "bmw_i3_60ah"])
+    )
+    alone = tw.simulate(trips[1], I3, tw.Departure(soc=0.6))
+    assert table["energy_wh"][3] == pytest.approx(alone.simulated_energy_wh, rel=1e-9)
+    assert set(table.attrs["units"]) == set(table.columns) - {"trip", "car", "flags"}
+    assert len(tw.simulate(trips[0], ["vw_id3"])) == 1
+    assert len(tw.simulate([], I3)) == 0
