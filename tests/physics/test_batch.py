@@ -132,9 +132,6 @@ def test_a_sweep_is_the_grid_of_its_values():
 
 def test_all_faults_of_a_sweep_come_at_once():
     with pytest.raises(InvalidInput) as error:
-        tw.sweep(DRIVES[5], I3, {"mas": [1.0], "battery.heat_loss_w_k": [5.0, -1.0], "c_d": []})
-    assert [fault.what for fault in error.value.faults] == ["no values"]
-    with pytest.raises(InvalidInput) as error:
         tw.sweep(DRIVES[5], I3, {"body.mas": [1.0], "battery.heat_loss_w_k": [5.0, -1.0]})
     assert sorted(fault.what for fault in error.value.faults) == ["unknown key", "value out of range"]
 
@@ -157,5 +154,4 @@ def test_rows_of_a_table_are_each_trip_with_each_car():
     alone = tw.simulate(trips[1], I3, tw.Departure(soc=0.6))
     assert table["energy_wh"][3] == pytest.approx(alone.simulated_energy_wh, rel=1e-9)
     assert set(table.attrs["units"]) == set(table.columns) - {"trip", "car", "flags"}
-    assert len(tw.simulate(trips[0], ["vw_id3"])) == 1
     assert len(tw.simulate([], I3)) == 0
