@@ -39,6 +39,9 @@ from tripwatt.vehicles import ALIASES, Vehicle, load_vehicle, vehicle_document, 
 Route = Path | str | bytes | pd.DataFrame | Sequence[Mapping[str, float | None]]
 """What `read_route` reads."""
 
+Cars = Vehicle | str | Sequence[Vehicle | str]
+"""A car, or the name of one of the library; one or several."""
+
 
 def read_route(
     source: Route,
@@ -285,18 +288,10 @@ def adapt(base: ForecastModel, trips: Fleet | Sequence[Trip], vehicle: Vehicle |
 def simulate(trip: Plan | Trip, vehicle: Vehicle | str, departure: Departure | None = None) -> Simulation: ...
 @overload
 def simulate(
-    trip: Plan | Trip | Iterable[Plan | Trip],
-    vehicle: list[Vehicle | str] | list[Vehicle] | list[str],
-    departure: Departure | None = None,
-) -> pd.DataFrame: ...
-@overload
-def simulate(
-    trip: Iterable[Plan | Trip], vehicle: Vehicle | str, departure: Departure | None = None
+    trip: Iterable[Plan | Trip], vehicle: Cars, departure: Departure | None = None
 ) -> pd.DataFrame: ...
 def simulate(
-    trip: Plan | Trip | Iterable[Plan | Trip],
-    vehicle: Vehicle | str | list[Vehicle | str] | list[Vehicle] | list[str],
-    departure: Departure | None = None,
+    trip: Plan | Trip | Iterable[Plan | Trip], vehicle: Cars, departure: Departure | None = None
 ) -> Simulation | pd.DataFrame:
     """Simulate a drive with a car, or many: physics alone, without a correction. O(samples).
 
@@ -307,15 +302,15 @@ def simulate(
     ----------
     trip : Plan or Trip, or an iterable of them
         The drive; of a trip that took place only what was known at its departure counts.
-    vehicle : Vehicle or str, or a list of them
-        A car, or the name of one of the library.
+    vehicle : Vehicle or str, or a sequence of them
+        A car, or the name of one of the library; several for an iterable of drives.
     departure : Departure, optional
         Its known fields take the place of those of the plans.
 
     Returns
     -------
     Simulation or DataFrame
-        Of one drive with one car power by cause, charge and temperatures of every step. Of several a table with one row for each
+        Of one drive power by cause, charge and temperatures of every step. Of an iterable of drives a table with one row for each
         drive with each car, the cars of a drive one after the other: `trip`, `car`, `duration_s`, `distance_m`, `energy_wh` at the
         battery terminals, `energy_<cause>_wh` by cause, `soc` of the battery management at the end [1], and `flags`, their codes;
         ``attrs["units"]`` has the units.
@@ -335,11 +330,9 @@ def simulate(
     >>> table["car"].tolist(), table.attrs["units"]["energy_air_wh"]
     (['vw_id3', 'bmw_i3_60ah', 'vw_id3', 'bmw_i3_60ah'], 'Wh')
     """
+    cars = [_car(each) for each in ([vehicle] if isinstance(vehicle, Vehicle | str) else vehicle)]
     if isinstance(trip, Plan | Trip):
-        if not isinstance(vehicle, list):
-            return simulate_trip(_car(vehicle), _plan(trip, departure))
-        trip = [trip]
-    cars = [_car(each) for each in (vehicle if isinstance(vehicle, list) else [vehicle])]
+        return simulate_trip(cars[0], _plan(trip, departure))
     plans = (_plan(each, departure) for each in trip)
     return _totals_table((car, plan) for plan in plans for car in cars)
 

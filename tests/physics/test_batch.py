@@ -102,8 +102,9 @@ def test_a_long_drive_beside_short_ones_and_a_drive_larger_than_a_chunk():
     days = Plan.from_samples("days", pd.DataFrame({"time_s": time, "speed_m_s": 10.0 + time % 7.0}))
     long = [drive(3, CHUNK_SAMPLES + 5, soc=0.9)]
     plans = [days, *long, *DRIVES[5:9], days]
-    for plan, run in zip(plans, simulate_trips((I3, plan) for plan in plans), strict=True):
-        assert_same(simulate_trip(I3, plan), run)
+    car = I3.with_values({"tyres.warm_up_time_s": 600.0})
+    for plan, run in zip(plans, simulate_trips((car, plan) for plan in plans), strict=True):
+        assert_same(simulate_trip(car, plan), run)
 
 
 def test_a_heavier_car_never_takes_less_on_a_level_road():
@@ -131,9 +132,6 @@ def test_a_sweep_is_the_grid_of_its_values():
 
 def test_all_faults_of_a_sweep_come_at_once():
     with pytest.raises(InvalidInput) as error:
-        tw.sweep(DRIVES[5], I3, {"mas": [1.0], "battery.heat_loss_w_k": [5.0, -1.0], "c_d": []})
-    assert [fault.what for fault in error.value.faults] == ["no values"]
-    with pytest.raises(InvalidInput) as error:
         tw.sweep(DRIVES[5], I3, {"body.mas": [1.0], "battery.heat_loss_w_k": [5.0, -1.0]})
     assert sorted(fault.what for fault in error.value.faults) == ["unknown key", "value out of range"]
 
@@ -156,5 +154,4 @@ def test_rows_of_a_table_are_each_trip_with_each_car():
     alone = tw.simulate(trips[1], I3, tw.Departure(soc=0.6))
     assert table["energy_wh"][3] == pytest.approx(alone.simulated_energy_wh, rel=1e-9)
     assert set(table.attrs["units"]) == set(table.columns) - {"trip", "car", "flags"}
-    assert len(tw.simulate(trips[0], ["vw_id3"])) == 1
     assert len(tw.simulate([], I3)) == 0

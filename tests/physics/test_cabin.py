@@ -14,7 +14,8 @@ from tripwatt.physics.cabin import (
     UNKNOWN_SUN_W_M2,
     WINTER_SUN,
     CabinStart,
-    condition_cabin,
+    CabinTask,
+    condition_cabins,
     heat_pump_cop,
     heat_pump_heat,
     irradiance,
@@ -23,6 +24,11 @@ from tripwatt.physics.conditions import DriveConditions
 from tripwatt.physics.simulate import simulate
 from tripwatt.vehicles import Vehicle, load_vehicle
 from tripwatt.vehicles.parts import Climate
+
+
+def condition_cabin(*task):
+    return condition_cabins([CabinTask(*task)])[0]
+
 
 ROOM = Climate(
     air_heat_capacity_j_k=10_000.0,

@@ -6,15 +6,14 @@ from the trips that they are used on.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Final, cast
 
 import numpy as np
 
 from tripwatt.arrays import FloatArray
-from tripwatt.hybrid.segments import SegmentTable, segment_table
-from tripwatt.physics import Simulation, simulate_trip
+from tripwatt.hybrid.segments import SegmentTable, resimulated
 from tripwatt.trips import Plan
 from tripwatt.vehicles import Vehicle
 from tripwatt.vehicles.spreads import road_gain
@@ -182,7 +181,6 @@ def sensitivities(
     vehicle: Vehicle,
     table: SegmentTable,
     parameters: Sequence[Parameter] = PARAMETERS,
-    simulate: Callable[[Vehicle, Plan], Simulation] = simulate_trip,
 ) -> FloatArray:
     """Power of each segment by a relative change of 1 of each parameter [W], shape (rows, parameters).
 
@@ -201,8 +199,8 @@ def sensitivities(
     for parameter in parameters:
         if parameter.keys and parameter.name != "base_load":
             other = changed(vehicle, {parameter.name: _STEP})
-            power = np.concatenate([segment_table(plan, simulate(other, plan)).simulated_w for plan in plans])
-            columns.append((power - table.simulated_w) / _STEP)
+            (again,) = resimulated(table, plans, [other])
+            columns.append((again.simulated_w - table.simulated_w) / _STEP)
         else:
             causes = [f"{cause}_w" for cause in parameter.causes]
             columns.append(np.asarray(table.features[causes].to_numpy().sum(axis=1)))

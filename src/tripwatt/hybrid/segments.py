@@ -229,11 +229,23 @@ def segment_table(
     >>> len(table), table.observed_w is None, bool(abs(table.hours.sum() * 3600.0 - plan.duration_s) < 2.0)
     (1, True, True)
     """
-    pieces = _Pieces.of_plan(plan, segment_s)
-    time, step, n, mean = plan.array("time_s"), pieces.step_s, len(pieces.seconds), pieces.mean
+    time = plan.array("time_s")
+    step = np.diff(time, prepend=time[0] - np.median(np.diff(time)))
+    segment = np.minimum(
+        np.floor((time - time[0]) / segment_s).astype(np.int64),
+        max(int((time[-1] - time[0]) // segment_s - 0.5), 0),
+    )
+    n = int(segment[-1]) + 1
+    seconds = np.asarray(np.bincount(segment, step, n), dtype=np.float64)
+
+    def mean(values: FloatArray) -> FloatArray:
+        return np.bincount(segment, values * step, n) / seconds
+
     speed, departure = plan.array("speed_m_s"), plan.departure
     features: dict[str, Any] = {
-        **pieces.simulated(simulation),
+        "simulated_w": mean(simulation.battery_power_w),
+        **{f"{cause}_w": mean(simulation.power_by_cause_w[cause]) for cause in LINE_CAUSES},
+        "moved_w": mean(np.abs(simulation.wheel_power_w)),
         "speed_m_s": mean(speed),
         "speed_change_m_s2": mean(np.abs(np.diff(speed, prepend=speed[0])) / np.maximum(step, 1e-9)),
         "time_s": mean(time - time[0]),
@@ -245,52 +257,21 @@ def segment_table(
         "winter": {"winter": 1.0, "summer": 0.0}.get(departure.season or "", np.nan),
     }
     simulated = np.asarray(features["simulated_w"])
-    observed = None if measured is None else _measured_power(measured, pieces.segment, plan, pieces.seconds)
+    observed = None if measured is None else _measured_power(measured, segment, plan, seconds)
     errors = None if measured is None else EnergyErrors.from_trip(measured, climb_wh)
     if observed is not None and errors is not None and not errors.along[0]:
-        observed = simulated + float(pieces.seconds @ (observed - simulated)) / float(pieces.seconds.sum())
+        observed = simulated + float(seconds @ (observed - simulated)) / float(seconds.sum())
     return SegmentTable(
         trip_ids=(plan.trip_id,),
         offsets=np.array([0, n]),
         features=table_of({name: np.broadcast_to(values, n) for name, values in features.items()}),
-        hours=pieces.seconds / SECONDS_PER_HOUR,
+        hours=seconds / SECONDS_PER_HOUR,
         simulated_w=simulated,
         observed_w=observed,
-        observed_climate_w=None if measured is None else _measured_climate(measured, pieces.seconds),
+        observed_climate_w=None if measured is None else _measured_climate(measured, seconds),
         charge=None if measured is None else _charge_readings(measured),
         errors=errors,
     )
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class _Pieces:
-    """The segment and the length of each step of a plan, and the length of each segment."""
-
-    segment: IntArray
-    step_s: FloatArray
-    seconds: FloatArray
-
-    @classmethod
-    def of_plan(cls, plan: Plan, segment_s: float = SEGMENT_S) -> _Pieces:
-        time = plan.array("time_s")
-        step = np.diff(time, prepend=time[0] - np.median(np.diff(time)))
-        segment = np.minimum(
-            np.floor((time - time[0]) / segment_s).astype(np.int64),
-            max(int((time[-1] - time[0]) // segment_s - 0.5), 0),
-        )
-        return cls(segment, step, np.asarray(np.bincount(segment, step), dtype=np.float64))
-
-    def mean(self, values: FloatArray) -> FloatArray:
-        """Mean of each segment."""
-        return np.bincount(self.segment, values * self.step_s) / self.seconds
-
-    def simulated(self, simulation: Simulation) -> dict[str, FloatArray]:
-        """The features that are simulated."""
-        return {
-            "simulated_w": self.mean(simulation.battery_power_w),
-            **{f"{cause}_w": self.mean(simulation.power_by_cause_w[cause]) for cause in LINE_CAUSES},
-            "moved_w": self.mean(np.abs(simulation.wheel_power_w)),
-        }
 
 
 def segment_trips(trips: Sequence[Trip], vehicle: Vehicle) -> SegmentTable:
@@ -374,24 +355,22 @@ def resimulated(
     >>> bool((again.simulated_w == table.simulated_w).all())
     True
     """
-    pieces, n = [_Pieces.of_plan(plan) for plan in plans], len(plans)
     runs = simulate_trips((vehicle, plan) for vehicle in vehicles for plan in plans)
-    made = [own.simulated(run) for own, run in zip(pieces * len(vehicles), runs, strict=True)]
-    return [_with_simulated(table, made[first : first + n]) for first in range(0, len(made), n)]
+    parts, n = list(map(segment_table, list(plans) * len(vehicles), runs)), len(plans)
+    return [_beside(table, SegmentTable.join(parts[i : i + n])) for i in range(0, len(parts), n)]
 
 
-def _with_simulated(table: SegmentTable, trips: Sequence[dict[str, FloatArray]]) -> SegmentTable:
-    """The table with the simulated features of each trip in place of its own."""
-    new = {name: np.concatenate([trip[name] for trip in trips]) for name in trips[0]}
-    simulated, observed, rows = new["simulated_w"], table.observed_w, table.groups
+def _beside(table: SegmentTable, new: SegmentTable) -> SegmentTable:
+    """The table with a new simulation of its trips."""
+    observed, rows = table.observed_w, table.groups
     if observed is not None:
         # Of an energy from the state of charge only the total counts, and its residual is spread evenly.
-        seconds = table.totals_wh(np.ones(len(rows)))
-        change = (table.totals_wh(simulated - table.simulated_w) / seconds)[rows]
-        even = simulated + (observed - table.simulated_w) - change
+        change = (table.totals_wh(new.simulated_w - table.simulated_w) / table.totals_wh(np.ones(len(rows))))[
+            rows
+        ]
+        even = new.simulated_w + (observed - table.simulated_w) - change
         observed = np.where(table.energy_errors.along[rows], observed, even)
-    features = table_of({**{str(name): column.to_numpy() for name, column in table.features.items()}, **new})
-    return replace(table, features=features, simulated_w=simulated, observed_w=observed)
+    return replace(table, features=new.features, simulated_w=new.simulated_w, observed_w=observed)
 
 
 def _day(at: dt.datetime | None) -> float:

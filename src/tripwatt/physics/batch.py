@@ -120,7 +120,7 @@ def _in_order(pairs: Iterable[Pair], results: Results[R]) -> Iterator[R]:
 def _alike(drives: Sequence[Drive]) -> Iterable[list[int]]:
     """Numbers of the drives that can go through the chain together: one kind of car, and about one length."""
     groups: dict[tuple[Any, ...], list[int]] = {}
-    kinds = {id(drive.vehicle): _kind(drive.vehicle) for drive in drives}
+    kinds = {number: _kind(car) for number, car in {id(d.vehicle): d.vehicle for d in drives}.items()}
     for number, drive in enumerate(drives):
         length = round(LENGTHS_PER_OCTAVE * math.log2(len(drive.time_s)))
         key = (length, drive.headwind_m_s is None, kinds[id(drive.vehicle)])
@@ -195,11 +195,9 @@ def _driven(drives: Sequence[Drive], climate_w: Sequence[FloatArray]) -> tuple[d
     )
     cars = [drive.vehicle for drive in drives]
     parts = {name: _stacked([getattr(car, name) for car in cars]) for name in PARTS if getattr(cars[0], name)}
-    known = [
-        replace(c, initial_battery_temperature_degc=c.battery_start_degc)
-        for c in (drive.conditions for drive in drives)
-    ]
-    return drive_chain(replace(cars[0], **parts), trace, _stacked(known), padded(climate_w))
+    return drive_chain(
+        replace(cars[0], **parts), trace, _stacked([drive.conditions for drive in drives]), padded(climate_w)
+    )
 
 
 def _simulations(drives: Sequence[Drive], cabins: Sequence[CabinRun | None]) -> Iterator[Simulation]:

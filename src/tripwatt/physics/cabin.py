@@ -187,14 +187,8 @@ class CabinTask:
         return CabinRun(self.time_s, edges, heat_w, fans, air_degc)
 
 
-def condition_cabin(
-    climate: Climate,
-    time_s: FloatArray,
-    speed_m_s: FloatArray,
-    ambient_temperature_degc: float,
-    start: CabinStart,
-) -> CabinRun:
-    """Keep the cabin at its set-point along a speed trace. O(samples + duration / CONTROL_STEP_S).
+def condition_cabins(tasks: Sequence[CabinTask]) -> list[CabinRun]:
+    """Keep cabins at their set-points along speed traces. O(samples + duration / CONTROL_STEP_S); best of similar durations.
 
     Air and interior are two heat capacities, stepped implicitly. The control demands the heat that brings the air
     towards the set-point with its time constant, gets it within the limits of heater and cooler, and blows more
@@ -203,16 +197,11 @@ def condition_cabin(
     Examples
     --------
     >>> from tripwatt.vehicles import load_vehicle
-    >>> time = np.arange(0.0, 1201.0)
-    >>> run = condition_cabin(load_vehicle("bmw_i3_60ah").climate, time, np.zeros(1201), -10.0, CabinStart(-10.0, 22.0))
+    >>> time, cold = np.arange(0.0, 1201.0), CabinStart(-10.0, 22.0)
+    >>> (run,) = condition_cabins([CabinTask(load_vehicle("bmw_i3_60ah").climate, time, np.zeros(1201), -10.0, cold)])
     >>> bool(run.power_w[60] > run.power_w[-1]), bool(20.0 < run.temperature_degc[-1] < 22.5)
     (True, True)
     """
-    return condition_cabins([CabinTask(climate, time_s, speed_m_s, ambient_temperature_degc, start)])[0]
-
-
-def condition_cabins(tasks: Sequence[CabinTask]) -> list[CabinRun]:
-    """`condition_cabin` of each task, many of them side by side: best of similar lengths. O(samples + steps)."""
     edges = [task.edges() for task in tasks]
     steps = control_steps(
         [control_values(task.climate, task.ambient_temperature_degc, task.start) for task in tasks],

@@ -96,16 +96,6 @@ class Trace:
         return cls(time, step, mean_speed, acceleration, grade, headwind, beyond)
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class Forces:
-    """Forces at the wheels [N], shape (..., samples)."""
-
-    aero: FloatArray
-    rolling: FloatArray
-    climb: FloatArray
-    inertia: FloatArray
-
-
 Flags = tuple[Flag, ...]
 
 
@@ -129,9 +119,9 @@ def drive_chain(
     list of tuple of Flag
         Of each trip.
     """
-    forces = _forces(vehicle, trace, conditions)
+    air, rolling, climb, inertia = _forces(vehicle, trace, conditions)
     speed, step = trace.mean_speed_m_s, trace.step_s
-    wheel_power = (forces.aero + forces.rolling + forces.climb + forces.inertia) * speed
+    wheel_power = (air + rolling + climb + inertia) * speed
     base_load = _base_load(vehicle, trace, conditions)
     auxiliary = climate_power_w + base_load
     drive, battery = _drive_and_battery(vehicle, trace, wheel_power, auxiliary, conditions)
@@ -139,10 +129,10 @@ def drive_chain(
     shortfall = drive.shortfall_power_w + (drive.motor_power_w + auxiliary - battery.power_w)
     driven = wheel_power + drive.friction_brake_power_w - drive.shortfall_power_w
     by_cause = {
-        "air": forces.aero * speed,
-        "rolling": forces.rolling * speed,
-        "climb": forces.climb * speed,
-        "acceleration": forces.inertia * speed,
+        "air": air * speed,
+        "rolling": rolling * speed,
+        "climb": climb * speed,
+        "acceleration": inertia * speed,
         "friction_brakes": drive.friction_brake_power_w,
         "drivetrain": drive.motor_power_w - driven,
         "base_load": base_load,
@@ -152,10 +142,10 @@ def drive_chain(
     arrays = {
         "time_s": trace.time_s,
         "grade": trace.grade,
-        "aero_drag_force_n": forces.aero,
-        "rolling_resistance_force_n": forces.rolling,
-        "grade_force_n": forces.climb,
-        "inertia_force_n": forces.inertia,
+        "aero_drag_force_n": air,
+        "rolling_resistance_force_n": rolling,
+        "grade_force_n": climb,
+        "inertia_force_n": inertia,
         "wheel_power_w": wheel_power,
         "motor_power_w": drive.motor_power_w,
         "regen_power_w": np.maximum(-drive.motor_power_w, 0.0),
@@ -174,7 +164,8 @@ def drive_chain(
     return arrays, _flags(vehicle, step, drive, battery, lost_wh)
 
 
-def _forces(vehicle: Vehicle, trace: Trace, conditions: DriveConditions) -> Forces:
+def _forces(vehicle: Vehicle, trace: Trace, conditions: DriveConditions) -> tuple[FloatArray, ...]:
+    """Air drag, rolling, climb and inertia at the wheels [N], shape (..., samples)."""
     load, mass, speed = vehicle.road_load, vehicle.body.test_mass_kg, trace.mean_speed_m_s
     mass, density = mass + conditions.payload_mass_kg, conditions.air_density_kg_m3
     ambient, warmth = conditions.ambient_temperature_degc, conditions.initial_warmth
@@ -185,12 +176,14 @@ def _forces(vehicle: Vehicle, trace: Trace, conditions: DriveConditions) -> Forc
     if vehicle.tyres is not None:
         rolling *= rolling_factor(speed, trace.step_s, ambient, vehicle.tyres, warmth)
     rolling *= wet_factor(conditions.rain_mm_h)
-    return Forces(
-        aero=aero_drag_force(speed, load.drag_area_m2, density, trace.headwind_m_s),
-        rolling=rolling,
-        climb=trace.grade if flat else grade_force(trace.grade, mass),
-        # Mean speed times change of speed is the change of v²/2: kinetic energy adds up exactly over a trip.
-        inertia=inertia_force(trace.acceleration_m_s2, mass, vehicle.body.rotating_mass_factor),
+    aero = aero_drag_force(speed, load.drag_area_m2, density, trace.headwind_m_s)
+    climb = trace.grade if flat else grade_force(trace.grade, mass)
+    # Mean speed times change of speed is the change of v²/2: kinetic energy adds up exactly over a trip.
+    return (
+        aero,
+        rolling,
+        climb,
+        inertia_force(trace.acceleration_m_s2, mass, vehicle.body.rotating_mass_factor),
     )
 
 

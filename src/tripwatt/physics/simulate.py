@@ -321,7 +321,7 @@ def conditions_at_departure(
 class Drive:
     """A drive as it enters the chain, checked: arrays of shape (samples,), `grade` that of the intervals.
 
-    `conditions` have an air density; `climate_power_w` is used where `cabin` is None.
+    `conditions` have an air density and a battery temperature; `climate_power_w` is used where `cabin` is None.
     """
 
     vehicle: Vehicle
@@ -376,7 +376,10 @@ def drive_of(
         known = None if height is None else height[np.isfinite(height)]
         mean_height = float(known.mean()) if known is not None and len(known) else 0.0
         density = air_density(conditions.ambient_temperature_degc, mean_height)
-        conditions = replace(conditions, air_density_kg_m3=density)
+    else:
+        density = conditions.air_density_kg_m3
+    battery_degc = conditions.battery_start_degc
+    conditions = replace(conditions, air_density_kg_m3=density, initial_battery_temperature_degc=battery_degc)
     cabin: CabinTask | None = None
     if conditions.climate != "off" and given is None and vehicle.climate is not None:
         ambient, start = conditions.ambient_temperature_degc, conditions.cabin_start(vehicle)
