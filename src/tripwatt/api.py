@@ -288,6 +288,12 @@ def adapt(base: ForecastModel, trips: Fleet | Sequence[Trip], vehicle: Vehicle |
 def simulate(trip: Plan | Trip, vehicle: Vehicle | str, departure: Departure | None = None) -> Simulation: ...
 @overload
 def simulate(
+    trip: Plan | Trip,
+    vehicle: list[Vehicle | str] | list[Vehicle] | list[str],
+    departure: Departure | None = None,
+) -> pd.DataFrame: ...
+@overload
+def simulate(
     trip: Iterable[Plan | Trip], vehicle: Cars, departure: Departure | None = None
 ) -> pd.DataFrame: ...
 def simulate(
@@ -303,14 +309,14 @@ def simulate(
     trip : Plan or Trip, or an iterable of them
         The drive; of a trip that took place only what was known at its departure counts.
     vehicle : Vehicle or str, or a sequence of them
-        A car, or the name of one of the library; several for an iterable of drives.
+        A car, or the name of one of the library.
     departure : Departure, optional
         Its known fields take the place of those of the plans.
 
     Returns
     -------
     Simulation or DataFrame
-        Of one drive power by cause, charge and temperatures of every step. Of an iterable of drives a table with one row for each
+        Of one drive with one car power by cause, charge and temperatures of every step. Of several a table with one row for each
         drive with each car, the cars of a drive one after the other: `trip`, `car`, `duration_s`, `distance_m`, `energy_wh` at the
         battery terminals, `energy_<cause>_wh` by cause, `soc` of the battery management at the end [1], and `flags`, their codes;
         ``attrs["units"]`` has the units.
@@ -332,7 +338,9 @@ def simulate(
     """
     cars = [_car(each) for each in ([vehicle] if isinstance(vehicle, Vehicle | str) else vehicle)]
     if isinstance(trip, Plan | Trip):
-        return simulate_trip(cars[0], _plan(trip, departure))
+        if isinstance(vehicle, Vehicle | str):
+            return simulate_trip(cars[0], _plan(trip, departure))
+        trip = [trip]
     plans = (_plan(each, departure) for each in trip)
     return _totals_table((car, plan) for plan in plans for car in cars)
 

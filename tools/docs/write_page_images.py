@@ -135,7 +135,7 @@ def _own_car(page: Any) -> None:
     dialog.get_by_label("Name").fill(f"my-car-{page.viewport_size['width']}")
     page.keyboard.press("Enter")
     archive = {"name": "my drives.zip", "mimeType": "application/zip", "buffer": logged_year()}
-    dialog.locator("input[type=file]").set_input_files(archive)
+    dialog.locator("input[type=file]").first.set_input_files(archive)
     dialog.get_by_role("button", name=f"Learn {DRIVES} drives").click(timeout=60_000)
     dialog.get_by_text("new trips learned").wait_for(timeout=120_000)
     dialog.locator("h3", has_text="Learned from").evaluate("e => e.scrollIntoView()")
