@@ -35,7 +35,7 @@ def test_a_summary_counts_trips_that_are_better_than_physics():
         trip_ids=("a", "b"),
         simulated=lambda name: np.zeros(4),
     )
-    hold_out = SimpleNamespace(scheme="s", trips="t", scored=np.arange(2), table=table)
+    hold_out = SimpleNamespace(scheme="s", trips="t", tested=np.arange(2), scored=np.arange(2), table=table)
     energies = {"physics": [1100.0, 2100.0], "better": [1050.0, 2100.0]}
     specs = [SimpleNamespace(name=name, simulation=None) for name in energies]
     results = [

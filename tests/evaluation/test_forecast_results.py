@@ -82,7 +82,8 @@ class TestResults:
         plans = [Plan.from_samples(name, samples, Departure(ambient_temperature_degc=-3.0)) for name in "ab"]
         trips = [SimpleNamespace(context=Context(driver=name)) for name in "xy"]
         own = SimpleNamespace(plans=plans, logs=("log a", "log b"), table=SimpleNamespace(trips=trips))
-        hold_out = SimpleNamespace(table=Trips("ab"), scored=np.array([0, 1]), data=own)
+        pair = np.array([0, 1])
+        hold_out = SimpleNamespace(table=Trips("ab"), tested=pair, scored=pair, data=own)
         results = (
             fold([1], [200.0], forecasts=kept(1.0)),
             fold([0], [100.0], forecasts=kept(0.0)),
