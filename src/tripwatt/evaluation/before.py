@@ -25,10 +25,11 @@ from tripwatt.forecasting.fitting import versions
 from tripwatt.population import Adaptation
 from tripwatt.population.adapting import in_order, with_travel_times
 from tripwatt.population.prior import Population, population
-from tripwatt.routes.links import plan_from_links
+from tripwatt.routes.free_flow import free_flow_links
+from tripwatt.routes.links import LinkRoute, plan_from_links
 from tripwatt.trips import Plan, Trip, plan_from_trip
 from tripwatt.uncertainty.coverage import clopper_pearson
-from tripwatt.uncertainty.free_flow import LEAST_TRIPS, FreeFlowTrips
+from tripwatt.uncertainty.free_flow import LEAST_TRIPS
 from tripwatt.vehicles import Vehicle, without_data
 
 DRIVEN: Final = "driven trace"
@@ -124,12 +125,12 @@ class _Car:
     vehicle: Vehicle
     others: Population
     base: ForecastModel
-    roads: FreeFlowTrips
+    roads: Sequence[tuple[LinkRoute, FloatArray]]
 
     @classmethod
     def of(cls, car: CarTrips, others: Population) -> _Car:
         vehicle = without_data(car.vehicle, car.dataset)
-        return cls(car.trips, vehicle, others, load_model(), FreeFlowTrips.from_trips(car.trips, vehicle))
+        return cls(car.trips, vehicle, others, load_model(), [free_flow_links(trip) for trip in car.trips])
 
     def forecasts(self, k: int) -> dict[str, Forecast]:
         """Forecasts of a trip by what is known of it, from a model that was fitted without it."""
@@ -139,28 +140,25 @@ class _Car:
             Adaptation.before_trips(start, self.vehicle, self.others).with_trips(in_order(rest)).model
             for start in (base, self.base)
         )
-        trip, road = self.trips[k], self.roads.links[k]
-        assert road is not None
-        links, driven_s = road
+        trip, (links, driven_s) = self.trips[k], self.roads[k]
         driven = plan_from_trip(trip)
         made = {DRIVEN: own.forecast(driven)}
         way_m = distance_driven(driven.array("time_s"), driven.array("speed_m_s"))
         height = links.elevation_at(way_m)
         samples = driven.samples if height is None else driven.samples.assign(elevation_m=height)
         made[HEIGHTS] = own.forecast(replace(driven, samples=samples))
-        timed = plan_from_links(replace(links, travel_time_s=driven_s, free_flow=False), trip_id=trip.trip_id)
-        made[TIMES] = own.forecast(timed.with_departure(trip.departure))
-        for name, model in ((PLANNED, own), (ELSEWHERE, elsewhere)):
-            made[name] = model.forecast(self.plan(k, model))
+        for name, model in ((ELSEWHERE, elsewhere), (PLANNED, own)):
+            _, uncertainty = model.fitted_parts("model")
+            assert uncertainty.free_flow is not None
+            expected = uncertainty.free_flow.factors.expected(links)
+            made[name] = model.forecast(_plan(trip, expected))
+        made[TIMES] = own.forecast(_plan(trip, replace(expected, travel_time_s=driven_s)))
         return made
 
-    def plan(self, k: int, model: ForecastModel) -> Plan:
-        """A trip on its road with the travel times that a model expects."""
-        _, uncertainty = model.fitted_parts("model")
-        assert uncertainty.free_flow is not None
-        plan = self.roads.plan(k, uncertainty.free_flow.factors)
-        assert plan is not None
-        return plan
+
+def _plan(trip: Trip, links: LinkRoute) -> Plan:
+    """A trip on its road, with what was known at its departure."""
+    return plan_from_links(links, trip_id=trip.trip_id).with_departure(trip.departure)
 
 
 def _table(car: CarTrips, made: Sequence[Mapping[str, Forecast]]) -> pd.DataFrame:

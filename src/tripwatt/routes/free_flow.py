@@ -7,15 +7,15 @@ car's moving speed on it. The proxy uses the drive, so it is better than a map.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
 from tripwatt.arrays import FloatArray, distance_driven
-from tripwatt.routes.links import SHORTEST_STRETCH_M, LinkRoute, links_of_trip
-from tripwatt.trips import Recorded
+from tripwatt.routes.links import SHORTEST_STRETCH_M, LinkRoute, links_of_trip, plan_from_links
+from tripwatt.trips import Plan, Recorded, plan_from_trip
 from tripwatt.units import M_S_PER_KM_H
 
 CLASSES_KM_H: Final = (30.0, 50.0, 70.0, 100.0, 120.0, 130.0)
@@ -29,6 +29,9 @@ LEAST_M: Final = 20_000.0
 
 LARGEST_FACTOR: Final = 3.0
 
+SHARES: Final = (0.6, 0.7, 0.8, 0.9, 1.0)
+"""Shares of the limit that may be the speed between two stops."""
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class TravelTimeFactors:
@@ -39,6 +42,8 @@ class TravelTimeFactors:
     speed_m_s : ndarray, shape (classes,)
         Ascending.
     factor : ndarray, shape (classes,)
+    moving_share : float
+        Speed between two stops over the free speed.
 
     Examples
     --------
@@ -49,9 +54,12 @@ class TravelTimeFactors:
 
     speed_m_s: FloatArray
     factor: FloatArray
+    moving_share: float = 1.0
 
     @classmethod
-    def from_links(cls, routes: Sequence[LinkRoute], driven_s: Sequence[FloatArray]) -> TravelTimeFactors:
+    def from_links(
+        cls, routes: Sequence[LinkRoute], driven_s: Sequence[FloatArray], moving_share: float = 1.0
+    ) -> TravelTimeFactors:
         """From free-flow links and the times that were driven on them. O(links).
 
         A class with little road is drawn to the factor of all classes. It stands at the mean free speed of its links.
@@ -70,7 +78,7 @@ class TravelTimeFactors:
         factor = total_s / (known_s + prior_s)
         driven = known_s > 0.0
         classes[driven] = np.bincount(which, length, number)[driven] / known_s[driven]
-        return cls(classes, np.clip(factor, 1.0 / LARGEST_FACTOR, LARGEST_FACTOR))
+        return cls(classes, np.clip(factor, 1.0 / LARGEST_FACTOR, LARGEST_FACTOR), moving_share)
 
     def at(self, speed_m_s: FloatArray) -> FloatArray:
         """Factor at free speeds, linear between the classes, shape of `speed_m_s`."""
@@ -81,7 +89,44 @@ class TravelTimeFactors:
         moving = np.where(np.isnan(route.moving_speed_m_s), route.speed_m_s, route.moving_speed_m_s)
         expected_s = route.length_m / moving * self.at(moving)
         travel_time_s = np.maximum(expected_s, route.travel_time_s)
-        return replace(route, travel_time_s=travel_time_s, moving_speed_m_s=moving)
+        return replace(route, travel_time_s=travel_time_s, moving_speed_m_s=self.moving_share * moving)
+
+
+def share_energy(
+    trip: Recorded, route: LinkRoute, driven_s: FloatArray, energy: Callable[[Plan], float]
+) -> FloatArray:
+    """Logarithm of the energy on free-flow links in their driven times over that of the drive, for each of `SHARES`. O(samples).
+
+    Parameters
+    ----------
+    trip : Trip
+        The drive.
+    route : LinkRoute
+        Its free-flow links.
+    driven_s : ndarray, shape (links,)
+        Times that were driven on them.
+    energy : callable
+        What is compared, such as the simulated energy of the car; positive.
+
+    Returns
+    -------
+    ndarray, shape (len(SHARES),)
+    """
+    timed = replace(route, travel_time_s=driven_s)
+    moving = [replace(timed, moving_speed_m_s=share * route.moving_speed_m_s) for share in SHARES]
+    planned = [energy(plan_from_links(links).with_departure(trip.departure)) for links in moving]
+    return np.asarray(np.log(np.array(planned) / energy(plan_from_trip(trip))))
+
+
+def moving_share(energies: Sequence[FloatArray]) -> float:
+    """Share of the free speed with which trips take the energy of their drives in the mean, from `share_energy` of each.
+
+    Examples
+    --------
+    >>> round(moving_share([np.linspace(-0.1, 0.3, 5), np.linspace(-0.3, 0.1, 5)]), 3)
+    0.8
+    """
+    return float(np.interp(0.0, np.maximum.accumulate(np.mean(energies, axis=0)), SHARES))
 
 
 def free_flow_links(trip: Recorded, length_m: float = LINK_M) -> tuple[LinkRoute, FloatArray]:
