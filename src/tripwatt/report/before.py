@@ -57,19 +57,18 @@ def errors_table(results: Record) -> Table:
         in_percent("Bias [%]", "bias"),
         in_percent("Mean error of the duration [%]", lambda row: row.get("duration", {}).get("mape")),
         in_percent("Its bias [%]", lambda row: row.get("duration", {}).get("bias")),
-        *(
-            column
-            for level in ("0.5", "0.9")
-            for column in (
-                Column(
-                    f"Inside {float(level):.0%} interval".replace("%", " %"),
-                    lambda row, n=level: row["inside"][n],
-                    digits=0,
-                ),
-                in_percent("Clopper-Pearson 95 %", lambda row, n=level: row["coverage_ci95"][n], 0),
-            )
-        ),
+        *_inside("0.5"),
+        *_inside("0.9"),
         Column("Trips", "trips", digits=0),
+    )
+
+
+def _inside(level: str) -> tuple[Column, Column]:
+    """Trips inside the intervals of a level, and what chance explains."""
+    head = f"Inside the {100.0 * float(level):.0f} % interval"
+    return (
+        Column(head, lambda row: row["inside"][level], digits=0),
+        in_percent("Clopper-Pearson 95 %", lambda row: row["coverage_ci95"][level], 0),
     )
 
 

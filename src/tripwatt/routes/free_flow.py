@@ -58,7 +58,7 @@ class TravelTimeFactors:
 
     @classmethod
     def from_links(
-        cls, routes: Sequence[LinkRoute], driven_s: Sequence[FloatArray], moving_share: float = 1.0
+        cls, routes: Sequence[LinkRoute], driven_s: Sequence[FloatArray], *, moving_share: float = 1.0
     ) -> TravelTimeFactors:
         """From free-flow links and the times that were driven on them. O(links).
 
