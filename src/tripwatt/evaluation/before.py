@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from operator import attrgetter
 from typing import Any, Final
 
 import numpy as np
@@ -65,7 +66,11 @@ class BeforeRun:
 
 
 def evaluate_before(
-    cars: Sequence[CarTrips], *, seed: int = 0, progress: Callable[[int, int], None] | None = None
+    cars: Sequence[CarTrips],
+    *,
+    fold: Callable[[Trip], object] = attrgetter("trip_id"),
+    seed: int = 0,
+    progress: Callable[[int, int], None] | None = None,
 ) -> BeforeRun:
     """Score the trips of every car whose logs carry the speed limit, each forecast from the others as before departure.
 
@@ -73,6 +78,8 @@ def evaluate_before(
     ----------
     cars : sequence of CarTrips
         Those without limits in their logs take part as other cars only.
+    fold : callable
+        Trips of a car with equal folds are left out together; each trip alone by default.
     seed : int
         Of the bootstrap.
     progress : callable, optional
@@ -104,14 +111,15 @@ def evaluate_before(
     tables: list[pd.DataFrame] = []
     done = 0
     for car in scored:
-        fold, made = _Car.of(car, others_of(cars, car, rest)), list[dict[str, Forecast]]()
+        known, made = _Car.of(car, others_of(cars, car, rest)), list[dict[str, Forecast]]()
         for k in range(len(car.trips)):
-            made.append(fold.forecasts(k))
+            apart = [i for i, trip in enumerate(car.trips) if fold(trip) != fold(car.trips[k])]
+            made.append(known.forecasts(k, apart))
             done += 1
             if progress is not None:
                 progress(done, total)
         table = _table(car, made)
-        described.append(_scores(car, fold.others, made, table, seed))
+        described.append(_scores(car, known.others, made, table, seed))
         tables.append(table)
     results = {"protocol": "before", "seed": seed, "cars": described, "versions": versions()["packages"]}
     return BeforeRun(results, pd.concat(tables, ignore_index=True))
@@ -132,9 +140,9 @@ class _Car:
         vehicle = without_data(car.vehicle, car.dataset)
         return cls(car.trips, vehicle, others, load_model(), [free_flow_links(trip) for trip in car.trips])
 
-    def forecasts(self, k: int) -> dict[str, Forecast]:
-        """Forecasts of a trip by what is known of it, from a model that was fitted without it."""
-        rest = [trip for i, trip in enumerate(self.trips) if i != k]
+    def forecasts(self, k: int, train: Sequence[int]) -> dict[str, Forecast]:
+        """Forecasts of a trip by what is known of it, from a model that was fitted to some of the others."""
+        rest = [self.trips[i] for i in train]
         base = with_travel_times(self.base, rest, self.vehicle, self.others)
         own, elsewhere = (
             Adaptation.before_trips(start, self.vehicle, self.others).with_trips(in_order(rest)).model
