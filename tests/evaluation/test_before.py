@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
-from benchmarks import before as benchmark
-from tests.support.command import answered
+from benchmarks import before as study
+from benchmarks.before import SPLIT, evaluate_before
+from tools import DOCS, ROOT
+from tools.docs import pages
+from tools.docs.before_page import DRIVEN, ELSEWHERE, PLANNED, short, text_of
 
 from tripwatt.arrays import distance_driven
 from tripwatt.errors import InvalidInput
-from tripwatt.evaluation import before as protocol
-from tripwatt.evaluation.before import DRIVEN, ELSEWHERE, PLANNED, SPLIT, evaluate_before
 from tripwatt.evaluation.cars import CarTrips
 from tripwatt.forecasting import load_model
 from tripwatt.population import adaptation, population
@@ -67,7 +67,7 @@ def test_the_drive_that_is_scored_takes_no_part_in_its_forecast(car) -> None:
     k, others = 2, population()
     altered = replace(car, trips=tuple(drive_altered(t) if i == k else t for i, t in enumerate(car.trips)))
     rest = [i for i in range(TRIPS) if i != k]
-    made, again = (protocol._Car.of(each, others).forecasts(k, rest) for each in (car, altered))
+    made, again = (study._Car.of(each, others).forecasts(k, rest) for each in (car, altered))
     for name in (PLANNED, ELSEWHERE):
         assert again[name].energy_wh == pytest.approx(made[name].energy_wh, rel=1e-6)
         assert again[name].interval(0.9) == pytest.approx(made[name].interval(0.9), rel=1e-6)
@@ -78,7 +78,7 @@ def test_the_drive_that_is_scored_takes_no_part_in_its_forecast(car) -> None:
 def test_the_other_drives_take_part(car) -> None:
     slower = replace(car, trips=(car.trips[0], *map(drive_altered, car.trips[1:])))
     rest = range(1, TRIPS)
-    made, again = (protocol._Car.of(each, population()).forecasts(0, rest) for each in (car, slower))
+    made, again = (study._Car.of(each, population()).forecasts(0, rest) for each in (car, slower))
     assert again[PLANNED].plan.duration_s > 1.3 * made[PLANNED].plan.duration_s
     assert again[ELSEWHERE].plan.duration_s == pytest.approx(made[ELSEWHERE].plan.duration_s)
 
@@ -151,34 +151,18 @@ def test_few_trips_and_trips_without_limits_leave_the_travel_times_of_the_base(c
         assert with_travel_times(base, trips, car.vehicle, population()) is base
 
 
-def test_the_command_writes_results_and_a_report(car, tmp_path: Path) -> None:
-    columns = ["time_s", "speed_m_s", "voltage_v", "current_a", "elevation_m", "speed_limit_m_s"]
-    for trip in car.trips[:6]:
-        trip.samples[[*columns, "ambient_temperature_degc"]].to_csv(
-            tmp_path / f"{trip.trip_id}.csv", index=False
-        )
-    units = {"time_s": "s", "speed_m_s": "m/s", "voltage_v": "V", "current_a": "A", "elevation_m": "m"}
-    units |= {"speed_limit_m_s": "m/s", "ambient_temperature_degc": "degC"}
-    lines = [f'{name} = {{ column = "{name}", unit = "{unit}" }}' for name, unit in units.items()]
-    mapping = "\n".join(["[columns]", *lines, "[current]", 'positive = "discharge"'])
-    (tmp_path / "my.toml").write_text(mapping)
-    file = tmp_path / "cars.toml"
-    file.write_text('[id3]\nlogs = "."\nmapping = "my.toml"\nvehicle = "vw_id3"\n')
-    out = tmp_path / "out"
-    answer = answered("evaluate", file, "--protocol", "before", "--out", out)
-    assert answer.code == 0, answer.err
-    assert "before departure, travel times of another car" in " ".join(answer.out.split())
-    results = json.loads((out / "results.json").read_text())
-    assert results["cars"][0]["trips"] == len(pd.read_csv(out / "trips.csv")) == 6
-    page = (out / "report.html").read_text()
-    assert "<h1>Before departure</h1>" in page
-    assert "stops and speeds" in page
-    assert "given the driven speed trace" not in page
-
-
 def test_the_published_forecast_before_departure_keeps_its_bars() -> None:
     """Those with the travel times of other trips; that times of another country are good enough is not claimed."""
-    results = json.loads(benchmark.RESULT.read_text(encoding="utf-8"))
-    claimed = [row for row in benchmark.rows_of(results) if ELSEWHERE not in row.name]
-    assert len(claimed) == 2 * (2 + 2 * 2 + 2 * len(protocol.CHANCES))
+    results = json.loads(study.RESULT.read_text(encoding="utf-8"))
+    claimed = [row for row in study.rows_of(results) if ELSEWHERE not in row.name]
+    assert len(claimed) == 2 * (2 + 2 * 2 + 2 * len(study.CHANCES))
     assert all(row.met for row in claimed), [row.name for row in claimed if not row.met]
+
+
+def test_the_pages_show_what_was_measured() -> None:
+    results = json.loads(study.RESULT.read_text(encoding="utf-8"))
+    shown = {ROOT / "README.md": short, DOCS / "explanation" / "results.md": text_of}
+    for page, text in (shown | {DOCS / "explanation" / "evaluation.md": study.bars_table}).items():
+        assert pages.part(page.read_text(encoding="utf-8"), "before") == text(results).strip(), "make results"
+    results["cars"][0]["known"][PLANNED]["mape"] = 0.777
+    assert all("77.7" in text(results) for text in shown.values())

@@ -32,8 +32,8 @@ if TYPE_CHECKING:
     from tripwatt.evaluation import EvaluationRun
     from tripwatt.trips import Fleet
 
-OF_CARS = ("cars", "before")
-"""The protocols of several cars, each forecast from the others, and each trip as before departure."""
+CARS = "cars"
+"""The protocol of several cars, each forecast from the others."""
 
 INTERRUPTED = 130
 """Exit code of a run that was stopped from the keyboard."""
@@ -59,7 +59,7 @@ def evaluate(
     mapping: MappingOption = None,
     strict: StrictOption = False,
     protocol: Annotated[
-        str, typer.Option(metavar="NAME", help="Comparison: paper, forecast, cars or before.")
+        str, typer.Option(metavar="NAME", help="Comparison: paper, forecast or cars.")
     ] = "paper",
     test: Annotated[
         Path | None,
@@ -111,15 +111,13 @@ def evaluate(
       tripwatt evaluate data/tum --protocol forecast
       # forecast each car of a file as one that nobody has seen, from all others
       tripwatt evaluate cars.toml --protocol cars
-      # forecast trips whose logs carry the speed limit as before departure
-      tripwatt evaluate cars.toml --protocol before
       # one model on one hold-out
       tripwatt evaluate data/tum --models boosting --hold-outs leave_one_trip_out:reference
       # continue an interrupted run
       tripwatt evaluate data/tum --resume
     """
     shown = console()
-    if protocol in OF_CARS:
+    if protocol == CARS:
         others = {
             "--dataset": dataset,
             "--mapping": mapping,
@@ -129,7 +127,7 @@ def evaluate(
             "--vehicle": vehicle,
         }
         _without_effect({**others, "--set": overrides, "--resume": resume or None})
-        _evaluate_cars(protocol, data, out, seed, as_json)
+        _evaluate_cars(data, out, seed, as_json)
         return
     car, note = car_of(vehicle, data, dataset, mapping)
     options: dict[str, Any] = {
@@ -166,10 +164,8 @@ def _without_effect(given: dict[str, Any]) -> None:
     raise_faults(Fault("option has no effect", k, f"{v}", allowed) for k, v in given.items() if v is not None)
 
 
-def _evaluate_cars(protocol: str, data: Path | None, out: Path, seed: int, as_json: bool) -> None:
-    from tripwatt.evaluation.before import evaluate_before
+def _evaluate_cars(data: Path | None, out: Path, seed: int, as_json: bool) -> None:
     from tripwatt.evaluation.cars import CarTrips, evaluate_cars, read_cars
-    from tripwatt.report.before import before_tables, write_before
     from tripwatt.report.cars import cars_tables, write_cars
 
     if data is None:
@@ -184,18 +180,12 @@ def _evaluate_cars(protocol: str, data: Path | None, out: Path, seed: int, as_js
     gather(read, lambda: check_writable(out))
     unfinished = unfinished_folder(out)
     with folder_lock(unfinished), progress(shown) as advance:
-        if protocol == "before":
-            before = evaluate_before(cars, seed=seed, progress=advance)
-            write_whole(lambda folder: write_before(before, folder), out, unfinished)
-            results, tables = before.results, before_tables(before.results)
-        else:
-            run = evaluate_cars(cars, seed=seed, progress=advance)
-            write_whole(lambda folder: write_cars(run, folder), out, unfinished)
-            results, tables = run.results, cars_tables(run.results)
+        run = evaluate_cars(cars, seed=seed, progress=advance)
+        write_whole(lambda folder: write_cars(run, folder), out, unfinished)
     if as_json:
-        print_json(results)
+        print_json(run.results)
         return
-    for table in tables:
+    for table in cars_tables(run.results):
         print_table(table.caption, table.columns, table.rows, numbers=table.columns[1:])
     typer.echo(f"Report: {out / 'report.html'}")
 

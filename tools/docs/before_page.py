@@ -1,21 +1,17 @@
-"""The report of the protocol `before`: one page and the files beside it."""
+"""The forecast before departure on the pages: from the results file of `python -m benchmarks.before`."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
-from tripwatt.report.html import write_page, write_whole
-from tripwatt.report.panel import Panel
-from tripwatt.report.tables import Column, Table, in_percent, tabulated
-
-if TYPE_CHECKING:
-    from tripwatt.evaluation.before import BeforeRun
+from tripwatt.report.tables import Column, Table, in_percent, markdown, number, span, tabulated
 
 Record = Mapping[str, Any]
 
+DRIVEN: Final = "driven trace"
+PLANNED: Final = "before departure"
+ELSEWHERE: Final = "before departure, times of another car"
 LABELS: Final = {
     "driven trace": "the driven trace, the best case",
     "before departure": "before departure, travel times of the other trips",
@@ -23,17 +19,34 @@ LABELS: Final = {
 }
 
 
-def write_before(run: BeforeRun, out: Path) -> None:
-    """Write `results.json`, `trips.csv` and `report.html` into a folder, `results.json` last."""
-    results = run.results
-    facts = [("Cars", f"{len(results['cars'])}"), ("Trips", f"{len(run.trips)}")]
-    versions = ", ".join(f"{name} {version}" for name, version in results["versions"].items())
-    panel = Panel(
-        "before", "Errors, intervals and their causes", "", tables=before_tables(results), wide=True
+def short(results: Record) -> str:
+    """The part of the README."""
+    car = results["cars"][0]
+    known, n = car["known"], car["trips"]
+    table = tabulated(
+        f"The forecast before departure: {n} trips of a Renault Twizy, planned from speed limits and heights, each by a model without it",
+        [{"label": LABELS[name], **row} for name, row in known.items()],
+        Column("Known of the trip", "label"),
+        in_percent("Mean error of the energy [%]", "mape"),
+        in_percent("95 % interval", "mape_ci95"),
+        in_percent("Mean error of the duration [%]", lambda row: row.get("duration", {}).get("mape")),
+        Column("Inside the 90 % interval", lambda row: row["inside"]["0.9"], digits=0),
+        strong=frozenset({list(known).index(PLANNED)}),
     )
-    write_page(out, "before.html.jinja", [panel], facts=facts, versions=versions)
-    run.trips.to_csv(out / "trips.csv", index=False, lineterminator="\n")
-    write_whole(out / "results.json", json.dumps(results, indent=1, allow_nan=False).encode("utf-8"))
+    return markdown(table)
+
+
+def text_of(results: Record) -> str:
+    """The part of the page of results."""
+    tables = (*before_tables(results), transfer_table(results))
+    car = results["cars"][0]
+    planned, duration = car["known"][PLANNED], car["known"][PLANNED]["duration"]
+    said = (
+        f"The energy before departure errs by {number(planned['mape'], 100, 1)} % in the mean over {car['trips']} trips (95 % interval "
+        f"{span(planned['mape_ci95'])} %), {number(car['over_driven'])} times as much as with the driven trace; the duration errs by "
+        f"{number(duration['mape'], 100, 1)} %. Data: {results['citation']}."
+    )
+    return "\n\n".join((said, *map(markdown, tables)))
 
 
 def before_tables(results: Record) -> tuple[Table, ...]:
@@ -103,4 +116,18 @@ def split_table(results: Record) -> Table:
         in_percent("Mean [% of energy]", "mean"),
         in_percent("Mean size [% of energy]", "size"),
         in_percent("Share of the mean squared error [%]", "share", 0),
+    )
+
+
+def transfer_table(results: Record) -> Table:
+    """Errors of durations, a row for each set that times are learned from."""
+    by_set: dict[str, dict[str, Any]] = {}
+    for row in results["travel_times"]:
+        by_set.setdefault(row["learned"], {"learned": row["learned"]})[row["scored"]] = row["mape"]
+    columns = [in_percent(f"Trips of {name} [%]", name) for name in by_set]
+    return tabulated(
+        "Mean error of the duration by where the travel times were learned; a set by itself: each trip from the others",
+        by_set.values(),
+        Column("Learned from", "learned"),
+        *columns,
     )
