@@ -19,7 +19,7 @@ from tripwatt.routes.routers.valhalla import ValhallaRouter
 
 INFO_NAME: Final = "map.json"
 INDEX_NAME: Final = "places.sqlite"
-FORMAT: Final = 1
+FORMAT: Final = 2
 ATTRIBUTION: Final = "© OpenStreetMap contributors, ODbL 1.0"
 """What has to be shown wherever a map, a road or a place of an extract is."""
 
