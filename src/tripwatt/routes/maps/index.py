@@ -38,6 +38,9 @@ HOUSE: Final = KINDS.index("house")
 NEAR_PLACES: Final = 2
 """Settlements with a name like a typed one that have a place in a full list of those that begin with it."""
 
+NOT_MEANT: Final = 100
+"""Counted as mistakes for a word that is none of a place."""
+
 SEPARATOR: Final = ";"
 """Between the other names of a place: the extract's own."""
 
@@ -308,11 +311,11 @@ class PlaceIndex:
         ]
         matches = []
         for row in self._matching(terms):
-            have = _searched(" ".join((row[1], row[5], row[2]))).split()
-            meant = [_meant(word, others, have) for word, others in zip(typed, near, strict=True)]
-            if any(count for _, count in meant):
-                match = _Match.of(row, [word for word, _ in meant])
-                matches.append((sum(count for _, count in meant), match))
+            meant = min(
+                (_meant(typed, near, name, row[2]) for name in _names(row)), key=lambda entry: entry[0]
+            )
+            if 0 < meant[0] < NOT_MEANT:
+                matches.append((meant[0], _Match.of(row, meant[1])))
         return [match for _, match in sorted(matches, key=lambda entry: (entry[0], entry[1].order))]
 
     def settlements(
@@ -342,11 +345,25 @@ class PlaceIndex:
         )
 
 
-def _meant(typed: str, others: dict[str, int], have: Sequence[str]) -> tuple[str, int]:
-    """The word of a place that a typed word means, and the number of mistakes in it."""
-    if any(word.startswith(typed) for word in have):
-        return typed, 0
-    return next(((word, count) for word, count in others.items() if word in have), (typed, 0))
+def _names(row: Sequence[Any]) -> list[str]:
+    """The own name of a row, and its others."""
+    return [row[1], *(row[5].split(SEPARATOR) if row[5] else ())]
+
+
+def _meant(
+    typed: Sequence[str], near: Sequence[dict[str, int]], name: str, context: str
+) -> tuple[int, list[str]]:
+    """The number of mistakes in typed words that mean a name, and the words that they mean."""
+    have = _searched(f"{name} {context}").split()
+    mistakes, words = 0, []
+    for word, others in zip(typed, near, strict=True):
+        if any(other.startswith(word) for other in have):
+            words.append(word)
+            continue
+        meant, count = next((entry for entry in others.items() if entry[0] in have), (word, NOT_MEANT))
+        mistakes += count
+        words.append(meant)
+    return mistakes, words
 
 
 @dataclass(frozen=True, slots=True)
@@ -362,8 +379,7 @@ class _Match:
     @classmethod
     def of(cls, row: tuple[Any, ...], typed: Sequence[str]) -> _Match:
         """By its own name, where that is as good as another."""
-        names = [row[1], *(row[5].split(SEPARATOR) if row[5] else ())]
-        matches = (cls(row, name, (*_searched(name).split(),), (*typed,)) for name in names)
+        matches = (cls(row, name, (*_searched(name).split(),), (*typed,)) for name in _names(row))
         return min(matches, key=lambda match: (-match._begun, not match.is_whole))
 
     @property
