@@ -18,9 +18,7 @@ def node(number, latitude, longitude, **tags):
 
 def way(number, nodes, **tags):
     inside = "".join(f'<nd ref="{k}"/>' for k in nodes)
-    return (
-        f'<way id="{number}">{inside}{"".join(f"""<tag k="{k}" v="{v}"/>""" for k, v in tags.items())}</way>'
-    )
+    return f'<way id="{number}">{inside}{"".join(f"""<tag k="{k.replace('__', ':')}" v="{v}"/>""" for k, v in tags.items())}</way>'
 
 
 @pytest.fixture
