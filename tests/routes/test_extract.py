@@ -18,7 +18,8 @@ def node(number, latitude, longitude, **tags):
 
 def way(number, nodes, **tags):
     inside = "".join(f'<nd ref="{k}"/>' for k in nodes)
-    return f'<way id="{number}">{inside}{"".join(f"""<tag k="{k.replace('__', ':')}" v="{v}"/>""" for k, v in tags.items())}</way>'
+    inside += "".join(f'<tag k="{k.replace("__", ":")}" v="{v}"/>' for k, v in tags.items())
+    return f'<way id="{number}">{inside}</way>'
 
 
 @pytest.fixture

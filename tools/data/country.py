@@ -102,7 +102,7 @@ SIZES: Final = MappingProxyType(
     {
         "small": Size(44, 2, 12.0, {"city": 9, "town": 5, "village": 3}, 7, 29, (0,), side_roads=2),
         "large": Size(
-            76, 50, 8.0, {"city": 80, "town": 30, "village": 8}, 23, 379, (8, 25, 42), (12, 38, 63)
+            76, 50, 8.0, {"city": 80, "town": 30, "village": 9}, 23, 379, (8, 25, 42), (12, 38, 63)
         ),
     }
 )
