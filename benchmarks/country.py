@@ -7,11 +7,14 @@ pyvalhalla. With ``--docs``, writes docs/results/country.json and the table of d
 from __future__ import annotations
 
 import json
+import math
 import resource
 import statistics
 import tempfile
+import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
 
@@ -50,18 +53,20 @@ def rows(size: str) -> Iterator[Row]:
         yield Row("writing the synthetic country", time.perf_counter() - began, "s")
         yield Row("extract", extract.stat().st_size / BYTES_PER_MB, "MB")
         starts: list[float] = []
-        built = build_map(
-            extract,
-            folder / "map",
-            elevation=elevation,
-            progress=lambda step: starts.append(time.perf_counter()),
-        )
+        with largest_memory("valhalla_build_tiles") as valhalla_mb:
+            built = build_map(
+                extract,
+                folder / "map",
+                elevation=elevation,
+                progress=lambda step: starts.append(time.perf_counter()),
+            )
         ends = [*starts[1:], time.perf_counter()]
         for step, start, end in zip(STEPS, starts, ends, strict=True):
             yield Row(f"build: {step}", end - start, "s")
         yield Row("build, for a million edges", (ends[-1] - starts[0]) / millions, "s")
-        for who, whose in (("this process", resource.RUSAGE_SELF), ("Valhalla", resource.RUSAGE_CHILDREN)):
-            yield Row(f"build: most memory, {who}", resource.getrusage(whose).ru_maxrss / 1024.0, "MB")
+        own_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+        yield Row("build: most memory, places and elevation", own_mb, "MB")
+        yield Row("build: most memory, roads", max(valhalla_mb, default=math.nan), "MB")
         for name in ("tiles.tar", "places.sqlite", "elevation"):
             yield Row(f"on disk: {name}", _bytes(built.folder / name) / BYTES_PER_MB, "MB")
         roads = _bytes(built.folder / "tiles.tar") + _bytes(built.folder / "places.sqlite")
@@ -106,19 +111,42 @@ def journeys(atlas: Atlas) -> Iterator[Row]:
 
 def served(built: MapFolder) -> Iterator[Row]:
     """Memory of the router that answered the journeys: its own, and what it shares by mapped files."""
-    name = str(built.folder / "server.json").encode()
+    for lines in _status(str(built.folder / "server.json")):
+        for part, what in (("RssAnon", "its own"), ("RssFile", "mapped files")):
+            yield Row(f"memory of the router after the journeys, {what}", _megabytes(lines[part]), "MB")
+
+
+def _status(named: str) -> Iterator[dict[str, str]]:
+    """What the system tells about running programs with a word in their command."""
     for status in Path("/proc").glob("[0-9]*/status"):
         try:
-            words = (status.parent / "cmdline").read_bytes().split(b"\0")
-            if name not in words:
-                continue
-            lines = dict(line.partition(":")[::2] for line in status.read_text("utf-8").splitlines())
+            if named.encode() in (status.parent / "cmdline").read_bytes():
+                yield dict(line.partition(":")[::2] for line in status.read_text("utf-8").splitlines())
         except OSError:
-            continue
-        for part, what in (("RssAnon", "its own"), ("RssFile", "mapped files")):
-            yield Row(
-                f"memory of the router after the journeys, {what}", int(lines[part].split()[0]) / 1024.0, "MB"
-            )
+            continue  # it has ended
+
+
+def _megabytes(text: str) -> float:
+    return int(text.split()[0]) / 1024.0
+
+
+@contextmanager
+def largest_memory(program: str) -> Iterator[list[float]]:
+    """Memory of a program that runs meanwhile [MB], looked at again and again."""
+    seen: list[float] = []
+    ended = threading.Event()
+
+    def look() -> None:
+        while not ended.wait(0.2):
+            seen.extend(_megabytes(lines["VmHWM"]) for lines in _status(program) if "VmHWM" in lines)
+
+    thread = threading.Thread(target=look, daemon=True)
+    thread.start()
+    try:
+        yield seen
+    finally:
+        ended.set()
+        thread.join()
 
 
 def _pairs(atlas: Atlas, distance_m: float) -> list[tuple[Place, Place]]:

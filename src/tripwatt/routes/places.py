@@ -238,6 +238,8 @@ def plain_words(text: str) -> list[str]:
     >>> plain_words("Ängsgatan, ŁÓDŹ")
     ['angsgatan', 'lodz']
     """
+    if text.isascii():
+        return WORD.findall(text.lower())
     letters = unicodedata.normalize("NFKD", text.lower().translate(PLAIN))
     return WORD.findall("".join(letter for letter in letters if not unicodedata.combining(letter)))
 

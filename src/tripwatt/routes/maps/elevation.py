@@ -18,8 +18,8 @@ from types import MappingProxyType
 from typing import Any, Final
 
 import numpy as np
+import numpy.typing as npt
 
-from tripwatt.arrays import FloatArray
 from tripwatt.errors import InvalidInput, install, raise_faults
 
 ROWS: Final = 3601
@@ -53,6 +53,9 @@ SOURCES: Final = (
     "or of the Copernicus DEM GLO-30 (free with its notice; GeoTIFF, needs the extra elevation), put them into a folder, and "
     "build the map again with --elevation FOLDER; the sea has no tiles"
 )
+
+Heights = npt.NDArray[np.float32]
+"""Metres each arc-second, or three, of a tile, NaN for voids, shape (rows, rows): from north to south, from west to east."""
 
 Cell = tuple[int, int]
 """South and west of a tile [°]."""
@@ -127,7 +130,7 @@ class Elevation:
         tiles = len(cells) - len(missing)
         return {"known": tiles > 0, "source": "; ".join(credits), "tiles": tiles, "missing": missing}
 
-    def _heights(self, cell: Cell, credits: dict[str, None]) -> FloatArray | None:
+    def _heights(self, cell: Cell, credits: dict[str, None]) -> Heights | None:
         """Heights of a cell each arc-second, NaN for voids; None where no file has any. Adds whom to name."""
         if cell not in self.packed:
             return _warped(self.rasters, cell, credits)
@@ -177,8 +180,8 @@ def _cell(name: re.Match[str]) -> Cell:
     return (rows[1] if rows[0] else -rows[1], columns[1] if columns[0] else -columns[1])
 
 
-def _read(path: Path) -> FloatArray:
-    """Heights of a tile, NaN for voids, shape (rows, rows): from north to south, from west to east."""
+def _read(path: Path) -> Heights:
+    """Heights of a file."""
     most = 2 * ROWS**2 + 1
     try:
         if path.name.lower().endswith(".zip"):
@@ -196,16 +199,16 @@ def _read(path: Path) -> FloatArray:
     if 2 * rows * rows != len(content) or rows not in ARC_SECONDS:
         allowed = " or ".join(f"{2 * n * n} (of {n} x {n} heights)" for n in ARC_SECONDS)
         raise InvalidInput.of("no elevation tile", path.name, f"{len(content)} bytes", allowed)
-    return _known(np.frombuffer(content, ">i2").reshape(rows, rows).astype(np.float64))
+    return _known(np.frombuffer(content, ">i2").reshape(rows, rows).astype(np.float32))
 
 
-def _known(heights_m: FloatArray) -> FloatArray:
-    return np.where((heights_m >= LOWEST_M) & (heights_m <= HIGHEST_M), heights_m, np.nan)
+def _known(heights_m: Heights) -> Heights:
+    return np.where((heights_m >= LOWEST_M) & (heights_m <= HIGHEST_M), heights_m, np.float32(np.nan))
 
 
-def _refined(heights_m: FloatArray) -> FloatArray:
+def _refined(heights_m: Heights) -> Heights:
     """Rows with two between each pair, by linear interpolation; NaN beside a void."""
-    fine = np.empty((3 * len(heights_m) - 2, heights_m.shape[1]))
+    fine = np.empty((3 * len(heights_m) - 2, heights_m.shape[1]), dtype=heights_m.dtype)
     above, below = heights_m[:-1], heights_m[1:]
     fine[::3], fine[1::3], fine[2::3] = heights_m, (2.0 * above + below) / 3.0, (above + 2.0 * below) / 3.0
     return fine
@@ -223,12 +226,12 @@ def _rasterio() -> Any:
     return rasterio
 
 
-def _warped(paths: Sequence[Path], cell: Cell, credits: dict[str, None]) -> FloatArray | None:
+def _warped(paths: Sequence[Path], cell: Cell, credits: dict[str, None]) -> Heights | None:
     """Heights of a cell from all rasters that it touches; None where none has any."""
     rasterio = _rasterio() if paths else None
     south, west = cell
     step = 1.0 / (ROWS - 1)
-    heights = np.full((ROWS, ROWS), np.nan)
+    heights = np.full((ROWS, ROWS), np.nan, dtype=np.float32)
     for path in paths:
         try:
             with rasterio.open(path) as raster:
