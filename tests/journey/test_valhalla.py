@@ -67,7 +67,7 @@ def model() -> tw.ForecastModel:
 
 def test_the_map_holds_roads_places_and_elevation(built: MapFolder) -> None:
     assert built.info["places"] > 2000
-    assert built.info["elevation_tiles"] == 1
+    assert built.info["terrain"]["tiles"] == 1
     assert (built.folder / "elevation" / "N47" / "N47E009.hgt").is_file()
     assert not built.folder.with_name("map.unfinished").exists()
     south, west, north, east = built.info["bounds_deg"]

@@ -244,10 +244,10 @@ def plain_words(text: str) -> list[str]:
     return WORD.findall("".join(letter for letter in letters if not unicodedata.combining(letter)))
 
 
-def without_twins(places: Iterable[Place]) -> tuple[Place, ...]:
-    """Places without those that are an earlier one: of its name, or of that of a settlement, within `TWIN_M`. O(places²) of a name.
+def without_twins(places: Iterable[Place], most: int | None = None) -> tuple[Place, ...]:
+    """Places without those that are an earlier one: of its name, or of that of a settlement, within `TWIN_M`; the first ones.
 
-    A village, its boundary and its post office are one place; streets of one name in two villages are two.
+    O(places²) of a name. A village, its boundary and its post office are one place; streets of one name in two villages are two.
 
     Examples
     --------
@@ -263,6 +263,8 @@ def without_twins(places: Iterable[Place]) -> tuple[Place, ...]:
         if all(other.distance_m(place) > TWIN_M for other in alike):
             same.append(place)
             single.append(place)
+            if len(single) == most:
+                break
     return tuple(single)
 
 

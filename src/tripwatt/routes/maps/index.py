@@ -130,12 +130,7 @@ def _merged(rows: Iterable[tuple[Any, ...]], nearest: _Nearest) -> Iterator[tupl
     for (kind, name, context), pieces in itertools.groupby(rows, key=lambda row: row[:3]):
         groups = _together([Named("", name, *row[3:5], also=(row[5],), population=row[6]) for row in pieces])
         for group in groups:
-            latitude, longitude = (
-                sum(getattr(piece, axis) for piece in group) / len(group)
-                for axis in ("latitude_deg", "longitude_deg")
-            )
-            mean = Place(latitude, longitude)
-            middle = min(group, key=lambda piece: mean.distance_m(_where(piece)))
+            middle = group[0] if len(group) == 1 else _middle(group)
             other = (part for piece in group for part in piece.also[0].split(SEPARATOR) if part)
             also = SEPARATOR.join(dict.fromkeys(other))
             if kind == HOUSE:
@@ -161,6 +156,12 @@ def _together(pieces: Sequence[Named]) -> list[list[Named]]:
         else:
             group.append(piece)
     return groups
+
+
+def _middle(pieces: Sequence[Named]) -> Named:
+    """The piece nearest to the mean of all."""
+    mean = Place(*np.mean([(piece.latitude_deg, piece.longitude_deg) for piece in pieces], axis=0).tolist())
+    return min(pieces, key=lambda piece: mean.distance_m(_where(piece)))
 
 
 def _where(item: Named) -> Place:
@@ -289,7 +290,7 @@ class PlaceIndex:
             near = self._similar(words)
             room = [match for match in near if match.row[0] < SETTLEMENT] if len(found) >= limit else near
             found = found[: limit - NEAR_PLACES] + room[:NEAR_PLACES] + found[limit - NEAR_PLACES :] + near
-        return without_twins(match.place for match in found)[:limit]
+        return without_twins((match.place for match in found), limit)
 
     def _matching(self, words: Sequence[Sequence[str]]) -> list[tuple[Any, ...]]:
         """Rows of the first places with one of the terms of each word, in the order of their importance."""

@@ -19,7 +19,7 @@ LONGEST: Final = 30
 TWO_MISTAKES_FROM: Final = 8
 """Letters of a typed word from which on it may have two mistakes."""
 
-MOST_COMPARED: Final = 60
+MOST_COMPARED: Final = 40
 """Words of one key that are compared, those of important places first."""
 
 MOST_NEAR: Final = 5
@@ -59,7 +59,8 @@ def near_words(database: sqlite3.Connection, typed: str) -> dict[str, int]:
             "SELECT rank, word FROM words WHERE key = ? ORDER BY rank LIMIT ?", (key, MOST_COMPARED)
         )
     }
-    measured = ((*mistakes(typed, word), rank, word) for word, rank in rows.items())
+    long = len(typed) + most
+    measured = ((*mistakes(typed, word[:long]), rank, word) for word, rank in rows.items())
     nearest = sorted(entry for entry in measured if 0 < entry[0] <= most)
     return {word: begins for begins, _, _, word in nearest[:MOST_NEAR]}
 

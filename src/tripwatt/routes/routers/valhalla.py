@@ -268,14 +268,15 @@ def _heights(answer: Node, covered: FloatArray) -> tuple[FloatArray, FloatArray]
     pairs = answer["range_height"]
     given = pairs.value if isinstance(pairs.value, list) else []
     along = [Node(pair, pairs.where) for pair in given if isinstance(pair, list) and len(pair) == 2]
-    known = [pair for pair in along if pair.value[1] is not None]
+    known = np.array([k for k, pair in enumerate(along) if pair.value[1] is not None], dtype=np.int64)
     if len(known) < 2:
         return None
-    table = np.array([pair.numbers() for pair in known])
-    first, last = (Node(along[k].value[0], pairs.where).number() for k in (0, -1))
-    unknown_ends = max(table[0, 0] - first, last - table[-1, 0])
-    if unknown_ends > LONGEST_UNKNOWN_END_M or np.diff(table[:, 0]).max() > LONGEST_VOID_M:
+    position = np.array([Node(pair.value[0], pair.where).number() for pair in along])
+    unknown_ends = max(position[known[0]] - position[0], position[-1] - position[known[-1]])
+    voids = np.diff(position[known])[np.diff(known) > 1]
+    if unknown_ends > LONGEST_UNKNOWN_END_M or voids.max(initial=0.0) > LONGEST_VOID_M:
         return None
+    table = np.array([along[k].numbers() for k in known])
     on_ground = np.ones(len(table), dtype=bool)
     for start, end in covered:
         on_ground &= ~((table[:, 0] > start) & (table[:, 0] < end))
