@@ -207,5 +207,7 @@ def test_a_map_without_heights_names_what_is_missing(run: Run, tmp_path: Path) -
 def test_a_place_outside_of_the_map_gets_what_the_map_covers(run: Run, tmp_path: Path) -> None:
     folder = write_map(tmp_path / "map")
     shown = run("places", "Nowhere", "--map", folder)
-    assert "this map covers 46.90 to 47.10° N and 8.90 to 9.20° E around Westend and Ostheim (made)" in shown.err
+    assert (
+        "this map covers 46.90 to 47.10° N and 8.90 to 9.20° E around Westend and Ostheim (made)" in shown.err
+    )
     assert "this map covers" not in run("places", "Westend", "--map", folder).err

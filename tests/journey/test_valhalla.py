@@ -90,7 +90,9 @@ def test_a_town_outside_of_the_map_is_no_street_inside(places: Atlas) -> None:
     (fault,) = caught.value.faults
     assert (fault.what, fault.where, fault.got) == ("unknown place", "stops[1]", "Feldkirch")
     assert "'Feldkircherstrasse, Nendeln' (street)" in fault.fix
-    assert "this map covers 47.06 to 47.27° N and 9.48 to 9.63° E around Schaan, Vaduz and Triesen" in fault.fix
+    assert (
+        "this map covers 47.06 to 47.27° N and 9.48 to 9.63° E around Schaan, Vaduz and Triesen" in fault.fix
+    )
 
 
 @pytest.mark.parametrize(

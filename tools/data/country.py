@@ -19,7 +19,7 @@ from typing import Any, Final
 import numpy as np
 
 from tools.command import run
-from tripwatt.arrays import FloatArray
+from tripwatt.arrays import FloatArray, IntArray
 
 SOUTH_DEG: Final = 44.1
 WEST_DEG: Final = -34.0
@@ -170,7 +170,7 @@ class Heights:
         north, east, phase, amplitude = self._waves
         south_north = np.exp(1j * np.outer(latitude_deg - SOUTH_DEG, north)) * amplitude * np.exp(1j * phase)
         west_east = np.exp(1j * np.outer(longitude_deg - WEST_DEG, east) * math.cos(math.radians(SOUTH_DEG)))
-        return np.maximum(self.mean_m + np.real(south_north @ west_east.T), 0.0)
+        return np.asarray(np.maximum(self.mean_m + np.real(south_north @ west_east.T), 0.0))
 
 
 class Country:
@@ -298,7 +298,7 @@ class Country:
             )
             draw.way([node, farm], "unclassified")
 
-    def _motorway(self, ref: str, centres: FloatArray, *, along_x: bool) -> None:
+    def _motorway(self, ref: str, centres: IntArray, *, along_x: bool) -> None:
         """Two carriageways beside a row of settlements, with ramps at each of them."""
         draw = self.drawing
         along, off = (draw.x_km, draw.y_km) if along_x else (draw.y_km, draw.x_km)
@@ -309,8 +309,9 @@ class Country:
         position = sorted({*ramps, *np.round(free, 6).tolist()})
 
         def node(at: float, side: float, **tags: str) -> int:
-            pair = at, base + 0.8 * math.sin(at / 9.0) + side
-            return draw.node(*(pair if along_x else pair[::-1]), **tags)
+            beside = base + 0.8 * math.sin(at / 9.0) + side
+            x_km, y_km = (at, beside) if along_x else (beside, at)
+            return draw.node(x_km, y_km, **tags)
 
         forward = {at: node(at, -CARRIAGEWAY_KM) for at in position}
         backward = {at: node(at, CARRIAGEWAY_KM) for at in position}

@@ -20,7 +20,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from tripwatt.errors import InvalidInput, install, raise_faults
+from tripwatt.errors import Fault, InvalidInput, install, raise_faults
 
 ROWS: Final = 3601
 ARC_SECONDS: Final[Mapping[int, str]] = MappingProxyType({ROWS: "1 arc-second", 1201: "3 arc-seconds"})
@@ -112,7 +112,8 @@ class Elevation:
         """
         cells = sorted(self.packed) if bounds_deg is None else needed(bounds_deg)
         credits: dict[str, None] = {}
-        missing, faults = [], []
+        missing: list[str] = []
+        faults: list[Fault] = []
         for cell in cells:
             try:
                 heights = self._heights(cell, credits)
@@ -228,7 +229,9 @@ def _rasterio() -> Any:
 
 def _warped(paths: Sequence[Path], cell: Cell, credits: dict[str, None]) -> Heights | None:
     """Heights of a cell from all rasters that it touches; None where none has any."""
-    rasterio = _rasterio() if paths else None
+    if not paths:
+        return None
+    rasterio = _rasterio()
     south, west = cell
     step = 1.0 / (ROWS - 1)
     heights = np.full((ROWS, ROWS), np.nan, dtype=np.float32)

@@ -53,8 +53,8 @@ class MapFolder:
         """The region in words: bounds, the largest places, and the extract; empty for a map without places."""
         if self.info.get("bounds_deg") is None:
             return ""
-        south, west, north, east = bounds = [float(degrees) for degrees in self.info["bounds_deg"]]
-        names = [place.title for place in self.index.settlements(*bounds, MOST_NAMED)]
+        south, west, north, east = map(float, self.info["bounds_deg"])
+        names = [place.title for place in self.index.settlements(south, west, north, east, MOST_NAMED)]
         around = (
             f" around {' and '.join((', '.join(names[:-1]), names[-1]) if names[1:] else names)}"
             if names

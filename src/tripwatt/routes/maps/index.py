@@ -128,7 +128,9 @@ def _merged(rows: Iterable[tuple[Any, ...]], nearest: _Nearest) -> Iterator[tupl
     """
     streets: dict[tuple[str, str], str] = {}
     for (kind, name, context), pieces in itertools.groupby(rows, key=lambda row: row[:3]):
-        groups = _together([Named("", name, *row[3:5], also=(row[5],), population=row[6]) for row in pieces])
+        groups = _together(
+            [Named("", name, row[3], row[4], also=(row[5],), population=row[6]) for row in pieces]
+        )
         for group in groups:
             middle = group[0] if len(group) == 1 else _middle(group)
             other = (part for piece in group for part in piece.also[0].split(SEPARATOR) if part)
