@@ -920,6 +920,8 @@ export interface components {
             tiles: boolean;
             stations: number;
             bounds_deg: number[] | null;
+            covers: string;
+            terrain: components["schemas"]["TerrainDocument"];
             attribution: string;
         };
         MappedColumnDocument: {
@@ -972,6 +974,8 @@ export interface components {
         PlaceDocument: {
             name: string;
             kind: string;
+            context: string;
+            also_called: string;
             latitude_deg: number;
             longitude_deg: number;
         };
@@ -1161,6 +1165,10 @@ export interface components {
             arrival: "new" | "doubled" | "late";
             ignored: components["schemas"]["ProblemFault"][];
         };
+        TerrainDocument: {
+            known: boolean;
+            source: string;
+        };
         TokenResponse: {
             token: string;
         };
@@ -1346,6 +1354,7 @@ export type StationDocument = components['schemas']['StationDocument'];
 export type StopDocument = components['schemas']['StopDocument'];
 export type TelemetryRequest = components['schemas']['TelemetryRequest'];
 export type TelemetryResponse = components['schemas']['TelemetryResponse'];
+export type TerrainDocument = components['schemas']['TerrainDocument'];
 export type TokenResponse = components['schemas']['TokenResponse'];
 export type UnknownClimbDocument = components['schemas']['UnknownClimbDocument'];
 export type UpdateRequest = components['schemas']['UpdateRequest'];

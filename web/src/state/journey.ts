@@ -48,7 +48,8 @@ export function setEnd(end: End, place: Place | null): void {
 export function placeAt(longitude: number, latitude: number): Place {
   const wrapped = ((((longitude + 180) % 360) + 360) % 360) - 180;
   const name = `${latitude.toFixed(4)}, ${wrapped.toFixed(4)}`;
-  return { name, kind: "", latitude_deg: latitude, longitude_deg: wrapped };
+  const unnamed = { kind: "", context: "", also_called: "" };
+  return { name, ...unnamed, latitude_deg: latitude, longitude_deg: wrapped };
 }
 
 /** Ask for the fastest road alone, which is quick, or with alternatives and all answers. */
