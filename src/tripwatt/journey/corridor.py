@@ -22,7 +22,7 @@ from tripwatt.journey.atlas import Atlas
 from tripwatt.journey.charging import WARM_DEGC, ChargingCurve
 from tripwatt.journey.forecasting import RoadForecaster
 from tripwatt.journey.solver import LEVELS, StopPlan, StopProblem, least_time
-from tripwatt.journey.stops import ChargingPlan, ChargingStop, Leg, NextStation, own_wh2
+from tripwatt.journey.stops import ChargingPlan, ChargingStop, Leg, NextStation, variance_along
 from tripwatt.routes.maps import Station, near
 from tripwatt.routes.places import Place
 from tripwatt.routes.routers import Road
@@ -30,8 +30,11 @@ from tripwatt.units import SECONDS_PER_HOUR
 
 CERTAIN: Final = 0.95
 """Chance to have the reserve at every stop and at the end: "19 of 20 journeys"."""
-CHANCES: Final = (0.95, 0.96, 0.97, 0.98, 0.99, 0.995, 0.999)
-"""Chances of a leg that are tried until the chance of the whole journey is `CERTAIN`."""
+CHANCES: Final = (0.95, 0.96, 0.97, 0.975, 0.98, 0.99, 0.995, 0.999)
+SURELY: Final = tuple((chance, CHANCES[-1]) for chance in reversed(CHANCES))
+RISING: Final = (*((chance, chance) for chance in CHANCES), *SURELY[1:])
+"""Chances of the first leg and of every other that are tried until the chance of the whole journey is `CERTAIN`. The first leg alone has a given
+charge: where that does not suffice for more, the others make up for it."""
 DETOUR_M: Final = 3000.0
 """Stations farther from the road than this are not looked at."""
 POINT_EVERY_M: Final = 500.0
@@ -183,15 +186,16 @@ class Corridor:
         leg_s[np.tril_indices(len(leg_s))] = np.inf
         return leg, leg_s
 
-    def problem(self, chance: float) -> StopProblem:
-        """The problem in which each leg has a chance to be driven with the reserve at its end."""
+    def problem(self, first: float, chance: float) -> StopProblem:
+        """The problem in which the first leg and every other have a chance to be driven with the reserve at their ends."""
         taken, time = (values.copy() for values in self._estimates)
         need = taken + self.rules.reserve + self._width(chance)
+        need[0] = taken[0] + self.rules.reserve + self._width(first)[0]
         for (i, j), leg in self.routed.items():
             if leg is None:
                 time[i, j] = np.inf
                 continue
-            along, sure = leg.forecast.soc_along(0.5), leg.forecast.soc_along(chance)
+            along, sure = leg.forecast.soc_along(0.5), leg.forecast.soc_along(chance if i else first)
             least = np.minimum(sure[-1] - self.rules.reserve - leg.preheat_soc, sure.min())
             taken[i, j] = along[0] - along[-1] + leg.preheat_soc
             need[i, j] = along[0] - least
@@ -201,36 +205,30 @@ class Corridor:
 
     def _width(self, chance: float) -> FloatArray:
         """What the error of each leg may take of the display: common parts in full, drifts and readings as independent ones."""
-        factor, charge = self._factor(chance), self.forecast.charge
-        width = self._at(self.forecast.soc_along(0.5) - self.forecast.soc_along(chance))
-        reading = (factor * charge.displayed_sd) ** 2
-        way = self._position_m / self.road.distance_m
-        drift = (
-            own_wh2(self.forecast, self._at(self._series["time_s"]), way)
-            * (factor / charge.wh_per_display) ** 2
-        )
-        common = np.maximum.accumulate(np.sqrt(np.maximum(width**2 - reading - drift, 0.0)))
-        own = np.maximum(drift - drift[:, None], 0.0)
-        return np.sqrt((common - common[:, None]) ** 2 + own + reading)
+        factor, wh = self._factor(chance), self.forecast.charge.wh_per_display
+        scale = (factor / wh) ** 2
+        width2 = self._at(self.forecast.soc_along(0.5) - self.forecast.soc_along(chance)) ** 2
+        common2, own2 = (scale * self._at(part) for part in variance_along(self.forecast))
+        own2 = np.maximum.accumulate(np.maximum(width2 - common2, own2))
+        reading = scale * (self.forecast.charge.displayed_sd * wh) ** 2
+        common = np.maximum.accumulate(np.sqrt(common2))
+        return np.sqrt((common - common[:, None]) ** 2 + np.maximum(own2 - own2[:, None], 0.0) + reading)
 
     def _factor(self, chance: float) -> float:
         return self.forecast.uncertainty.scores.factor(2.0 * chance - 1.0)
 
     def fastest(self, label: str = "fastest") -> ChargingPlan | None:
         """The plan with the least of what a label names whose whole chance is `CERTAIN`; None where there is none."""
-        chances = reversed(CHANCES) if label == "safest" else CHANCES
-        for chance in chances:
-            found = self._optimum(chance, *OBJECTIVES.get(label, (0.0, 0.0)))
-            plan = None if found is None else self._plan(found, chance, label)
+        for chances in SURELY if label == "safest" else RISING:
+            found = self._optimum(chances, *OBJECTIVES.get(label, (0.0, 0.0)))
+            plan = None if found is None else self._plan(found, chances, label)
             if plan is not None and plan.p_reserve >= CERTAIN:
                 return plan
-            if found is None and label != "safest":
-                return None
         return None
 
-    def _optimum(self, chance: float, stop_s: float, display_s: float) -> StopPlan | None:
+    def _optimum(self, chances: tuple[float, float], stop_s: float, display_s: float) -> StopPlan | None:
         for k in range(MOST_ROUNDS + 1):
-            problem = self.problem(chance)
+            problem = self.problem(*chances)
             time = problem.time_s + display_s * np.maximum(problem.taken, 0.0)
             if k == MOST_ROUNDS:
                 known = np.full(time.shape, np.inf)
@@ -281,19 +279,17 @@ class Corridor:
             return self.stations[node - 1].place
         return self.road.place_at(float(self._position_m[node]))
 
-    def _plan(self, found: StopPlan, chance: float, label: str) -> ChargingPlan:
-        problem = self.problem(chance)
-        legs = []
-        for k, pair in enumerate(pairwise(found.nodes)):
+    def _plan(self, found: StopPlan, chances: tuple[float, float], label: str) -> ChargingPlan:
+        problem, legs = self.problem(*chances), []
+        for pair, level in zip(pairwise(found.nodes), found.levels, strict=True):
             leg = self.routed[pair]
-            assert leg is not None
-            legs.append(replace(leg, forecast=leg.forecast.leaving_with(found.levels[k])) if k else leg)
-        stops = tuple(self._stops(problem, found, legs, chance))
+            assert leg is not None  # `_optimum` has no other legs
+            legs.append(leg.leaving_with(level) if pair[0] else leg)
+            self.routed[pair] = legs[-1]
+        stops = tuple(self._stops(problem, found, legs))
         return ChargingPlan(label, stops, tuple(legs), self.rules.reserve)
 
-    def _stops(
-        self, problem: StopProblem, found: StopPlan, legs: list[Leg], chance: float
-    ) -> Iterator[ChargingStop]:
+    def _stops(self, problem: StopProblem, found: StopPlan, legs: list[Leg]) -> Iterator[ChargingStop]:
         elapsed = position = 0.0
         wh, overhead = self.forecast.charge.wh_per_display, self.rules.overhead_s
         for k, node in enumerate(found.nodes[1:-1]):
@@ -314,16 +310,17 @@ class Corridor:
                 elapsed,
                 leg.chance(self.rules.reserve),
                 bool(leg.preheat_soc > 0.0),
-                self._if_full(problem, found, k, chance),
+                self._if_full(found, k),
             )
             elapsed += charging_s + overhead
 
-    def _if_full(self, problem: StopProblem, found: StopPlan, k: int, chance: float) -> NextStation | None:
-        """The station that takes the place of an occupied one, with which the rest of the journey still works."""
+    def _if_full(self, found: StopPlan, k: int) -> NextStation | None:
+        """The station that takes the place of an occupied one, with which every leg of the rest still has the chance `CERTAIN`."""
+        problem = self.problem(CERTAIN, CERTAIN)
         here, level, node = found.nodes[k], found.levels[k], found.nodes[k + 1]
         detour_s = 2.0 * float(self._off_m[node]) / DETOUR_M_S
         taken, _ = self._estimates
-        detour = float(taken[here, node] + taken[node, -1] - taken[here, -1]) - float(self.preheat_soc[-1])
+        detour = float(taken[here, node] + taken[node, -1] - taken[here, -1])
         rest = problem.after(here, level, node, detour_s, max(detour, 0.0))
         again = least_time(rest)
         if again is None or len(again.nodes) < 3:
@@ -331,7 +328,7 @@ class Corridor:
         other = again.nodes[1]
         arrival = level - float(rest.taken[0, other])
         width = level - arrival - float(rest.need[0, other]) + self.rules.reserve
-        spare = (self.rules.reserve - arrival) / min(width, -1e-9) * self._factor(chance)
+        spare = (self.rules.reserve - arrival) / min(width, -1e-9) * self._factor(CERTAIN)
         original = problem.duration_s(found.nodes[k:], found.levels[k:])
         index = here + other + (here + other >= node)
         p_reach = self.forecast.uncertainty.scores.probability(spare)

@@ -247,7 +247,9 @@ class Journey:
     @property
     def verdict(self) -> Verdict:
         """Of the whole journey: with its stops to charge, where they are needed and help."""
-        return Verdict.of(self)
+        slower = "none" if self.speed is None or self.speed.speed_m_s is None else "slower"
+        else_ = "charge_before" if self.soc_needed <= 1.0 else slower
+        return Verdict.of(self.forecast, self.charging, self.reserve, else_)
 
     @property
     def arrives(self) -> bool:

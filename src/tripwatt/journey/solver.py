@@ -8,6 +8,7 @@ station and level: of all ways to leave a station with a level, the fastest domi
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -64,7 +65,7 @@ class StopProblem:
     def duration_s(self, nodes: tuple[int, ...], levels: tuple[float, ...]) -> float:
         """Driving, charging and overheads of a plan [s]; infinite where it is not allowed."""
         total = 0.0
-        for k, (here, there) in enumerate(zip(nodes[:-1], nodes[1:], strict=True)):
+        for k, (here, there) in enumerate(pairwise(nodes)):
             if levels[k] < self.need[here, there]:
                 return float("inf")
             total += float(self.time_s[here, there])

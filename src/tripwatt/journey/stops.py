@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -13,9 +13,11 @@ from tripwatt.forecasting import Forecast
 from tripwatt.journey.solver import joint_chance
 from tripwatt.routes.maps import Station
 from tripwatt.routes.routers import Road
-from tripwatt.units import SECONDS_PER_HOUR
+from tripwatt.trips import Departure
 
 BAND: Final = 0.9
+CLOSE_SOC: Final = 0.05
+"""A charge at departure that differs by this or less changes the energy of a leg by about a thousandth."""
 SHOWN: Final = ("displayed_soc", "displayed_soc_low", "displayed_soc_high")
 
 
@@ -143,27 +145,43 @@ class Leg:
         The drift of the power, local travel times, an unknown climb and the reading of the display are new on each leg; the rest
         is that of car, driver and weather.
         """
-        forecast, charge = self.forecast, self.forecast.charge
-        process = forecast.sd_factor * float(forecast.posterior.energy_wh(forecast.open_hours)[1][-1])
-        capacity = float(charge.sd(forecast.energy_wh, True))
-        known = process**2 + forecast.route_sd_wh**2 + forecast.state_sd_wh**2
-        common = known - float(own_wh2(forecast, forecast.plan.duration_s, 1.0))
-        common += (capacity**2 - charge.displayed_sd**2) * charge.wh_per_display**2
-        whole = forecast.sd_wh**2 + (capacity * charge.wh_per_display) ** 2
-        return float(np.sqrt(np.clip(common / whole, 0.0, 1.0)))
+        common, own = (float(part[-1]) for part in variance_along(self.forecast))
+        climb = self.forecast.sd_wh**2 - float(self.forecast.energy_sd_wh[-1]) ** 2
+        return float(np.sqrt(common / (common + own + climb)))
+
+    def leaving_with(self, soc: float) -> Leg:
+        """The leg from another charge; a charge that is close changes the energy too little to forecast it again."""
+        forecast = self.forecast
+        if abs(soc - (forecast.plan.departure.soc or 0.0)) > CLOSE_SOC:
+            return replace(self, forecast=forecast.leaving_with(soc))
+        drive = replace(forecast.drive, plan=forecast.plan.with_departure(Departure(soc=soc)))
+        return replace(self, forecast=replace(forecast, drive=drive))
 
 
-def own_wh2(forecast: Forecast, time_s: Any, way: Any) -> Any:
-    """Variance of the energy that a part of a journey does not share with the others [Wh²], by its time and its part of the way.
+def variance_along(forecast: Forecast) -> tuple[FloatArray, FloatArray]:
+    """Variance of what is taken of the battery up to each edge of the segments [Wh²], each of shape (segments + 1,).
 
-    The drift of the power, and the part of the error of travel times that averages out along a road.
+    Returns
+    -------
+    common : ndarray
+        Of what all parts of a journey share, which grows with the square of the way: car, driver, weather, capacity.
+    own : ndarray
+        Of what is new on each part, which grows with the way: the drift of the power, local travel times, the reading of the display.
+        An unknown climb is in neither.
     """
-    uncertainty = forecast.uncertainty
-    drift = uncertainty.scale.course.drift_wh2(np.asarray(time_s) / SECONDS_PER_HOUR)
-    local = 0.0
+    uncertainty, charge = forecast.uncertainty, forecast.charge
+    hours = np.concatenate(([0.0], np.cumsum(forecast.drive.table.hours)))
+    own = forecast.sd_factor**2 * uncertainty.scale.course.drift_wh2(hours)
     if forecast.plan.free_flow and uncertainty.free_flow is not None:
         local = uncertainty.free_flow.local_variance_m / forecast.plan.distance_m * forecast.energy_wh**2
-    return forecast.sd_factor**2 * drift + local * np.asarray(way)
+        own = own + local * hours / hours[-1]
+    reading = (charge.displayed_sd * charge.wh_per_display) ** 2
+    whole = (
+        forecast.energy_sd_wh**2
+        + (charge.sd(forecast.energy_along_wh, True) * charge.wh_per_display) ** 2
+        - reading
+    )
+    return np.maximum(whole - own, 0.0), own + reading
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import datetime as dt
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from tripwatt.forecasting import Forecast
 from tripwatt.journey.corridor import CERTAIN
-from tripwatt.journey.stops import BAND
-
-if TYPE_CHECKING:
-    from tripwatt.journey.planning import Journey
+from tripwatt.journey.stops import BAND, ChargingPlan
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,22 +59,22 @@ class Verdict:
     advice: str
 
     @classmethod
-    def of(cls, journey: Journey) -> Verdict:
-        """Of a journey."""
-        plan, forecast = journey.charging, journey.forecast
+    def of(cls, forecast: Forecast, plan: ChargingPlan | None, reserve: float, else_: str) -> Verdict:
+        """Of a road without stops and a plan with stops, if there is one; `else_` is the advice where neither arrives."""
         leaves = forecast.plan.departure.departs_at
         if plan is None:
             driving_s = forecast.plan.duration_s
-            chances = (forecast.p_arrive(), forecast.p_arrive(journey.reserve))
+            chances = (forecast.p_arrive(), forecast.p_arrive(reserve))
             charge = (forecast.soc_arrival, forecast.soc_interval(BAND))
             charging_s, energy_wh, stops = 0.0, forecast.energy_wh, 0
         else:
             driving_s, charging_s = plan.driving_s, plan.charging_s
             chances, charge = (plan.p_arrive, plan.p_reserve), (plan.soc_arrival, plan.soc_interval)
             energy_wh, stops = plan.energy_wh, len(plan.stops)
-        duration_s = driving_s + charging_s
+        duration_s, arrives = driving_s + charging_s, chances[1] >= CERTAIN
+        advice = else_ if not arrives else "go" if plan is None else "stop"
         return cls(
-            chances[1] >= CERTAIN,
+            arrives,
             *chances,
             *charge,
             driving_s,
@@ -86,7 +84,7 @@ class Verdict:
             None if leaves is None else leaves + dt.timedelta(seconds=duration_s),
             energy_wh,
             stops,
-            _advice(journey, chances[1] >= CERTAIN),
+            advice,
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -102,11 +100,3 @@ class Verdict:
             for name, at in (("departs_at", self.departs_at), ("arrives_at", self.arrives_at))
         }
         return {**asdict(self), "soc_interval": list(self.soc_interval), **times}
-
-
-def _advice(journey: Journey, arrives: bool) -> str:
-    if arrives:
-        return "go" if journey.charging is None else "stop"
-    if journey.soc_needed <= 1.0:
-        return "charge_before"
-    return "slower" if journey.speed is not None and journey.speed.speed_m_s is not None else "none"
