@@ -7,10 +7,11 @@ evaluation of edges, as in Dellin and Srinivasa 2016). So the router is asked ab
 from __future__ import annotations
 
 import datetime as dt
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
+from types import MappingProxyType
 from typing import Final
 
 import numpy as np
@@ -48,6 +49,8 @@ FEWEST_S: Final = 1e6
 CHEAPEST_S: Final = 1e7
 """Costs of a stop, and of a full display, beside which the time counts little."""
 OBJECTIVES: Final = {"fewest stops": (FEWEST_S, 0.0), "cheapest": (0.0, CHEAPEST_S)}
+SAFEST_TIME: Final = 1.25
+"""The safest plan takes at most this over the time of the fastest."""
 SPAN: Final = np.array([0.1, 0.8])
 """Charge by which it is decided whether heating the battery is worth its energy."""
 
@@ -100,6 +103,8 @@ class Corridor:
     rules: StopRules
     via: tuple[Place, ...] = ()
     routed: dict[tuple[int, int], Leg | None] = field(default_factory=dict)
+    _widths: dict[float, FloatArray] = field(default_factory=dict)
+    _legs: dict[tuple[Leg, float], tuple[float, float]] = field(default_factory=dict)
 
     @cached_property
     def _found(self) -> list[tuple[float, Station]]:
@@ -186,25 +191,33 @@ class Corridor:
         leg_s[np.tril_indices(len(leg_s))] = np.inf
         return leg, leg_s
 
-    def problem(self, first: float, chance: float) -> StopProblem:
-        """The problem in which the first leg and every other have a chance to be driven with the reserve at their ends."""
+    def problem(self, first: float, chance: float, start: int = 0) -> StopProblem:
+        """The problem in which the leg from a node and every other have a chance to be driven with the reserve at their ends."""
         taken, time = (values.copy() for values in self._estimates)
         need = taken + self.rules.reserve + self._width(chance)
-        need[0] = taken[0] + self.rules.reserve + self._width(first)[0]
+        need[start] = taken[start] + self.rules.reserve + self._width(first)[start]
         for (i, j), leg in self.routed.items():
             if leg is None:
                 time[i, j] = np.inf
                 continue
-            along, sure = leg.forecast.soc_along(0.5), leg.forecast.soc_along(chance if i else first)
-            least = np.minimum(sure[-1] - self.rules.reserve - leg.preheat_soc, sure.min())
-            taken[i, j] = along[0] - along[-1] + leg.preheat_soc
-            need[i, j] = along[0] - least
+            taken[i, j], need[i, j] = self._of_leg(leg, first if i == start else chance)
             time[i, j] = leg.forecast.plan.duration_s
-        start = float(self.forecast.soc_along(0.5)[0])
-        return StopProblem(start, taken, need, time, self.charging_s, self.rules.overhead_s)
+        soc = float(self.forecast.soc_along(0.5)[0])
+        return StopProblem(soc, taken, need, time, self.charging_s, self.rules.overhead_s)
+
+    def _of_leg(self, leg: Leg, chance: float) -> tuple[float, float]:
+        """What a routed leg takes of the display and what it needs."""
+        if (leg, chance) not in self._legs:
+            along, sure = leg.forecast.soc_along(0.5), leg.forecast.soc_along(chance)
+            least = min(float(sure[-1]) - self.rules.reserve - leg.preheat_soc, float(sure.min()))
+            taken = float(along[0] - along[-1]) + leg.preheat_soc
+            self._legs[leg, chance] = taken, float(along[0]) - least
+        return self._legs[leg, chance]
 
     def _width(self, chance: float) -> FloatArray:
         """What the error of each leg may take of the display: common parts in full, drifts and readings as independent ones."""
+        if chance in self._widths:
+            return self._widths[chance]
         factor, wh = self._factor(chance), self.forecast.charge.wh_per_display
         scale = (factor / wh) ** 2
         width2 = self._at(self.forecast.soc_along(0.5) - self.forecast.soc_along(chance)) ** 2
@@ -212,19 +225,34 @@ class Corridor:
         own2 = np.maximum.accumulate(np.maximum(width2 - common2, own2))
         reading = scale * (self.forecast.charge.displayed_sd * wh) ** 2
         common = np.maximum.accumulate(np.sqrt(common2))
-        return np.sqrt((common - common[:, None]) ** 2 + np.maximum(own2 - own2[:, None], 0.0) + reading)
+        own = np.maximum(own2 - own2[:, None], 0.0)
+        self._widths[chance] = np.sqrt((common - common[:, None]) ** 2 + own + reading)
+        return self._widths[chance]
 
     def _factor(self, chance: float) -> float:
         return self.forecast.uncertainty.scores.factor(2.0 * chance - 1.0)
 
-    def fastest(self, label: str = "fastest") -> ChargingPlan | None:
-        """The plan with the least of what a label names whose whole chance is `CERTAIN`; None where there is none."""
+    def fastest(self, label: str = "fastest", most_s: float = np.inf) -> ChargingPlan | None:
+        """The plan with the least of what a label names, whose whole chance is `CERTAIN` and that takes at most a time [s]; None where there is none."""
         for chances in SURELY if label == "safest" else RISING:
             found = self._optimum(chances, *OBJECTIVES.get(label, (0.0, 0.0)))
-            plan = None if found is None else self._plan(found, chances, label)
-            if plan is not None and plan.p_reserve >= CERTAIN:
+            if found is None or found.duration_s > most_s or self._rough(found).p_reserve < CERTAIN:
+                continue
+            plan = self._plan(found, chances, label)
+            if plan.p_reserve >= CERTAIN:
                 return plan
         return None
+
+    def _rough(self, found: StopPlan) -> ChargingPlan:
+        """A plan with the energies that its legs were forecast with, for its chance."""
+        legs = [leg.shifted(level) if pair[0] else leg for pair, leg, level in self._driven(found)]
+        return ChargingPlan("", (), tuple(legs), self.rules.reserve)
+
+    def _driven(self, found: StopPlan) -> Iterator[tuple[tuple[int, int], Leg, float]]:
+        for pair, level in zip(pairwise(found.nodes), found.levels, strict=True):
+            leg = self.routed[pair]
+            assert leg is not None  # `_optimum` has no other legs
+            yield pair, leg, level
 
     def _optimum(self, chances: tuple[float, float], stop_s: float, display_s: float) -> StopPlan | None:
         for k in range(MOST_ROUNDS + 1):
@@ -235,8 +263,9 @@ class Corridor:
                 for (i, j), leg in self.routed.items():
                     known[i, j] = np.inf if leg is None else 0.0
                 time = time + known
-            asked = replace(problem, time_s=time, overhead_s=problem.overhead_s + stop_s)
-            found = least_time(asked)
+            found = least_time(replace(problem, time_s=time, overhead_s=problem.overhead_s + stop_s))
+            if found is not None:
+                found = replace(found, duration_s=problem.duration_s(found.nodes, found.levels))
             if found is None or all(pair in self.routed for pair in pairwise(found.nodes)):
                 return found
             self._route(problem, found)
@@ -280,17 +309,15 @@ class Corridor:
         return self.road.place_at(float(self._position_m[node]))
 
     def _plan(self, found: StopPlan, chances: tuple[float, float], label: str) -> ChargingPlan:
-        problem, legs = self.problem(*chances), []
-        for pair, level in zip(pairwise(found.nodes), found.levels, strict=True):
-            leg = self.routed[pair]
-            assert leg is not None  # `_optimum` has no other legs
-            legs.append(leg.leaving_with(level) if pair[0] else leg)
-            self.routed[pair] = legs[-1]
-        stops = tuple(self._stops(problem, found, legs))
-        return ChargingPlan(label, stops, tuple(legs), self.rules.reserve)
+        legs = [leg.leaving_with(level) if pair[0] else leg for pair, leg, level in self._driven(found)]
+        self.routed.update(zip(pairwise(found.nodes), legs, strict=True))
+        return ChargingPlan(label, tuple(self._stops(found, chances, legs)), tuple(legs), self.rules.reserve)
 
-    def _stops(self, problem: StopProblem, found: StopPlan, legs: list[Leg]) -> Iterator[ChargingStop]:
+    def _stops(
+        self, found: StopPlan, chances: tuple[float, float], legs: list[Leg]
+    ) -> Iterator[ChargingStop]:
         elapsed = position = 0.0
+        problem = self.problem(*chances)
         wh, overhead = self.forecast.charge.wh_per_display, self.rules.overhead_s
         for k, node in enumerate(found.nodes[1:-1]):
             leg, leave = legs[k], found.levels[k + 1]
@@ -310,14 +337,14 @@ class Corridor:
                 elapsed,
                 leg.chance(self.rules.reserve),
                 bool(leg.preheat_soc > 0.0),
-                self._if_full(found, k),
+                self._if_full(found, chances, k),
             )
             elapsed += charging_s + overhead
 
-    def _if_full(self, found: StopPlan, k: int) -> NextStation | None:
-        """The station that takes the place of an occupied one, with which every leg of the rest still has the chance `CERTAIN`."""
-        problem = self.problem(CERTAIN, CERTAIN)
+    def _if_full(self, found: StopPlan, chances: tuple[float, float], k: int) -> NextStation | None:
+        """The station that takes the place of an occupied one, which is reached with the chance `CERTAIN`."""
         here, level, node = found.nodes[k], found.levels[k], found.nodes[k + 1]
+        problem = self.problem(CERTAIN, chances[1], here)
         detour_s = 2.0 * float(self._off_m[node]) / DETOUR_M_S
         taken, _ = self._estimates
         detour = float(taken[here, node] + taken[node, -1] - taken[here, -1])
@@ -336,16 +363,29 @@ class Corridor:
 
 
 def find_plans(corridor: Corridor) -> tuple[ChargingPlan, ...]:
-    """The fastest plan and those that differ from it: fewest stops, safest, cheapest by energy; empty where no stations help."""
-    plans: list[ChargingPlan] = []
-    for label in ("fastest", "fewest stops", "safest", "cheapest"):
-        plan = corridor.fastest(label)
-        if plan is None:
-            break
-        if all(_stations(plan) != _stations(other) for other in plans):
+    """The fastest plan, and those that are better in something: fewest stops, safest, cheapest by energy; empty where no stations help."""
+    fastest = corridor.fastest()
+    if fastest is None:
+        return ()
+    plans = [fastest]
+    most_s = SAFEST_TIME * fastest.duration_s
+    for label, gain in GAINS.items():
+        plan = corridor.fastest(label, most_s if label == "safest" else np.inf)
+        known = [_charges(other) for other in plans]
+        if plan is not None and gain(plan) > gain(fastest) and _charges(plan) not in known:
             plans.append(plan)
     return tuple(plans)
 
 
-def _stations(plan: ChargingPlan) -> list[tuple[Station, float]]:
+def _charges(plan: ChargingPlan) -> list[tuple[Station, float]]:
     return [(stop.station, stop.soc_leave) for stop in plan.stops]
+
+
+GAINS: Final[Mapping[str, Callable[[ChargingPlan], float]]] = MappingProxyType(
+    {
+        "fewest stops": lambda plan: -len(plan.stops),
+        "safest": lambda plan: plan.p_reserve,
+        "cheapest": lambda plan: -plan.energy_wh,
+    }
+)
+"""What each alternative has more of than the fastest plan."""

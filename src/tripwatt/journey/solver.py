@@ -63,15 +63,11 @@ class StopProblem:
         return float(max(full - empty, 0.0))
 
     def duration_s(self, nodes: tuple[int, ...], levels: tuple[float, ...]) -> float:
-        """Driving, charging and overheads of a plan [s]; infinite where it is not allowed."""
-        total = 0.0
-        for k, (here, there) in enumerate(pairwise(nodes)):
-            if levels[k] < self.need[here, there]:
-                return float("inf")
-            total += float(self.time_s[here, there])
-            if there != nodes[-1]:
-                arrival = levels[k] - float(self.taken[here, there])
-                total += self.charge_s(there, arrival, levels[k + 1]) + self.overhead_s
+        """Driving, charging and overheads of a plan [s]; the need of its legs is not looked at."""
+        total = sum(float(self.time_s[pair]) for pair in pairwise(nodes))
+        for k in range(1, len(levels)):
+            arrival = levels[k - 1] - float(self.taken[nodes[k - 1], nodes[k]])
+            total += self.charge_s(nodes[k], min(max(arrival, 0.0), 1.0), levels[k]) + self.overhead_s
         return total
 
     def after(self, node: int, level: float, without: int, detour_s: float, detour: float) -> StopProblem:

@@ -17,7 +17,7 @@ from tripwatt.trips import Departure
 
 BAND: Final = 0.9
 CLOSE_SOC: Final = 0.05
-"""A charge at departure that differs by this or less changes the energy of a leg by about a thousandth."""
+"""A leg is not forecast again for a charge at departure that differs by this or less."""
 SHOWN: Final = ("displayed_soc", "displayed_soc_low", "displayed_soc_high")
 
 
@@ -149,13 +149,16 @@ class Leg:
         climb = self.forecast.sd_wh**2 - float(self.forecast.energy_sd_wh[-1]) ** 2
         return float(np.sqrt(common / (common + own + climb)))
 
+    def shifted(self, soc: float) -> Leg:
+        """The leg from another charge with the energy that it has: it changes by a thousandth in 5 percentage points."""
+        drive = replace(self.forecast.drive, plan=self.forecast.plan.with_departure(Departure(soc=soc)))
+        return replace(self, forecast=replace(self.forecast, drive=drive))
+
     def leaving_with(self, soc: float) -> Leg:
-        """The leg from another charge; a charge that is close changes the energy too little to forecast it again."""
-        forecast = self.forecast
-        if abs(soc - (forecast.plan.departure.soc or 0.0)) > CLOSE_SOC:
-            return replace(self, forecast=forecast.leaving_with(soc))
-        drive = replace(forecast.drive, plan=forecast.plan.with_departure(Departure(soc=soc)))
-        return replace(self, forecast=replace(forecast, drive=drive))
+        """The leg from another charge; forecast again where that is not close."""
+        if abs(soc - (self.forecast.plan.departure.soc or 0.0)) <= CLOSE_SOC:
+            return self.shifted(soc)
+        return replace(self, forecast=self.forecast.leaving_with(soc))
 
 
 def variance_along(forecast: Forecast) -> tuple[FloatArray, FloatArray]:
