@@ -171,12 +171,13 @@ class Corridor:
 
     @cached_property
     def _series(self) -> dict[str, FloatArray]:
-        return {name: values.to_numpy() for name, values in self.forecast.series().items()}
+        return {str(name): values.to_numpy() for name, values in self.forecast.series().items()}
 
     def _at(self, values: FloatArray) -> FloatArray:
         """Values along the forecast at the nodes."""
         distance = self._series["distance_m"]
-        return np.interp(self._position_m * distance[-1] / self.road.distance_m, distance, values)
+        at = self._position_m * distance[-1] / self.road.distance_m
+        return np.asarray(np.interp(at, distance, values))
 
     @cached_property
     def _estimates(self) -> tuple[FloatArray, FloatArray]:

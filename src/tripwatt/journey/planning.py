@@ -40,6 +40,18 @@ CHEAPER_KM_H: Final = 100.0
 """The cost of speed is that over this speed on motorways."""
 
 LEAST_MOTORWAY_M: Final = 1000.0
+WAYS: Final = (
+    "labels",
+    "distance_m",
+    "duration_s",
+    "charges",
+    "energy_wh",
+    "energy_low_wh",
+    "energy_high_wh",
+    "soc_arrival",
+    "p_arrive",
+)
+"""Columns of `Journey.to_frame`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -297,12 +309,13 @@ class Journey:
         }
 
     def to_frame(self) -> pd.DataFrame:
-        """One row for each road: length, time, energy with its 90 % interval, charge at arrival and its probability.
+        """One row for each way to make the journey: plans with stops to charge, then the roads without one.
 
         Returns
         -------
         DataFrame
-            Energies [Wh], states of charge 0 to 1.
+            Length, time with charging, number of charges, energy [Wh] with its 90 % interval (NaN for a plan with stops), charge at arrival
+            (0 to 1), probability to have the reserve at every stop and at the end.
 
         Examples
         --------
@@ -310,25 +323,37 @@ class Journey:
         >>> journey = tw.plan_journey(["Vaduz", "Malbun"], tw.Departure(soc=0.6), atlas="map")  # doctest: +SKIP
         >>> journey.to_frame()  # doctest: +SKIP
         """
-        rows = []
-        for road in self.roads:
-            low, high = road.forecast.interval(0.9)
-            rows.append(
-                {
-                    "labels": ", ".join(road.labels),
-                    "distance_m": road.road.distance_m,
-                    "duration_s": road.forecast.plan.duration_s,
-                    "energy_wh": road.forecast.energy_wh,
-                    "energy_low_wh": low,
-                    "energy_high_wh": high,
-                    "soc_arrival": road.forecast.soc_arrival,
-                    "p_arrive": road.forecast.p_arrive(self.reserve),
-                }
+        rows = [
+            (
+                plan.label,
+                plan.distance_m,
+                plan.duration_s,
+                len(plan.stops),
+                plan.energy_wh,
+                np.nan,
+                np.nan,
+                plan.soc_arrival,
+                plan.p_reserve,
             )
-        return pd.DataFrame(rows)
+            for plan in self.charging_plans
+        ]
+        rows += [
+            (
+                ", ".join(road.labels),
+                road.road.distance_m,
+                road.forecast.plan.duration_s,
+                0,
+                road.forecast.energy_wh,
+                *road.forecast.interval(0.9),
+                road.forecast.soc_arrival,
+                road.forecast.p_arrive(self.reserve),
+            )
+            for road in self.roads
+        ]
+        return pd.DataFrame(rows, columns=list(WAYS))
 
     def plot(self, ax: Axes | None = None) -> Figure:
-        """Energy and state of charge along the fastest road.
+        """Energy and state of charge along the journey, with the jumps of its stops to charge.
 
         Parameters
         ----------
@@ -338,7 +363,7 @@ class Journey:
         Returns
         -------
         matplotlib.figure.Figure
-            Of the fastest road: energy, state of charge, causes.
+            Energy, state of charge, causes; of the fastest road where there is no stop.
 
         Examples
         --------
@@ -346,17 +371,29 @@ class Journey:
         >>> journey = tw.plan_journey(["Vaduz", "Malbun"], tw.Departure(soc=0.6), atlas="map")  # doctest: +SKIP
         >>> journey.plot().savefig("journey.png")  # doctest: +SKIP
         """
-        return self.forecast.plot(ax)
+        if self.charging is None:
+            return self.forecast.plot(ax)
+        from tripwatt.forecasting.plots import plot_forecast  # matplotlib is slow to import
+
+        plan = self.charging
+        return plot_forecast(plan.series(), plan.by_cause_wh, f"{self._title()}: {self._in_short}", ax=ax)
+
+    @property
+    def charging_plans(self) -> tuple[ChargingPlan, ...]:
+        """The fastest with stops to charge and its alternatives; empty where none are needed or none help."""
+        return () if self.charging is None else (self.charging, *self.charging_alternatives)
+
+    @property
+    def _in_short(self) -> str:
+        charges, low_high = self.verdict.charges, self.verdict.soc_interval
+        stops = "" if not charges else f"{charges} {'stop' if charges == 1 else 'stops'} to charge, "
+        return f"{stops}arrival with {self.verdict.soc_arrival:.0%}, 90 % interval {low_high[0]:.0%} to {low_high[1]:.0%}"
 
     def _title(self) -> str:
         return " to ".join(place.title for place in self.stops)
 
     def __repr__(self) -> str:
-        low, high = self.forecast.soc_interval(0.9)
-        return (
-            f"<Journey {self._title()}: {self.roads[0].road.distance_m / 1000.0:.1f} km, arrival with "
-            f"{self.forecast.soc_arrival:.0%}, 90 % interval {low:.0%} to {high:.0%}>"
-        )
+        return f"<Journey {self._title()}: {self.roads[0].road.distance_m / 1000.0:.1f} km, {self._in_short}>"
 
     def _repr_html_(self) -> str:
         rows = [
@@ -369,7 +406,8 @@ class Journey:
             for road in self.roads
         ]
         return html_table(
-            f"Journey {self._title()}", [*rows, ("leave with", self.leave), ("", self.attribution)]
+            f"Journey {self._title()}",
+            [("whole journey", self._in_short), *rows, ("leave with", self.leave), ("", self.attribution)],
         )
 
 

@@ -1,6 +1,6 @@
 """Where to charge and how much: the least time over a road with stations, by dynamic programming over charge levels.
 
-The car leaves a station with one of `LEVELS` of the display. A leg may be driven with a charge of at least its need: what it takes, the reserve, and
+The car leaves a station with one of a number of levels of the display. A leg may be driven with a charge of at least its need: what it takes, the reserve, and
 what its error may add with the chance that each leg has to have. Stations are in the order of the road, so one pass from the start settles every
 station and level: of all ways to leave a station with a level, the fastest dominates the others.
 """
@@ -36,7 +36,7 @@ class StopProblem:
     time_s : ndarray, shape (nodes, nodes)
         Driving time of each leg [s]; infinite where there is no leg.
     charging_s : ndarray, shape (nodes, levels)
-        Time to charge from empty to each of `LEVELS` at each station [s].
+        Time to charge from empty to each of `levels` at each station [s].
     overhead_s : float
         Of each stop [s].
 
@@ -57,9 +57,15 @@ class StopProblem:
     charging_s: FloatArray
     overhead_s: float
 
+    @property
+    def levels(self) -> FloatArray:
+        """Displayed charges to leave a station with, evenly from 0 to 1: as many as `charging_s` has."""
+        count = self.charging_s.shape[1]
+        return np.arange(count) / (count - 1)
+
     def charge_s(self, node: int, arrival: float, leave: float) -> float:
         """Time to charge at a station from a charge to another [s]; 0 where there is nothing to charge."""
-        empty, full = np.interp([arrival, leave], LEVELS, self.charging_s[node])
+        empty, full = np.interp([arrival, leave], self.levels, self.charging_s[node])
         return float(max(full - empty, 0.0))
 
     def duration_s(self, nodes: tuple[int, ...], levels: tuple[float, ...]) -> float:
@@ -114,14 +120,15 @@ def least_time(problem: StopProblem) -> StopPlan | None:
     Returns
     -------
     StopPlan or None
-        Exact for charges of `LEVELS` at the stations. A car that arrives with more than a level may leave with that level at once.
+        Exact for the levels of the problem. A car that arrives with more than a level may leave with that level at once.
     """
-    n, levels = len(problem.taken), len(LEVELS)
-    cost = np.full((n, levels), np.inf)
+    levels = problem.levels
+    n, count = problem.charging_s.shape
+    cost = np.full((n, count), np.inf)
     cost[0, 0] = 0.0
-    soc = np.tile(LEVELS, (n, 1))
+    soc = np.tile(levels, (n, 1))
     soc[0] = problem.start_soc
-    before = np.zeros((n, levels), dtype=np.int64)
+    before = np.zeros((n, count), dtype=np.int64)
     for node in range(1, n):
         reached = cost[:node] + problem.time_s[:node, node, None]
         reached[soc[:node] < problem.need[:node, node, None]] = np.inf
@@ -133,19 +140,21 @@ def least_time(problem: StopProblem) -> StopPlan | None:
             best = int(np.argmin(total))
             return _traced(problem, before, int(ways[best]))
         arrival = np.clip((soc[:node] - problem.taken[:node, node, None]).ravel()[ways], 0.0, 1.0)
-        cost[node], chosen = _charged(arrival, total, problem.charging_s[node])
+        cost[node], chosen = _charged(arrival, total, levels, problem.charging_s[node])
         cost[node] += problem.overhead_s
         before[node] = ways[chosen]
     return None
 
 
-def _charged(arrival: FloatArray, total: FloatArray, charging_s: FloatArray) -> tuple[FloatArray, IntArray]:
-    """Least time to have each of `LEVELS` at a station, and the way that gives it: the best that arrives below it, or above."""
+def _charged(
+    arrival: FloatArray, total: FloatArray, levels: FloatArray, charging_s: FloatArray
+) -> tuple[FloatArray, IntArray]:
+    """Least time to have each of the levels at a station, and the way that gives it: the best that arrives below it, or above."""
     order = np.argsort(arrival)
     arrival, total = arrival[order], total[order]
-    base = total - np.interp(arrival, LEVELS, charging_s)
+    base = total - np.interp(arrival, levels, charging_s)
     below, above = _running_best(base), len(total) - 1 - _running_best(total[::-1])[::-1]
-    count = np.searchsorted(arrival, LEVELS, side="right")
+    count = np.searchsorted(arrival, levels, side="right")
     low, high = below[np.maximum(count - 1, 0)], above[np.minimum(count, len(total) - 1)]
     charged = np.where(count > 0, base[low] + charging_s, np.inf)
     as_it_is = np.where(count < len(total), total[high], np.inf)
@@ -161,9 +170,9 @@ def _running_best(values: FloatArray) -> IntArray:
 def _traced(problem: StopProblem, before: IntArray, way: int) -> StopPlan:
     nodes, levels = [len(before) - 1], []
     while True:
-        node, level = divmod(way, len(LEVELS))
+        node, level = divmod(way, before.shape[1])
         nodes.append(node)
-        levels.append(float(LEVELS[level]) if node else problem.start_soc)
+        levels.append(float(problem.levels[level]) if node else problem.start_soc)
         if node == 0:
             break
         way = int(before[node, level])
