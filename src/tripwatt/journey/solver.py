@@ -61,7 +61,7 @@ class StopProblem:
     def levels(self) -> FloatArray:
         """Displayed charges to leave a station with, evenly from 0 to 1: as many as `charging_s` has."""
         count = self.charging_s.shape[1]
-        return np.arange(count) / (count - 1)
+        return np.asarray(np.arange(count) / (count - 1))
 
     def charge_s(self, node: int, arrival: float, leave: float) -> float:
         """Time to charge at a station from a charge to another [s]; 0 where there is nothing to charge."""
