@@ -3,6 +3,7 @@
 from tripwatt.journey.atlas import Atlas, AtlasSettings, open_atlas
 from tripwatt.journey.charging import ChargingCurve
 from tripwatt.journey.forecasting import RoadForecaster
+from tripwatt.journey.need import Need, Range, need, range_km
 from tripwatt.journey.planning import (
     Journey,
     JourneyOptions,
@@ -22,13 +23,17 @@ __all__ = [
     "ChargingStop",
     "Journey",
     "JourneyOptions",
+    "Need",
     "Place",
+    "Range",
     "Reach",
     "RoadForecast",
     "RoadForecaster",
     "find_reach",
     "find_stops",
     "journey_with",
+    "need",
     "open_atlas",
     "plan_journey",
+    "range_km",
 ]
