@@ -215,6 +215,7 @@ def need(
     vehicle: Vehicle | str | None = None,
     quantile: float = 0.9,
     trips: int = 1,
+    reserve: float = 0.0,
 ) -> Need:
     """Forecast what some kilometres need, without a road.
 
@@ -238,6 +239,8 @@ def need(
     trips : int
         Equal trips ahead. All of them are of one car and one kind of road, and share their errors in full: they need as many times what
         one needs.
+    reserve : float
+        Displayed state of charge to arrive with, part of `Need.soc_needed`.
 
     Returns
     -------
@@ -271,7 +274,7 @@ def need(
         energy, charge, duration_s = asked.at(distance_m, levels)
         flags = asked.flags(distance_m)
     low, middle, high, most = (number * energy).tolist()
-    needed = number * max(float(charge[-1]), 0.0)
+    needed = require_fraction("reserve", reserve) + number * max(float(charge[-1]), 0.0)
     title = own.vehicle.title
     return Need(
         number * distance_m,

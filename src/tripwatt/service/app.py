@@ -33,8 +33,8 @@ from tripwatt.service.car_operations import CarOperations
 from tripwatt.service.example_requests import UPLOADS
 from tripwatt.service.journey_schemas import (
     MapResponse,
+    NeedAnswer,
     NeedQuery,
-    NeedResponse,
     PlacesResponse,
     PlanRequest,
     PlanResponse,
@@ -266,9 +266,11 @@ class Api:
         self._require_map()
         return await self.answering.body_job(request, "reach")
 
-    @operation("GET /v1/need", "journeys", NeedResponse)
+    @operation("GET /v1/need", "journeys", NeedAnswer, also=("no-plan", "no-live"))
     async def get_need(self, request: Request, query: Annotated[NeedQuery, Query()]) -> Response:
-        """Return what some kilometres, or a usual trip of a car, need, without a road."""
+        """Return what some kilometres or a usual trip need, without a road; without either, what the next trip of a car on the road needs."""
+        if query.distance_km is None and query.trip is None and query.vehicle is not None:
+            return await self.live.next_need(request, query)
         return await self.answering.job(
             request, "distance", query.model_dump_json(exclude_unset=True).encode()
         )

@@ -202,6 +202,7 @@ class Jobs:
             model=self._model_asked(request),
             quantile=request.quantile,
             trips=request.trips,
+            reserve=request.reserve or 0.0,
         ).to_dict()
 
     def range(self, body: bytes) -> dict[str, Any]:
@@ -209,7 +210,7 @@ class Jobs:
         request = check_request(parse_json(body), RangeQuery)
         model = self._model_asked(request)
         return range_km(
-            None, request.kind, departure_of(request), reserve=request.reserve, model=model
+            None, request.kind, departure_of(request), reserve=request.reserve or 0.0, model=model
         ).to_dict()
 
     def _model_asked(self, request: RangeQuery) -> ForecastModel:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from pydantic import AwareDatetime, ConfigDict, Field, create_model
+from pydantic import AwareDatetime, ConfigDict, Field, RootModel, create_model
 
 from tripwatt.forecasting.document import FlagDocument, ForecastResponse
+from tripwatt.live.telemetry import FIRST_TIME_S, LAST_TIME_S
+from tripwatt.service.live_schemas import NeedResponse
 from tripwatt.service.schemas import (
     CarRequest,
     DepartureRequest,
@@ -87,11 +89,11 @@ class RangeQuery(_DepartureQuery):
     model: str | None = Field(None, max_length=100)
     """one of /v1/models; default: the first one"""
     vehicle: str | None = Field(None, max_length=100)
-    """one of /v1/vehicles; default: the car of the model"""
+    """one of /v1/vehicles; default: the car of the model; without a distance or trip, the name of a car on the road"""
     car: str | None = Field(None, max_length=100)
     """one of /v1/cars, in place of model and vehicle"""
-    reserve: float = Field(0.0, ge=0.0, le=1.0)
-    """displayed state of charge that is kept; for a range"""
+    reserve: float | None = Field(None, ge=0.0, le=1.0)
+    """displayed state of charge to keep; default: 0, or that of the plan of a car on the road"""
 
 
 class NeedQuery(RangeQuery):
@@ -105,9 +107,13 @@ class NeedQuery(RangeQuery):
     """probability with which the energy suffices"""
     trips: int = Field(1, ge=1, le=100)
     """equal trips ahead"""
+    probability: float = Field(0.9, ge=0.5, le=0.99)
+    """with which the charge suffices, for the next trip of a car on the road"""
+    departure_utc: float | None = Field(None, ge=FIRST_TIME_S, le=LAST_TIME_S)
+    """when that trip begins [s since 1970]; default: now"""
 
 
-class NeedResponse(ResponseModel):
+class DistanceNeed(ResponseModel):
     """What some kilometres need, without a road, as `tripwatt need --json` prints it."""
 
     distance_m: float
@@ -126,6 +132,10 @@ class NeedResponse(ResponseModel):
     flags: list[FlagDocument]
     car: str
     """title of the car"""
+
+
+class NeedAnswer(RootModel[DistanceNeed | NeedResponse]):
+    """What a distance or a usual trip needs; or what the next trip of a car on the road needs."""
 
 
 class KindRange(ResponseModel):
