@@ -29,16 +29,14 @@ from tripwatt.forecasting import ForecastModel
 from tripwatt.journey.kinds import (
     CITY_KM_H,
     COUNTRY_KM_H,
-    KINDS,
     STUDIES,
-    UNKNOWN,
     USUAL_KM_H,
     RoadPrior,
     RoadStudy,
     Shares,
     road_prior,
 )
-from tripwatt.journey.need import KindForecaster, node_forecast
+from tripwatt.journey.need import KindForecaster
 from tripwatt.physics import simulate_trip
 from tripwatt.population.adapting import Adaptation, population_of
 from tripwatt.routes.free_flow import free_flow_links
@@ -87,14 +85,15 @@ def study(trips: Sequence[Trip], car: Vehicle) -> RoadStudy:
     classes = [classes_of(trip) for trip in trips]
     length, time = (np.sum([c[i] for c in classes], axis=0) for i in (0, 1))
     usual_m_s = np.array(USUAL_KM_H) * M_S_PER_KM_H
-    own = RoadPrior(
-        tuple(np.where(length > 0, length / np.where(time > 0, time, 1), usual_m_s).tolist()), (), ()
-    )
+    a, b, c = (length / length.sum()).tolist()
+    usual = a, b, c
+    speed = np.where(length > 0, length / np.maximum(time, 1.0), usual_m_s)
+    own = RoadPrior(tuple(speed.tolist()), usual, (), ())
     parts = []
     for known in (True, False):
         errors = []
         for trip, (metres, _) in zip(trips, classes, strict=True):
-            plan = own.plan(trip.distance_m, rounded_shares(metres) if known else KINDS[UNKNOWN])
+            plan = own.plan(trip.distance_m, rounded_shares(metres) if known else own.usual)
             flat = _flat(plan_from_trip(trip))
             kind = simulate_trip(car, plan.with_departure(trip.departure)).simulated_energy_wh
             driven = simulate_trip(car, flat).simulated_energy_wh
@@ -123,7 +122,8 @@ def models(name: str, trips: Sequence[Trip], car: Vehicle) -> Iterator[tuple[lis
 
 
 def outcomes(name: str, trips: Sequence[Trip], car: Vehicle) -> dict[str, list[tuple[float, float, float]]]:
-    """By what is known of the road, of each trip: measured energy over need, range with the charge it took over its distance, and measured
+    """By what is known of the road, of each trip: measured energy over need, range with what it took over its distance (the fall of its display, else
+    its energy), and measured
     energy over the median. The quantile holds where the first two are at most 1."""
     prior, found = road_prior(without=name), dict[str, list[tuple[float, float, float]]](kind=[], mixed=[])
     for members, model in models(name, trips, car):
@@ -131,12 +131,14 @@ def outcomes(name: str, trips: Sequence[Trip], car: Vehicle) -> dict[str, list[t
             trip = trips[k]
             departure = Departure(ambient_temperature_degc=trip.departure.ambient_temperature_degc)
             for what, rows in found.items():
-                shares = rounded_shares(classes_of(trip)[0]) if what == "kind" else KINDS[UNKNOWN]
+                shares = rounded_shares(classes_of(trip)[0]) if what == "kind" else prior.usual
                 asked = KindForecaster(model, departure, shares, what == "kind", prior)
                 energy, _, _ = asked.at(trip.distance_m, (QUANTILE, 0.5))
-                wh = float(node_forecast(asked, 0).charge.wh_per_display)
                 observed = float(trip.observed_energy_wh or np.nan)
-                far_m = asked.distance_m(observed / wh, QUANTILE)
+                shown = trip.samples["displayed_soc"].dropna() if "displayed_soc" in trip else []
+                known = len(shown) > 1 and shown.iloc[0] > shown.iloc[-1]
+                fell = float(shown.iloc[0] - shown.iloc[-1]) if known else observed
+                far_m = asked.inverse(fell, QUANTILE, int(known))
                 rows.append((observed / energy[0], far_m / trip.distance_m, observed / energy[1]))
     return found
 
@@ -181,16 +183,19 @@ def speed_rows() -> Iterator[Row]:
 
 
 def main(
-    data: Annotated[Path, Argument(metavar="[FOLDER]")] = DATA, fit: bool = False, only: str | None = None
+    data: Annotated[Path, Argument(metavar="[FOLDER]")] = DATA,
+    fit: bool = False,
+    only: str | None = None,
+    most: int | None = None,
 ) -> int:
-    """Print the rows; 1 when a bound is missed. `--only` a data set or "speed"; `--fit` prints the studies of the roads."""
+    """Print the rows; 1 when a bound is missed. `--only` a data set or "speed"; `--most` trips of each, drawn with a seed; `--fit` prints the studies of the roads."""
     if fit:
         for name in STUDIES:
             print(name, study(*trips_and_car(name, data)))
         return 0
     sets = [name for name in ("tum", "ved", "sedan") if only in (None, name)]
     rows = itertools.chain(
-        *(set_rows(name, data) for name in sets), speed_rows() if only in (None, "speed") else ()
+        *(set_rows(name, data, most) for name in sets), speed_rows() if only in (None, "speed") else ()
     )
     return report(rows)
 

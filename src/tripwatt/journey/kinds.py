@@ -34,10 +34,9 @@ KINDS: Final[Mapping[str, Shares]] = MappingProxyType(
         "city": (1.0, 0.0, 0.0),
         "country": (0.25, 0.75, 0.0),
         "motorway": (0.1, 0.15, 0.75),
-        "mixed": (0.4, 0.4, 0.2),
     }
 )
-"""Named kinds of road. That nothing is known of the road is "mixed", whose spread is wider."""
+"""Kinds of road by name. That nothing is known of a road is `UNKNOWN`: it has the shares of all logged roads, and a wider spread."""
 
 UNKNOWN: Final = "mixed"
 USUAL_KM_H: Final = (28.0, 62.0, 110.0)
@@ -88,6 +87,8 @@ class RoadPrior:
     ----------
     speed_m_s : tuple of float
         Mean speed with standstill in city, country and motorway.
+    usual : tuple of float
+        Shares of a road of which nothing is known.
     known, unknown : tuple of float
         As of `RoadStudy`.
 
@@ -99,6 +100,7 @@ class RoadPrior:
     """
 
     speed_m_s: tuple[float, ...]
+    usual: Shares
     known: tuple[float, ...]
     unknown: tuple[float, ...]
 
@@ -157,7 +159,10 @@ def road_prior(without: str | None = None) -> RoadPrior:
     speed = length / (usual_s + np.sum([study.time_s for study in studies], axis=0))
     known = np.mean([study.known for study in studies], axis=0)
     unknown = np.mean([study.unknown for study in studies], axis=0)
-    return RoadPrior(tuple(speed.tolist()), tuple(known.tolist()), tuple(unknown.tolist()))
+    city, country, motorway = (length / length.sum()).tolist()
+    return RoadPrior(
+        tuple(speed.tolist()), (city, country, motorway), tuple(known.tolist()), tuple(unknown.tolist())
+    )
 
 
 def shares_of(kind: str | Sequence[float]) -> Shares:
@@ -174,8 +179,10 @@ def shares_of(kind: str | Sequence[float]) -> Shares:
     ((1.0, 0.0, 0.0), (0.5, 0.5, 0.0))
     """
     if isinstance(kind, str):
+        if kind == UNKNOWN:
+            return road_prior().usual
         if kind not in KINDS:
-            raise InvalidInput.of("unknown kind of road", "kind", kind[:40], ", ".join(KINDS))
+            raise InvalidInput.of("unknown kind of road", "kind", kind[:40], ", ".join((*KINDS, UNKNOWN)))
         return KINDS[kind]
     if len(kind) != 3 or min(kind) < 0.0 or abs(sum(kind) - 1.0) > 1e-6:
         allowed = "three shares of city, country and motorway that add up to 1"

@@ -163,12 +163,16 @@ class KindForecaster:
 
     def distance_m(self, charge: float, level: float) -> float:
         """Distance after which the displayed charge falls by `charge`, at a quantile of the charge that is taken [m]."""
-        for k in range(len(NODES_M) - 2, -1, -1):
-            (_, low, _), (_, high, _) = (node_values(self, k + i, (level,)) for i in (0, 1))
-            if charge >= low[0] or k == 0:
-                part = (charge - low[0]) / max(high[0] - low[0], 1e-9)
-                return max(float(NODES_M[k] + part * (NODES_M[k + 1] - NODES_M[k])), 0.0)
-        raise AssertionError
+        return self.inverse(charge, level, 1)
+
+    def inverse(self, amount: float, level: float, of: int) -> float:
+        """Distance whose quantile of energy (`of` 0) [Wh] or charge (1) is an amount [m]."""
+        k = len(NODES_M) - 2
+        while k > 0 and node_values(self, k, (level,))[of][0] > amount:
+            k -= 1
+        low, high = (float(node_values(self, k + i, (level,))[of][0]) for i in (0, 1))
+        part = (amount - low) / max(high - low, 1e-9)
+        return max(NODES_M[k] + part * (NODES_M[k + 1] - NODES_M[k]), 0.0)
 
     def flags(self, distance_m: float) -> tuple[Flag, ...]:
         """Flags of the road whose length is nearest."""
@@ -226,7 +230,7 @@ def need(
     distance_km : float, Plan or Trip
         Distance [km]; or a usual trip of the car, whose kind of road is not asked.
     kind : str or sequence of float
-        One of `tripwatt.journey.kinds.KINDS`, or the shares of the distance in city, country and motorway. "mixed" is the kind of a road
+        One of `tripwatt.journey.kinds.KINDS`, "mixed", or the shares of the distance in city, country and motorway. "mixed" is the kind of a road
         of which nothing is known.
     departure : Departure, optional
         What is known at departure.
@@ -347,5 +351,5 @@ def range_km(
         return KindForecaster(own, known, shares_of(kind), kind != UNKNOWN, road_prior())
 
     middle, ends = far(asker(kind))
-    by_kind = {name: far(asker(name)) for name in KINDS}
+    by_kind = {name: far(asker(name)) for name in (*KINDS, UNKNOWN)}
     return Range(middle, ends, by_kind, asker(kind).flags(max(middle, NODES_M[0])))

@@ -88,7 +88,7 @@ class RangeQuery(_DepartureQuery):
     """kind of road; mixed: nothing is known of it"""
     model: str | None = Field(None, max_length=100)
     """one of /v1/models; default: the first one"""
-    vehicle: str | None = Field(None, max_length=100)
+    vehicle: str | None = Field(None, min_length=1, max_length=100)
     """one of /v1/vehicles; default: the car of the model; without a distance or trip, the name of a car on the road"""
     car: str | None = Field(None, max_length=100)
     """one of /v1/cars, in place of model and vehicle"""
