@@ -26,6 +26,7 @@ from benchmarks.measure import Row, report, seconds
 from benchmarks.unknown_climb import trips_of
 from tripwatt.auditing import audit
 from tripwatt.forecasting import ForecastModel
+from tripwatt.journey.distances import KindForecaster
 from tripwatt.journey.kinds import (
     CITY_KM_H,
     COUNTRY_KM_H,
@@ -36,7 +37,6 @@ from tripwatt.journey.kinds import (
     Shares,
     road_prior,
 )
-from tripwatt.journey.need import KindForecaster
 from tripwatt.physics import simulate_trip
 from tripwatt.population.adapting import Adaptation, population_of
 from tripwatt.routes.free_flow import free_flow_links

@@ -2,8 +2,8 @@
 
 from tripwatt.journey.atlas import Atlas, AtlasSettings, open_atlas
 from tripwatt.journey.charging import ChargingCurve
+from tripwatt.journey.distances import Need, Range, need, range_km
 from tripwatt.journey.forecasting import RoadForecaster
-from tripwatt.journey.need import Need, Range, need, range_km
 from tripwatt.journey.planning import (
     Journey,
     JourneyOptions,

@@ -12,8 +12,8 @@ from tools import DATA
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import ForecastModel
+from tripwatt.journey.distances import NODES_M, KindForecaster, node_values
 from tripwatt.journey.kinds import KINDS, STUDIES, road_prior, shares_of
-from tripwatt.journey.need import NODES_M, KindForecaster, node_values
 from tripwatt.trips import Departure
 
 COLD, MILD = Departure(ambient_temperature_degc=-5.0), Departure(ambient_temperature_degc=20.0)
