@@ -9,6 +9,7 @@ import { keepForecasting } from "./state/forecast";
 import { keepReach } from "./state/journey";
 import { keepOnRoad } from "./state/live-drive";
 import { labelOf } from "./state/own-cars";
+import { keepMessages } from "./state/messages";
 import { keepPosition } from "./state/position";
 import { keepPreferences, text } from "./state/preferences";
 import { Announcer } from "./ui/announcer";
@@ -78,6 +79,7 @@ function Page() {
 
 connectTokenDialog();
 keepPreferences();
+keepMessages();
 keepForecasting();
 keepDriving();
 keepOnRoad();
