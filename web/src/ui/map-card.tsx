@@ -3,14 +3,25 @@ import { useEffect, useRef } from "preact/hooks";
 import { tilesUrl, tokenHeaders, viewMap } from "../api/client";
 import type { Journey, MapView, Road, Station } from "../api/documents";
 import type { Feature, MapPalette, RoadMap, StationMark } from "../map/road-map";
-import { boundsOf, type Bounds, distanceNear, piecesOf, type Point, pointAt, pointsOf } from "../model/road";
+import {
+  boundsOf,
+  type Bounds,
+  distanceNear,
+  piecesOf,
+  type Point,
+  pointAlong,
+  pointAt,
+  pointsOf,
+} from "../model/road";
 import { POWER } from "../model/units";
-import { source, moveEnd } from "../state/catalogue";
+import { beginAt, source, moveEnd } from "../state/catalogue";
+import { chargingPlan } from "../state/answer";
 import { chooseRoad } from "../state/forecast";
 import {
   chosenRoad,
   type End,
   ends,
+  isExample,
   isFindingReach,
   journey,
   map,
@@ -69,12 +80,12 @@ function chosenOf(of: Journey | null): Road | null {
   return of?.roads[chosenRoad.value] ?? of?.roads[0] ?? null;
 }
 
-function stationFeatures(known: readonly Station[], chosen: Station | undefined): Feature[] {
-  return [...known, ...(chosen ? [chosen] : [])].map((station) =>
+function stationFeatures(known: readonly Station[], chosen: readonly Station[]): Feature[] {
+  return [...known, ...chosen].map((station) =>
     pointOf([station.longitude_deg, station.latitude_deg], {
       name: station.name,
       power_w: station.power_w,
-      chosen: station === chosen,
+      chosen: chosen.includes(station),
     }),
   );
 }
@@ -136,7 +147,8 @@ function MapCanvas({
           label: text.value.map.label,
           handlers: {
             onClick: ([longitude, latitude]) => {
-              if (nextEnd.value) moveEnd(nextEnd.value, placeAt(longitude, latitude));
+              if (isExample.value) beginAt(placeAt(longitude, latitude));
+              else if (nextEnd.value) moveEnd(nextEnd.value, placeAt(longitude, latitude));
             },
             onDrag: (end, [longitude, latitude], done) => moveEnd(end, placeAt(longitude, latitude), !done),
             onRoad: (at) => {
@@ -174,20 +186,18 @@ function MapCanvas({
   useSignalEffect(() => {
     const now = shownJourney();
     const road = chosenOf(now);
-    made.value?.setData(
-      "roads",
-      road ? piecesOf(road).map(({ level, line }) => lineOf(line, { level })) : [],
-    );
+    const plan = chargingPlan.value;
+    const pieces = road ? piecesOf(road).map(({ level, line }) => lineOf(line, { level })) : [];
+    made.value?.setData("roads", plan ? [lineOf(pointsOf(plan), { level: "usual" })] : pieces);
     const others = (now?.roads ?? []).map((other, k) => lineOf(pointsOf(other), { road: k }));
-    made.value?.setData(
-      "others",
-      others.filter((_, k) => now?.roads[k] !== road),
-    );
+    made.value?.setData("others", plan ? [] : others.filter((_, k) => now?.roads[k] !== road));
   });
   useSignalEffect(() => {
     const road = chosenOf(shownJourney());
     const at = positionM.value;
-    made.value?.setData("dot", road && at !== null ? [pointOf(pointAt(road, at))] : []);
+    const plan = chargingPlan.value;
+    const point = plan ? pointAlong(plan.line, at ?? 0) : road && pointAt(road, at ?? 0);
+    made.value?.setData("dot", point && at !== null ? [pointOf(point)] : []);
   });
   useSignalEffect(() => {
     const areas = reach.value?.areas ?? [];
@@ -206,13 +216,14 @@ function MapCanvas({
     );
   });
   useSignalEffect(() => {
-    const stop = shownJourney()?.charging?.station;
-    made.value?.setData("stations", stationFeatures(view.value?.stations ?? [], stop));
+    const stops = (chargingPlan.value?.stops ?? []).map(({ station }) => station);
+    made.value?.setData("stations", stationFeatures(view.value?.stations ?? [], stops));
   });
   useSignalEffect(() => {
     const now = shownJourney();
     if (!now || !made.value || !wantsFit.value) return;
-    made.value.fit(boundsOf(now.roads.flatMap(pointsOf)));
+    const plans = chargingPlan.value ? [chargingPlan.value] : now.roads;
+    made.value.fit(boundsOf(plans.flatMap(pointsOf)));
     wantsFit.value = false;
   });
   useSignalEffect(() => {
@@ -242,6 +253,7 @@ function hint(station: StationMark | null): string {
   if (station) {
     return `${station.name || others.station} · ${format.value.shown(station.power_w, POWER)}`;
   }
+  if (isExample.value) return words.replaceExample;
   if (nextEnd.value) return nextEnd.value === "from" ? words.clickFrom : words.clickTo;
   return words.drag;
 }
