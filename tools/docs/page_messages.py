@@ -20,10 +20,21 @@ from pydantic_core._pydantic_core import list_all_errors
 
 import tripwatt
 from tripwatt.errors import and_more
+from tripwatt.service.problems import TITLES
 from tripwatt.trips.messages import catalogue
 
 PACKAGE: Final = Path(tripwatt.__file__).parent
-ROOMS: Final = ("auditing", "forecasting", "journey", "live", "routes", "service", "sources", "trips", "vehicles")
+ROOMS: Final = (
+    "auditing",
+    "forecasting",
+    "journey",
+    "live",
+    "routes",
+    "service",
+    "sources",
+    "trips",
+    "vehicles",
+)
 FILES: Final = ("api.py", "files.py", "errors.py")
 NOT_REACHED: Final = (
     "live/following.py",
@@ -73,6 +84,8 @@ DOCUMENT_ERRORS: Final = re.compile(
 )
 """Kinds of pydantic's errors that a document of a request can have."""
 
+UNITS: Final = frozenset({"km", "kg", "ms", "rad", "min", "ppm", "degc", "degf", "lat", "lon", "ele"})
+
 Scope = ast.FunctionDef | ast.AsyncFunctionDef | None
 HOLE: Final = "{}"
 
@@ -104,9 +117,8 @@ class Sources:
         if isinstance(node, ast.Call):
             self.calls.setdefault(_name(node.func), []).append((node, scope))
             self.place[node] = f"{file}:{node.lineno}"
-        is_reason = isinstance(node, ast.Return) and file.startswith(WITH_REASONS)
-        if is_reason and isinstance(node.value, (ast.Tuple, ast.IfExp)):
-            self.reasons.append((node.value, scope))
+        if file.startswith(WITH_REASONS) and scope is not None and isinstance(node, ast.Tuple):
+            self.reasons += [(element, scope) for element in node.elts]
         for child in ast.iter_child_nodes(node):
             self._visit(child, scope, file)
 
@@ -213,7 +225,9 @@ class Sources:
             values = [n.value for n in ast.walk(scope or ast.Pass()) if isinstance(n, ast.Assign)
                       and over.id in map(_name, n.targets)]  # fmt: skip
             for value in values or self.constants.get(over.id, ()):
-                texts |= set() if isinstance(value, ast.Name) else self._looped(name, target, value, scope, depth)
+                texts |= (
+                    set() if isinstance(value, ast.Name) else self._looped(name, target, value, scope, depth)
+                )
         for item in over.elts if isinstance(over, (ast.Tuple, ast.List)) else ():
             texts |= self._assigned(name, target, item, scope, depth)
         return texts
@@ -255,7 +269,11 @@ def _n(parts: Iterable[set[str]]) -> int:
 
 
 def _is_shown(call: ast.Call, name: str) -> bool:
-    return name != "of" or isinstance(call.func, ast.Attribute) and _name(call.func.value).endswith(("Input", "Error"))
+    return (
+        name != "of"
+        or isinstance(call.func, ast.Attribute)
+        and _name(call.func.value).endswith(("Input", "Error"))
+    )
 
 
 def _of_sources() -> Iterator[tuple[str, str, str]]:
@@ -269,11 +287,9 @@ def _of_sources() -> Iterator[tuple[str, str, str]]:
                 for text in sources.texts(given[shown], scope):
                     yield text, sources.place[call], "where" if shown == "where" else "text"
     for node, scope in sources.reasons:
-        sides = [node.body, node.orelse] if isinstance(node, ast.IfExp) else [node]
-        for side in sides:
-            for element in side.elts if isinstance(side, ast.Tuple) else ():
-                for text in sources.texts(element, scope):
-                    yield text, scope.name if scope else "", "text"
+        for text in sources.texts(node, scope):
+            if " " in text:  # the others are units
+                yield text, scope.name if scope else "", "text"
     for text in sources.parts:
         if " " in text and not text.startswith("{}, "):  # the others are names
             yield text, "part of a text", "text"
@@ -283,6 +299,11 @@ def _of_documents() -> Iterator[tuple[str, str, str]]:
     for error in list_all_errors():
         if DOCUMENT_ERRORS.fullmatch(error["type"]):
             yield re.sub(r"\{\w+\}", HOLE, error["message_template_python"]), "pydantic", "text"
+
+
+def _of_problems() -> Iterator[tuple[str, str, str]]:
+    for kind, (_status, title) in TITLES.items():
+        yield title, f"problem {kind}", "text"
 
 
 def _of_flags() -> Iterator[tuple[str, str, str]]:
@@ -295,16 +316,16 @@ def _of_flags() -> Iterator[tuple[str, str, str]]:
 def _has_words(text: str) -> bool:
     """Whether a template has a word that is no name of a field, no unit and no example."""
     bare = re.sub(r"\{[^}]*\}|`[^`]*`|'[^']*'|\"[^\"]*\"|\w*_\w*|\w+[.\[]\w[\w.\]]*|--\w+", " ", text)
-    return re.search(r"[a-z]{3,}", bare) is not None
+    return bool(set(re.findall(r"(?<!\w)(?:[a-z]{2,}|CHECK)(?!\w)", bare)) - UNITS)
 
 
 @cache
 def messages(role: str = "text") -> Mapping[str, str]:
     """Templates with words, each with a place where it is made; for the role `where` those of places in an input."""
     found: dict[str, str] = {and_more("xy", HOLE).replace("1", HOLE): "errors.py"} if role == "text" else {}
-    for text, place, known in (*_of_sources(), *_of_documents(), *_of_flags()):
+    for text, place, known in (*_of_sources(), *_of_documents(), *_of_problems(), *_of_flags()):
         if known == role and _has_words(text):
-            found.setdefault(text.strip(), place)
+            found.setdefault(re.sub(r"\{:[^}]*\}", HOLE, text.strip(" ")), place)
     return dict(sorted(found.items()))
 
 

@@ -12,9 +12,12 @@ interface Pattern {
   words: string;
   /** Characters that are no values. */
   letters: number;
+  isOfParts: boolean;
 }
 
 const DEEPEST = 4;
+/** Between the messages of one text. */
+const BORDER = "; ";
 const NUMBER = /^-?\d+\.\d+$/;
 const HOLES = /\{(\d*)\}/g;
 
@@ -25,7 +28,7 @@ function escaped(text: string): string {
 function patternOf([template, words]: readonly [string, string]): Pattern {
   const parts = template.split("{}");
   const matches = new RegExp(`^${parts.map(escaped).join("(.*?)")}$`, "su");
-  return { matches, words, letters: parts.join("").length };
+  return { matches, words, letters: parts.join("").length, isOfParts: template.includes(BORDER) };
 }
 
 /** Words of a text that stand alone: not parts of a name, a path or a number. */
@@ -73,11 +76,19 @@ export class Translator {
     const whole = this.messages.templates[text];
     if (whole != null) return whole;
     if (depth > DEEPEST) return null;
-    for (const { matches, words } of this.patterns) {
-      const values = matches.exec(text)?.slice(1);
-      if (values) return this.filled(words, values, depth);
+    if (text.includes(BORDER)) {
+      const whole = this.matched(text, depth, (pattern) => pattern.isOfParts);
+      return whole ?? this.parted(text, BORDER, depth);
     }
-    return this.parted(text, "; ", depth) ?? this.parted(text, ": ", depth);
+    return this.matched(text, depth, () => true) ?? this.parted(text, ": ", depth);
+  }
+
+  private matched(text: string, depth: number, isAsked: (pattern: Pattern) => boolean): string | null {
+    for (const pattern of this.patterns.filter(isAsked)) {
+      const values = pattern.matches.exec(text)?.slice(1);
+      if (values) return this.filled(pattern.words, values, depth);
+    }
+    return null;
   }
 
   /** A text of several messages; null where none is known. */

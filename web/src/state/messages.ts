@@ -11,8 +11,8 @@ const translator = computed(() => (language.value === "de" ? german.value : null
 export function keepMessages(): void {
   effect(() => {
     if (language.value !== "de" || german.peek()) return;
-    void import("../text/messages-de").then(({ MESSAGES }) => {
-      german.value = new Translator(MESSAGES);
+    void import("../text/messages-de.json").then(({ default: messages }) => {
+      german.value = new Translator(messages);
     });
   });
 }

@@ -262,7 +262,10 @@ function Progress({ of }: { of: OwnCar }) {
     <p class="note" role="status">
       {words.learnedNow(learning.entries ?? 0, learning.known ?? 0)}
       {learning.left_out.length > 0 && (
-        <span> {words.leftOut(format.value.list(learning.left_out.slice(0, 5).map((why) => said(why).text)))}</span>
+        <span>
+          {" "}
+          {words.leftOut(format.value.list(learning.left_out.slice(0, 5).map((why) => said(why).text)))}
+        </span>
       )}
     </p>
   );

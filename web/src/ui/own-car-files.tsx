@@ -25,7 +25,7 @@ function Why({ of, faults }: { of: string; faults: Fault[] }) {
   const [first] = faults;
   if (!first) return null;
   const where = first.where.replace(of, "").trim();
-  const parts = [said(first.what).text, placeText(where), said(first.got).text].filter((part) => part);
+  const parts = [said(first.what).text, placeText(where), said(first.got ?? "").text].filter((part) => part);
   return (
     <span class="why">
       {parts.join(": ")}

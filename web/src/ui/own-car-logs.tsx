@@ -28,8 +28,7 @@ function Reasons({ of }: { of: Reason[] }) {
           <strong>
             <Said of={what} />
           </strong>
-          :{" "}
-          {consequence ? words.inDrives(count, places) : words.inFiles(count, places)}
+          : {consequence ? words.inDrives(count, places) : words.inFiles(count, places)}
           {consequence && <span class="consequence"> {words.consequences[consequence]}</span>}
           <span class="note">
             {" "}
