@@ -97,8 +97,8 @@ export function beginAt(place: Place): void {
 }
 
 /** Answer what a distance needs. */
-export function chooseDistance(distanceM: number, kind: Kind, title: string): void {
-  show(tripFromDistance(distanceM, kind, title));
+export function chooseDistance(distanceM: number, kind: Kind): void {
+  show(tripFromDistance(distanceM, kind));
 }
 
 /** Read an uploaded file, links or a distance; `name` is empty for links. `speedMS` is 0 where none is needed. */
@@ -165,7 +165,7 @@ async function chooseLinked({ source: from, places, round, example, distance }: 
   }
   if (from === "distance" && distance) {
     source.value = "distance";
-    trip.value = tripFromDistance(distance.distanceM, distance.kind, distance.title);
+    trip.value = tripFromDistance(distance.distanceM, distance.kind);
     return true;
   }
   if (from !== "examples") return false;
