@@ -47,9 +47,14 @@ def opened(browser: Any, planner: Service) -> Iterator[tuple[Any, list[str]]]:
 @pytest.fixture
 def page(opened: tuple[Any, list[str]], planner: Service) -> Iterator[Any]:
     page, wrong = opened
-    page.goto(planner.url)
-    page.get_by_text("Enter From and To, or click on the map.").wait_for()
+    page.goto("about:blank")
+    page.goto(
+        planner.url
+    )  # without a link in its address and without an earlier visit: an example of the map
+    page.get_by_text("An example of this map").wait_for()
+    page.locator(".todo:not(.old)").wait_for()
     yield page
+    page.evaluate("localStorage.clear()")
     assert wrong == []
 
 
@@ -121,7 +126,7 @@ def test_another_road_is_chosen_with_the_arrow_keys(page: Any) -> None:
 def test_a_click_sets_a_then_b_and_dragging_b_gives_the_new_arrival(page: Any) -> None:
     page.wait_for_selector(MAP_SHOWN)
     x, y = centre(page, ".map-canvas")
-    page.get_by_text("Click on the map to set the start").wait_for()
+    page.get_by_text("Click on the map for a start of your own").wait_for()
     # bounds of 0.2 ° by 0.3 °: the road from 9.0 to 9.1 ° E goes through the middle of the map
     east = page.locator(".map-canvas").bounding_box()["height"] / 0.2 * 0.682 * 0.05
     page.mouse.click(x - east, y)
