@@ -10,6 +10,7 @@ import { type Conditions, conditions, resetTo, USUAL } from "./conditions";
 import { reportProblem, problem } from "./forecast";
 import { loadOwnCars, ownCars } from "./own-cars";
 import {
+  answersAreOld,
   type End,
   ends,
   isExample,
@@ -92,7 +93,7 @@ export function beginAt(place: Place): void {
     isExample.value = false;
     ends.value = { from: place, to: null };
     nextEnd.value = "to";
-    trip.value = null;
+    answersAreOld.value = true;
   });
 }
 

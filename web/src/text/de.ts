@@ -57,6 +57,7 @@ export const de: Text = {
     },
     examples: { city: "Stadt", rural: "Landstraße", mixed: "Stadt und Land" },
     plannedRoute: "Geplante Route",
+    exampleOfMap: "ein Beispiel dieser Karte",
     assumedRoute: "angenommene Straße",
     synthetic: "synthetische Fahrt",
     speedTrace: "Geschwindigkeitsverlauf",
@@ -312,7 +313,6 @@ export const de: Text = {
     stops: (stops) => `Laden: ${stops}.`,
     sure: "Wie sicher ist das?",
     reasons: (notes) => count(notes, { one: "# Hinweis", other: "# Hinweise" }),
-    example: "Ein Beispiel dieser Karte: Eigene Orte eingeben.",
   },
   need: {
     needs: (distance) => `${distance} brauchen`,

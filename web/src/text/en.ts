@@ -57,6 +57,7 @@ export const en = {
     },
     examples: { city: "City", rural: "Country roads", mixed: "City and country" },
     plannedRoute: "Planned route",
+    exampleOfMap: "an example of this map",
     assumedRoute: "assumed road",
     synthetic: "synthetic trip",
     speedTrace: "speed trace",
@@ -310,7 +311,6 @@ export const en = {
     stops: (stops: string) => `Charge at ${stops}.`,
     sure: "How sure is this?",
     reasons: (notes: number) => count(notes, { one: "# note", other: "# notes" }),
-    example: "An example of this map: enter your own places.",
   },
   need: {
     needs: (distance: string) => `${distance} take`,

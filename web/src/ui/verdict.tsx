@@ -10,7 +10,7 @@ import { source } from "../state/catalogue";
 import { answer, chargingPlan, clock, isLookingForStops } from "../state/answer";
 import { arrived, driving, shownForecast } from "../state/drive";
 import { alternative, leaving, leavingIsOld, mode, problem, requested } from "../state/forecast";
-import { answersAreOld, isExample, journey } from "../state/journey";
+import { answersAreOld, journey } from "../state/journey";
 import { format, text, units } from "../state/preferences";
 import { trip } from "../state/trip";
 import { CompareLine } from "./compare";
@@ -252,7 +252,6 @@ export function VerdictCard() {
       </div>
       <Failure />
       {isDistance && <NeedAnswer />}
-      {shown && isExample.value && trip.value?.stops && <p class="note">{words.example}</p>}
       {shown && isCompared && alternative.value && <CompareLine first={of} second={alternative.value} />}
       {shown && !isCompared && <Headline of={of} now={now} />}
       {shown && <ToDo />}
