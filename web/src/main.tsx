@@ -11,6 +11,7 @@ import { keepOnRoad } from "./state/live-drive";
 import { keepLink } from "./state/link";
 import { keepNeed } from "./state/need";
 import { labelOf } from "./state/own-cars";
+import { keepMessages } from "./state/messages";
 import { keepPosition } from "./state/position";
 import { keepPreferences, text } from "./state/preferences";
 import { Announcer } from "./ui/announcer";
@@ -90,6 +91,7 @@ function Page() {
 
 connectTokenDialog();
 keepPreferences();
+keepMessages();
 keepForecasting();
 keepDriving();
 keepOnRoad();

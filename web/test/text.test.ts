@@ -91,9 +91,9 @@ const ALIKE = [
   "/drive/start",
   "/drive/pause",
   "/ownCars/name",
-
   "/ownCars/sd",
   "/token/label",
+  "/problems/status",
 ];
 
 describe("formats", () => {

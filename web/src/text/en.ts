@@ -729,6 +729,7 @@ export const en = {
     send: "Continue",
   },
   problems: {
+    status: (status: number) => `HTTP ${status}`,
     retry: "Try again",
     close: "Close",
     seeFields: "The marked fields show what to correct.",

@@ -2,42 +2,37 @@ import type { Problem } from "../api/documents";
 import { FAILED, UNREACHABLE } from "../api/client";
 import { loading, retry, source } from "../state/catalogue";
 import { PAGE_ERROR, problem } from "../state/forecast";
+import { type Said, said } from "../state/messages";
 import { text } from "../state/preferences";
 import { trip } from "../state/trip";
 import { Icon } from "./icons";
 
-/** Title and detail of a problem; `isRaw` when the detail is an English text of the service. */
-function problemText({ type, title, detail: given }: Problem): {
-  title: string;
-  detail: string;
-  isRaw: boolean;
-} {
+/** Title and detail of a problem. */
+function problemText({ type, title, status, detail: given }: Problem): { title: string; detail: Said } {
   const { problems } = text.value;
-  const detail = given ?? "";
-  if (type === UNREACHABLE) {
-    return { title: problems.unreachable, detail: problems.unreachableHint, isRaw: false };
-  }
-  if (type === PAGE_ERROR) return { title: problems.page, detail, isRaw: true };
-  if (type === FAILED) return { title: problems.failed, detail: title, isRaw: true };
+  const detail = said(given ?? "");
+  if (type === UNREACHABLE) return { title: problems.unreachable, detail: own(problems.unreachableHint) };
+  if (type === PAGE_ERROR) return { title: problems.page, detail };
+  if (type === FAILED) return { title: problems.failed, detail: own(problems.status(status)) };
   const titles: Record<string, string> = problems.titles;
-  return { title: titles[type?.split("/").at(-1) ?? ""] ?? title, detail, isRaw: true };
+  return { title: titles[type?.split("/").at(-1) ?? ""] ?? title, detail };
+}
+
+function own(words: string): Said {
+  return { text: words, lang: undefined };
 }
 
 export function Failure() {
   const failure = problem.value;
   if (!failure) return null;
   const { problems } = text.value;
-  const { title, detail, isRaw } = problemText(failure);
+  const { title, detail } = problemText(failure);
   return (
     <div class="failure" role="alert">
       <Icon name="warning" />
       <div>
         <strong>{title}</strong>
-        {failure.faults?.length ? (
-          <p>{problems.seeFields}</p>
-        ) : (
-          <p {...(isRaw && { lang: "en" })}>{detail}</p>
-        )}
+        {failure.faults?.length ? <p>{problems.seeFields}</p> : <p lang={detail.lang}>{detail.text}</p>}
       </div>
       <button type="button" onClick={retry}>
         {failure.faults?.length ? problems.close : problems.retry}

@@ -22,6 +22,7 @@ import {
   vias,
   wantsFit,
 } from "../state/journey";
+import { osmKind } from "../state/messages";
 import { text } from "../state/preferences";
 import { FaultList } from "./faults";
 import { Icon } from "./icons";
@@ -80,7 +81,7 @@ async function resolve(end: Field): Promise<void> {
 /** What a place is, in words. */
 function kindOf({ kind }: Place): string {
   const kinds: Record<string, string> = text.value.journey.kinds;
-  return kinds[kind] ?? kind.replaceAll("_", " ");
+  return kinds[kind] ?? osmKind(kind);
 }
 
 /** What tells places of one name apart, such as the town of a street. */

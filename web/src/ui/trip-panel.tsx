@@ -21,6 +21,7 @@ import { JourneyForm } from "./journey-form";
 import { LinksForm } from "./links-form";
 import { NumberField } from "./number-field";
 import { exampleTitle, tripTitle } from "./wording";
+import { Said } from "./said";
 
 const MAX_BYTES = 4_000_000;
 const START_M_S = 50 / 3.6;
@@ -75,8 +76,9 @@ function Notes({ of }: { of: Trip }) {
   return (
     <>
       {notes.map(({ text: note, isRaw }) => (
-        <span key={note} {...(isRaw && { lang: "en" })}>
-          {` · ${note}`}
+        <span key={note}>
+          {" · "}
+          {isRaw ? <Said of={note} /> : note}
         </span>
       ))}
     </>

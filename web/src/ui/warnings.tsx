@@ -2,6 +2,7 @@ import type { Flag } from "../api/documents";
 import { warningsOf } from "../model/flags";
 import { format, text, units } from "../state/preferences";
 import { Icon } from "./icons";
+import { Said } from "./said";
 
 interface Props {
   flags: Flag[];
@@ -27,9 +28,7 @@ export function Warnings({ flags, others, serious }: Props) {
       {shown.map(({ text: warning, effect, isRaw }) => (
         <li key={warning} class={serious ? "serious" : ""}>
           <Icon name={serious ? "warning" : "info"} />
-          <span {...(isRaw && { lang: "en" })}>
-            {warning} {effect}
-          </span>
+          <span>{isRaw ? <Said of={warning} /> : `${warning} ${effect}`}</span>
         </li>
       ))}
     </ul>
