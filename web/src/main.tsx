@@ -65,14 +65,18 @@ function Page() {
       </a>
       <Header />
       <main id="content">
-        <TripPanel />
-        <Chips />
-        <VerdictCard />
-        <MapCard />
-        <JourneyAnswer />
-        <Result />
-        <ConditionsPanel />
-        <Details />
+        <div class="asked">
+          <TripPanel />
+          <ConditionsPanel />
+        </div>
+        <div class="answered">
+          <Chips />
+          <VerdictCard />
+          <MapCard />
+          <JourneyAnswer />
+          <Result />
+          <Details />
+        </div>
       </main>
       <Foot />
       <Glance />

@@ -10,6 +10,7 @@ import { type Conditions, conditions, resetTo, USUAL } from "./conditions";
 import { reportProblem, problem } from "./forecast";
 import { loadOwnCars, ownCars } from "./own-cars";
 import {
+  answersAreOld,
   type End,
   ends,
   isExample,
@@ -92,13 +93,13 @@ export function beginAt(place: Place): void {
     isExample.value = false;
     ends.value = { from: place, to: null };
     nextEnd.value = "to";
-    trip.value = null;
+    answersAreOld.value = true;
   });
 }
 
 /** Answer what a distance needs. */
-export function chooseDistance(distanceM: number, kind: Kind, title: string): void {
-  show(tripFromDistance(distanceM, kind, title));
+export function chooseDistance(distanceM: number, kind: Kind): void {
+  show(tripFromDistance(distanceM, kind));
 }
 
 /** Read an uploaded file, links or a distance; `name` is empty for links. `speedMS` is 0 where none is needed. */
@@ -165,7 +166,7 @@ async function chooseLinked({ source: from, places, round, example, distance }: 
   }
   if (from === "distance" && distance) {
     source.value = "distance";
-    trip.value = tripFromDistance(distance.distanceM, distance.kind, distance.title);
+    trip.value = tripFromDistance(distance.distanceM, distance.kind);
     return true;
   }
   if (from !== "examples") return false;

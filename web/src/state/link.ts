@@ -21,7 +21,7 @@ export interface Linked {
   places: Place[] | null;
   round: boolean;
   example: string;
-  distance: { distanceM: number; kind: Kind; title: string } | null;
+  distance: { distanceM: number; kind: Kind } | null;
   conditions: Conditions;
   car: Partial<Car> | null;
 }
@@ -80,7 +80,7 @@ export function readLink(hash: string): Linked | null {
     places: isWhole ? places : null,
     round: link.get("round_trip") === "true",
     example: link.get("example") ?? "",
-    distance: distanceM > 0 && kind ? { distanceM, kind, title: "" } : null,
+    distance: distanceM > 0 && kind ? { distanceM, kind } : null,
     conditions: checked(changedFrom(link, USUAL, kindOf)),
     car: carFrom(link),
   };
@@ -150,7 +150,7 @@ export function keepLink(open: (linked: Linked) => void): void {
       window.clearTimeout(timer);
       timer = window.setTimeout(() => {
         const link = linkOf(now, at, by);
-        const isNew = entered !== null && entered.title !== now.title && link !== location.hash;
+        const isNew = entered !== null && JSON.stringify(tripText(entered)) !== JSON.stringify(tripText(now));
         entered = now;
         if (link && !isExample.value) writeStored(KEY, { link });
         const address = link || location.pathname + location.search;

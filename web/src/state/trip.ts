@@ -116,12 +116,12 @@ export function tripFromRoute(route: Route, title: string, source: Source): Trip
 }
 
 /** A trip of which only distance and kind of road are known; its links are assumed. */
-export function tripFromDistance(distanceM: number, kind: Kind, title: string): Trip {
+export function tripFromDistance(distanceM: number, kind: Kind): Trip {
   return {
     example: "",
     source: "distance",
     vehicle: "",
-    title,
+    title: "",
     notes: [],
     fixed: {},
     links: linksOfDistance(distanceM, kind),

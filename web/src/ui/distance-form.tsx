@@ -29,7 +29,7 @@ export function DistanceForm() {
   const { distance } = units.value;
   const ask = (nextM: number | null, next: Kind) => {
     if (!nextM || nextM <= 0) return;
-    chooseDistance(nextM, next, `${format.value.shown(nextM, distance, 0)}, ${words.kinds[next]}`);
+    chooseDistance(nextM, next);
   };
   useEffect(() => {
     if (!trip.value?.distance) ask(distanceM, kind);

@@ -189,10 +189,9 @@ function PlaceField({ label, end, onRemove }: { label: string; end: Field; onRem
         onInput={(event) => type(event.currentTarget.value)}
         onKeyDown={press}
         onFocus={(event) => {
-          if (!isEnd(end)) return;
-          // what is typed replaces an example
-          if (isExample.value) event.currentTarget.select();
-          else nextEnd.value = end;
+          // what is typed replaces the place that is there
+          if (chosen) event.currentTarget.select();
+          if (isEnd(end)) nextEnd.value = end;
         }}
         onBlur={() => {
           forget();

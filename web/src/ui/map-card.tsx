@@ -312,7 +312,7 @@ export function MapCard() {
             {reach.value.map_ends && ` ${words.mapEnds}`}
           </p>
         )}
-        {shownJourney() && (
+        {shownJourney() && !chargingPlan.value && (
           <ul class="legend" aria-hidden="true">
             <li class="key-low">{others.low}</li>
             <li class="key-usual">{others.usual}</li>

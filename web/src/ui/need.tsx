@@ -1,6 +1,7 @@
 /** What a distance needs, and how far the charge goes. */
 
 import type { RangeOfKind } from "../api/documents";
+import type { Verdict } from "../model/arrival";
 import { ENERGY, PERCENT } from "../model/units";
 import { conditions } from "../state/conditions";
 import { need, needIsOld, QUANTILE, range } from "../state/need";
@@ -35,15 +36,38 @@ function Kinds({ rows }: { rows: RangeOfKind[] }) {
   );
 }
 
+/** Charge that is left where the energy suffices; null while nothing is known. */
+function left(): number | null {
+  return need.value && conditions.value.soc - need.value.soc_needed;
+}
+
+export function needVerdict(): Verdict | null {
+  const rest = left();
+  if (rest === null) return null;
+  if (rest >= conditions.value.reserve) return "good";
+  return rest >= 0 ? "open" : "bad";
+}
+
+/** Whether the charge suffices, in a sentence. */
+export function needSentence(): string {
+  const { need: words } = text.value;
+  const rest = left();
+  if (!need.value || rest === null) return words.title;
+  const { shown } = format.value;
+  const soc = shown(conditions.value.soc, PERCENT);
+  const far = shown(need.value.distance_m, units.value.distance, 0);
+  return rest < 0 ? words.notEnough(soc, far) : words.suffices(soc, far);
+}
+
 export function NeedAnswer() {
   const needed = need.value;
   const far = range.value;
   if (!needed || !far) return problem.value ? null : <Waiting />;
-  const { need: words, result, verdict } = text.value;
+  const { need: words, result, verdict: others } = text.value;
   const { duration, figure, shown } = format.value;
   const { soc, reserve } = conditions.value;
-  const left = soc - needed.soc_needed;
-  const suffices = left >= reserve;
+  const verdict = needVerdict() ?? "open";
+  const rest = soc - needed.soc_needed;
   const [low = 0, high = 0] = needed.interval_wh.map(ENERGY.from);
   const flags = [...needed.flags, ...far.flags].filter(
     (flag, k, all) => all.findIndex(({ message }) => message === flag.message) === k,
@@ -72,17 +96,13 @@ export function NeedAnswer() {
             <dd>{shown(needed.soc_needed, PERCENT)}</dd>
           </div>
           <div>
-            <dt>{verdict.duration}</dt>
+            <dt>{others.duration}</dt>
             <dd>{duration(needed.duration_s)}</dd>
           </div>
         </dl>
-        <p class={`chance chance-${suffices ? "good" : left >= 0 ? "open" : "bad"}`}>
-          <Icon name={suffices ? "check" : "warning"} />
-          <span>
-            {left < 0
-              ? words.notEnough(shown(soc, PERCENT))
-              : words.leaves(shown(soc, PERCENT), shown(left, PERCENT))}
-          </span>
+        <p class={`chance chance-${verdict}`}>
+          <Icon name={verdict === "good" ? "check" : "warning"} />
+          <span>{rest < 0 ? words.lacking(shown(-rest, PERCENT)) : words.leaves(shown(rest, PERCENT))}</span>
         </p>
       </div>
       <div class="far">
@@ -95,7 +115,7 @@ export function NeedAnswer() {
       </div>
       <details class="sure">
         <summary>
-          <b>{verdict.sure}</b> {words.basis}
+          <b>{others.sure}</b> {words.basis}
         </summary>
         <Warnings flags={flags} others={[]} serious={null} />
       </details>

@@ -10,7 +10,7 @@ import {
   uploaded,
 } from "../state/catalogue";
 import { faults } from "../state/forecast";
-import { map } from "../state/journey";
+import { isExample, map } from "../state/journey";
 import { format, text, units } from "../state/preferences";
 import { type Source, type Trip, trip } from "../state/trip";
 import { Choice } from "./choice";
@@ -58,7 +58,7 @@ function Examples() {
 function kindText({ source, links }: Trip): string {
   const { trip } = text.value;
   if (source === "examples") return trip.synthetic;
-  if (source === "journey") return trip.plannedRoute;
+  if (source === "journey") return isExample.value ? trip.exampleOfMap : trip.plannedRoute;
   if (source === "distance") return trip.assumedRoute;
   return links ? trip.links(links.length) : trip.speedTrace;
 }

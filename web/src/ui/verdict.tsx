@@ -10,13 +10,13 @@ import { source } from "../state/catalogue";
 import { answer, chargingPlan, clock, isLookingForStops } from "../state/answer";
 import { arrived, driving, shownForecast } from "../state/drive";
 import { alternative, leaving, leavingIsOld, mode, problem, requested } from "../state/forecast";
-import { answersAreOld, isExample, journey } from "../state/journey";
+import { answersAreOld, journey } from "../state/journey";
 import { format, text, units } from "../state/preferences";
 import { trip } from "../state/trip";
 import { CompareLine } from "./compare";
 import { Failure, Waiting } from "./failure";
 import { Icon } from "./icons";
-import { NeedAnswer } from "./need";
+import { NeedAnswer, needSentence, needVerdict } from "./need";
 import { ShareTools } from "./share";
 import { Warnings } from "./warnings";
 import { bandOf, chanceInFigures, clockText } from "./wording";
@@ -109,8 +109,9 @@ function Whole({ now }: { now: Answer }) {
   return (
     <dl class="whole">
       {at && (
-        <Stat label={at.isNow ? words.arrivesNow : words.arrivesAt}>
+        <Stat label={words.arrivesAt}>
           {clockText(at.arrives, at.isNow ? at.leaves : new Date())}
+          {at.isNow && <small>{words.leavingNow}</small>}
         </Stat>
       )}
       <Stat label={words.duration}>
@@ -148,10 +149,11 @@ function Headline({ of, now }: { of: Forecast; now: Answer }) {
 }
 
 /** The charge to leave with in words; rounded up. */
-function leaveText(needed: number): string {
+function leaveText(needed: number, stops: number): string {
   const { shown } = format.value;
   const { journey: words } = text.value;
   const upwards = (soc: number) => shown(Math.ceil(soc * 100 - 1e-6) / 100, PERCENT);
+  if (stops > 0) return words.leaveWithout(upwards(needed));
   if (needed > 1) return words.notEnough(upwards(needed - 1));
   return needed > 0 ? words.leaveWith(upwards(needed)) : words.anyCharge;
 }
@@ -190,7 +192,7 @@ function ToDo() {
   const stops = stopTexts();
   const texts = [
     ...stops,
-    ...(stops.length === 0 || needed <= 1 ? [leaveText(needed)] : []),
+    ...(stops.length === 0 || needed <= 1 ? [leaveText(needed, stops.length)] : []),
     ...(speed != null && speed > 0 ? [words.atMost(format.value.shown(speed, units.value.speed, 0))] : []),
   ];
   return (
@@ -233,21 +235,23 @@ export function VerdictCard() {
   const now = answer.value;
   const { verdict: words } = text.value;
   const isDistance = source.value === "distance";
+  const verdict = isDistance ? needVerdict() : of && now && shownVerdict(of, now);
   const shown = !isDistance && of && now;
   const isCompared = mode.value === "compare" && alternative.value !== null;
   return (
     <section
-      class={`card verdict${shown ? ` verdict-${shownVerdict(of, now)}` : ""}`}
+      class={`card verdict${verdict ? ` verdict-${verdict}` : ""}`}
       aria-labelledby="verdict-title"
       aria-busy={!shown && !isDistance}
     >
       <div class="heading">
-        <h2 id="verdict-title">{shown && !isCompared ? sentence(of, now) : words.title}</h2>
+        <h2 id="verdict-title">
+          {isDistance ? needSentence() : shown && !isCompared ? sentence(of, now) : words.title}
+        </h2>
         {trip.value && <ShareTools />}
       </div>
       <Failure />
       {isDistance && <NeedAnswer />}
-      {shown && isExample.value && trip.value?.stops && <p class="note">{words.example}</p>}
       {shown && isCompared && alternative.value && <CompareLine first={of} second={alternative.value} />}
       {shown && !isCompared && <Headline of={of} now={now} />}
       {shown && <ToDo />}

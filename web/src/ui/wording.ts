@@ -46,6 +46,11 @@ export function exampleTitle(title: string): string {
 
 export function tripTitle(trip: Trip): string {
   if (trip.source === "examples") return exampleTitle(trip.title);
+  if (trip.distance) {
+    const { distanceM, kind } = trip.distance;
+    const far = format.value.shown(distanceM, units.value.distance, 0);
+    return `${far}, ${text.value.distanceForm.kinds[kind]}`;
+  }
   return trip.title || text.value.trip.plannedRoute;
 }
 
