@@ -75,7 +75,8 @@ export type Feature = GeoJSON.Feature;
 
 const EMPTY: Collection = { type: "FeatureCollection", features: [] };
 const TILE_ZOOM = { minzoom: 4, maxzoom: 14 };
-const PADDING = 48;
+/** Of what is fitted into view [px]: pins stand above their points, buttons at the right. */
+const PADDING = { top: 64, right: 60, bottom: 36, left: 36 };
 const MAX_FIT_ZOOM = 14;
 /** Zoom of the whole world, where nothing else is known. */
 const START_ZOOM = 3;
@@ -128,7 +129,7 @@ function line(id: string, source: Data, paint: object): LayerSpecification {
 /** Where a name stands beside its point, the best place first; the last is above a pin. */
 const BESIDE = [
   ...["left", [0.5, 0], "top", [0, 0.4], "right", [-0.5, 0], "bottom", [0, -0.4]],
-  ...["left", [1.7, -1.4], "right", [-1.7, -1.4], "bottom", [0, -3.6]],
+  ...["top", [0, 0.9], "left", [2.4, -1.4], "right", [-2.4, -1.4], "bottom", [0, -4.2]],
 ];
 
 /** Layers of the journey, from below. */
@@ -213,7 +214,12 @@ function journeyLayers(palette: MapPalette, font: string): LayerSpecification[] 
       id: "pin-room",
       type: "symbol",
       source: "pins",
-      layout: { "icon-image": "room-pin", "icon-anchor": "bottom", "icon-allow-overlap": true },
+      layout: {
+        "icon-image": "room-pin",
+        "icon-anchor": "bottom",
+        "icon-allow-overlap": true,
+        "icon-padding": 0,
+      },
     },
     {
       id: "dot",

@@ -40,6 +40,8 @@ export const chargingPlans = computed((): ChargingPlan[] => {
 });
 /** Whether the next journey is brought into view: one of the form, not one whose ends were placed on the map. */
 export const wantsFit = signal(false);
+/** Whether the next area of reach is to be fitted into view: not while a slider moves. */
+export const wantsReachFit = signal(false);
 export const wantsReach = signal(false);
 export const reach = signal<Reach | null>(null);
 export const isFindingReach = signal(false);

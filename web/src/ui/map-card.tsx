@@ -28,6 +28,7 @@ import {
   nextEnd,
   placeAt,
   wantsFit,
+  wantsReachFit,
   reach,
   wantsReach,
 } from "../state/journey";
@@ -239,7 +240,9 @@ function MapCanvas({
   });
   useSignalEffect(() => {
     const points = (reach.value?.areas ?? []).flatMap(({ polygon }) => polygon.coordinates.flat());
-    if (points.length > 0) made.value?.fit(boundsOf(points as Point[]));
+    if (points.length === 0 || !made.value || !wantsReachFit.value) return;
+    made.value.fit(boundsOf(points as Point[]));
+    wantsReachFit.value = false;
   });
 
   const { map: words } = text.value;
@@ -301,7 +304,7 @@ export function MapCard() {
             checked={wantsReach.value}
             disabled={!ends.value.from}
             onChange={(event) => {
-              wantsReach.value = event.currentTarget.checked;
+              wantsReach.value = wantsReachFit.value = event.currentTarget.checked;
             }}
           />
           {isFindingReach.value ? words.reachRunning : words.reach}
