@@ -13,9 +13,11 @@ import pandas as pd
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecasting import Forecast, ForecastModel
 from tripwatt.journey.atlas import Atlas, AtlasSettings, open_atlas
-from tripwatt.journey.charging import ChargingCurve
+from tripwatt.journey.charging import OVERHEAD_S, WARM_DEGC, ChargingCurve
+from tripwatt.journey.corridor import CERTAIN, Corridor, StopRules, find_plans
 from tripwatt.journey.forecasting import RoadForecaster, capped, on_motorway
-from tripwatt.journey.stops import ChargingStop, find_stop
+from tripwatt.journey.stops import ChargingPlan
+from tripwatt.journey.verdict import Verdict
 from tripwatt.population import for_car
 from tripwatt.routes.places import Place
 from tripwatt.routes.routers import Road
@@ -30,11 +32,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-CERTAIN: Final = 0.95
-"""Probability of "19 of 20 trips"."""
-
 MOST_STOPS: Final = 20
 MOST_ALTERNATIVES: Final = 3
+MOST_OVERHEAD_S: Final = 7200.0
 MOTORWAY_SPEEDS_KM_H: Final = (130.0, 120.0, 110.0, 100.0, 90.0, 80.0)
 CHEAPER_KM_H: Final = 100.0
 """The cost of speed is that over this speed on motorways."""
@@ -58,6 +58,12 @@ class JourneyOptions:
         Whether costs, speed and charging are worked out beside the forecasts.
     charging_curve : ChargingCurve or None
         Of the car; that of its class when None.
+    charge : bool
+        Whether stops to charge are planned where the charge does not suffice.
+    stop_overhead_s : float
+        Parking, plugging in and paying at each stop [s].
+    preheat_battery : bool
+        Whether the battery may be heated on the way to a stop.
 
     Examples
     --------
@@ -70,12 +76,16 @@ class JourneyOptions:
     round_trip: bool = False
     answers: bool = True
     charging_curve: ChargingCurve | None = None
+    charge: bool = True
+    stop_overhead_s: float = OVERHEAD_S
+    preheat_battery: bool = False
 
     def __post_init__(self) -> None:
         faults = list(scalar_faults({"reserve": self.reserve}))
         faults += number_faults(
             "alternatives", self.alternatives, Column("", 0, MOST_ALTERNATIVES, ""), whole=True
         )
+        faults += number_faults("stop_overhead_s", self.stop_overhead_s, Column("s", 0, MOST_OVERHEAD_S, ""))
         raise_faults(faults)
 
 
@@ -201,8 +211,10 @@ class Journey:
         Energy of `climate`, `wind` and `speed` (above 100 km/h on motorways): what the journey takes less without it.
     speed : SpeedAdvice or None
         None where the journey arrives as it is, or has no motorway.
-    charging : ChargingStop or None
-        Where the charge does not suffice and a stop helps.
+    charging : ChargingPlan or None
+        Where the charge does not suffice and stops to charge help: the fastest.
+    charging_alternatives : tuple of ChargingPlan
+        With the fewest stops, the safest, the cheapest by energy, where they differ.
     flags : tuple of Flag
         Assumptions of the answers; those of a road are with its forecast.
     attribution : str
@@ -222,7 +234,8 @@ class Journey:
     soc_needed: float
     costs_wh: dict[str, float] = field(default_factory=dict)
     speed: SpeedAdvice | None = None
-    charging: ChargingStop | None = None
+    charging: ChargingPlan | None = None
+    charging_alternatives: tuple[ChargingPlan, ...] = ()
     flags: tuple[Flag, ...] = ()
     attribution: str = ""
 
@@ -232,9 +245,16 @@ class Journey:
         return self.roads[0].forecast
 
     @property
+    def verdict(self) -> Verdict:
+        """Of the whole journey: with its stops to charge, where they are needed and help."""
+        slower = "none" if self.speed is None or self.speed.speed_m_s is None else "slower"
+        else_ = "charge_before" if self.soc_needed <= 1.0 else slower
+        return Verdict.of(self.forecast, self.charging, self.reserve, else_)
+
+    @property
     def arrives(self) -> bool:
-        """Whether at least 19 of 20 such trips arrive with the reserve."""
-        return self.forecast.p_arrive(self.reserve) >= CERTAIN
+        """Whether at least 19 of 20 such journeys have the reserve at every stop and at the end."""
+        return self.verdict.arrives
 
     @property
     def leave(self) -> str:
@@ -256,11 +276,13 @@ class Journey:
         >>> journey.to_dict()["arrives"]  # doctest: +SKIP
         True
         """
+        verdict = self.verdict
         return {
             "stops": [place.to_dict() for place in self.stops],
             "reserve": self.reserve,
-            "arrives": self.arrives,
-            "p_arrive": self.forecast.p_arrive(self.reserve),
+            "verdict": verdict.to_dict(),
+            "arrives": verdict.arrives,
+            "p_arrive": verdict.p_reserve,
             "soc_needed": self.soc_needed,
             "leave": self.leave,
             "costs_wh": dict(self.costs_wh),
@@ -268,6 +290,7 @@ class Journey:
             "motorway_duration_s": None if self.speed is None else self.speed.duration_s,
             "needs_motorway_speed": self.speed is not None,
             "charging": None if self.charging is None else self.charging.to_dict(),
+            "charging_alternatives": [plan.to_dict() for plan in self.charging_alternatives],
             "roads": [road.to_dict(self.reserve) for road in self.roads],
             "flags": [flag_to_dict(flag) for flag in self.flags],
             "attribution": self.attribution,
@@ -486,20 +509,32 @@ def journey_with(
     journey = replace(
         journey, costs_wh=_costs(forecaster, first), speed=_speed(forecaster, first, options.reserve)
     )
-    if journey.arrives:
+    if journey.arrives or not options.charge:
         return journey
+    return _with_stops(journey, forecaster, atlas, options)
+
+
+def _with_stops(
+    journey: Journey, forecaster: RoadForecaster, atlas: Atlas, options: JourneyOptions
+) -> Journey:
+    """The journey with stops to charge, or why there are none."""
+    first = journey.roads[0]
     curve = options.charging_curve or ChargingCurve.from_vehicle(
         forecaster.model.vehicle, first.forecast.charge.wh_per_display
     )
-    stop = find_stop(forecaster, first.road, first.forecast, atlas, curve, options.reserve)
-    flags = list(journey.flags)
     if not atlas.stations:
-        flags.append(Flag("no_stations", "charging"))
-    elif stop is None:
-        flags.append(Flag("no_stop_found", "charging"))
-    elif curve.is_class:
+        return replace(journey, flags=(*journey.flags, Flag("no_stations", "charging")))
+    rules = StopRules(curve, options.reserve, options.stop_overhead_s, options.preheat_battery)
+    corridor = Corridor(forecaster, first.road, first.forecast, atlas, rules, journey.stops[1:-1])
+    plans = find_plans(corridor)
+    if not plans:
+        return replace(journey, flags=(*journey.flags, Flag("no_stop_found", "charging")))
+    flags = list(journey.flags)
+    if curve.is_class:
         flags.append(Flag("class_charging_curve", "charging"))
-    return replace(journey, charging=stop, flags=tuple(flags))
+    if float(corridor.cell_degc.min()) < WARM_DEGC and any(s.station.direct_current for s in plans[0].stops):
+        flags.append(Flag("cold_charging_assumed", "charging"))
+    return replace(journey, charging=plans[0], charging_alternatives=plans[1:], flags=tuple(flags))
 
 
 def _labelled(roads: list[RoadForecast]) -> tuple[RoadForecast, ...]:
