@@ -126,10 +126,10 @@ function line(id: string, source: Data, paint: object): LayerSpecification {
   return { id, type: "line", source, layout: { "line-cap": "round", "line-join": "round" }, paint };
 }
 
-/** Where a name stands beside its point, the best place first; the last is above a pin. */
+/** Where a name stands beside its point, the best place first; the last two are below and above a pin. */
 const BESIDE = [
   ...["left", [0.5, 0], "top", [0, 0.4], "right", [-0.5, 0], "bottom", [0, -0.4]],
-  ...["top", [0, 0.9], "left", [2.4, -1.4], "right", [-2.4, -1.4], "bottom", [0, -4.2]],
+  ...["top", [0, 0.9], "bottom", [0, -4.2]],
 ];
 
 /** Layers of the journey, from below. */
