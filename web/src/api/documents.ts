@@ -112,7 +112,7 @@ export interface VerdictDocument {
   advice: string;
 }
 
-export interface Journey extends Omit<PlanResponse, "charging"> {
+export interface Journey extends Omit<PlanResponse, "charging" | "charging_alternatives" | "verdict"> {
   verdict: VerdictDocument;
   charging: ChargingPlan | null;
   charging_alternatives: ChargingPlan[];
