@@ -173,6 +173,95 @@ def test_the_area_of_reach_follows_the_charge(page: Any) -> None:
     page.get_by_text("dashed: in 10 of 20 trips").wait_for(state="detached")
 
 
+FIRST_PX = 600.0
+"""The part of the first screen in which the answer is complete."""
+
+
+def test_the_verdict_is_first_and_follows_every_condition(page: Any, planner: Service) -> None:
+    plan(page)
+    for size in ((1280, 800), (390, 844)):
+        page.set_viewport_size({"width": size[0], "height": size[1]})
+        page.evaluate("scrollTo(0, 0)")
+        for part in (".verdict h2", ".verdict .number", ".verdict .chance", ".verdict .whole"):
+            box = page.locator(part).first.bounding_box()
+            assert box["y"] + box["height"] <= FIRST_PX, (part, size)
+        assert page.locator(".verdict").bounding_box()["y"] < page.locator(".map").bounding_box()["y"]
+    page.locator(".chips").press("Enter")  # on a phone, the conditions are behind their line
+    page.get_by_label("Departure").fill("2030-01-12T07:30")
+    with page.expect_response(lambda r: r.url.endswith("/v1/journeys")) as asked:
+        page.get_by_label("Battery", exact=True).check()
+    sent = asked.value.request.post_data_json
+    assert sent["departs_at"].startswith("2030-01-12T07:30:00")
+    assert sent["battery_temperature_degc"] == 25.0
+    assert sent["cabin_temperature_degc"] == 10.0  # the cabin is not preheated with it
+    assert "7:30" in page.locator(".chips").inner_text()
+    assert "warm battery" in page.locator(".chips").inner_text()
+    page.keyboard.press("Escape")
+    assert not page.get_by_label("Departure").is_visible()
+    page.set_viewport_size({"width": 1440, "height": 900})
+
+
+def test_the_way_back_and_a_place_on_the_way(page: Any) -> None:
+    choose(page, "From", "west", "Westend")
+    page.get_by_role("button", name="Add a place on the way").press("Enter")
+    choose(page, "Via 1", "haupt", "Hauptstraße")
+    choose(page, "To", "ost", "Ostheim")
+    page.get_by_label("And back").press("Space")
+    with page.expect_response(lambda r: r.url.endswith("/v1/journeys")) as asked:
+        page.get_by_role("button", name="Plan", exact=True).press("Enter")
+    sent = asked.value.request.post_data_json
+    assert [stop["name"] for stop in sent["stops"]] == ["Westend", "Hauptstraße", "Ostheim"]
+    assert sent["round_trip"] is True
+    page.get_by_text("Westend – Hauptstraße – Ostheim – Westend").first.wait_for()
+    page.get_by_role("button", name="Remove Via 1").press("Enter")
+    assert page.get_by_label("Via 1").count() == 0
+
+
+def test_a_plan_is_a_link(page: Any, planner: Service) -> None:
+    plan(page)
+    slider = page.get_by_role("slider", name="Outside", exact=True)
+    whole_answer(page, lambda: slider.fill("-7"))
+    page.get_by_label("Roof box").check()
+    page.wait_for_function("location.hash.includes('extras=roof_box')")
+    link = page.evaluate("location.href")
+    shown = page.locator(".verdict .number").first.inner_text()
+    page.evaluate("localStorage.clear()")
+    page.goto("about:blank")
+    page.goto(link)
+    page.locator(".todo:not(.old)").wait_for()
+    assert page.locator(".verdict .number").first.inner_text() == shown
+    assert slider.input_value() == "-7"
+    assert page.get_by_label("Roof box").is_checked()
+    assert page.get_by_label("From", exact=True).first.input_value() == "Westend"
+    # another journey, and back
+    choose(page, "To", "haupt", "Hauptstraße")
+    page.get_by_role("button", name="Plan", exact=True).press("Enter")
+    page.wait_for_function("decodeURIComponent(location.hash).includes('Hauptstraße')")
+    page.go_back()
+    page.get_by_text("Westend – Ostheim").first.wait_for()
+    page.go_forward()
+    page.get_by_text("Westend – Hauptstraße").first.wait_for()
+    # without a link, the page opens on the last journey
+    page.goto("about:blank")
+    page.goto(planner.url)
+    page.get_by_text("Westend – Hauptstraße").first.wait_for()
+    assert slider.input_value() == "-7"
+
+
+def test_another_tab_leaves_no_answer_up_and_paper_has_the_answer_without_controls(page: Any) -> None:
+    plan(page)
+    page.emulate_media(media="print")
+    assert page.locator(".verdict h2").is_visible()
+    for control in (".ways", ".share", ".conditions", ".modes"):
+        assert not page.locator(control).first.is_visible(), control
+    page.emulate_media(media="screen")
+    page.get_by_role("radio", name="Upload").check()
+    page.get_by_text("Choose a file.", exact=True).wait_for()
+    assert page.locator(".verdict .number").count() == 0
+    page.get_by_role("radio", name="From A to B").check()
+    page.locator(".verdict .number").wait_for()
+
+
 def test_coordinates_are_places_and_escape_closes_the_suggestions(page: Any) -> None:
     choose(page, "From", "47.0, 9.0", "47.0000, 9.0000")
     page.get_by_label("To", exact=True).first.focus()

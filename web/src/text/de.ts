@@ -304,6 +304,7 @@ export const de: Text = {
     perhaps: "Sie kommen vielleicht nicht an",
     not: "Ohne Laden kommen Sie nicht an",
     looking: "Ladestopps werden gesucht …",
+    needsCharging: "Die Ladung bei Abfahrt reicht nicht für die ganze Strecke.",
     arrivesAt: "Ankunft",
     leavingNow: "bei Abfahrt jetzt",
     duration: "Gesamtzeit",

@@ -302,6 +302,7 @@ export const en = {
     perhaps: "You may not arrive",
     not: "You do not arrive without charging",
     looking: "Looking for charging stops …",
+    needsCharging: "The charge at departure does not suffice for the whole road.",
     arrivesAt: "Arrival",
     leavingNow: "leaving now",
     duration: "Total time",
