@@ -269,10 +269,8 @@ def _n(parts: Iterable[set[str]]) -> int:
 
 
 def _is_shown(call: ast.Call, name: str) -> bool:
-    return (
-        name != "of"
-        or isinstance(call.func, ast.Attribute)
-        and _name(call.func.value).endswith(("Input", "Error"))
+    return name != "of" or (
+        isinstance(call.func, ast.Attribute) and _name(call.func.value).endswith(("Input", "Error"))
     )
 
 

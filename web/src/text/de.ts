@@ -336,6 +336,7 @@ export const de: Text = {
       mixed: "Landstraße und Autobahn",
       motorway: "meist Autobahn",
     },
+    otherCar: "Ein beschriebenes Auto gilt hier nicht, sondern das Auto des Modells.",
     basis: "Von der Straße sind nur Länge und Art bekannt.",
   },
   share: {

@@ -334,6 +334,7 @@ export const en = {
       mixed: "country roads and motorway",
       motorway: "mostly motorway",
     },
+    otherCar: "A car that you described is not used here, but the car of the model.",
     basis: "Of the road, only length and kind are known.",
   },
   share: {
