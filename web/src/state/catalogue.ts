@@ -125,16 +125,21 @@ export async function chooseUpload(file: { content: string; name: string }, spee
 
 /** Farther than this apart, two settlements make an example [m]. */
 const EXAMPLE_M = 5000;
+/** Of so many of the largest ones. */
+const EXAMPLE_OF = 12;
 
 /** Two of the largest settlements of the map, apart from each other; null where it names fewer. */
 async function exampleOfMap(): Promise<[Place, Place] | null> {
   const bounds = map.value?.bounds_deg;
   if (bounds?.length !== 4) return null;
   const { settlements } = await viewMap(bounds as [number, number, number, number]);
-  const [first, ...others] = settlements;
+  const [first, ...others] = settlements.slice(0, EXAMPLE_OF);
   if (!first) return null;
-  const second = others.find((other) => metresBetween(first, other) > EXAMPLE_M) ?? others[0];
-  return second ? [first, second] : null;
+  const apart = others
+    .map((other) => ({ other, metres: metresBetween(first, other) }))
+    .sort((a, b) => a.metres - b.metres);
+  const second = apart.find(({ metres }) => metres > EXAMPLE_M) ?? apart.at(-1);
+  return second ? [first, second.other] : null;
 }
 
 /** Show an example of the map, so that nobody begins with a bare one. */

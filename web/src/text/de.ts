@@ -304,6 +304,7 @@ export const de: Text = {
     perhaps: "Sie kommen vielleicht nicht an",
     not: "Ohne Laden kommen Sie nicht an",
     looking: "Ladestopps werden gesucht …",
+    needsCharging: "Die Ladung bei Abfahrt reicht nicht für die ganze Strecke.",
     arrivesAt: "Ankunft",
     leavingNow: "bei Abfahrt jetzt",
     duration: "Gesamtzeit",
@@ -335,6 +336,7 @@ export const de: Text = {
       mixed: "Landstraße und Autobahn",
       motorway: "meist Autobahn",
     },
+    otherCar: "Ein beschriebenes Auto gilt hier nicht, sondern das Auto des Modells.",
     basis: "Von der Straße sind nur Länge und Art bekannt.",
   },
   share: {

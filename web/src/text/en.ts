@@ -302,6 +302,7 @@ export const en = {
     perhaps: "You may not arrive",
     not: "You do not arrive without charging",
     looking: "Looking for charging stops …",
+    needsCharging: "The charge at departure does not suffice for the whole road.",
     arrivesAt: "Arrival",
     leavingNow: "leaving now",
     duration: "Total time",
@@ -333,6 +334,7 @@ export const en = {
       mixed: "country roads and motorway",
       motorway: "mostly motorway",
     },
+    otherCar: "A car that you described is not used here, but the car of the model.",
     basis: "Of the road, only length and kind are known.",
   },
   share: {

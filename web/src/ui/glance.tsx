@@ -2,7 +2,7 @@ import { useEffect, useState } from "preact/hooks";
 import { decisiveChance } from "../model/answer";
 import { emptyAfterM } from "../model/arrival";
 import { PERCENT } from "../model/units";
-import { answer, chargingPlan } from "../state/answer";
+import { answer, chargingPlan, isLookingForStops } from "../state/answer";
 import { source } from "../state/catalogue";
 import { shownForecast } from "../state/drive";
 
@@ -21,7 +21,7 @@ export function Glance() {
   }, [shownForecast.value !== null]);
   const of = shownForecast.value;
   const now = answer.value;
-  if (!of || !now || !isHidden || source.value === "distance") return null;
+  if (!of || !now || !isHidden || isLookingForStops.value || source.value === "distance") return null;
   const emptyM = chargingPlan.value ? null : emptyAfterM(of);
   const { result } = text.value;
   const { shown } = format.value;

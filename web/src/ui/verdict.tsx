@@ -57,7 +57,7 @@ function Chance({ of, now }: { of: Forecast; now: Answer }) {
   const { shown } = format.value;
   const verdict = shownVerdict(of, now);
   return (
-    <p class={`chance chance-${isLookingForStops.value ? "looking" : verdict}`}>
+    <p class={`chance chance-${verdict}`}>
       <Icon name={verdict === "good" ? "check" : "warning"} />
       <span>
         <strong>{words[likelihood]}</strong>
@@ -133,7 +133,7 @@ function Headline({ of, now }: { of: Forecast; now: Answer }) {
   const { figure } = format.value;
   const detail = measured ? result.measured : result.inTrips(bandOf(now.interval));
   return (
-    <div class={`headline${isLookingForStops.value ? " old" : ""}`}>
+    <div class="headline">
       <p class="arrival">
         <span class="label">{result.onArrival}</span>
         <span class="number">
@@ -144,6 +144,18 @@ function Headline({ of, now }: { of: Forecast; now: Answer }) {
       </p>
       <Whole now={now} />
       {!measured && <Chance of={of} now={now} />}
+    </div>
+  );
+}
+
+/** Until the charging stops are there: what is known without them. */
+function Looking({ now }: { now: Answer }) {
+  return (
+    <div class="looking">
+      <p>{text.value.verdict.needsCharging}</p>
+      <div class="old">
+        <Whole now={now} />
+      </div>
     </div>
   );
 }
@@ -240,7 +252,7 @@ export function VerdictCard() {
   const isCompared = mode.value === "compare" && alternative.value !== null;
   return (
     <section
-      class={`card verdict${verdict ? ` verdict-${verdict}` : ""}`}
+      class={`card verdict${verdict && !isLookingForStops.value ? ` verdict-${verdict}` : ""}`}
       aria-labelledby="verdict-title"
       aria-busy={!shown && !isDistance}
     >
@@ -253,9 +265,10 @@ export function VerdictCard() {
       <Failure />
       {isDistance && <NeedAnswer />}
       {shown && isCompared && alternative.value && <CompareLine first={of} second={alternative.value} />}
-      {shown && !isCompared && <Headline of={of} now={now} />}
-      {shown && <ToDo />}
-      {shown && <HowSure of={of} now={now} />}
+      {shown && !isCompared && !isLookingForStops.value && <Headline of={of} now={now} />}
+      {shown && !isLookingForStops.value && <ToDo />}
+      {shown && !isLookingForStops.value && <HowSure of={of} now={now} />}
+      {shown && isLookingForStops.value && <Looking now={now} />}
       {!shown && !isDistance && !problem.value && <Waiting />}
     </section>
   );
