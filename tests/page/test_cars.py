@@ -11,7 +11,7 @@ import pytest
 from tests.service.test_car_operations import archive, logs_of
 from tests.sources.test_loggers import EXPORTS, WITHOUT_BMS, WITHOUT_DISPLAY, written
 from tests.support.service_process import Service, serving
-from tools.quality.page import SHOWN, context_of
+from tools.quality.page import SHOWN, choose_car, context_of
 
 pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
 
@@ -58,12 +58,16 @@ def dialog(page: Any) -> Any:
     return page.locator("dialog.wide")
 
 
+def manage_cars(page: Any) -> None:
+    choose_car(page, "no car of this name", "logs and diaries")
+
+
 def open_cars(page: Any) -> None:
     """Open the list of cars; a single car is shown at once instead."""
-    single = page.locator(".car option[value^='own:']").count() == 1
-    page.locator(".car select").first.select_option("own")
+    kept = page.evaluate("fetch('v1/cars').then(answer => answer.json())")["cars"]
+    manage_cars(page)
     page.wait_for_selector("dialog.wide[open]")
-    if single:
+    if len(kept) == 1:
         dialog(page).locator(".heading .link").click()
 
 
@@ -144,8 +148,8 @@ def test_a_car_is_made_taught_used_and_deleted(opened: Any, keeper: Service) -> 
     page.get_by_text("my-i3, BMW i3 60 Ah: the model of its own trips.").wait_for()
     page.reload()
     page.wait_for_selector(SHOWN)
-    assert page.locator(".car select").first.input_value() == "own:my-i3"
-    page.locator(".car select").first.select_option("own")
+    assert page.get_by_role("combobox", name="Car").input_value() == "my-i3: BMW i3 60 Ah"
+    manage_cars(page)
     dialog(page).get_by_role("button", name="Delete …").click()
     dialog(page).get_by_role("button", name="Keep").click()
     dialog(page).get_by_role("button", name="Delete …").click()
@@ -153,7 +157,7 @@ def test_a_car_is_made_taught_used_and_deleted(opened: Any, keeper: Service) -> 
     dialog(page).get_by_role("heading", name="Add a car").wait_for()
     assert keeper.client.get("/v1/cars").json() == {"cars": []}
     dialog(page).get_by_role("button", name="Close").click()
-    assert page.locator(".car select").first.input_value() == "bmw_i3_60ah"
+    assert page.get_by_role("combobox", name="Car").input_value() == "BMW i3 60 Ah"
 
 
 def test_every_export_is_mapped_without_a_wrong_column(opened: Any, tmp_path: Path) -> None:
@@ -238,9 +242,7 @@ def test_two_hundred_files_of_which_some_are_bad(opened: Any, keeper: Service) -
     assert car["in_diary"] == 180
     dialog(page).get_by_role("button", name="Use for forecasts").click()
     page.get_by_text("My Model 3, BMW i3 60 Ah: the model of its own trips.").wait_for()
-    assert (
-        page.locator(".car select").first.evaluate("e => e.selectedOptions[0].text").startswith("My Model 3:")
-    )
+    assert page.get_by_role("combobox", name="Car").input_value().startswith("My Model 3:")
 
 
 def test_one_empty_file_among_four_good_ones(opened: Any) -> None:

@@ -125,7 +125,8 @@ def test_the_trip_of_the_page_becomes_the_plan_of_the_car(opened: Any, keeper: S
     page.keyboard.press("Escape")
     page.get_by_role("radio", name="Distance").check()
     page.get_by_label("Distance", exact=True).last.fill("30")
-    page.get_by_role("button", name="Forecast", exact=True).click()
+    page.keyboard.press("Tab")
+    page.get_by_text("30 km, country roads and motorway").first.wait_for()
     page.get_by_role("button", name="On the road").click()
     with page.expect_response(lambda answer: answer.url.endswith("/plan")) as answered:
         plan.click()

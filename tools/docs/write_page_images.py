@@ -21,7 +21,7 @@ from tests.live.messages import abrp_messages, measured
 from tests.support.service_process import serving
 
 from tools import DOCS
-from tools.quality.page import MAP_SHOWN, SHOWN, browsing, choose_place, context_of
+from tools.quality.page import MAP_SHOWN, SHOWN, browsing, choose_car, choose_place, context_of
 from tripwatt.synthetic import example_trip
 
 IMAGES: Final = DOCS / "images"
@@ -30,6 +30,7 @@ MOMENTS: Final = 40
 DRIVES: Final = 24
 ROWS_DRIVEN: Final = 600
 OWN_CAR: Final = "vw_id3"
+OWN_CAR_TITLE: Final = "Volkswagen ID.3"
 LOGGED: Final = {
     "speed_m_s": ("speed [km/h]", 3.6),
     "voltage_v": ("HV voltage [V]", 1.0),
@@ -57,9 +58,9 @@ def _compare(page: Any) -> None:
 
 
 def _motorway(page: Any) -> None:
-    _check(page, "Links")
+    _check(page, "Road sections")
     page.get_by_role("button", name="Try with an example").click()
-    page.get_by_text("73 links").wait_for()
+    page.get_by_text("73 road sections").wait_for()
     _check(page, "Compare")
     page.get_by_role("button", name="Motorway speed").click()
 
@@ -125,9 +126,8 @@ def logged_year() -> bytes:
 
 
 def _own_car(page: Any) -> None:
-    cars = page.locator(".car select").first
-    cars.select_option(OWN_CAR)
-    cars.select_option("own")
+    choose_car(page, OWN_CAR_TITLE, OWN_CAR_TITLE)
+    choose_car(page, "no car of this name", "logs and diaries")
     dialog = page.locator("dialog.wide")
     page.wait_for_timeout(SETTLE_MS)  # a single car is shown at once
     if dialog.get_by_role("button", name="All cars").count():

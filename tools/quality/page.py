@@ -159,6 +159,18 @@ def choose_place(page: Any, label: str, name: str) -> None:
     page.keyboard.press("Enter")
 
 
+def choose_car(page: Any, typed: str, name: str) -> None:
+    """Search in the field for the car, and take what has a name with the keyboard alone."""
+    field = page.get_by_role("combobox", name="Car", exact=True)
+    field.focus()
+    field.fill(typed)
+    option = page.get_by_role("option", name=name).first
+    option.wait_for()
+    while option.get_attribute("aria-selected") != "true":
+        page.keyboard.press("ArrowDown")
+    page.keyboard.press("Enter")
+
+
 def measure_map(named: str, start: str, end: str) -> dict[str, Any]:
     """Time from the start of the page to the first picture of the map, and from a move of B to its new arrival [ms]."""
     with (

@@ -3,19 +3,24 @@ import "./styles/page.css";
 
 import { render } from "preact";
 import { car, isMeasured, model, vehicle } from "./state/car";
-import { startPage, keepSelectionStored } from "./state/catalogue";
+import { chooseLink, startPage } from "./state/catalogue";
 import { keepDriving } from "./state/drive";
 import { keepForecasting } from "./state/forecast";
 import { keepReach } from "./state/journey";
 import { keepOnRoad } from "./state/live-drive";
+import { keepLink } from "./state/link";
+import { keepNeed } from "./state/need";
 import { labelOf } from "./state/own-cars";
+import { keepMessages } from "./state/messages";
 import { keepPosition } from "./state/position";
 import { keepPreferences, text } from "./state/preferences";
 import { Announcer } from "./ui/announcer";
+import { Chips } from "./ui/chips";
 import { ConditionsPanel } from "./ui/conditions-panel";
 import { Details } from "./ui/details";
 import { Glance } from "./ui/glance";
 import { Header } from "./ui/header";
+import { JourneyAnswer } from "./ui/journey-answer";
 import { MapCard } from "./ui/map-card";
 import { Result } from "./ui/result";
 import { CarDialog } from "./ui/car-dialog";
@@ -23,6 +28,7 @@ import { LiveDrive } from "./ui/live-drive";
 import { OwnCarsDialog } from "./ui/own-cars-dialog";
 import { connectTokenDialog, TokenDialog } from "./ui/token-dialog";
 import { TripPanel } from "./ui/trip-panel";
+import { VerdictCard } from "./ui/verdict";
 
 function Foot() {
   const used = model.value;
@@ -59,11 +65,18 @@ function Page() {
       </a>
       <Header />
       <main id="content">
-        <TripPanel />
-        <MapCard />
-        <Result />
-        <ConditionsPanel />
-        <Details />
+        <div class="asked">
+          <TripPanel />
+          <ConditionsPanel />
+        </div>
+        <div class="answered">
+          <Chips />
+          <VerdictCard />
+          <MapCard />
+          <JourneyAnswer />
+          <Result />
+          <Details />
+        </div>
       </main>
       <Foot />
       <Glance />
@@ -78,11 +91,13 @@ function Page() {
 
 connectTokenDialog();
 keepPreferences();
+keepMessages();
 keepForecasting();
 keepDriving();
 keepOnRoad();
 keepPosition();
 keepReach();
-keepSelectionStored();
+keepNeed();
+keepLink((linked) => void chooseLink(linked));
 render(<Page />, document.body);
 void startPage();

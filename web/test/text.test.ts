@@ -81,17 +81,19 @@ describe("languages", () => {
 /** Texts that are the same in both languages. */
 const ALIKE = [
   "/foot/own",
-  "/trip/sources/links",
+  "/distanceForm/part",
   "/conditions/fields/wind_speed_m_s",
+  "/conditions/garage",
   "/result/reserve",
   "/result/reserveBelow",
   "/result/reserveAbove",
+  "/verdict/stop",
   "/drive/start",
   "/drive/pause",
   "/ownCars/name",
-
   "/ownCars/sd",
   "/token/label",
+  "/problems/status",
 ];
 
 describe("formats", () => {

@@ -3,11 +3,14 @@
 import { EventParser } from "../model/sse";
 import type {
   ForecastRequest,
+  Journey,
   JourneyRequest,
   LivePlanRequest,
   LogsRequest,
+  Need,
   NewCarRequest,
   Problem,
+  Range,
   ReachRequest,
   Figures,
 } from "./documents";
@@ -100,7 +103,11 @@ function pathOf(template: string, values: object = {}, query: object = {}): stri
   const path = template.slice(1).replaceAll(/\{(\w+)\}/g, (_, name: string) => {
     return encodeURIComponent(String(named.get(name)));
   });
-  const search = new URLSearchParams(Object.entries(query).map(([name, value]) => [name, String(value)]));
+  const search = new URLSearchParams(
+    Object.entries(query).flatMap(([name, value]) =>
+      (Array.isArray(value) ? value : [value]).map((one) => [name, String(one)]),
+    ),
+  );
   return search.size > 0 ? `${path}?${search}` : path;
 }
 
@@ -175,8 +182,19 @@ export const getMap = () => ask("get", "/v1/map");
 export const findPlaces = async (words: string, signal?: AbortSignal) =>
   (await ask("get", "/v1/places", { query: { q: words, limit: 6 }, signal })).places;
 
-export const planJourney = (body: JourneyRequest, signal?: AbortSignal) =>
-  ask("post", "/v1/journeys", { body, signal });
+export const planJourney = async (body: JourneyRequest, signal?: AbortSignal) =>
+  (await ask("post", "/v1/journeys", { body, signal })) as unknown as Journey;
+
+async function get<T>(path: string, query: object, signal?: AbortSignal): Promise<T> {
+  const init: RequestInit = { method: "GET", ...(signal && { signal }) };
+  return (await (await request(pathOf(path, {}, query), init)).json()) as T;
+}
+
+/** What a distance needs, without a road. */
+export const findNeed = (query: object, signal?: AbortSignal) => get<Need>("/v1/need", query, signal);
+
+/** How far a charge goes, without a road. */
+export const findRange = (query: object, signal?: AbortSignal) => get<Range>("/v1/range", query, signal);
 
 export const findReach = (body: ReachRequest, signal?: AbortSignal) =>
   ask("post", "/v1/reachable", { body, signal });

@@ -2,10 +2,11 @@
 
 import { computed } from "@preact/signals";
 import type uPlot from "uplot";
-import type { Forecast } from "../api/documents";
+import type { ChargingPlan, Course, Forecast } from "../api/documents";
 import { emptyAfterM, innerShare } from "../model/arrival";
 import { interpolate } from "../model/interpolate";
 import { PERCENT } from "../model/units";
+import { answer, chargingPlan } from "../state/answer";
 import { conditions } from "../state/conditions";
 import { shownForecast, distanceM, driving, update } from "../state/drive";
 import { alternative, departure } from "../state/forecast";
@@ -35,9 +36,21 @@ function distancesOf({ series }: Forecast, carM: number | null): number[] {
   return [...series.distance_m, carM].sort((a, b) => a - b);
 }
 
+/** The columns of a course with charging stops, which are vertical lines. */
+function columnsOf({ position_m, displayed_soc, low, high }: Course, share: number): uPlot.AlignedData {
+  const percent = (column: number[]) => column.map(PERCENT.from);
+  const core = (column: number[]) =>
+    displayed_soc.map((soc, k) => PERCENT.from(soc + ((column[k] as number) - soc) * share));
+  const none = position_m.map(() => null);
+  const bands = [percent(high), percent(low), core(high), core(low)];
+  const xs = position_m.map(units.value.distance.from);
+  return [xs, ...bands, none, none, none, none, percent(displayed_soc), none];
+}
+
 const columns = computed<uPlot.AlignedData>(() => {
   const now = shownForecast.value;
   if (!now) return [[], [], [], [], [], [], [], [], [], [], []];
+  if (chargingPlan.value) return columnsOf(chargingPlan.value.course, innerShare(now));
   const carM = driving.value && update.value ? distanceM.value : null;
   const xs = distancesOf(now, carM);
   const middle = seriesAt(now, "displayed_soc", xs);
@@ -132,6 +145,21 @@ function endMark(kind: string, of: Forecast): Mark & { y: number } {
   return { kind, text: format.value.shown(of.soc_arrival, PERCENT), x: end, y: soc, at: "right" };
 }
 
+/** Charging stops by their numbers, and the charge on arrival. */
+function stopMarks({ stops, course }: ChargingPlan): Mark[] {
+  const { distance } = units.value;
+  const numbers = stops.map(({ position_m, soc_leave }, k): Mark => ({
+    kind: "stop",
+    text: String(k + 1),
+    x: distance.from(position_m),
+    y: PERCENT.from(soc_leave),
+  }));
+  const soc = answer.value?.soc ?? 0;
+  const end = distance.from(course.position_m.at(-1) ?? 0);
+  const shown = format.value.shown(soc, PERCENT);
+  return [...numbers, { kind: "arrival", text: shown, x: end, y: PERCENT.from(soc), at: "right" }];
+}
+
 function marks(now: Forecast, carM: number | null, heightPx: number): Mark[] {
   const reserve = PERCENT.from(conditions.value.reserve);
   const { result } = text.value;
@@ -145,6 +173,7 @@ function marks(now: Forecast, carM: number | null, heightPx: number): Mark[] {
     });
   }
   if (low < 0) marks.push({ kind: "empty", text: result.empty, y: 0, at: "below" });
+  if (chargingPlan.value) return [...marks, ...stopMarks(chargingPlan.value)];
   const own = endMark("arrival", now);
   marks.push(own);
   if (alternative.value) {

@@ -45,9 +45,14 @@ export function chanceOf(forecast: Forecast, reserve: number): number | null {
 
 export type Verdict = "good" | "open" | "bad";
 
-/** Climb of an unknown road with which the expected charge on arrival falls to the reserve [m]; null where none does. */
-export function decisiveClimbM({ climb }: Forecast, reserve: number): number | null {
-  return valueAt(climb?.changes_at_m ?? {}, reserve);
+/** Mean grade that no road keeps up from its start to its end. */
+const STEEPEST = 0.08;
+
+/** Climb of an unknown road with which the expected charge on arrival falls to the reserve [m]; null where no road has it. */
+export function decisiveClimbM({ climb, series }: Forecast, reserve: number): number | null {
+  const changesM = valueAt(climb?.changes_at_m ?? {}, reserve);
+  const mostM = STEEPEST * (series.distance_m.at(-1) as number);
+  return changesM !== null && changesM <= mostM ? changesM : null;
 }
 
 export function verdictOf(chance: number): Verdict {

@@ -75,7 +75,11 @@ export function boundsOf(points: readonly Point[]): Bounds {
 /** The point at a distance along the forecast [m]. */
 export function pointAt({ line, distance_m: length, forecast }: Line, distanceM: number): Point {
   const whole = forecast.series.distance_m.at(-1) as number;
-  const positionM = (distanceM / whole) * length;
+  return pointAlong(line, (distanceM / whole) * length);
+}
+
+/** The point at a position on a line [m]. */
+export function pointAlong(line: Road["line"], positionM: number): Point {
   return [
     interpolate(positionM, line.position_m, line.longitude_deg),
     interpolate(positionM, line.position_m, line.latitude_deg),
@@ -115,4 +119,20 @@ export function readCoordinates(text: string): { latitude_deg: number; longitude
   const [latitude, longitude] = [Number(match[1]), Number(match[2])];
   if (Math.abs(latitude) > 90 || Math.abs(longitude) > 180) return null;
   return { latitude_deg: latitude, longitude_deg: longitude };
+}
+
+const EARTH_M = 6_371_000;
+
+interface Position {
+  latitude_deg: number;
+  longitude_deg: number;
+}
+
+/** Distance of two places as the crow flies [m]. */
+export function metresBetween(one: Position, other: Position): number {
+  const radians = Math.PI / 180;
+  const north = (other.latitude_deg - one.latitude_deg) * radians;
+  const middle = ((one.latitude_deg + other.latitude_deg) / 2) * radians;
+  const east = (other.longitude_deg - one.longitude_deg) * radians * Math.cos(middle);
+  return EARTH_M * Math.hypot(north, east);
 }

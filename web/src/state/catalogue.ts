@@ -1,23 +1,38 @@
 /** Cars, models and examples of the service, and the choice of a trip. */
 
-import { batch, effect, signal } from "@preact/signals";
-import { listExamples, listModels, listVehicles, loadExample, readRoute } from "../api/client";
+import { batch, signal } from "@preact/signals";
+import { listExamples, listModels, listVehicles, loadExample, readRoute, viewMap } from "../api/client";
 import type { ExampleSummary, Place } from "../api/documents";
-import { type Car, car, chooseFirst, models, vehicles } from "./car";
-import { change, type Conditions, conditions, USUAL } from "./conditions";
+import type { Kind } from "../model/distance";
+import { metresBetween } from "../model/road";
+import { chooseFirst, models, vehicles } from "./car";
+import { type Conditions, conditions, resetTo, USUAL } from "./conditions";
 import { reportProblem, problem } from "./forecast";
 import { loadOwnCars, ownCars } from "./own-cars";
-import { readStored, writeStored } from "./preferences";
-import { type End, ends, loadMap, setEnd } from "./journey";
-import { type Source, type Trip, trip, tripFromExample, tripFromRoute, tripFromStops } from "./trip";
-
-const KEY = "tripwatt.last";
-
-interface Last {
-  example: string;
-  car: Car;
-  conditions: Conditions;
-}
+import {
+  answersAreOld,
+  type End,
+  ends,
+  isExample,
+  isRound,
+  loadMap,
+  map,
+  nextEnd,
+  placesOfJourney,
+  setEnd,
+  vias,
+  wantsFit,
+} from "./journey";
+import { lastLink, type Linked, readLink } from "./link";
+import {
+  type Source,
+  type Trip,
+  trip,
+  tripFromDistance,
+  tripFromExample,
+  tripFromRoute,
+  tripFromStops,
+} from "./trip";
 
 export const examples = signal<ExampleSummary[]>([]);
 export const source = signal<Source>("examples");
@@ -57,19 +72,34 @@ export async function chooseExample(name: string): Promise<void> {
   if (example) show(tripFromExample(example));
 }
 
-/** Plan the journey between its two ends, if both are chosen. `isDraft` while one of them is dragged. */
+/** Plan the journey, if all its places are chosen. `isDraft` while an end is dragged. */
 export function chooseJourney(isDraft = false): void {
-  const { from, to } = ends.value;
-  if (!from || !to) return;
-  const next = tripFromStops([from, to], isDraft);
+  const places = placesOfJourney();
+  if (!places) return;
+  const next = tripFromStops(places, isRound.value, isDraft);
   if (trip.value?.stops) trip.value = next;
   else show(next);
 }
 
-/** Set an end on the map, and plan as soon as there are two. */
+/** Set an end on the map, and plan as soon as there are two; the first click replaces an example. */
 export function moveEnd(end: End, place: Place, isDraft = false): void {
   setEnd(end, place);
   chooseJourney(isDraft);
+}
+
+/** Begin a journey of one's own at a place on the map. */
+export function beginAt(place: Place): void {
+  batch(() => {
+    isExample.value = false;
+    ends.value = { from: place, to: null };
+    nextEnd.value = "to";
+    answersAreOld.value = true;
+  });
+}
+
+/** Answer what a distance needs. */
+export function chooseDistance(distanceM: number, kind: Kind): void {
+  show(tripFromDistance(distanceM, kind));
 }
 
 /** Read an uploaded file, links or a distance; `name` is empty for links. `speedMS` is 0 where none is needed. */
@@ -93,68 +123,136 @@ export async function chooseUpload(file: { content: string; name: string }, spee
   await chooseRoute(file.content, file.name, "upload", speedMS);
 }
 
+/** Farther than this apart, two settlements make an example [m]. */
+const EXAMPLE_M = 5000;
+/** Of so many of the largest ones. */
+const EXAMPLE_OF = 12;
+
+/** Two of the largest settlements of the map, apart from each other; null where it names fewer. */
+async function exampleOfMap(): Promise<[Place, Place] | null> {
+  const bounds = map.value?.bounds_deg;
+  if (bounds?.length !== 4) return null;
+  const { settlements } = await viewMap(bounds as [number, number, number, number]);
+  const [first, ...others] = settlements.slice(0, EXAMPLE_OF);
+  if (!first) return null;
+  const apart = others
+    .map((other) => ({ other, metres: metresBetween(first, other) }))
+    .sort((a, b) => a.metres - b.metres);
+  const second = apart.find(({ metres }) => metres > EXAMPLE_M) ?? apart.at(-1);
+  return second ? [first, second.other] : null;
+}
+
+/** Show an example of the map, so that nobody begins with a bare one. */
+async function chooseExampleOfMap(): Promise<void> {
+  const pair = await whileLoading({ what: "trip" }, exampleOfMap);
+  if (!pair || trip.value) return;
+  batch(() => {
+    ends.value = { from: pair[0], to: pair[1] };
+    nextEnd.value = "from";
+    isExample.value = wantsFit.value = true;
+    chooseJourney();
+  });
+}
+
+/** Show what a link has of a trip; false where the service does not have it. */
+async function chooseLinked({ source: from, places, round, example, distance }: Linked): Promise<boolean> {
+  if (from === "journey" && map.value && places) {
+    batch(() => {
+      source.value = "journey";
+      ends.value = { from: places[0] as Place, to: places.at(-1) as Place };
+      vias.value = places.slice(1, -1);
+      isRound.value = round;
+      nextEnd.value = null;
+      isExample.value = false;
+      wantsFit.value = true;
+      trip.value = tripFromStops(places, round, false);
+    });
+    return true;
+  }
+  if (from === "distance" && distance) {
+    source.value = "distance";
+    trip.value = tripFromDistance(distance.distanceM, distance.kind);
+    return true;
+  }
+  if (from !== "examples") return false;
+  await loadExamples();
+  if (!examples.value.some((row) => row.trip === example)) return false;
+  const found = await whileLoading({ what: "trip" }, () => loadExample(example));
+  if (!found) return false;
+  source.value = "examples";
+  trip.value = tripFromExample(found);
+  return true;
+}
+
+/** Show a link: the car, the conditions and the trip that it has. */
+export async function chooseLink(linked: Linked): Promise<boolean> {
+  batch(() => {
+    const names = ownCars.value?.map(({ name }) => name);
+    if (linked.car) chooseFirst(linked.car, names);
+    conditions.value = linked.conditions;
+  });
+  return chooseLinked(linked);
+}
+
+async function loadExamples(): Promise<void> {
+  if (examples.value.length > 0) return;
+  await whileLoading({ what: "examples" }, async () => {
+    examples.value = await listExamples();
+  });
+}
+
 /**
- * Load cars, models and examples, and restore the selection of the last visit.
+ * Load cars, models and examples, and show the trip of the link, else that of the last visit.
  *
- * With a map, the page waits for From and To; without one it shows an example.
+ * Where there is none, the page shows an example: of the map, where there is a map.
  */
 export async function startPage(): Promise<void> {
-  const last = readStored<Last>(KEY);
+  const linked = readLink(location.hash) ?? lastLink();
   const withMap = await whileLoading({ what: "examples" }, loadMap);
   if (withMap) source.value = "journey";
   await whileLoading({ what: "examples" }, async () => {
-    const [allModels, allVehicles, allExamples] = await Promise.all([
-      listModels(),
-      listVehicles(),
-      withMap ? [] : listExamples(),
-      loadOwnCars(),
-    ]);
+    const [allModels, allVehicles] = await Promise.all([listModels(), listVehicles(), loadOwnCars()]);
     batch(() => {
       models.value = allModels;
       vehicles.value = allVehicles;
-      examples.value = allExamples;
       chooseFirst(
-        last.car,
+        undefined,
         ownCars.value?.map(({ name }) => name),
       );
     });
   });
-  if (withMap) {
-    conditions.value = { ...USUAL, ...last.conditions, motorwayMS: null };
-    if (conditions.value.beforeDeparture === "logged") change({ beforeDeparture: "parked" });
-    return;
-  }
-  const known = examples.value.find((row) => row.trip === last.example) ?? longest(examples.value);
-  if (known) {
-    const example = await whileLoading({ what: "trip" }, () => loadExample(known.trip));
-    if (!example) return;
-    const same = known.trip === last.example && last.conditions !== undefined;
-    if (same) conditions.value = { ...USUAL, ...last.conditions };
-    const next = tripFromExample(example);
-    show(next, same ? { ...next.start, ...last.conditions } : next.start);
-  }
+  if (models.value.length === 0) return;
+  if (linked && (await chooseLink(linked))) return;
+  if (withMap) return chooseExampleOfMap();
+  await loadExamples();
+  const first = longest(examples.value);
+  if (first) await chooseExample(first.trip);
 }
 
-/** Choose where the trip comes from; a page with a map loads the examples here, because the service has to make them. */
+/** The trips that were shown last, by where they come from. */
+const earlier = new Map<Source, Trip>();
+
+/** Choose where the trip comes from; what is shown is the last trip from there, and never one from elsewhere. */
 export function chooseSource(next: Source): void {
-  source.value = next;
-  if (next !== "examples" || examples.value.length > 0) return;
-  void whileLoading({ what: "examples" }, async () => {
-    examples.value = await listExamples();
+  const now = trip.value;
+  if (next === source.value) return;
+  batch(() => {
+    if (now) earlier.set(now.source, now);
+    const isUnchanged =
+      now?.source === "examples" &&
+      JSON.stringify({ ...now.start, reserve: conditions.value.reserve }) ===
+        JSON.stringify(conditions.value);
+    if (isUnchanged) resetTo(USUAL);
+    source.value = next;
+    problem.value = null;
+    trip.value = earlier.get(next) ?? null;
   });
+  if (next === "examples") void loadExamples();
 }
 
 /** Repeat the start of the page or the forecast after a problem. */
 export function retry(): void {
   problem.value = null;
   if (trip.value) conditions.value = { ...conditions.value };
-  else void startPage();
-}
-
-/** Store the selection in the browser whenever it changes. */
-export function keepSelectionStored(): void {
-  effect(() => {
-    if (!trip.value) return;
-    writeStored(KEY, { example: trip.value.example, car: car.value, conditions: conditions.value });
-  });
+  else if (models.value.length === 0) void startPage();
 }

@@ -1,6 +1,7 @@
 /** Conditions at departure, as set in the form. */
 
 import { signal } from "@preact/signals";
+import { withOffset } from "../model/clock";
 import { type AskedName, CHOICES, NUMBERS, SEVERAL, type Value, valuesIn } from "../model/fields";
 
 /** Where the temperatures of cabin and battery at departure come from. */
@@ -30,11 +31,22 @@ type Given = { [Name in UsualName]: Value<Name> } & {
 export interface Conditions extends Given {
   reserve: number;
   beforeDeparture: BeforeDeparture;
+  /** Whether the cabin, and apart from it the battery, is warmed before departure. */
+  warmCabin: boolean;
+  warmBattery: boolean;
+  /** Local time, such as "2026-01-12T07:30"; null for now. */
+  departsAt: string | null;
+  /** Whether temperature, wind and rain are those of the hour, from the weather server of the service. */
+  weatherOfHour: boolean;
+  /** Whether the battery is warmed on the way to a charging stop. */
+  preheatForStops: boolean;
   /** Speed on the motorway of a planned route; null as planned. */
   motorwayMS: number | null;
 }
 
 export const GARAGE_DEGC = 15;
+/** A battery that was warmed before departure. */
+export const WARM_BATTERY_DEGC = 25;
 
 export const ASKED = [...NUMBERS, ...CHOICES, ...SEVERAL].filter(
   (name): name is AskedName => name !== "cabin_temperature_degc" && name !== "battery_temperature_degc",
@@ -50,6 +62,11 @@ export const USUAL: Conditions = {
   ...USUAL_VALUES,
   reserve: 0.1,
   beforeDeparture: "parked",
+  warmCabin: false,
+  warmBattery: false,
+  departsAt: null,
+  weatherOfHour: false,
+  preheatForStops: false,
   motorwayMS: null,
 };
 
@@ -89,14 +106,39 @@ export function startTemperaturesFrom(known: Record<string, unknown>): StartTemp
 }
 
 function startTemperaturesOf(at: Conditions, logged: StartTemperatures): StartTemperatures {
-  if (at.beforeDeparture === "unknown") return {};
-  if (at.beforeDeparture === "logged") return logged;
+  const warm: StartTemperatures = {
+    ...(at.warmCabin && { cabin_temperature_degc: at.cabin_setpoint_degc }),
+    ...(at.warmBattery && {
+      battery_temperature_degc: Math.max(WARM_BATTERY_DEGC, at.ambient_temperature_degc),
+    }),
+  };
+  if (at.beforeDeparture === "unknown") return warm;
+  if (at.beforeDeparture === "logged") return { ...logged, ...warm };
+  // parked outside at a temperature that only the weather server has
+  if (at.beforeDeparture === "parked" && at.weatherOfHour) return warm;
   const degc = at.beforeDeparture === "garage" ? GARAGE_DEGC : at.ambient_temperature_degc;
-  return { cabin_temperature_degc: degc, battery_temperature_degc: degc };
+  return { cabin_temperature_degc: degc, battery_temperature_degc: degc, ...warm };
 }
+
+/** What a weather server gives where the form does not. */
+const WEATHER: string[] = [
+  "ambient_temperature_degc",
+  "wind_speed_m_s",
+  "wind_from_deg",
+  "rain_mm_h",
+  "pressure_pa",
+];
 
 /** The conditions as fields of a `ForecastRequest`; what is unknown is left out. */
 export function fieldsOf(at: Conditions, logged: StartTemperatures) {
   const known = Object.fromEntries(ASKED.filter((name) => at[name] !== null).map((name) => [name, at[name]]));
   return { ...(known as Partial<Given>), reserve: at.reserve, ...startTemperaturesOf(at, logged) };
+}
+
+/** And of a request for a journey, which also has a time of departure, and the weather of its hour. */
+export function fieldsOfJourney(at: Conditions) {
+  const all = Object.entries(fieldsOf(at, {}));
+  const asked = all.filter(([name]) => !at.weatherOfHour || !WEATHER.includes(name));
+  const fields = Object.fromEntries(asked) as Partial<ReturnType<typeof fieldsOf>>;
+  return { ...fields, ...(at.departsAt !== null && { departs_at: withOffset(at.departsAt) }) };
 }

@@ -3,12 +3,12 @@
 import { batch, computed, effect, signal, untracked } from "@preact/signals";
 import { requestForecast, RequestFailed, readRoute } from "../api/client";
 import { Latest } from "../api/latest";
-import type { Forecast, Fault, Journey, LeaveWith, Place, Problem } from "../api/documents";
+import type { Forecast, Fault, Journey, LeaveWith, Problem } from "../api/documents";
 import { atMotorwaySpeed } from "../model/links";
 import { type Profile, profileFromSamples, withElevationOf } from "../model/profile";
 import { type Car, car } from "./car";
 import { ASKED, type Conditions, conditions } from "./conditions";
-import { answersAreOld, askJourney, chosenRoad, journey, mergedJourney } from "./journey";
+import { answersAreOld, askJourney, chosenCharging, chosenRoad, journey, mergedJourney } from "./journey";
 import { forecastRequest, journeyRequest, type Trip, trip } from "./trip";
 
 /** Type of a problem for an unexpected error of the page. */
@@ -18,6 +18,9 @@ const MIN_INTERVAL_MS = 50;
 const USUAL_SPEED_M_S = 13.9;
 /** Of "leave with": 19 of 20 trips. */
 const LEAVE_PROBABILITY = 0.95;
+
+/** Places that a journey may have. */
+export const MOST_STOPS = 20;
 
 export type Mode = "plan" | "compare" | "drive";
 
@@ -95,15 +98,10 @@ export function chooseRoad(index: number): void {
 }
 
 /** First the fastest road, which is quick; then the other answers, unless the conditions change meanwhile. */
-async function runJourney(
-  stops: readonly Place[],
-  job: ForecastJob,
-  otherAt: Conditions | null,
-  signal: AbortSignal,
-): Promise<void> {
-  const body = journeyRequest(stops, job.at, job.car);
+async function runJourney(job: ForecastJob, otherAt: Conditions | null, signal: AbortSignal): Promise<void> {
+  const body = journeyRequest(job.trip, job.at, job.car);
   const askOther = async (at: Conditions) =>
-    roadOf(await askJourney(journeyRequest(stops, at, job.car), chosenRoad.value > 0, signal)).forecast;
+    roadOf(await askJourney(journeyRequest(job.trip, at, job.car), chosenRoad.value > 0, signal)).forecast;
   const show = (answer: Journey, isWhole: boolean, second: Forecast | null) =>
     batch(() => {
       journey.value = isWhole ? answer : mergedJourney(job.trip, answer, whole);
@@ -114,7 +112,7 @@ async function runJourney(
       showRoad();
     });
   const second = otherAt && (await askOther(otherAt));
-  if (whole?.of !== job.trip) chosenRoad.value = 0;
+  if (whole?.of !== job.trip) chosenRoad.value = chosenCharging.value = 0;
   if (chosenRoad.value === 0) show(await askJourney(body, false, signal), false, second);
   if (job.trip.isDraft || runner.isWaiting) return;
   const answer = await askJourney(body, true, signal);
@@ -127,7 +125,7 @@ const runner = new Latest<ForecastJob>(async (job, signal) => {
   const otherAt = job.compares ? { ...job.at, [setting]: value } : null;
   const ask = (at: Conditions) => requestForecast(forecastRequest(job.trip, at, job.car), signal);
   try {
-    if (job.trip.stops) return await runJourney(job.trip.stops, job, otherAt, signal);
+    if (job.trip.stops) return await runJourney(job, otherAt, signal);
     const [main, second, road] = await Promise.all([ask(job.at), otherAt && ask(otherAt), renewProfile(job)]);
     batch(() => {
       departure.value = main;
@@ -155,7 +153,15 @@ let lastTrip: Trip | null = null;
 export function keepForecasting(): void {
   effect(() => {
     const now = trip.value;
-    if (!now) return;
+    if (!now) {
+      // nothing of a trip that was left stays up
+      runner.cancel();
+      lastTrip = null;
+      batch(() => {
+        departure.value = alternative.value = profile.value = leaving.value = journey.value = null;
+      });
+      return;
+    }
     const at = conditions.value;
     const compares = mode.value === "compare";
     if (now !== lastTrip) {
@@ -164,10 +170,12 @@ export function keepForecasting(): void {
       lastTrip = now;
       if (!moves) {
         batch(() => {
+          journey.value = null;
           departure.value = alternative.value = profile.value = problem.value = leaving.value = null;
         });
       }
     }
+    if (now.distance) return;
     const job = { trip: now, at, other: other.value, compares, car: car.value };
     untracked(() => runner.submit(job));
   });
@@ -178,12 +186,14 @@ export function reportProblem(error: unknown): void {
   problem.value = problemFrom(error);
 }
 
-/** Names of the fields From and To in faults. */
-export const STOP_FIELDS = { from: "stops[0]", to: "stops[1]" } as const;
+/** Name of the field of a place in faults. */
+export function stopField(index: number): string {
+  return `stops[${index}]`;
+}
 
 /** Take back the faults of a stop that is being changed. */
 export function forgetStop(index: number): void {
-  const at = `stops[${index}]`;
+  const at = stopField(index);
   if (problem.value?.faults?.some(({ where }) => where.startsWith(at))) problem.value = null;
 }
 
@@ -198,7 +208,7 @@ export const faults = computed(() => {
 });
 
 const FIELDS = [
-  ...Object.values(STOP_FIELDS),
+  ...Array.from({ length: MOST_STOPS }, (_, k) => `stops[${k}]`),
   "displayed_soc",
   ...ASKED,
   "reserve",

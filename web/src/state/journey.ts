@@ -1,14 +1,16 @@
 /** From A to B: the ends of the journey, the answer of the service to them, and what the map shows. */
 
-import { effect, signal, untracked } from "@preact/signals";
+import { computed, effect, signal, untracked } from "@preact/signals";
 import { findReach, getMap, planJourney } from "../api/client";
 import { Latest } from "../api/latest";
-import type { Journey, JourneyRequest, MapInfo, Place, Reach } from "../api/documents";
+import type { ChargingPlan, Journey, JourneyRequest, MapInfo, Place, Reach } from "../api/documents";
 import { car } from "./car";
-import { type Conditions, conditions, fieldsOf } from "./conditions";
+import { type Conditions, conditions, fieldsOfJourney } from "./conditions";
 import { fieldsOfCar, stopOf, type Trip } from "./trip";
 
 export type End = "from" | "to";
+/** A field for a place: an end, or one of the places on the way by its number. */
+export type Field = End | `via${number}`;
 
 const ALTERNATIVES = 2;
 const MIN_INTERVAL_MS = 200;
@@ -16,6 +18,11 @@ const MIN_INTERVAL_MS = 200;
 /** Null until the service has answered, and for a service without roads. */
 export const map = signal<MapInfo | null>(null);
 export const ends = signal<Record<End, Place | null>>({ from: null, to: null });
+/** Places on the way, in their order; null until one is chosen. */
+export const vias = signal<(Place | null)[]>([]);
+export const isRound = signal(false);
+/** Whether the journey is an example of the map that nobody asked for. */
+export const isExample = signal(false);
 /** The end that a click on the map sets; null for none. */
 export const nextEnd = signal<End | null>("from");
 export const journey = signal<Journey | null>(null);
@@ -23,8 +30,18 @@ export const journey = signal<Journey | null>(null);
 export const answersAreOld = signal(false);
 /** Index of the road that is shown, of those of the journey. */
 export const chosenRoad = signal(0);
+/** Index of the plan of charging stops that is shown, of `chargingPlans`. */
+export const chosenCharging = signal(0);
+
+/** The quickest plan with charging stops and the other ones; empty where none is needed, or none found. */
+export const chargingPlans = computed((): ChargingPlan[] => {
+  const { charging, charging_alternatives: others } = journey.value ?? {};
+  return charging ? [charging, ...(others ?? [])] : [];
+});
 /** Whether the next journey is brought into view: one of the form, not one whose ends were placed on the map. */
 export const wantsFit = signal(false);
+/** Whether the next area of reach is to be fitted into view: not while a slider moves. */
+export const wantsReachFit = signal(false);
 export const wantsReach = signal(false);
 export const reach = signal<Reach | null>(null);
 export const isFindingReach = signal(false);
@@ -42,6 +59,25 @@ export function setEnd(end: End, place: Place | null): void {
   ends.value = next;
   if (!next.from) nextEnd.value = "from";
   else nextEnd.value = next.to ? null : "to";
+}
+
+/** The place of a field. */
+export function placeOf(field: Field): Place | null {
+  if (field === "from" || field === "to") return ends.value[field];
+  return vias.value[Number(field.slice(3))] ?? null;
+}
+
+export function setPlace(field: Field, place: Place | null): void {
+  isExample.value = false;
+  if (field === "from" || field === "to") return setEnd(field, place);
+  const at = Number(field.slice(3));
+  vias.value = vias.value.map((one, k) => (k === at ? place : one));
+}
+
+/** The places of the journey in their order; null while one is missing. */
+export function placesOfJourney(): Place[] | null {
+  const all = [ends.value.from, ...vias.value, ends.value.to];
+  return all.every((place) => place !== null) ? all : null;
 }
 
 /** A place on the map without a name. */
@@ -71,8 +107,16 @@ export function mergedJourney(
   before: { of: Trip; answer: Journey } | null,
 ): Journey {
   if (before?.of !== of) return quick;
-  const { charging, motorway_speed_m_s, roads } = before.answer;
-  return { ...quick, charging, motorway_speed_m_s, roads: [...quick.roads, ...roads.slice(1)] };
+  const { charging, charging_alternatives, motorway_speed_m_s, roads } = before.answer;
+  const verdict = charging ? before.answer.verdict : quick.verdict;
+  return {
+    ...quick,
+    verdict,
+    charging,
+    charging_alternatives,
+    motorway_speed_m_s,
+    roads: [...quick.roads, ...roads.slice(1)],
+  };
 }
 
 interface ReachJob {
@@ -83,7 +127,7 @@ interface ReachJob {
 const runner = new Latest<ReachJob>(async ({ from, at }, signal) => {
   isFindingReach.value = true;
   try {
-    const body = { start: stopOf(from), ...fieldsOfCar(car.value), ...fieldsOf(at, {}) };
+    const body = { start: stopOf(from), ...fieldsOfCar(car.value), ...fieldsOfJourney(at) };
     reach.value = await findReach(body, signal);
   } catch {
     reach.value = null; // the forecast has the same faults, and shows them

@@ -12,6 +12,7 @@ import type {
   Route,
   Samples,
 } from "../api/documents";
+import { type Kind, linksOfDistance } from "../model/distance";
 import { atMotorwaySpeed } from "../model/links";
 import { type Profile, profileFromSamples } from "../model/profile";
 import type { Car } from "./car";
@@ -20,6 +21,7 @@ import {
   conditions,
   conditionsFrom,
   fieldsOf,
+  fieldsOfJourney,
   type StartTemperatures,
   startTemperaturesFrom,
   USUAL,
@@ -44,14 +46,20 @@ export interface Trip {
   links: Link[] | null;
   /** The places of a journey; its forecasts come with its roads. */
   stops: Place[] | null;
+  /** Whether the journey goes back to its start. */
+  isRound?: boolean;
   /** Whether an end of the journey is being dragged, so that only the arrival is asked for. */
   isDraft?: boolean;
+  /** Of a trip by distance: it is no forecast of a road. */
+  distance?: { distanceM: number; kind: Kind };
   profile: Profile;
   observed: Columns | null;
   logged: StartTemperatures;
   /** Conditions of the log or the example. */
   start: Conditions;
 }
+
+const UNKNOWN: Profile = profileFromSamples({});
 
 export const trip = signal<Trip | null>(null);
 
@@ -107,6 +115,25 @@ export function tripFromRoute(route: Route, title: string, source: Source): Trip
   };
 }
 
+/** A trip of which only distance and kind of road are known; its links are assumed. */
+export function tripFromDistance(distanceM: number, kind: Kind): Trip {
+  return {
+    example: "",
+    source: "distance",
+    vehicle: "",
+    title: "",
+    notes: [],
+    fixed: {},
+    links: linksOfDistance(distanceM, kind),
+    stops: null,
+    distance: { distanceM, kind },
+    profile: UNKNOWN,
+    observed: null,
+    logged: {},
+    start: conditionsFrom({}, conditions.value),
+  };
+}
+
 /** The car as members of a request. */
 export function fieldsOfCar(car: Car | null): Pick<ForecastRequest, "model" | "vehicle" | "vehicle_figures"> {
   if (!car) return {};
@@ -124,19 +151,19 @@ export function stopOf({
   return { name, latitude_deg, longitude_deg };
 }
 
-const UNKNOWN: Profile = profileFromSamples({});
-
 /** A journey from place to place as a trip; its road comes with its forecast. `isDraft` while an end is dragged. */
-export function tripFromStops(stops: Place[], isDraft: boolean): Trip {
+export function tripFromStops(stops: Place[], isRound: boolean, isDraft: boolean): Trip {
+  const names = stops.map(({ name }) => name);
   return {
     example: "",
     source: "journey",
     vehicle: "",
-    title: stops.map(({ name }) => name).join(" – "),
+    title: [...names, ...(isRound ? names.slice(0, 1) : [])].join(" – "),
     notes: [],
     fixed: {},
     links: null,
     stops,
+    isRound,
     isDraft,
     profile: UNKNOWN,
     observed: null,
@@ -152,6 +179,12 @@ export function forecastRequest(of: Trip, at: Conditions, car: Car | null): Fore
 }
 
 /** A request for a journey from place to place. */
-export function journeyRequest(stops: readonly Place[], at: Conditions, car: Car | null): JourneyRequest {
-  return { stops: stops.map(stopOf), ...fieldsOfCar(car), ...fieldsOf(at, {}) };
+export function journeyRequest({ stops, isRound }: Trip, at: Conditions, car: Car | null): JourneyRequest {
+  return {
+    stops: (stops ?? []).map(stopOf),
+    ...(isRound && { round_trip: true }),
+    ...(at.preheatForStops && { preheat_battery: true }),
+    ...fieldsOfCar(car),
+    ...fieldsOfJourney(at),
+  };
 }

@@ -1,26 +1,28 @@
 import { useEffect, useState } from "preact/hooks";
-import { chanceOf, emptyAfterM, likelihoodOf } from "../model/arrival";
+import { emptyAfterM, likelihoodOf } from "../model/arrival";
 import { PERCENT } from "../model/units";
+import { answer, chargingPlan, isLookingForStops } from "../state/answer";
 import { shownForecast, arrived, playing } from "../state/drive";
-import { requested, problem } from "../state/forecast";
+import { problem } from "../state/forecast";
 import { format, text, units } from "../state/preferences";
-import { bandText } from "./wording";
+import { bandOf } from "./wording";
 
 const SETTLED_MS = 700;
 
 function sentence(): string {
-  const now = shownForecast.value;
-  if (problem.value || !now) return "";
+  const of = shownForecast.value;
+  const now = answer.value;
+  if (problem.value || !of || !now || isLookingForStops.value) return "";
   const { result, chance } = text.value;
-  const soc = format.value.shown(now.soc_arrival, PERCENT);
+  const soc = format.value.shown(now.soc, PERCENT);
   if (arrived.value) return result.announcedArrival(soc);
-  const emptyM = emptyAfterM(now);
+  const emptyM = chargingPlan.value ? null : emptyAfterM(of);
   const forecast =
     emptyM === null
-      ? result.announced(soc, bandText(now))
+      ? result.announced(soc, bandOf(now.interval))
       : result.announcedEmpty(format.value.shown(emptyM, units.value.distance, 0));
-  const kept = chanceOf(now, requested.value.at.reserve);
-  return kept === null ? forecast : `${forecast} ${chance.announced(chance.words[likelihoodOf(kept)])}`;
+  if (now.pReserve === null) return forecast;
+  return `${forecast} ${chance.announced(chance.words[likelihoodOf(now.pReserve)])}`;
 }
 
 /** The result in a live region, after it has been stable for `SETTLED_MS`. */

@@ -1,9 +1,8 @@
 import { signal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
-import { describeCar, findVehicles, RequestFailed } from "../api/client";
-import { Latest } from "../api/latest";
-import type { Fault, Figures, Vehicle } from "../api/documents";
-import { car, chooseDescribed, chooseVehicle, vehicles } from "../state/car";
+import { describeCar, RequestFailed } from "../api/client";
+import type { Fault, Figures } from "../api/documents";
+import { car, chooseDescribed } from "../state/car";
 import { ENERGY, POWER, type Quantity } from "../model/units";
 import { format, text, units } from "../state/preferences";
 import { FaultList } from "./faults";
@@ -64,69 +63,7 @@ function Faults() {
   return <FaultList faults={faults.value} />;
 }
 
-const MIN_INTERVAL_MS = 120;
-const matches = signal<Vehicle[] | null>(null);
-
-/** Cars with a word that begins with each of the words, for what is still being typed. */
-function beginning(words: string): Vehicle[] {
-  const starts = words.toLowerCase().split(/\s+/);
-  const parts = ({ title, name }: Vehicle) => `${title} ${name}`.toLowerCase().split(/[\s_]+/);
-  return vehicles.value.filter((row) =>
-    starts.every((one) => parts(row).some((part) => part.startsWith(one))),
-  );
-}
-
-const search = new Latest<string>(async (words, signal) => {
-  try {
-    matches.value = words ? await findVehicles(words, signal) : null;
-    if (matches.value?.length === 0) matches.value = beginning(words);
-  } catch {
-    matches.value = null; // the form below works all the same
-  }
-}, MIN_INTERVAL_MS);
-
-/** Search over the library; a car that is found is chosen with its button. */
-function Search() {
-  const { ownCar: words } = text.value;
-  const rows = matches.value;
-  return (
-    <div class="car-search">
-      <label class="field">
-        <span>{words.find}</span>
-        <input
-          type="search"
-          autocomplete="off"
-          maxLength={100}
-          onInput={(event) => search.submit(event.currentTarget.value.trim())}
-          onKeyDown={(event) => {
-            // eslint-disable-next-line page/text -- name of a key
-            if (event.key === "Enter") event.preventDefault();
-          }}
-        />
-      </label>
-      <p class="note" role="status">
-        {rows && words.found(rows.length)}
-      </p>
-      <ul class="examples">
-        {rows?.map((row) => (
-          <li key={row.name}>
-            <button
-              type="button"
-              onClick={() => {
-                chooseVehicle(row.name);
-                open.value = false;
-              }}
-            >
-              <span class="name">{row.title}</span>
-            </button>
-          </li>
-        ))}
-      </ul>
-    </div>
-  );
-}
-
-/** Search over the library, and a form for a car that the service does not have. */
+/** A form for a car that the service does not have. */
 export function CarDialog() {
   const dialog = useRef<HTMLDialogElement>(null);
   const { ownCar: words } = text.value;
@@ -168,8 +105,6 @@ export function CarDialog() {
         }}
       >
         <h2 id="own-car-title">{words.title}</h2>
-        <Search />
-        <h3>{words.describe}</h3>
         <p class="note">{words.note}</p>
         {NUMBERS.map(({ name, label, quantity, scale, digits }) => {
           const value = known?.[name];

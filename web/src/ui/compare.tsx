@@ -14,6 +14,7 @@ import { bandText, chanceInFigures } from "./wording";
 /** Smaller differences are left out of the sentence. */
 const MIN_SHOWN_WH = 5;
 const MIN_SHOWN_S = 30;
+const MIN_SHOWN_POINTS = 0.05;
 
 /** First and second value of each comparison when it is chosen. */
 const USUAL_VALUES: Record<Other["setting"], [number, number]> = {
@@ -30,8 +31,16 @@ function settingsOfTrip(): Other["setting"][] {
   return links && hasMotorway(links) ? all : all.filter((name) => name !== "motorwayMS");
 }
 
+/** The value of the page, where the comparison is with another one, and the other one. */
+function sidesOf(setting: Other["setting"]): [number, number] {
+  const [first, second] = USUAL_VALUES[setting];
+  const now = conditions.value[setting];
+  if (now === null || setting === "cabin_setpoint_degc") return [first, second];
+  return [now, Math.abs(now - second) < 1e-6 ? first : second];
+}
+
 function compareBy(setting: Other["setting"]): void {
-  const [first, value] = USUAL_VALUES[setting];
+  const [first, value] = sidesOf(setting);
   batch(() => {
     change({ [setting]: first } as Partial<Conditions>);
     other.value = { setting, value };
@@ -46,7 +55,7 @@ export function CompareControls() {
       <div class="questions">
         {settingsOfTrip().map((name) => {
           const { quantity } = settingOf(name);
-          const usual = USUAL_VALUES[name];
+          const usual = sidesOf(name);
           const sides = name === setting ? [conditions.value[name] ?? usual[0], value] : usual;
           const [first, second] = sides.map((si) => format.value.figure(quantity.from(si), 0)) as [
             string,
@@ -106,11 +115,11 @@ function differenceText(first: Forecast, second: Forecast, names: [string, strin
   const [name, otherName] = points >= 0 ? [names[1], names[0]] : names;
   const savedWh = other.energy_wh - one.energy_wh;
   const longerS = (one.series.time_s.at(-1) as number) - (other.series.time_s.at(-1) as number);
-  const parts = [compare.morePoints(figure(Math.abs(points), 1))];
+  const parts = Math.abs(points) < MIN_SHOWN_POINTS ? [] : [compare.morePoints(figure(Math.abs(points), 1))];
   if (savedWh >= MIN_SHOWN_WH) parts.push(compare.lessEnergy(shown(savedWh, ENERGY)));
   if (longerS >= MIN_SHOWN_S) parts.push(compare.longer(duration(longerS)));
   if (longerS <= -MIN_SHOWN_S) parts.push(compare.shorter(duration(-longerS)));
-  return `${compare.instead(name, otherName)}: ${parts.join(", ")}.`;
+  return `${compare.instead(name, otherName)}: ${parts.join(", ") || compare.noDifference}.`;
 }
 
 export function CompareLine({ first, second }: { first: Forecast; second: Forecast }) {

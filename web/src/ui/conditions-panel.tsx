@@ -1,5 +1,7 @@
 import type { ComponentChildren } from "preact";
+import { useId } from "preact/hooks";
 import { FIELDS } from "../api/fields";
+import { localOf } from "../model/clock";
 import { type ChoiceName, CHOICES, NUMBERS, SEVERAL, type SeveralName } from "../model/fields";
 import { hasMotorway, MOTORWAY_M_S } from "../model/links";
 import {
@@ -12,10 +14,14 @@ import {
   isUsual,
   resetTo,
 } from "../state/conditions";
+import { source } from "../state/catalogue";
 import { departure, faults, mode, other } from "../state/forecast";
+import { map } from "../state/journey";
 import { format, text, units } from "../state/preferences";
 import { trip } from "../state/trip";
+import { panelIsOpen } from "./chips";
 import { FaultList } from "./faults";
+import { Icon } from "./icons";
 import { Select } from "./select";
 import type { SettingName } from "./settings";
 import { Slider } from "./slider";
@@ -162,13 +168,84 @@ function BeforeDepartureSelect() {
   );
 }
 
+function Tick({ name, label }: { name: "warmCabin" | "warmBattery" | "preheatForStops"; label: string }) {
+  return (
+    <label class="tick">
+      <input
+        type="checkbox"
+        checked={conditions.value[name]}
+        onChange={(event) => change({ [name]: event.currentTarget.checked })}
+      />
+      {label}
+    </label>
+  );
+}
+
+/** Time of departure, and where the weather comes from; only a journey has them. */
+function Departs() {
+  const { conditions: words } = text.value;
+  const { departsAt, weatherOfHour } = conditions.value;
+  const id = useId();
+  if (source.value !== "journey") return null;
+  return (
+    <div class="field departs">
+      <label for={id}>{words.departs}</label>
+      <div class="inline">
+        <input
+          id={id}
+          type="datetime-local"
+          value={departsAt ?? ""}
+          min={localOf(new Date())}
+          onChange={(event) => change({ departsAt: event.currentTarget.value || null })}
+        />
+        {departsAt === null ? (
+          <span class="figures">{words.now}</span>
+        ) : (
+          <button type="button" class="link" onClick={() => change({ departsAt: null })}>
+            {words.leaveNow}
+          </button>
+        )}
+      </div>
+      <FaultList faults={faultsOf("departs_at")} />
+      {map.value?.weather && (
+        <label class="tick">
+          <input
+            type="checkbox"
+            checked={weatherOfHour}
+            onChange={(event) => change({ weatherOfHour: event.currentTarget.checked })}
+          />
+          {words.fromServer}
+        </label>
+      )}
+    </div>
+  );
+}
+
+/** What the weather server gives. */
+const OF_WEATHER = [
+  "ambient_temperature_degc",
+  "wind_speed_m_s",
+  "wind_from_deg",
+  "rain_mm_h",
+  "pressure_pa",
+];
+
 export function ConditionsPanel() {
   const now = conditions.value;
   const { conditions: words, settings } = text.value;
   const start = trip.value?.start;
+  const byServer = now.weatherOfHour && source.value === "journey";
+  const isGiven = (name: string) => byServer && OF_WEATHER.includes(name);
   const changed = start && JSON.stringify({ ...start, reserve: now.reserve }) !== JSON.stringify(now);
   return (
-    <section class="panel conditions" aria-labelledby="conditions-title">
+    <section
+      class={`panel conditions${panelIsOpen.value ? " open" : ""}`}
+      aria-labelledby="conditions-title"
+      onKeyDown={(event) => {
+        // eslint-disable-next-line page/text -- name of a key
+        if (event.key === "Escape") panelIsOpen.value = false;
+      }}
+    >
       <div class="heading">
         <h2 id="conditions-title">{words.title}</h2>
         {changed && (
@@ -176,11 +253,22 @@ export function ConditionsPanel() {
             {words.reset}
           </button>
         )}
+        <button
+          type="button"
+          class="quiet shut"
+          aria-label={words.shut}
+          onClick={() => {
+            panelIsOpen.value = false;
+          }}
+        >
+          <Icon name="close" />
+        </button>
       </div>
+      <Departs />
       {mode.value === "compare" && (
         <p class="note">{words.compared(settings[other.value.setting].inSentence)}</p>
       )}
-      {SLIDERS.map((setting) => (
+      {SLIDERS.filter((name) => !isGiven(name)).map((setting) => (
         <Slider
           key={setting}
           setting={setting}
@@ -195,8 +283,18 @@ export function ConditionsPanel() {
         <ChoiceOf key={name} name={name} />
       ))}
       <BeforeDepartureSelect />
+      <fieldset class="field ticks">
+        <legend>{words.warmed}</legend>
+        <Tick name="warmCabin" label={words.cabin} />
+        <Tick name="warmBattery" label={words.battery} />
+        {source.value === "journey" && (map.value?.stations ?? 0) > 0 && (
+          <Tick name="preheatForStops" label={words.forStops} />
+        )}
+      </fieldset>
       <More>
-        {OPTIONAL.filter((name) => name !== "wind_from_deg" || now.wind_speed_m_s !== null).map((name) => (
+        {OPTIONAL.filter(
+          (name) => !isGiven(name) && (name !== "wind_from_deg" || now.wind_speed_m_s !== null),
+        ).map((name) => (
           <Ticked key={name} name={name} label={words.fields[name]} />
         ))}
         {SEVERAL.map((name) => (

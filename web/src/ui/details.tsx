@@ -2,6 +2,8 @@ import type { Forecast } from "../api/documents";
 import { ArrivalChart } from "../charts/arrival";
 import { chanceAtAll, chanceOf, DOTS, equallyLikely } from "../model/arrival";
 import { PERCENT } from "../model/units";
+import { chargingPlan } from "../state/answer";
+import { source } from "../state/catalogue";
 import { shownForecast, arrived, driving } from "../state/drive";
 import { alternative, requested, mode } from "../state/forecast";
 import { format, text } from "../state/preferences";
@@ -54,13 +56,14 @@ function Arrival({ of, other }: { of: Forecast; other: Forecast | null }) {
 
 export function Details() {
   const now = shownForecast.value;
-  if (!now) return null;
+  if (!now || source.value === "distance") return null;
+  const hasArrival = !(driving.value && arrived.value) && !chargingPlan.value;
   const other = mode.value === "compare" ? alternative.value : null;
   return (
     <div class="details">
       {driving.value && <DriveCard />}
       <Causes of={now} other={other} />
-      {!(driving.value && arrived.value) && <Arrival of={now} other={other} />}
+      {hasArrival && <Arrival of={now} other={other} />}
     </div>
   );
 }

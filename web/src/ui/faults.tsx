@@ -1,9 +1,11 @@
 import type { Fault } from "../api/documents";
+import { placeText, said } from "../state/messages";
 import { text } from "../state/preferences";
+import { Said } from "./said";
 
 const MAX_LISTED = 6;
 
-/** Faults of an input; their texts are those of the service, in English. */
+/** Faults of an input, in the language of the page. */
 export function FaultList({ id, faults }: { id?: string; faults: Fault[] }) {
   if (faults.length === 0) return null;
   const { problems } = text.value;
@@ -11,11 +13,18 @@ export function FaultList({ id, faults }: { id?: string; faults: Fault[] }) {
     <ul class="faults" id={id}>
       {faults.slice(0, MAX_LISTED).map((fault) => (
         <li key={`${fault.where} ${fault.what}`}>
-          <strong lang="en">{fault.what}</strong>
-          {fault.where && problems.at(fault.where)}
-          {fault.got && `: ${fault.got}`}
-          {fault.allowed && problems.allowed(fault.allowed)}
-          {fault.fix && <span lang="en">{`. ${fault.fix}`}</span>}
+          <strong>
+            <Said of={fault.what} />
+          </strong>
+          {fault.where && problems.at(placeText(fault.where))}
+          {fault.got && `: ${said(fault.got).text}`}
+          {fault.allowed && problems.allowed(said(fault.allowed).text)}
+          {fault.fix && (
+            <>
+              {". "}
+              <Said of={fault.fix} />
+            </>
+          )}
         </li>
       ))}
       {faults.length > MAX_LISTED && <li>{problems.more(faults.length - MAX_LISTED)}</li>}

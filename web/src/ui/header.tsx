@@ -1,16 +1,13 @@
-import type { Vehicle } from "../api/documents";
+import { useState } from "preact/hooks";
 import { type System, unitsOf } from "../model/units";
-import { car, choices, chooseModel, chooseVehicle, DESCRIBED, vehicles } from "../state/car";
-import { faults } from "../state/forecast";
+import { car, choices, chooseModel } from "../state/car";
 import { openRoad } from "../state/live-drive";
-import { ownCars, useCar } from "../state/own-cars";
+import { ownCars } from "../state/own-cars";
 import { chosenLanguage, language, system, text, type Theme, theme } from "../state/preferences";
 import { type Language, LANGUAGES } from "../text";
-import { openCarDialog } from "./car-dialog";
+import { CarField } from "./car-field";
 import { Choice } from "./choice";
-import { FaultList } from "./faults";
 import { Icon } from "./icons";
-import { openOwnCars } from "./own-cars-dialog";
 
 const THEMES: [Theme, "system" | "sun" | "moon"][] = [
   ["system", "system"],
@@ -64,97 +61,26 @@ function LanguageChoice() {
   );
 }
 
-function Cars({ label, rows }: { label: string; rows: Vehicle[] }) {
-  if (rows.length === 0) return null;
-  return (
-    <optgroup label={label}>
-      {rows.map((row) => (
-        <option key={row.name} value={row.name}>
-          {row.title}
-        </option>
-      ))}
-    </optgroup>
-  );
-}
-
-/** Cars by maker, the first word of the title, in alphabetical order. */
-function byMaker(rows: Vehicle[]): [string, Vehicle[]][] {
-  const groups = new Map<string, Vehicle[]>();
-  for (const row of [...rows].sort((a, b) => a.title.localeCompare(b.title))) {
-    const [maker = ""] = row.title.split(" ");
-    groups.set(maker, [...(groups.get(maker) ?? []), row]);
-  }
-  return [...groups];
-}
-
-/** Fields of a request whose faults belong to the car. */
-const CAR_FIELDS = ["vehicle", "vehicle_figures", "consumption_kwh_per_100km", "model"];
-
-/** Value of the option that opens the form; no car has this name. */
-const FORM = "form";
-/** Value of the option that opens the cars of the service, and the start of the values of these cars. */
-const MANAGE = "own";
-const OWN = "own:";
-
-function CarSelect() {
-  const measured = vehicles.value.filter((row) => row.models.length > 0);
-  const others = vehicles.value.filter((row) => row.models.length === 0);
-  const wrong = CAR_FIELDS.flatMap((field) => faults.value.get(field) ?? []);
-  if (vehicles.value.length === 0) return null;
+/** Several models for one car: a choice for those who fitted them. */
+function ModelSelect() {
   const { header } = text.value;
-  const chosen = car.value?.own ? OWN + car.value.own : (car.value?.vehicle ?? "");
+  if (choices.value.length < 2 || car.value?.own) return null;
   return (
-    <div class="car">
-      <label>
-        <span class="unseen">{header.car}</span>
-        <select
-          value={chosen}
-          onChange={(event) => {
-            const { value } = event.currentTarget;
-            const own = ownCars.value?.find(({ name }) => OWN + name === value);
-            if (own) return useCar(own);
-            if (value !== FORM && value !== MANAGE) return chooseVehicle(value);
-            event.currentTarget.value = chosen;
-            if (value === FORM) openCarDialog();
-            else openOwnCars(car.value?.own);
-          }}
-        >
-          {car.value?.title && !car.value.own && <option value={DESCRIBED}>{car.value.title}</option>}
-          {ownCars.value && (
-            <optgroup label={text.value.ownCars.mine}>
-              {ownCars.value.map(({ name, label, title }) => (
-                <option key={name} value={OWN + name}>
-                  {label}: {title}
-                </option>
-              ))}
-              <option value={MANAGE}>{text.value.ownCars.manage}</option>
-            </optgroup>
-          )}
-          <option value={FORM}>{header.missing}</option>
-          <Cars label={header.trained} rows={measured} />
-          {byMaker(others).map(([maker, rows]) => (
-            <Cars key={maker} label={header.publishedOf(maker)} rows={rows} />
-          ))}
-        </select>
-      </label>
-      {choices.value.length > 1 && !car.value?.own && (
-        <label>
-          <span class="unseen">{header.model}</span>
-          <select value={car.value?.model ?? ""} onChange={(event) => chooseModel(event.currentTarget.value)}>
-            {choices.value.map((row) => (
-              <option key={row.name} value={row.name}>
-                {header.modelOption(row.name, row.model.trips)}
-              </option>
-            ))}
-          </select>
-        </label>
-      )}
-      <FaultList faults={wrong} />
-    </div>
+    <label class="model">
+      <span class="unseen">{header.model}</span>
+      <select value={car.value?.model ?? ""} onChange={(event) => chooseModel(event.currentTarget.value)}>
+        {choices.value.map((row) => (
+          <option key={row.name} value={row.name}>
+            {header.modelOption(row.name, row.model.trips)}
+          </option>
+        ))}
+      </select>
+    </label>
   );
 }
 
 export function Header() {
+  const [isOpen, setOpen] = useState(false);
   return (
     <header class="top">
       <div class="wordmark">
@@ -165,7 +91,8 @@ export function Header() {
         {/* eslint-disable-next-line page/text -- a name */}
         <h1>tripwatt</h1>
       </div>
-      <CarSelect />
+      <CarField />
+      <ModelSelect />
       <div class="tools">
         {ownCars.value && (
           <button
@@ -178,20 +105,31 @@ export function Header() {
             <Icon name="wheel" />
           </button>
         )}
-        <Choice
-          label={text.value.header.units}
-          class="small"
-          value={system.value}
-          options={SYSTEMS.map((name) => {
-            const { distance, temperature } = unitsOf(name);
-            return [name, `${distance.unit}\u00a0${temperature.unit}`] as const;
-          })}
-          onChoose={(value) => {
-            system.value = value;
-          }}
-        />
-        <LanguageChoice />
-        <ThemeButton />
+        <button
+          type="button"
+          class="quiet gear"
+          aria-label={text.value.header.settings}
+          aria-expanded={isOpen}
+          onClick={() => setOpen(!isOpen)}
+        >
+          <Icon name="gear" />
+        </button>
+        <div class={`settings${isOpen ? " open" : ""}`}>
+          <Choice
+            label={text.value.header.units}
+            class="small"
+            value={system.value}
+            options={SYSTEMS.map((name) => {
+              const { distance, temperature } = unitsOf(name);
+              return [name, `${distance.unit}\u00a0${temperature.unit}`] as const;
+            })}
+            onChoose={(value) => {
+              system.value = value;
+            }}
+          />
+          <LanguageChoice />
+          <ThemeButton />
+        </div>
       </div>
     </header>
   );

@@ -1,12 +1,17 @@
-import type { Journey } from "../api/documents";
+import type { ChargingPlan, Journey, Stop } from "../api/documents";
 import { chanceOf } from "../model/arrival";
-import { PERCENT } from "../model/units";
-import { chooseRoad, leaving, leavingIsOld, requested } from "../state/forecast";
-import { answersAreOld, chosenRoad, journey } from "../state/journey";
+import { ENERGY, PERCENT, POWER } from "../model/units";
+import { chargingPlan, clock } from "../state/answer";
+import { chooseRoad, requested } from "../state/forecast";
+import { answersAreOld, chargingPlans, chosenCharging, chosenRoad, journey } from "../state/journey";
 import { format, text, units } from "../state/preferences";
 import { trip } from "../state/trip";
 import { Choice } from "./choice";
-import { chanceInFigures } from "./wording";
+import { chanceInFigures, clockText } from "./wording";
+
+/** Smaller differences between roads are none. */
+const MIN_SHOWN_S = 30;
+const MIN_SHOWN_WH = 10;
 
 /** What a road is, such as "fastest"; a number where the service gives no label. */
 function labelOf({ roads }: Journey, index: number): string {
@@ -16,18 +21,38 @@ function labelOf({ roads }: Journey, index: number): string {
   return labels.join(", ") || words.road(index + 1);
 }
 
-/** The roads of a journey to choose from, with time, distance and charge on arrival of each. */
-function Roads({ of }: { of: Journey }) {
+/** Time and energy, or how they differ from those of the first one. */
+function figuresText(times: readonly number[], energies: readonly number[], index: number): string {
   const { duration, shown } = format.value;
-  if (of.roads.length < 2) return null;
+  const { journey: words } = text.value;
+  const [s0 = 0, s = 0] = [times[0], times[index]];
+  const [wh0 = 0, wh = 0] = [energies[0], energies[index]];
+  if (index === 0) return `${duration(s)} · ${shown(wh, ENERGY)}`;
+  const parts = [
+    Math.abs(s - s0) < MIN_SHOWN_S
+      ? words.sameTime
+      : words[s > s0 ? "longer" : "shorter"](duration(Math.abs(s - s0))),
+    Math.abs(wh - wh0) < MIN_SHOWN_WH
+      ? words.sameEnergy
+      : words[wh > wh0 ? "moreEnergy" : "lessEnergy"](shown(Math.abs(wh - wh0), ENERGY)),
+  ];
+  return parts.join(" · ");
+}
+
+/** The roads of a journey to choose from: the first with its time and energy, the others with what differs. */
+function Roads({ of }: { of: Journey }) {
+  const { shown } = format.value;
+  const times = of.roads.map(({ forecast }) => forecast.series.time_s.at(-1) as number);
+  const energies = of.roads.map(({ forecast }) => forecast.energy_wh);
   const options = of.roads.map(({ distance_m, forecast }, k) => {
-    const time = forecast.series.time_s.at(-1) as number;
     const chance = chanceOf(forecast, requested.value.at.reserve);
-    const detail = `${duration(time)} · ${shown(distance_m, units.value.distance)} · ${shown(forecast.soc_arrival, PERCENT)}`;
     return [
       String(k),
       <>
-        <b>{labelOf(of, k)}</b> <small>{detail}</small>
+        <b>{labelOf(of, k)}</b>
+        <small>
+          {figuresText(times, energies, k)} · {shown(distance_m, units.value.distance)}
+        </small>
         {chance !== null && <small class="unseen">{chanceInFigures(chance)}</small>}
       </>,
     ] as const;
@@ -43,48 +68,103 @@ function Roads({ of }: { of: Journey }) {
   );
 }
 
-/** The charge to leave with in words; rounded up. */
-function leaveText(needed: number): string {
-  const { shown } = format.value;
+/** Other plans of charging stops. */
+function Plans({ plans }: { plans: ChargingPlan[] }) {
   const { journey: words } = text.value;
-  const upwards = (soc: number) => shown(Math.ceil(soc * 100 - 1e-6) / 100, PERCENT);
-  if (needed > 1) return words.notEnough(upwards(needed - 1));
-  return needed > 0 ? words.leaveWith(upwards(needed)) : words.anyCharge;
-}
-
-/** The charge to leave with on a trip that is no journey. */
-export function LeaveAnswer() {
-  const leave = leaving.value;
-  if (!leave || trip.value?.stops) return null;
+  const names: Record<string, string> = words.plans;
+  const times = plans.map(({ duration_s }) => duration_s);
+  const energies = plans.map(({ energy_wh }) => energy_wh);
+  const options = plans.map(
+    ({ label, stops }, k) =>
+      [
+        String(k),
+        <>
+          <b>{names[label] ?? label}</b>
+          <small>
+            {words.stops(stops.length)} · {figuresText(times, energies, k)}
+          </small>
+        </>,
+      ] as const,
+  );
   return (
-    <div class={`journey-answer${leavingIsOld.value ? " old" : ""}`} aria-busy={leavingIsOld.value}>
-      <p>{leaveText(leave.soc_needed)}</p>
-    </div>
+    <Choice
+      label={words.chargingPlans}
+      class="roads"
+      value={String(chosenCharging.value)}
+      options={options}
+      onChoose={(plan) => {
+        chosenCharging.value = Number(plan);
+      }}
+    />
   );
 }
 
-/** What a driver asks of a journey. */
-export function JourneyAnswer() {
-  const answer = journey.value;
-  if (!answer || !trip.value?.stops) return null;
-  const { shown, span } = format.value;
-  const { journey: words } = text.value;
-  const { charging: stop, soc_needed: needed, motorway_speed_m_s: speed } = answer;
+function StopRow({ of }: { of: Stop }) {
+  const { journey: words, result } = text.value;
+  const { figure, shown, span } = format.value;
+  const { station, soc_interval: interval, if_full: full } = of;
+  const at = clock.value;
+  const [low = 0, high = 0] = interval;
+  const range = result.range(figure(PERCENT.from(low), 0), figure(PERCENT.from(high), 0));
+  const power = station.power_w > 0 ? ` · ${shown(station.power_w, POWER)}` : "";
+  const after = at && new Date(at.leaves.getTime() + of.arrives_after_s * 1000);
   return (
-    <div class={`journey-answer${answersAreOld.value ? " old" : ""}`} aria-busy={answersAreOld.value}>
-      <p>{leaveText(needed)}</p>
-      {speed !== null && <p>{words.atMost(shown(speed, units.value.speed, 0))}</p>}
-      {stop && (
-        <p>
-          {words.charge(
-            stop.station.name || words.station,
-            span(stop.charging_s),
-            shown(stop.soc_arrival, PERCENT),
-            shown(stop.soc_leave, PERCENT),
-          )}
-        </p>
+    <li>
+      <h4>
+        {station.name || words.station}
+        <span class="figures">
+          {power}
+          {` · ${shown(of.position_m, units.value.distance, 0)}`}
+          {after && ` · ${clockText(after, at.leaves)}`}
+        </span>
+      </h4>
+      <p>
+        <b>
+          {words.chargeFor(shown(of.soc_arrival, PERCENT), shown(of.soc_leave, PERCENT), span(of.charging_s))}
+        </b>{" "}
+        <span class="figures">
+          {words.arriveThere(`${range}\u00a0%`)} · {words.reached(chanceInFigures(of.p_reach))}
+          {of.preheat && ` · ${words.preheat}`}
+        </span>
+      </p>
+      <p class="note">
+        {full
+          ? words.ifFull(
+              full.station.name || words.station,
+              shown(full.soc_arrival, PERCENT),
+              full.more_s < MIN_SHOWN_S ? words.sameTime : words.longer(span(full.more_s)),
+              chanceInFigures(full.p_reach),
+            )
+          : words.noneIfFull}
+      </p>
+    </li>
+  );
+}
+
+/** What there is to choose of a journey: its charging stops, or its roads. */
+export function JourneyAnswer() {
+  const of = journey.value;
+  if (!of || !trip.value?.stops) return null;
+  const plan = chargingPlan.value;
+  const plans = chargingPlans.value;
+  const { journey: words } = text.value;
+  if (plans.length === 0 && of.roads.length < 2) return null;
+  return (
+    <section
+      class={`card choices${answersAreOld.value ? " old" : ""}`}
+      aria-labelledby="choices-title"
+      aria-busy={answersAreOld.value}
+    >
+      <h2 id="choices-title">{plans.length > 0 ? words.chargingStops : words.roads}</h2>
+      {plans.length > 1 && <Plans plans={plans} />}
+      {plan && (
+        <ol class="stops">
+          {plan.stops.map((stop) => (
+            <StopRow key={stop.position_m} of={stop} />
+          ))}
+        </ol>
       )}
-      <Roads of={answer} />
-    </div>
+      {plans.length === 0 && <Roads of={of} />}
+    </section>
   );
 }

@@ -5,20 +5,27 @@ import type { Place } from "../api/documents";
 import { placeCalled } from "../model/places";
 import { readCoordinates } from "../model/road";
 import { chooseJourney } from "../state/catalogue";
-import { faults, forgetStop, reportProblem, STOP_FIELDS } from "../state/forecast";
+import { faults, forgetStop, MOST_STOPS, reportProblem, stopField } from "../state/forecast";
 import {
   answersAreOld,
   type End,
-  ends,
+  type Field,
+  isExample,
+  isRound,
   journey,
   map,
   nextEnd,
   placeAt,
-  setEnd,
+  placeOf,
+  placesOfJourney,
+  setPlace,
+  vias,
   wantsFit,
 } from "../state/journey";
+import { osmKind } from "../state/messages";
 import { text } from "../state/preferences";
 import { FaultList } from "./faults";
+import { Icon } from "./icons";
 
 const PAUSE_MS = 120;
 // eslint-disable-next-line page/text -- names of keys
@@ -31,27 +38,33 @@ async function placesFor(words: string, signal: AbortSignal): Promise<Place[]> {
   return words.trim() && map.value?.places ? findPlaces(words, signal) : [];
 }
 
-const ENDS: End[] = ["from", "to"];
-/** What is written in the fields, and what of it no place is called. */
-const typed = signal<Record<End, string>>({ from: "", to: "" });
-const unknown = signal<Record<End, string>>({ from: "", to: "" });
-/** Places to choose from. */
-const suggested = signal<Record<End, Place[]>>({ from: [], to: [] });
+type ByField<T> = Partial<Record<Field, T>>;
 
-function suggest(end: End, places: Place[]): void {
+/** What is written in the fields, and what of it no place is called. */
+const typed = signal<ByField<string>>({});
+const unknown = signal<ByField<string>>({});
+/** Places to choose from. */
+const suggested = signal<ByField<Place[]>>({});
+
+/** The fields in the order of the journey. */
+function fieldsOfForm(): Field[] {
+  return ["from", ...vias.value.map((_, k): Field => `via${k}`), "to"];
+}
+
+function suggest(end: Field, places: Place[]): void {
   suggested.value = { ...suggested.value, [end]: places };
 }
 
-function write(end: End, words: string): void {
+function write(end: Field, words: string): void {
   typed.value = { ...typed.value, [end]: words };
   unknown.value = { ...unknown.value, [end]: "" };
-  forgetStop(ENDS.indexOf(end));
+  forgetStop(fieldsOfForm().indexOf(end));
 }
 
 /** Take the place whose whole name is written where none was taken; ask back where there is none, or several. */
-async function resolve(end: End): Promise<void> {
-  const words = typed.value[end].trim();
-  if (ends.value[end] || !words) return;
+async function resolve(end: Field): Promise<void> {
+  const words = (typed.value[end] ?? "").trim();
+  if (placeOf(end) || !words) return;
   const places = await placesFor(words, new AbortController().signal);
   const meant = readCoordinates(words) ? places[0] : placeCalled(words, places);
   if (!meant) {
@@ -61,37 +74,45 @@ async function resolve(end: End): Promise<void> {
   }
   batch(() => {
     write(end, meant.name);
-    setEnd(end, meant);
+    setPlace(end, meant);
   });
 }
 
 /** What a place is, in words. */
 function kindOf({ kind }: Place): string {
   const kinds: Record<string, string> = text.value.journey.kinds;
-  return kinds[kind] ?? kind.replaceAll("_", " ");
+  return kinds[kind] ?? osmKind(kind);
+}
+
+/** What tells places of one name apart, such as the town of a street. */
+function contextOf(place: Place): string {
+  const { context } = place as Place & { context?: string };
+  return context ?? "";
 }
 
 async function plan(): Promise<void> {
   try {
-    await Promise.all(ENDS.map(resolve));
+    await Promise.all(fieldsOfForm().map(resolve));
   } catch (error) {
     return reportProblem(error);
   }
-  if (!ends.value.from || !ends.value.to) return;
+  if (!placesOfJourney()) return;
+  isExample.value = false;
   wantsFit.value = true;
   journey.value = null;
   chooseJourney();
 }
 
 /** A field that suggests places while one types: arrow keys move, Enter takes, Escape closes. */
-function PlaceField({ label, end }: { label: string; end: End }) {
+function PlaceField({ label, end, onRemove }: { label: string; end: Field; onRemove?: () => void }) {
   const id = useId();
-  const chosen = ends.value[end];
-  const places = suggested.value[end];
+  const chosen = placeOf(end);
+  const places = suggested.value[end] ?? [];
+  const lacks = unknown.value[end] ?? "";
   const setFound = (places: Place[]) => {
     suggest(end, places);
   };
-  const wrong = faults.value.get(STOP_FIELDS[end]) ?? [];
+  const wrong = faults.value.get(stopField(fieldsOfForm().indexOf(end))) ?? [];
   const [active, setActive] = useState(0);
   const pending = useRef<{ timer: number; request: AbortController } | null>(null);
   const open = places.length > 0;
@@ -100,7 +121,7 @@ function PlaceField({ label, end }: { label: string; end: End }) {
   const take = (place: Place) => {
     write(end, place.name);
     setFound([]);
-    setEnd(end, place);
+    setPlace(end, place);
   };
   /** Ask no more: what arrives late would open the list of a field that was left. */
   const forget = () => {
@@ -109,11 +130,11 @@ function PlaceField({ label, end }: { label: string; end: End }) {
   };
   const type = (now: string) => {
     write(end, now);
-    if (ends.value[end]) {
-      setEnd(end, null);
+    if (placeOf(end)) {
+      setPlace(end, null);
       answersAreOld.value = journey.value !== null;
     }
-    nextEnd.value = end;
+    if (isEnd(end)) nextEnd.value = end;
     forget();
     const request = new AbortController();
     const ask = async () => {
@@ -140,8 +161,19 @@ function PlaceField({ label, end }: { label: string; end: End }) {
     event.preventDefault();
   };
   return (
-    <div class={`place place-${end}`}>
+    <div class={`place ${onRemove ? "place-via" : `place-${end}`}`}>
       <label for={id}>{label}</label>
+      {onRemove && (
+        <button
+          type="button"
+          class="quiet"
+          aria-label={words.removeVia(label)}
+          title={words.removeVia(label)}
+          onClick={onRemove}
+        >
+          <Icon name="close" />
+        </button>
+      )}
       <input
         id={id}
         role="combobox"
@@ -151,13 +183,15 @@ function PlaceField({ label, end }: { label: string; end: End }) {
         aria-controls={`${id}-list`}
         aria-autocomplete="list"
         aria-activedescendant={open ? `${id}-${active}` : undefined}
-        aria-invalid={unknown.value[end] !== "" || wrong.length > 0}
-        value={chosen?.name ?? typed.value[end]}
+        aria-invalid={lacks !== "" || wrong.length > 0}
+        value={chosen?.name ?? typed.value[end] ?? ""}
         placeholder={map.value?.places ? words.hint : words.hintCoordinates}
         onInput={(event) => type(event.currentTarget.value)}
         onKeyDown={press}
-        onFocus={() => {
-          nextEnd.value = end;
+        onFocus={(event) => {
+          // what is typed replaces the place that is there
+          if (chosen) event.currentTarget.select();
+          if (isEnd(end)) nextEnd.value = end;
         }}
         onBlur={() => {
           forget();
@@ -165,9 +199,9 @@ function PlaceField({ label, end }: { label: string; end: End }) {
         }}
       />
       <p class="faults" role="status">
-        {unknown.value[end] && words.unknown(unknown.value[end])}
-        {unknown.value[end] && open && ` ${words.choose}`}
-        {!unknown.value[end] && chosen?.kind && <span class="kind">{kindOf(chosen)}</span>}
+        {lacks && words.unknown(lacks)}
+        {lacks && open && ` ${words.choose}`}
+        {!lacks && chosen?.kind && <span class="kind">{kindOf(chosen)}</span>}
       </p>
       <FaultList faults={wrong} />
       <ul id={`${id}-list`} role="listbox" aria-label={label} hidden={!open}>
@@ -183,6 +217,7 @@ function PlaceField({ label, end }: { label: string; end: End }) {
             }}
           >
             {place.name}
+            {contextOf(place) && <span class="kind">{`, ${contextOf(place)}`}</span>}
             {place.kind && <span class="kind">{` · ${kindOf(place)}`}</span>}
           </li>
         ))}
@@ -191,10 +226,33 @@ function PlaceField({ label, end }: { label: string; end: End }) {
   );
 }
 
-/** From and To; a service without a map has none. */
+function isEnd(field: Field): field is End {
+  return field === "from" || field === "to";
+}
+
+/** Take a place on the way out, with what is written in the fields after it. */
+function removeVia(at: number): void {
+  const without = <T,>(all: ByField<T>): ByField<T> => {
+    const next: ByField<T> = {};
+    for (const [name, value] of Object.entries(all) as [Field, T][]) {
+      const k = isEnd(name) ? -1 : Number(name.slice(3));
+      const moved: Field = k > at ? `via${k - 1}` : name;
+      if (k !== at) next[moved] = value;
+    }
+    return next;
+  };
+  batch(() => {
+    typed.value = without(typed.value);
+    unknown.value = without(unknown.value);
+    suggested.value = {};
+    vias.value = vias.value.filter((_, k) => k !== at);
+  });
+}
+
+/** From and To, with places on the way and the way back; a service without a map has none. */
 export function JourneyForm() {
   const { journey: words } = text.value;
-  const isEmpty = ENDS.some((end) => !ends.value[end] && !typed.value[end].trim());
+  const isEmpty = fieldsOfForm().some((field) => !placeOf(field) && !typed.value[field]?.trim());
   return (
     <form
       class="journey"
@@ -204,7 +262,34 @@ export function JourneyForm() {
       }}
     >
       <PlaceField label={words.from} end="from" />
+      {vias.value.map((_, k) => (
+        <PlaceField key={k} label={words.via(k + 1)} end={`via${k}`} onRemove={() => removeVia(k)} />
+      ))}
       <PlaceField label={words.to} end="to" />
+      <div class="inline">
+        <label class="tick">
+          <input
+            type="checkbox"
+            checked={isRound.value}
+            onChange={(event) => {
+              isRound.value = event.currentTarget.checked;
+              chooseJourney();
+            }}
+          />
+          {words.andBack}
+        </label>
+        {vias.value.length < MOST_STOPS - 2 && (
+          <button
+            type="button"
+            class="link"
+            onClick={() => {
+              vias.value = [...vias.value, null];
+            }}
+          >
+            {words.addVia}
+          </button>
+        )}
+      </div>
       <button type="submit" class="primary" disabled={isEmpty}>
         {words.plan}
       </button>

@@ -25,6 +25,7 @@ import { trip } from "../state/trip";
 import { Icon } from "./icons";
 import { openOwnCars } from "./own-cars-dialog";
 import { chanceInFigures, tripTitle } from "./wording";
+import { Said } from "./said";
 
 /** A car that sent nothing for so long may have lost its connection [s]. */
 const OLD_S = 120;
@@ -137,7 +138,7 @@ function Car({ of }: { of: LiveCar }) {
       {of.plan === "usual" && <p class="note">{words.usual}</p>}
       {of.faults.length > 0 && (
         <p class="faults">
-          {words.notIn} <span lang="en">{of.faults.map(({ what }) => what).join("; ")}</span>
+          {words.notIn} <Said of={of.faults.map(({ what }) => what).join("; ")} />
         </p>
       )}
     </>

@@ -3,20 +3,32 @@ import { useEffect, useRef } from "preact/hooks";
 import { tilesUrl, tokenHeaders, viewMap } from "../api/client";
 import type { Journey, MapView, Road, Station } from "../api/documents";
 import type { Feature, MapPalette, RoadMap, StationMark } from "../map/road-map";
-import { boundsOf, type Bounds, distanceNear, piecesOf, type Point, pointAt, pointsOf } from "../model/road";
+import {
+  boundsOf,
+  type Bounds,
+  distanceNear,
+  piecesOf,
+  type Point,
+  pointAlong,
+  pointAt,
+  pointsOf,
+} from "../model/road";
 import { POWER } from "../model/units";
-import { source, moveEnd } from "../state/catalogue";
+import { beginAt, source, moveEnd } from "../state/catalogue";
+import { chargingPlan } from "../state/answer";
 import { chooseRoad } from "../state/forecast";
 import {
   chosenRoad,
   type End,
   ends,
+  isExample,
   isFindingReach,
   journey,
   map,
   nextEnd,
   placeAt,
   wantsFit,
+  wantsReachFit,
   reach,
   wantsReach,
 } from "../state/journey";
@@ -69,14 +81,25 @@ function chosenOf(of: Journey | null): Road | null {
   return of?.roads[chosenRoad.value] ?? of?.roads[0] ?? null;
 }
 
-function stationFeatures(known: readonly Station[], chosen: Station | undefined): Feature[] {
-  return [...known, ...(chosen ? [chosen] : [])].map((station) =>
+/** Charging stations, and those of the plan with their order. */
+function stationFeatures(known: readonly Station[], stops: readonly Station[]): Feature[] {
+  const placed = (station: Station, properties: object) =>
     pointOf([station.longitude_deg, station.latitude_deg], {
       name: station.name,
       power_w: station.power_w,
-      chosen: station === chosen,
-    }),
-  );
+      ...properties,
+    });
+  const numbers = new Map<string, [Station, number[]]>();
+  for (const [k, station] of stops.entries()) {
+    const at = `${station.longitude_deg} ${station.latitude_deg}`; // a way back may stop where the way out does
+    numbers.set(at, [station, [...(numbers.get(at)?.[1] ?? []), k + 1]]);
+  }
+  return [
+    ...known
+      .filter(({ longitude_deg, latitude_deg }) => !numbers.has(`${longitude_deg} ${latitude_deg}`))
+      .map((station) => placed(station, { chosen: false, order: "" })),
+    ...[...numbers.values()].map(([station, at]) => placed(station, { chosen: true, order: at.join("+") })),
+  ];
 }
 
 /** Of the journey on the page; null where another trip is shown. */
@@ -136,7 +159,8 @@ function MapCanvas({
           label: text.value.map.label,
           handlers: {
             onClick: ([longitude, latitude]) => {
-              if (nextEnd.value) moveEnd(nextEnd.value, placeAt(longitude, latitude));
+              if (isExample.value) beginAt(placeAt(longitude, latitude));
+              else if (nextEnd.value) moveEnd(nextEnd.value, placeAt(longitude, latitude));
             },
             onDrag: (end, [longitude, latitude], done) => moveEnd(end, placeAt(longitude, latitude), !done),
             onRoad: (at) => {
@@ -174,20 +198,18 @@ function MapCanvas({
   useSignalEffect(() => {
     const now = shownJourney();
     const road = chosenOf(now);
-    made.value?.setData(
-      "roads",
-      road ? piecesOf(road).map(({ level, line }) => lineOf(line, { level })) : [],
-    );
+    const plan = chargingPlan.value;
+    const pieces = road ? piecesOf(road).map(({ level, line }) => lineOf(line, { level })) : [];
+    made.value?.setData("roads", plan ? [lineOf(pointsOf(plan), { level: "usual" })] : pieces);
     const others = (now?.roads ?? []).map((other, k) => lineOf(pointsOf(other), { road: k }));
-    made.value?.setData(
-      "others",
-      others.filter((_, k) => now?.roads[k] !== road),
-    );
+    made.value?.setData("others", plan ? [] : others.filter((_, k) => now?.roads[k] !== road));
   });
   useSignalEffect(() => {
     const road = chosenOf(shownJourney());
     const at = positionM.value;
-    made.value?.setData("dot", road && at !== null ? [pointOf(pointAt(road, at))] : []);
+    const plan = chargingPlan.value;
+    const point = plan ? pointAlong(plan.line, at ?? 0) : road && pointAt(road, at ?? 0);
+    made.value?.setData("dot", point && at !== null ? [pointOf(point)] : []);
   });
   useSignalEffect(() => {
     const areas = reach.value?.areas ?? [];
@@ -206,18 +228,21 @@ function MapCanvas({
     );
   });
   useSignalEffect(() => {
-    const stop = shownJourney()?.charging?.station;
-    made.value?.setData("stations", stationFeatures(view.value?.stations ?? [], stop));
+    const stops = (chargingPlan.value?.stops ?? []).map(({ station }) => station);
+    made.value?.setData("stations", stationFeatures(view.value?.stations ?? [], stops));
   });
   useSignalEffect(() => {
     const now = shownJourney();
     if (!now || !made.value || !wantsFit.value) return;
-    made.value.fit(boundsOf(now.roads.flatMap(pointsOf)));
+    const plans = chargingPlan.value ? [chargingPlan.value] : now.roads;
+    made.value.fit(boundsOf(plans.flatMap(pointsOf)));
     wantsFit.value = false;
   });
   useSignalEffect(() => {
     const points = (reach.value?.areas ?? []).flatMap(({ polygon }) => polygon.coordinates.flat());
-    if (points.length > 0) made.value?.fit(boundsOf(points as Point[]));
+    if (points.length === 0 || !made.value || !wantsReachFit.value) return;
+    made.value.fit(boundsOf(points as Point[]));
+    wantsReachFit.value = false;
   });
 
   const { map: words } = text.value;
@@ -242,6 +267,7 @@ function hint(station: StationMark | null): string {
   if (station) {
     return `${station.name || others.station} · ${format.value.shown(station.power_w, POWER)}`;
   }
+  if (isExample.value) return words.replaceExample;
   if (nextEnd.value) return nextEnd.value === "from" ? words.clickFrom : words.clickTo;
   return words.drag;
 }
@@ -278,7 +304,7 @@ export function MapCard() {
             checked={wantsReach.value}
             disabled={!ends.value.from}
             onChange={(event) => {
-              wantsReach.value = event.currentTarget.checked;
+              wantsReach.value = wantsReachFit.value = event.currentTarget.checked;
             }}
           />
           {isFindingReach.value ? words.reachRunning : words.reach}
@@ -289,7 +315,7 @@ export function MapCard() {
             {reach.value.map_ends && ` ${words.mapEnds}`}
           </p>
         )}
-        {shownJourney() && (
+        {shownJourney() && !chargingPlan.value && (
           <ul class="legend" aria-hidden="true">
             <li class="key-low">{others.low}</li>
             <li class="key-usual">{others.usual}</li>

@@ -6,6 +6,7 @@ import { format, text, units } from "../state/preferences";
 import { DataTable } from "./data-table";
 import { FaultList } from "./faults";
 import { temperaturesText } from "./wording";
+import { said } from "../state/messages";
 
 /** Factors below this share of their standard deviation are not shown by the trips. */
 const LEAST_SHOWN = 0.5;
@@ -261,7 +262,10 @@ function Progress({ of }: { of: OwnCar }) {
     <p class="note" role="status">
       {words.learnedNow(learning.entries ?? 0, learning.known ?? 0)}
       {learning.left_out.length > 0 && (
-        <span lang="en"> {words.leftOut(format.value.list(learning.left_out.slice(0, 5)))}</span>
+        <span>
+          {" "}
+          {words.leftOut(format.value.list(learning.left_out.slice(0, 5).map((why) => said(why).text)))}
+        </span>
       )}
     </p>
   );

@@ -13,24 +13,29 @@ import {
   useAgain,
 } from "../state/own-logs";
 import { format, text } from "../state/preferences";
+import { placeText, said } from "../state/messages";
+import { Said } from "./said";
 
 /** So many files are listed without being asked for. */
 const FEW = 10;
 const WITHOUT_BUTTON = ["waiting", "sending", "sent"];
 
-/** Why a file is not used, or not as a whole, in the words of the service. */
+/** Why a file is not used, or not as a whole. */
 function Why({ of, faults }: { of: string; faults: Fault[] }) {
   const [first] = faults;
   if (!first) return null;
   const where = first.where.replace(of, "").trim();
-  const parts = [first.what, where, first.got].filter((part) => part);
+  const parts = [said(first.what).text, placeText(where), said(first.got ?? "").text].filter((part) => part);
   return (
-    <span class="why" lang="en">
+    <span class="why">
       {parts.join(": ")}
-      {first.fix && `. ${first.fix}`}
-      {faults.length > 1 && (
-        <span lang={format.value.locale}> {text.value.problems.more(faults.length - 1)}</span>
+      {first.fix && (
+        <>
+          {". "}
+          <Said of={first.fix} />
+        </>
       )}
+      {faults.length > 1 && ` ${text.value.problems.more(faults.length - 1)}`}
     </span>
   );
 }

@@ -7,6 +7,7 @@ import { format, text } from "../state/preferences";
 import { LOGGERS } from "../text/loggers";
 import { DataTable } from "./data-table";
 import { Select } from "./select";
+import { Said } from "./said";
 
 /** Columns that no forecast can be learned without. */
 const NEEDED = ["time_s", "speed_m_s"];
@@ -77,9 +78,7 @@ function MappingRow({ of, kind, units }: { of: string; kind: KindReading; units:
           </select>
         )}
       </td>
-      <td class="why" lang="en">
-        {now?.why}
-      </td>
+      <td class="why">{now && <Said of={now.why} />}</td>
     </tr>
   );
 }

@@ -10,6 +10,7 @@ import { FileDrop } from "./file-drop";
 import { OwnCarFiles } from "./own-car-files";
 import { OwnCarKinds } from "./own-car-kinds";
 import { temperaturesText } from "./wording";
+import { Said } from "./said";
 
 /** So many reasons are told at once. */
 const MOST_REASONS = 8;
@@ -17,19 +18,21 @@ const MOST_REASONS = 8;
 type Preview = NonNullable<LogsReading["preview"]>;
 type Reason = Alike & { consequence?: Preview["findings"][number]["consequence"] };
 
-/** What costs distance, or is noted, in the words of the service. */
+/** What costs distance, or is noted. */
 function Reasons({ of }: { of: Reason[] }) {
   const { ownCars: words } = text.value;
   return (
     <ul class="findings">
       {of.map(({ what, count, places, example, consequence }) => (
         <li key={`${consequence} ${example}`}>
-          <strong lang="en">{what}</strong>:{" "}
-          {consequence ? words.inDrives(count, places) : words.inFiles(count, places)}
+          <strong>
+            <Said of={what} />
+          </strong>
+          : {consequence ? words.inDrives(count, places) : words.inFiles(count, places)}
           {consequence && <span class="consequence"> {words.consequences[consequence]}</span>}
-          <span class="note" lang="en">
+          <span class="note">
             {" "}
-            {example.replace(`${what}: `, "")}
+            <Said of={example.replace(`${what}: `, "")} />
           </span>
         </li>
       ))}

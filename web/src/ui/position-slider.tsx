@@ -1,27 +1,25 @@
 import { useId } from "preact/hooks";
-import type { Forecast } from "../api/documents";
+import type { Course } from "../api/documents";
 import { interpolate } from "../model/interpolate";
 import { PERCENT } from "../model/units";
+import { chargingPlan, course } from "../state/answer";
 import { driving, durationS, shownProfile, seek, timeS } from "../state/drive";
 import { lengthM, selectedM, positionM } from "../state/position";
 import { format, text, units } from "../state/preferences";
 
 const STEPS = 200;
 
-function readout(of: Forecast, atM: number): string {
-  const { series } = of;
+function readout(of: Course, atM: number): string {
   const { distance, speed, height } = units.value;
   const { duration, figure, shown } = format.value;
   const { result } = text.value;
-  const at = (column: number[]) => interpolate(atM, series.distance_m, column);
-  const [low, high] = [series.displayed_soc_low, series.displayed_soc_high].map((edge) =>
-    figure(PERCENT.from(at(edge)), 0),
-  ) as [string, string];
+  const at = (column: number[]) => interpolate(atM, of.position_m, column);
+  const [low, high] = [of.low, of.high].map((edge) => figure(PERCENT.from(at(edge)), 0)) as [string, string];
   const parts = [
-    `${shown(atM, distance)}, ${duration(at(series.time_s))}`,
-    result.readoutBattery(shown(at(series.displayed_soc), PERCENT), low, high),
+    `${shown(atM, distance)}, ${duration(at(of.time_s))}`,
+    result.readoutBattery(shown(at(of.displayed_soc), PERCENT), low, high),
   ];
-  const now = shownProfile.value;
+  const now = chargingPlan.value ? null : shownProfile.value;
   if (now) {
     parts.push(shown(interpolate(atM, now.distanceM, now.speedMS), speed));
     if (now.elevationM) {
@@ -32,12 +30,13 @@ function readout(of: Forecast, atM: number): string {
 }
 
 /** Selects the position along the way by touch and keyboard; during a drive, it moves the car. */
-export function PositionSlider({ of }: { of: Forecast }) {
+export function PositionSlider() {
   const id = useId();
   const length = lengthM.value;
   const atM = positionM.value;
   const { result } = text.value;
-  const values = atM === null ? result.moveSlider : readout(of, atM);
+  const of = course.value;
+  const values = atM === null || !of ? result.moveSlider : readout(of, atM);
   const share = driving.value ? timeS.value / (durationS.value || 1) : (atM ?? 0) / (length || 1);
   return (
     <div class="position-slider">

@@ -21,7 +21,6 @@ const KM_H = 1 / 3.6;
 const SLIDERS: Partial<Record<SettingName, { limits?: [number, number]; step?: number }>> = {
   ambient_temperature_degc: { limits: [-25, 45] },
   cabin_setpoint_degc: { limits: [15, 28] },
-  soc: { limits: [0.05, 1] },
   payload_mass_kg: { limits: [0, 500], step: 10 },
   reserve: { limits: [0, 0.5] },
   motorwayMS: { limits: [80 * KM_H, 150 * KM_H], step: 5 },

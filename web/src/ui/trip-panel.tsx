@@ -10,7 +10,7 @@ import {
   uploaded,
 } from "../state/catalogue";
 import { faults } from "../state/forecast";
-import { map } from "../state/journey";
+import { isExample, map } from "../state/journey";
 import { format, text, units } from "../state/preferences";
 import { type Source, type Trip, trip } from "../state/trip";
 import { Choice } from "./choice";
@@ -21,6 +21,7 @@ import { JourneyForm } from "./journey-form";
 import { LinksForm } from "./links-form";
 import { NumberField } from "./number-field";
 import { exampleTitle, tripTitle } from "./wording";
+import { Said } from "./said";
 
 const MAX_BYTES = 4_000_000;
 const START_M_S = 50 / 3.6;
@@ -57,7 +58,7 @@ function Examples() {
 function kindText({ source, links }: Trip): string {
   const { trip } = text.value;
   if (source === "examples") return trip.synthetic;
-  if (source === "journey") return trip.plannedRoute;
+  if (source === "journey") return isExample.value ? trip.exampleOfMap : trip.plannedRoute;
   if (source === "distance") return trip.assumedRoute;
   return links ? trip.links(links.length) : trip.speedTrace;
 }
@@ -75,8 +76,9 @@ function Notes({ of }: { of: Trip }) {
   return (
     <>
       {notes.map(({ text: note, isRaw }) => (
-        <span key={note} {...(isRaw && { lang: "en" })}>
-          {` · ${note}`}
+        <span key={note}>
+          {" · "}
+          {isRaw ? <Said of={note} /> : note}
         </span>
       ))}
     </>

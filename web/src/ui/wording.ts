@@ -2,13 +2,19 @@
 
 import type { Forecast } from "../api/documents";
 import { arrivalBand, hundredthsOf } from "../model/arrival";
+import { daysBetween } from "../model/clock";
 import { PERCENT } from "../model/units";
 import { format, text, units } from "../state/preferences";
 import type { Trip } from "../state/trip";
 
 /** The central 90 % interval of the charge on arrival. */
 export function bandText(of: Forecast, digits = 0): string {
-  const [low, high] = arrivalBand(of).map((soc) => format.value.figure(PERCENT.from(soc), digits)) as [
+  return bandOf(arrivalBand(of), digits);
+}
+
+/** An interval of the charge. */
+export function bandOf(interval: readonly [number, number], digits = 0): string {
+  const [low, high] = interval.map((soc) => format.value.figure(PERCENT.from(soc), digits)) as [
     string,
     string,
   ];
@@ -40,5 +46,23 @@ export function exampleTitle(title: string): string {
 
 export function tripTitle(trip: Trip): string {
   if (trip.source === "examples") return exampleTitle(trip.title);
+  if (trip.distance) {
+    const { distanceM, kind } = trip.distance;
+    const far = format.value.shown(distanceM, units.value.distance, 0);
+    return `${far}, ${text.value.distanceForm.kinds[kind]}`;
+  }
   return trip.title || text.value.trip.plannedRoute;
+}
+
+/** A clock time; with its day where that is not the day of `from`. */
+export function clockText(time: Date, from: Date): string {
+  const { locale } = format.value;
+  const clock = new Intl.DateTimeFormat(locale, { hour: "numeric", minute: "2-digit" }).format(time);
+  const days = daysBetween(from, time);
+  if (days === 0) return clock;
+  const day =
+    days === 1 || days === -1
+      ? new Intl.RelativeTimeFormat(locale, { numeric: "auto" }).format(days, "day")
+      : new Intl.DateTimeFormat(locale, { weekday: "short", day: "numeric", month: "short" }).format(time);
+  return `${day} ${clock}`;
 }

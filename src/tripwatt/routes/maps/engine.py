@@ -30,6 +30,8 @@ PACKED: Final = "tiles.tar"
 
 FARTHEST_M: Final = 5_000_000.0
 LONGEST_CONTOUR_MIN: Final = 600
+SHOWN_FROM_ZOOM: Final = (4, 5, 6, 8, 10, 11, 12, 13)
+"""Zoom of the vector tiles from which roads are in them: by class, from motorways to service roads."""
 
 
 def valhalla_folder() -> Path | None:
@@ -83,6 +85,7 @@ def configuration(folder: Path) -> dict[str, Any]:
     limits = config["service_limits"]
     limits["isochrone"] |= {"max_time_contour": LONGEST_CONTOUR_MIN, "max_distance": FARTHEST_M}
     limits["trace"] |= {"max_distance": FARTHEST_M, "max_shape": 1_000_000}
+    config["loki"]["service_defaults"]["mvt_min_zoom_road_class"] = list(SHOWN_FROM_ZOOM)
     limits["skadi"] |= {"max_shape": 1_000_000, "min_resample": 10.0}
     return config
 

@@ -1,0 +1,58 @@
+/** What a driver asks of a whole trip, charging stops included: does it arrive, with what, when. */
+
+import type { ChargingPlan, Forecast } from "../api/documents";
+import { arrivalBand, chanceAtAll, chanceOf, type Verdict, verdictOf } from "./arrival";
+
+export interface Answer {
+  /** To arrive at all. */
+  pArrive: number;
+  /** To keep the reserve at every stop and at the end; null where the service has none for it. */
+  pReserve: number | null;
+  soc: number;
+  interval: readonly [number, number];
+  energyWh: number;
+  distanceM: number;
+  drivingS: number;
+  /** With the time to begin and to end each stop. */
+  chargingS: number;
+  charges: number;
+}
+
+export function answerOf(forecast: Forecast, reserve: number): Answer {
+  const { series } = forecast;
+  return {
+    pArrive: chanceAtAll(forecast),
+    pReserve: chanceOf(forecast, reserve),
+    soc: forecast.soc_arrival,
+    interval: arrivalBand(forecast),
+    energyWh: forecast.energy_wh,
+    distanceM: series.distance_m.at(-1) as number,
+    drivingS: series.time_s.at(-1) as number,
+    chargingS: 0,
+    charges: 0,
+  };
+}
+
+export function answerWithStops(plan: ChargingPlan): Answer {
+  const [low = 0, high = 0] = plan.soc_interval;
+  return {
+    pArrive: plan.p_arrive,
+    pReserve: plan.p_reserve,
+    soc: plan.soc_arrival,
+    interval: [low, high],
+    energyWh: plan.energy_wh,
+    distanceM: plan.course.position_m.at(-1) ?? 0,
+    drivingS: plan.driving_s,
+    chargingS: plan.charging_s,
+    charges: plan.stops.length,
+  };
+}
+
+/** With the reserve where that chance is known. */
+export function decisiveChance({ pReserve, pArrive }: Answer): number {
+  return pReserve ?? pArrive;
+}
+
+export function verdictOfAnswer(answer: Answer): Verdict {
+  return verdictOf(decisiveChance(answer));
+}

@@ -1,0 +1,63 @@
+/** A plan as the text of a link, and back. */
+
+import type { Figures, Place } from "../api/documents";
+
+/** Values that a link has of the conditions, by their names. */
+export type LinkValue = number | string | boolean | readonly string[] | null;
+
+/** Places as "Vaduz@47.14,9.52". */
+export function placeText({ name, latitude_deg, longitude_deg }: Place): string {
+  return `${name}@${latitude_deg.toFixed(6)},${longitude_deg.toFixed(6)}`;
+}
+
+export function placeFrom(text: string): Place | null {
+  const match = /^(.{0,200})@(-?\d{1,3}(?:\.\d+)?),(-?\d{1,3}(?:\.\d+)?)$/su.exec(text);
+  if (!match) return null;
+  const [latitude, longitude] = [Number(match[2]), Number(match[3])];
+  if (Math.abs(latitude) > 90 || Math.abs(longitude) > 180) return null;
+  const name = match[1] ?? "";
+  return { name, kind: "", latitude_deg: latitude, longitude_deg: longitude } as Place;
+}
+
+/** The conditions that differ from the usual ones. */
+export function changedText(
+  now: Record<string, LinkValue>,
+  usual: Record<string, LinkValue>,
+): [string, string][] {
+  return Object.entries(now)
+    .filter(([name, value]) => String(value) !== String(usual[name]) && value !== null)
+    .map(([name, value]) => [
+      name,
+      typeof value === "number" ? String(Number(value.toPrecision(8))) : String(value),
+    ]);
+}
+
+/** The usual conditions with those of a link; a value of another kind than its field has is left out. */
+export function changedFrom<T extends object>(
+  link: URLSearchParams,
+  usual: T,
+  kindOf: (name: string) => "number" | "string" | "boolean" | "list",
+): T {
+  const changed: Record<string, LinkValue> = {};
+  for (const name of Object.keys(usual)) {
+    const text = link.get(name);
+    if (text === null) continue;
+    const kind = kindOf(name);
+    if (kind === "number" && text !== "" && Number.isFinite(Number(text))) changed[name] = Number(text);
+    if (kind === "boolean") changed[name] = text === "true";
+    if (kind === "string") changed[name] = text;
+    if (kind === "list") changed[name] = text.split(",");
+  }
+  return { ...usual, ...changed };
+}
+
+/** Figures of a described car. */
+export function figuresFrom(text: string | null): Figures | null {
+  if (text === null) return null;
+  try {
+    const found: unknown = JSON.parse(text);
+    return typeof found === "object" ? (found as Figures | null) : null;
+  } catch {
+    return null;
+  }
+}

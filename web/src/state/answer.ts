@@ -1,0 +1,58 @@
+/** What is shown of the trip as a whole: of its road, or of its plan with charging stops. */
+
+import { computed } from "@preact/signals";
+import type { ChargingPlan, Course } from "../api/documents";
+import { type Answer, answerOf, answerWithStops, decisiveChance } from "../model/answer";
+import { verdictOf } from "../model/arrival";
+import { conditions } from "./conditions";
+import { driving, shownForecast } from "./drive";
+import { mode, requested } from "./forecast";
+import { answersAreOld, chargingPlans, chosenCharging, chosenRoad } from "./journey";
+import { trip } from "./trip";
+
+/** The plan with charging stops that is shown: of a journey whose quickest road needs one. */
+export const chargingPlan = computed((): ChargingPlan | null => {
+  if (!trip.value?.stops || mode.value !== "plan" || chosenRoad.value !== 0) return null;
+  return chargingPlans.value[chosenCharging.value] ?? chargingPlans.value[0] ?? null;
+});
+
+export const answer = computed((): Answer | null => {
+  if (chargingPlan.value) return answerWithStops(chargingPlan.value);
+  const now = shownForecast.value;
+  return now && answerOf(now, requested.value.at.reserve);
+});
+
+/** Whether charging stops are still being looked for, on a road that needs one. */
+export const isLookingForStops = computed(() => {
+  const now = answer.value;
+  if (!now || chargingPlan.value || !trip.value?.stops || !answersAreOld.value) return false;
+  return !trip.value.isDraft && verdictOf(decisiveChance(now)) !== "good";
+});
+
+/** Charge along the way, of the plan with stops or of the forecast. */
+export const course = computed((): Course | null => {
+  if (chargingPlan.value) return chargingPlan.value.course;
+  const now = shownForecast.value;
+  return (
+    now && {
+      position_m: now.series.distance_m,
+      time_s: now.series.time_s,
+      displayed_soc: now.series.displayed_soc,
+      low: now.series.displayed_soc_low,
+      high: now.series.displayed_soc_high,
+    }
+  );
+});
+
+/** Clock times of departure and arrival; without a chosen time, of a departure now. */
+export const clock = computed(() => {
+  const now = answer.value;
+  if (!now || driving.value) return null;
+  const { departsAt } = conditions.value;
+  const leaves = departsAt === null ? new Date() : new Date(departsAt);
+  return {
+    leaves,
+    arrives: new Date(leaves.getTime() + (now.drivingS + now.chargingS) * 1000),
+    isNow: departsAt === null,
+  };
+});

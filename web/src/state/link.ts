@@ -1,0 +1,169 @@
+/** The plan of the page as its link: it survives a reload, goes back and forward, and can be shared. */
+
+import { effect, untracked } from "@preact/signals";
+import { FIELDS } from "../api/fields";
+import type { Place } from "../api/documents";
+import { notPast } from "../model/clock";
+import { type Kind, KINDS } from "../model/distance";
+import { changedFrom, changedText, figuresFrom, type LinkValue, placeFrom, placeText } from "../model/link";
+import { type Car, car } from "./car";
+import { type BeforeDeparture, type Conditions, conditions, USUAL } from "./conditions";
+import { isExample } from "./journey";
+import { readStored, writeStored } from "./preferences";
+import { type Source, type Trip, trip } from "./trip";
+
+const KEY = "tripwatt.last";
+const REST_MS = 250;
+
+/** What a link has. */
+export interface Linked {
+  source: Source | null;
+  places: Place[] | null;
+  round: boolean;
+  example: string;
+  distance: { distanceM: number; kind: Kind } | null;
+  conditions: Conditions;
+  car: Partial<Car> | null;
+}
+
+type Names = keyof Conditions;
+
+function kindOf(name: string): "number" | "string" | "boolean" | "list" {
+  const field = (FIELDS as Record<string, object>)[name];
+  if (field) return "unit" in field ? "number" : "several" in field ? "list" : "string";
+  const usual = USUAL[name as Names];
+  if (typeof usual === "boolean") return "boolean";
+  return name === "reserve" || name === "motorwayMS" ? "number" : "string";
+}
+
+const BEFORE: BeforeDeparture[] = ["parked", "garage", "logged", "unknown"];
+
+/** Whether each choice is one of its field. */
+function checked(found: Conditions): Conditions {
+  const next: Record<string, unknown> = { ...found };
+  for (const [name, field] of Object.entries(FIELDS)) {
+    if (!("choices" in field)) continue;
+    const choices: readonly string[] = field.choices;
+    const value = next[name];
+    if (typeof value === "string" && !choices.includes(value)) next[name] = USUAL[name as Names];
+    if (Array.isArray(value)) next[name] = value.filter((one) => choices.includes(one as string));
+  }
+  if (!BEFORE.includes(found.beforeDeparture)) next.beforeDeparture = USUAL.beforeDeparture;
+  return { ...(next as unknown as Conditions), departsAt: notPast(found.departsAt) };
+}
+
+function carFrom(link: URLSearchParams): Partial<Car> | null {
+  const vehicle = link.get("vehicle");
+  if (vehicle === null) return null;
+  const figures = figuresFrom(link.get("figures"));
+  const own = link.get("own");
+  return {
+    vehicle,
+    model: link.get("model") ?? "",
+    title: link.get("title") ?? "",
+    ...(figures && { figures }),
+    ...(own !== null && { own }),
+  };
+}
+
+/** What the text of a link has; null for a text that is none. */
+export function readLink(hash: string): Linked | null {
+  const link = new URLSearchParams(hash.replace(/^#/, ""));
+  const found = link.get("trip");
+  if (found === null) return null;
+  const places = link.getAll("place").map(placeFrom);
+  const isWhole = places.length >= 2 && places.every((place) => place !== null);
+  const distanceM = Number(link.get("distance_m"));
+  const kind = KINDS.find((name) => name === link.get("road"));
+  return {
+    source: (["journey", "distance", "examples"] as const).find((name) => name === found) ?? null,
+    places: isWhole ? places : null,
+    round: link.get("round_trip") === "true",
+    example: link.get("example") ?? "",
+    distance: distanceM > 0 && kind ? { distanceM, kind } : null,
+    conditions: checked(changedFrom(link, USUAL, kindOf)),
+    car: carFrom(link),
+  };
+}
+
+/** The link of the last visit. */
+export function lastLink(): Linked | null {
+  const { link } = readStored<{ link: string }>(KEY);
+  return typeof link === "string" ? readLink(link) : null;
+}
+
+function tripText({ source, stops, isRound, example, distance }: Trip): [string, string][] {
+  if (stops) {
+    const places = stops.map((place): [string, string] => ["place", placeText(place)]);
+    return [["trip", "journey"], ...places, ...(isRound ? [["round_trip", "true"] as [string, string]] : [])];
+  }
+  if (distance) {
+    return [
+      ["trip", "distance"],
+      ["distance_m", String(Math.round(distance.distanceM))],
+      ["road", distance.kind],
+    ];
+  }
+  return source === "examples"
+    ? [
+        ["trip", "examples"],
+        ["example", example],
+      ]
+    : [];
+}
+
+function carText({ vehicle, model, figures, title, own }: Car): [string, string][] {
+  const parts: [string, string | undefined][] = [
+    ["vehicle", vehicle],
+    ["model", model],
+    ["title", title],
+    ["own", own],
+    ["figures", figures && JSON.stringify(figures)],
+  ];
+  return parts.filter((part): part is [string, string] => part[1] !== undefined && part[1] !== "");
+}
+
+/** The link of a trip; empty for one that no link can have: a file, or sections that were typed. */
+export function linkOf(of: Trip, at: Conditions, by: Car | null): string {
+  const road = tripText(of);
+  if (road.length === 0) return "";
+  const changed = changedText(
+    at as unknown as Record<string, LinkValue>,
+    USUAL as unknown as Record<string, LinkValue>,
+  );
+  const car = by ? carText(by) : [];
+  if (by?.vehicle === "") car.unshift(["vehicle", ""]);
+  return `#${new URLSearchParams([...road, ...changed, ...car]).toString()}`;
+}
+
+/** Whether the page is a link's place in the history: another trip begins a new entry. */
+let entered: Trip | null = null;
+
+/** Keep the address of the page, and the link of the next visit, up to date. `open` shows a link of the history. */
+export function keepLink(open: (linked: Linked) => void): void {
+  let timer = 0;
+  effect(() => {
+    const now = trip.value;
+    const [at, by] = [conditions.value, car.value];
+    if (!now || now.isDraft) return;
+    untracked(() => {
+      window.clearTimeout(timer);
+      timer = window.setTimeout(() => {
+        const link = linkOf(now, at, by);
+        const isNew = entered !== null && JSON.stringify(tripText(entered)) !== JSON.stringify(tripText(now));
+        entered = now;
+        if (link && !isExample.value) writeStored(KEY, { link });
+        const address = link || location.pathname + location.search;
+        if (link === location.hash) return;
+        if (isNew) history.pushState(null, "", address);
+        else history.replaceState(null, "", address);
+      }, REST_MS);
+    });
+  });
+  window.addEventListener("popstate", () => {
+    const linked = readLink(location.hash);
+    window.clearTimeout(timer);
+    entered = null;
+    if (linked) open(linked);
+  });
+}

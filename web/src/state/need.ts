@@ -1,0 +1,82 @@
+/** Without a road: what a distance needs, and how far the charge goes. */
+
+import { batch, computed, effect, signal, untracked } from "@preact/signals";
+import { findNeed, findRange } from "../api/client";
+import { Latest } from "../api/latest";
+import type { Need, Range } from "../api/documents";
+import type { Kind } from "../model/distance";
+import { type Car, car } from "./car";
+import { type Conditions, conditions, fieldsOf } from "./conditions";
+import { problem, reportProblem } from "./forecast";
+import { trip } from "./trip";
+
+const MIN_INTERVAL_MS = 80;
+/** The share of trips for which the energy suffices. */
+export const QUANTILE = 0.9;
+
+export const need = signal<Need | null>(null);
+export const range = signal<Range | null>(null);
+export const needIsOld = signal(false);
+
+interface NeedJob {
+  distanceM: number;
+  kind: Kind;
+  at: Conditions;
+  car: Car | null;
+}
+
+/** What the service calls a kind of road. */
+const KIND_NAMES: Record<Kind, string> = {
+  town: "city",
+  country: "country",
+  mixed: "mixed",
+  motorway: "motorway",
+};
+
+function carQuery(of: Car | null): object {
+  if (!of) return {};
+  const { vehicle, model, own } = of;
+  if (own) return { car: own };
+  return vehicle ? { vehicle, model } : { model };
+}
+
+const runner = new Latest<NeedJob>(async ({ distanceM, kind, at, car: by }, signal) => {
+  const { reserve, ...fields } = fieldsOf(at, {});
+  const common = { ...fields, ...carQuery(by) };
+  try {
+    const [needed, far] = await Promise.all([
+      findNeed(
+        { ...common, distance_km: distanceM / 1000, kind: KIND_NAMES[kind], quantile: QUANTILE },
+        signal,
+      ),
+      findRange({ ...common, kind: KIND_NAMES[kind], reserve }, signal),
+    ]);
+    batch(() => {
+      need.value = needed;
+      range.value = far;
+      needIsOld.value = false;
+      problem.value = null;
+    });
+  } catch (error) {
+    reportProblem(error);
+  }
+}, MIN_INTERVAL_MS);
+
+const asked = computed(() => trip.value?.distance ?? null);
+
+/** Ask while a distance is the trip, again when distance, car or conditions change. */
+export function keepNeed(): void {
+  effect(() => {
+    const distance = asked.value;
+    const job = distance && { ...distance, at: conditions.value, car: car.value };
+    untracked(() => {
+      if (!job) {
+        runner.cancel();
+        need.value = range.value = null;
+        return;
+      }
+      needIsOld.value = true;
+      runner.submit(job);
+    });
+  });
+}

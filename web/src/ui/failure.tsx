@@ -1,0 +1,61 @@
+import type { Problem } from "../api/documents";
+import { FAILED, UNREACHABLE } from "../api/client";
+import { loading, retry, source } from "../state/catalogue";
+import { PAGE_ERROR, problem } from "../state/forecast";
+import { type Said, said } from "../state/messages";
+import { text } from "../state/preferences";
+import { trip } from "../state/trip";
+import { Icon } from "./icons";
+
+/** Title and detail of a problem. */
+function problemText({ type, title, status, detail: given }: Problem): { title: string; detail: Said } {
+  const { problems } = text.value;
+  const detail = said(given ?? "");
+  if (type === UNREACHABLE) return { title: problems.unreachable, detail: own(problems.unreachableHint) };
+  if (type === PAGE_ERROR) return { title: problems.page, detail };
+  if (type === FAILED) return { title: problems.failed, detail: own(problems.status(status)) };
+  const titles: Record<string, string> = problems.titles;
+  return { title: titles[type?.split("/").at(-1) ?? ""] ?? title, detail };
+}
+
+function own(words: string): Said {
+  return { text: words, lang: undefined };
+}
+
+export function Failure() {
+  const failure = problem.value;
+  if (!failure) return null;
+  const { problems } = text.value;
+  const { title, detail } = problemText(failure);
+  return (
+    <div class="failure" role="alert">
+      <Icon name="warning" />
+      <div>
+        <strong>{title}</strong>
+        {failure.faults?.length ? <p>{problems.seeFields}</p> : <p lang={detail.lang}>{detail.text}</p>}
+      </div>
+      <button type="button" onClick={retry}>
+        {failure.faults?.length ? problems.close : problems.retry}
+      </button>
+    </div>
+  );
+}
+
+/** While nothing is shown: what to do for a first answer, or that it is on its way. */
+export function Waiting() {
+  const { result } = text.value;
+  const nothing = loading.value === null && !trip.value;
+  return nothing ? (
+    <div class="empty">
+      <Icon name="road" />
+      <p>
+        <strong>{result.noTrip}</strong> {result.hints[source.value]}
+      </p>
+    </div>
+  ) : (
+    <div class="skeleton" aria-hidden="true">
+      <span />
+      <span />
+    </div>
+  );
+}

@@ -1,0 +1,126 @@
+/** What a distance needs, and how far the charge goes. */
+
+import type { RangeOfKind } from "../api/documents";
+import type { Verdict } from "../model/arrival";
+import { ENERGY, PERCENT } from "../model/units";
+import { car } from "../state/car";
+import { conditions } from "../state/conditions";
+import { need, needIsOld, QUANTILE, range } from "../state/need";
+import { format, text, units } from "../state/preferences";
+import { problem } from "../state/forecast";
+import { DataTable } from "./data-table";
+import { Icon } from "./icons";
+import { Warnings } from "./warnings";
+import { Waiting } from "./failure";
+
+/** Kilometres from the worst to the best of 9 of 10 trips. */
+function intervalText([low = 0, high = 0]: readonly number[]): string {
+  const { distance } = units.value;
+  const { figure, shown } = format.value;
+  return text.value.result.range(figure(distance.from(low), 0), shown(high, distance, 0));
+}
+
+function Kinds({ rows }: { rows: RangeOfKind[] }) {
+  const { need: words } = text.value;
+  const { shown } = format.value;
+  const names: Record<string, string> = words.kinds;
+  return (
+    <DataTable label={words.byKind} heads={[words.kind, words.range, words.interval]}>
+      {rows.map(({ kind, range_m, interval_m }) => (
+        <tr key={kind}>
+          <th scope="row">{names[kind] ?? kind}</th>
+          <td>{shown(range_m, units.value.distance, 0)}</td>
+          <td>{intervalText(interval_m)}</td>
+        </tr>
+      ))}
+    </DataTable>
+  );
+}
+
+/** Charge that is left where the energy suffices; null while nothing is known. */
+function left(): number | null {
+  return need.value && conditions.value.soc - need.value.soc_needed;
+}
+
+export function needVerdict(): Verdict | null {
+  const rest = left();
+  if (rest === null) return null;
+  if (rest >= conditions.value.reserve) return "good";
+  return rest >= 0 ? "open" : "bad";
+}
+
+/** Whether the charge suffices, in a sentence. */
+export function needSentence(): string {
+  const { need: words } = text.value;
+  const rest = left();
+  if (!need.value || rest === null) return words.title;
+  const { shown } = format.value;
+  const soc = shown(conditions.value.soc, PERCENT);
+  const far = shown(need.value.distance_m, units.value.distance, 0);
+  return rest < 0 ? words.notEnough(soc, far) : words.suffices(soc, far);
+}
+
+export function NeedAnswer() {
+  const needed = need.value;
+  const far = range.value;
+  if (!needed || !far) return problem.value ? null : <Waiting />;
+  const { need: words, result, verdict: others } = text.value;
+  const { duration, figure, shown } = format.value;
+  const { soc, reserve } = conditions.value;
+  const verdict = needVerdict() ?? "open";
+  const rest = soc - needed.soc_needed;
+  const [low = 0, high = 0] = needed.interval_wh.map(ENERGY.from);
+  const flags = [...needed.flags, ...far.flags].filter(
+    (flag, k, all) => all.findIndex(({ message }) => message === flag.message) === k,
+  );
+  return (
+    <div class={`need${needIsOld.value ? " old" : ""}`} aria-busy={needIsOld.value}>
+      <div class="headline">
+        <p class="arrival">
+          <span class="label">{words.needs(shown(needed.distance_m, units.value.distance, 0))}</span>
+          <span class="number">
+            {figure(ENERGY.from(needed.energy_quantile_wh), 1)}
+            <small>{ENERGY.unit}</small>
+          </span>
+          <span class="range">
+            {words.enoughFor(shown(QUANTILE, PERCENT))}
+            <span class="missing">
+              {words.half(shown(needed.energy_wh, ENERGY, 1))}
+              {" · "}
+              {result.inTrips(`${result.range(figure(low, 1), figure(high, 1))}\u00a0${ENERGY.unit}`)}
+            </span>
+          </span>
+        </p>
+        <dl class="whole">
+          <div>
+            <dt>{words.charge}</dt>
+            <dd>{shown(needed.soc_needed, PERCENT)}</dd>
+          </div>
+          <div>
+            <dt>{others.duration}</dt>
+            <dd>{duration(needed.duration_s)}</dd>
+          </div>
+        </dl>
+        <p class={`chance chance-${verdict}`}>
+          <Icon name={verdict === "good" ? "check" : "warning"} />
+          <span>{rest < 0 ? words.lacking(shown(-rest, PERCENT)) : words.leaves(shown(rest, PERCENT))}</span>
+        </p>
+      </div>
+      <div class="far">
+        <h3>{words.howFar(shown(soc, PERCENT), shown(reserve, PERCENT))}</h3>
+        <p>
+          <b class="number">{shown(far.range_m, units.value.distance, 0)}</b>{" "}
+          <span class="range">{result.inTrips(intervalText(far.interval_m))}</span>
+        </p>
+        <Kinds rows={far.by_kind} />
+      </div>
+      <details class="sure">
+        <summary>
+          <b>{others.sure}</b> {words.basis}
+        </summary>
+        {car.value?.figures && <p>{words.otherCar}</p>}
+        <Warnings flags={flags} others={[]} serious={null} />
+      </details>
+    </div>
+  );
+}

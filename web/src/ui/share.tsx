@@ -1,0 +1,57 @@
+/** A plan as a link, and on paper. */
+
+import { useState } from "preact/hooks";
+import { car } from "../state/car";
+import { conditions } from "../state/conditions";
+import { linkOf } from "../state/link";
+import { text } from "../state/preferences";
+import { trip } from "../state/trip";
+import { Icon } from "./icons";
+
+const SHOWN_MS = 4000;
+
+export function ShareTools() {
+  const [said, setSaid] = useState("");
+  const { share } = text.value;
+  const say = (words: string) => {
+    setSaid(words);
+    setTimeout(() => setSaid(""), SHOWN_MS);
+  };
+  const copy = async () => {
+    const link = trip.value ? linkOf(trip.value, conditions.value, car.value) : "";
+    if (!link) return say(share.noLink);
+    const address = new URL(link, location.href).href;
+    history.replaceState(null, "", link);
+    try {
+      await navigator.clipboard.writeText(address);
+      say(share.copied);
+    } catch {
+      say(share.inAddress); // the browser allows no copying here
+    }
+  };
+  return (
+    <div class="share">
+      <span role="status" class="figures">
+        {said}
+      </span>
+      <button
+        type="button"
+        class="quiet"
+        aria-label={share.copy}
+        title={share.copy}
+        onClick={() => void copy()}
+      >
+        <Icon name="link" />
+      </button>
+      <button
+        type="button"
+        class="quiet"
+        aria-label={share.print}
+        title={share.print}
+        onClick={() => window.print()}
+      >
+        <Icon name="print" />
+      </button>
+    </div>
+  );
+}

@@ -1,0 +1,275 @@
+/** The first thing that a driver reads: whether the trip arrives, with what, when, and what to do. */
+
+import type { ComponentChildren } from "preact";
+import type { Forecast } from "../api/documents";
+import { type Answer, decisiveChance, verdictOfAnswer } from "../model/answer";
+import { decisiveClimbM, emptyAfterM, likelihoodOf, type Verdict } from "../model/arrival";
+import { warningsOf } from "../model/flags";
+import { ENERGY, PERCENT } from "../model/units";
+import { source } from "../state/catalogue";
+import { answer, chargingPlan, clock, isLookingForStops } from "../state/answer";
+import { arrived, driving, shownForecast } from "../state/drive";
+import { alternative, leaving, leavingIsOld, mode, problem, requested } from "../state/forecast";
+import { answersAreOld, journey } from "../state/journey";
+import { format, text, units } from "../state/preferences";
+import { trip } from "../state/trip";
+import { CompareLine } from "./compare";
+import { Failure, Waiting } from "./failure";
+import { Icon } from "./icons";
+import { NeedAnswer, needSentence, needVerdict } from "./need";
+import { ShareTools } from "./share";
+import { Warnings } from "./warnings";
+import { bandOf, chanceInFigures, clockText } from "./wording";
+
+/** A higher chance is not put into words where a climb that nobody knows would change it. */
+const MOST_UNCERTAIN = 0.9;
+/** Chances between these are an open question. */
+const OPEN = [0.05, 0.95] as const;
+
+/** Climb that would change the answer [m]; null where none does. */
+function climbOf(of: Forecast): number | null {
+  return chargingPlan.value ? null : decisiveClimbM(of, requested.value.at.reserve);
+}
+
+function shownVerdict(of: Forecast, now: Answer): Verdict {
+  const verdict = verdictOfAnswer(now);
+  return climbOf(of) !== null && verdict === "good" ? "open" : verdict;
+}
+
+/** The answer in a sentence. */
+function sentence(of: Forecast, now: Answer): string {
+  const { verdict: words } = text.value;
+  if (isLookingForStops.value) return words.looking;
+  if (verdictOfAnswer(now) === "good") {
+    if (climbOf(of) !== null) return words.likely;
+    return now.charges > 0 ? words.withStops(now.charges) : words.arrives;
+  }
+  if (now.pArrive >= OPEN[1]) return words.belowReserve;
+  return now.pArrive >= 0.5 ? words.perhaps : words.not;
+}
+
+function Chance({ of, now }: { of: Forecast; now: Answer }) {
+  const { reserve } = requested.value.at;
+  const chance = decisiveChance(now);
+  const climb = climbOf(of);
+  const likelihood = climb !== null && chance > MOST_UNCERTAIN ? "veryLikely" : likelihoodOf(chance);
+  const { words, withReserve, withCharge, unlessClimb, atAll } = text.value.chance;
+  const { shown } = format.value;
+  const verdict = shownVerdict(of, now);
+  return (
+    <p class={`chance chance-${verdict}`}>
+      <Icon name={verdict === "good" ? "check" : "warning"} />
+      <span>
+        <strong>{words[likelihood]}</strong>
+        {reserve > 0 && now.pReserve !== null ? withReserve(shown(reserve, PERCENT)) : withCharge}
+        <span class="figures"> · {chanceInFigures(chance)}</span>
+        {climb !== null && <span class="figures"> · {unlessClimb(shown(climb, units.value.height, 0))}</span>}
+        {reserve > 0 && <span class="at-all">{atAll(chanceInFigures(now.pArrive))}</span>}
+      </span>
+    </p>
+  );
+}
+
+/** Where a battery that is expected to run empty does so, and what it lacks. */
+function Empty({ of, afterM }: { of: Forecast; afterM: number }) {
+  const { result } = text.value;
+  const { figure, shown } = format.value;
+  const { early, late } = of.empty_at_m;
+  const { least, expected, most } = of.missing_wh;
+  const best = of.series.displayed_soc_high.at(-1) as number;
+  const { distance } = units.value;
+  const ends =
+    late === null ? "" : result.emptyBetween(figure(distance.from(early ?? 0), 0), shown(late, distance, 0));
+  const range = result.range(figure(ENERGY.from(least), 1), figure(ENERGY.from(most), 1));
+  return (
+    <>
+      {result.emptyAfter(shown(afterM, distance, 0))}
+      {ends}
+      <span class="missing">{result.missing(shown(expected, ENERGY), range)}</span>
+      {best >= 0.005 && <span class="missing">{result.atBest(shown(best, PERCENT))}</span>}
+    </>
+  );
+}
+
+function Stat({ label, children }: { label: string; children: ComponentChildren }) {
+  return (
+    <div>
+      <dt>{label}</dt>
+      <dd>{children}</dd>
+    </div>
+  );
+}
+
+/** Clock time of arrival, time and energy of the whole trip. */
+function Whole({ now }: { now: Answer }) {
+  const { verdict: words } = text.value;
+  const { duration, shown } = format.value;
+  const at = clock.value;
+  const km = shown(now.distanceM, units.value.distance, now.distanceM < 100_000 ? 1 : 0);
+  return (
+    <dl class="whole">
+      {at && (
+        <Stat label={words.arrivesAt}>
+          {clockText(at.arrives, at.isNow ? at.leaves : new Date())}
+          {at.isNow && <small>{words.leavingNow}</small>}
+        </Stat>
+      )}
+      <Stat label={words.duration}>
+        {duration(now.drivingS + now.chargingS)}
+        <small>{now.chargingS > 0 ? words.ofItCharging(duration(now.chargingS)) : km}</small>
+      </Stat>
+      <Stat label={words.energy}>
+        {shown(now.energyWh, ENERGY)}
+        {now.chargingS > 0 && <small>{km}</small>}
+      </Stat>
+    </dl>
+  );
+}
+
+function Headline({ of, now }: { of: Forecast; now: Answer }) {
+  const emptyM = chargingPlan.value ? null : emptyAfterM(of);
+  const measured = driving.value && arrived.value;
+  const { result } = text.value;
+  const { figure } = format.value;
+  const detail = measured ? result.measured : result.inTrips(bandOf(now.interval));
+  return (
+    <div class="headline">
+      <p class="arrival">
+        <span class="label">{result.onArrival}</span>
+        <span class="number">
+          {figure(emptyM === null ? PERCENT.from(now.soc) : 0, 0)}
+          <small>{PERCENT.unit}</small>
+        </span>
+        <span class="range">{emptyM === null ? detail : <Empty of={of} afterM={emptyM} />}</span>
+      </p>
+      <Whole now={now} />
+      {!measured && <Chance of={of} now={now} />}
+    </div>
+  );
+}
+
+/** Until the charging stops are there: what is known without them. */
+function Looking({ now }: { now: Answer }) {
+  return (
+    <div class="looking">
+      <p>{text.value.verdict.needsCharging}</p>
+      <div class="old">
+        <Whole now={now} />
+      </div>
+    </div>
+  );
+}
+
+/** The charge to leave with in words; rounded up. */
+function leaveText(needed: number, stops: number): string {
+  const { shown } = format.value;
+  const { journey: words } = text.value;
+  const upwards = (soc: number) => shown(Math.ceil(soc * 100 - 1e-6) / 100, PERCENT);
+  if (stops > 0) return words.leaveWithout(upwards(needed));
+  if (needed > 1) return words.notEnough(upwards(needed - 1));
+  return needed > 0 ? words.leaveWith(upwards(needed)) : words.anyCharge;
+}
+
+/** Stops in the sentence that begins the list of things to do. */
+const MOST_NAMED = 3;
+
+function stopTexts(): string[] {
+  const { journey: words, verdict } = text.value;
+  const { shown, span, list } = format.value;
+  const stops = chargingPlan.value?.stops ?? [];
+  if (stops.length > MOST_NAMED) {
+    const names = stops.map(({ station, charging_s }) =>
+      verdict.stop(station.name || words.station, span(charging_s)),
+    );
+    return [verdict.stops(list(names))];
+  }
+  return stops.map((stop) =>
+    words.charge(
+      stop.station.name || words.station,
+      span(stop.charging_s),
+      shown(stop.soc_arrival, PERCENT),
+      shown(stop.soc_leave, PERCENT),
+    ),
+  );
+}
+
+/** What to do. */
+function ToDo() {
+  const isJourney = !!trip.value?.stops;
+  const needed = isJourney ? journey.value?.soc_needed : leaving.value?.soc_needed;
+  if (needed === undefined || driving.value || mode.value !== "plan") return null;
+  const isOld = isJourney ? answersAreOld.value : leavingIsOld.value;
+  const { journey: words } = text.value;
+  const speed = isJourney ? journey.value?.motorway_speed_m_s : null;
+  const stops = stopTexts();
+  const texts = [
+    ...stops,
+    ...(stops.length === 0 || needed <= 1 ? [leaveText(needed, stops.length)] : []),
+    ...(speed != null && speed > 0 ? [words.atMost(format.value.shown(speed, units.value.speed, 0))] : []),
+  ];
+  return (
+    <ul class={`journey-answer todo${isOld ? " old" : ""}`} aria-busy={isOld}>
+      {texts.map((one) => (
+        <li key={one}>{one}</li>
+      ))}
+    </ul>
+  );
+}
+
+/** How sure the answer is in a line, with what it rests on behind it; what would change the answer stands above. */
+function HowSure({ of, now }: { of: Forecast; now: Answer }) {
+  const others = mode.value === "compare" ? (alternative.value?.flags ?? []) : [];
+  const chance = decisiveChance(now);
+  const isOpen = climbOf(of) !== null || (chance > OPEN[0] && chance < OPEN[1]);
+  const wording = { text: text.value, format: format.value, units: units.value };
+  const { verdict: words, result } = text.value;
+  const flags = [...of.flags, ...(journey.value?.flags ?? [])];
+  const count = warningsOf(flags, wording).length;
+  const planned = trip.value?.links ?? trip.value?.stops;
+  return (
+    <>
+      {isOpen && <Warnings flags={flags} others={others} serious />}
+      <details class="sure">
+        <summary>
+          <b>{words.sure}</b> {result.inTrips(bandOf(now.interval))}
+          {count > 0 && ` · ${words.reasons(count)}`}
+        </summary>
+        <p class="given">{planned ? result.givenPlanned : result.givenDriven}</p>
+        <Warnings flags={flags} others={others} serious={isOpen ? false : null} />
+      </details>
+    </>
+  );
+}
+
+/** The verdict of the page's trip, or what a distance needs. */
+export function VerdictCard() {
+  const of = shownForecast.value;
+  const now = answer.value;
+  const { verdict: words } = text.value;
+  const isDistance = source.value === "distance";
+  const verdict = isDistance ? needVerdict() : of && now && shownVerdict(of, now);
+  const shown = !isDistance && of && now;
+  const isCompared = mode.value === "compare" && alternative.value !== null;
+  return (
+    <section
+      class={`card verdict${verdict && !isLookingForStops.value ? ` verdict-${verdict}` : ""}`}
+      aria-labelledby="verdict-title"
+      aria-busy={!shown && !isDistance}
+    >
+      <div class="heading">
+        <h2 id="verdict-title">
+          {isDistance ? needSentence() : shown && !isCompared ? sentence(of, now) : words.title}
+        </h2>
+        {trip.value && <ShareTools />}
+      </div>
+      <Failure />
+      {isDistance && <NeedAnswer />}
+      {shown && isCompared && alternative.value && <CompareLine first={of} second={alternative.value} />}
+      {shown && !isCompared && !isLookingForStops.value && <Headline of={of} now={now} />}
+      {shown && !isLookingForStops.value && <ToDo />}
+      {shown && !isLookingForStops.value && <HowSure of={of} now={now} />}
+      {shown && isLookingForStops.value && <Looking now={now} />}
+      {!shown && !isDistance && !problem.value && <Waiting />}
+    </section>
+  );
+}
