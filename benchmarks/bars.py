@@ -40,6 +40,7 @@ from benchmarks import (
     pipeline,
     service,
     six_numbers,
+    stops,
     unknown_climb,
     ved_trips,
 )
@@ -66,6 +67,7 @@ def suites(results: Path | None, forecast: Path | None, links: Path | None) -> I
     yield Suite(f"{bench}planned", partial(accuracy.planned_routes, links), () if links else (tum,))
     yield Suite(f"{bench}cars", cars.bounds, (tum, ved, DATA / "sedan", DATA / "twizy"))
     yield Suite(f"{bench}journeys", journeys.rows)
+    yield Suite(f"{bench}stops", stops.rows)
     yield Suite(f"{bench}live", live.rows, (tum,))
     yield Suite(f"{bench}half_known", half_known.rows, (tum,))
     yield Suite(f"{bench}coarse_speed", coarse_speed.rows, (tum,))

@@ -6,6 +6,7 @@ one `InvalidInput`, so that a user mends a file once.
 
 from __future__ import annotations
 
+import difflib
 import reprlib
 from collections.abc import Iterable, Mapping, Sequence, Sized
 from dataclasses import asdict, dataclass
@@ -36,6 +37,18 @@ def excerpt(value: Any, length: int = 60) -> str:
     ("'speed'", '[[[[...]]]]', '123')
     """
     return _SHORT.repr(value)[:length]
+
+
+def did_you_mean(name: object, known: Iterable[str]) -> str:
+    """The most similar of the known names as a question; empty where none is near.
+
+    Examples
+    --------
+    >>> did_you_mean("tmie", ["time", "vel"]), did_you_mean("colour", ["time"])
+    ("did you mean 'time'?", '')
+    """
+    near = difflib.get_close_matches(str(name)[:60], list(known), n=1)
+    return f"did you mean {near[0]!r}?" if near else ""
 
 
 def printable(text: str) -> str:
@@ -86,6 +99,18 @@ class Fault:
     allowed: str = ""
     fix: str = ""
     count: int = 1
+
+    @classmethod
+    def unknown(cls, what: str, where: str, name: object, known: Iterable[str]) -> Self:
+        """The fault of a name that is none of the known ones, with the most similar of them.
+
+        Examples
+        --------
+        >>> print(Fault.unknown("unknown model", "models", "forst", ("forest", "gamm")))
+        unknown model: models: got 'forst'; allowed: forest, gamm; did you mean 'forest'?
+        """
+        listed = list(known)
+        return cls(what, where, excerpt(name), ", ".join(listed), did_you_mean(name, listed))
 
     @property
     def texts(self) -> dict[str, str]:

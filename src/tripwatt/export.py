@@ -17,7 +17,7 @@ from typing import Final
 import numpy as np
 
 from tripwatt.arrays import FloatArray, IntArray
-from tripwatt.errors import InvalidInput
+from tripwatt.errors import Fault, InvalidInput
 from tripwatt.physics import Simulation, simulate_trip
 from tripwatt.routes import plan_from_links, route_from_links
 from tripwatt.trips import Departure, Flag, Plan, table_of
@@ -355,7 +355,7 @@ def export_curve(
     ['ref_consumption']
     """
     if service not in EXPORTS:
-        raise InvalidInput.of("unknown service", "service", repr(service), ", ".join(EXPORTS))
+        raise InvalidInput(Fault.unknown("unknown service", "service", service, EXPORTS))
     return EXPORTS[service](consumption_curve(vehicle, departure, correction=correction))
 
 

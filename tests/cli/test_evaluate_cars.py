@@ -181,7 +181,7 @@ def test_people_get_tables(run: Run, folder: Path, tmp_path: Path) -> None:
         ("a = 1\n[b]\nlogs = 'x'\n", ["not a table", "[a]", "missing entry", "[b]", "vehicle = a text"]),
         (
             "[a]\nlog = 'x'\n[b]\nlogs = 1\nvehicle = 'vw_id3'\nvehicles = 'y'\n",
-            ["unknown key", "got log;", "got vehicles;", "logs = a text", "vehicle = a text"],
+            ["unknown key", "got 'log';", "got 'vehicles';", "logs = a text", "vehicle = a text"],
         ),
         ("[a\n", ["not a TOML file"]),
         ("[a]\nlogs = 'nowhere'\nvehicle = 'vw_id3'\n", ["no such folder", "nowhere"]),

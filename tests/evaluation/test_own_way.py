@@ -134,14 +134,14 @@ def test_days_are_the_groups_of_a_splitter(fleet):
     [
         (
             {"hold_outs": "leave_one_out"},
-            "unknown hold-out: hold_outs: got leave_one_out; allowed: leave_one_trip_out",
+            "unknown hold-out: hold_outs: got 'leave_one_out'; allowed: leave_one_trip_out",
         ),
         ({"hold_outs": 3}, "unknown hold-out: hold_outs: got 3; allowed: names of hold-outs, or splitters"),
         ({"hold_outs": []}, "unknown hold-out: hold_outs: got an empty list"),
         ({"hold_outs": StratifiedKFold(3)}, "trips cannot be split: StratifiedKFold: got .*continuous"),
         ({"models": [Ridge]}, "class in place of an object: models: got Ridge"),
         ({"models": [abs]}, "object cannot be fitted: models"),
-        ({"models": ["forrest"]}, "unknown model: models: got forrest; allowed: constant"),
+        ({"models": ["forrest"]}, "unknown model: models: got 'forrest'; allowed: constant"),
         ({"models": {"forest": Ridge()}}, "name is taken: models: got forest"),
         (
             {"models": [LogisticRegression()]},
@@ -196,11 +196,11 @@ def test_tables_of_a_run(run):
         days["physics"].to_numpy(), days["constant"].to_numpy(), 0
     )
     with pytest.raises(
-        tw.InvalidInput, match="unknown model: compare: got x; allowed: constant, linear4, physics"
+        tw.InvalidInput, match="unknown model: compare: got 'x'; allowed: constant, linear4, physics"
     ):
         run.compare("x", "physics")
     with pytest.raises(
-        tw.InvalidInput, match="unknown hold-out: hold_out: got y; allowed: leave_one_trip_out:audited"
+        tw.InvalidInput, match="unknown hold-out: hold_out: got 'y'; allowed: leave_one_trip_out:audited"
     ):
         run.compare("physics", "constant", hold_out="y")
     html = run._repr_html_()

@@ -119,7 +119,7 @@ def test_a_wrong_prediction_is_refused():
     [
         (Ridge, r"class in place of an object: corrector: got Ridge; allowed: Ridge\(\)"),
         (3, "object cannot be fitted: corrector: got 3; allowed: a regressor"),
-        ("sgd", "unknown corrector: corrector: got sgd; allowed: linear, gp"),
+        ("sgd", "unknown corrector: corrector: got 'sgd'; allowed: linear, gp"),
     ],
 )
 def test_what_is_no_corrector_is_refused(wrong, message):
@@ -138,7 +138,7 @@ def test_an_installed_package_names_its_correctors(tmp_path, monkeypatch, segmen
     monkeypatch.syspath_prepend(tmp_path)
     corrector = power_corrector("own-ridge", 7).fit(segments)
     assert fitted_outside(corrector).random_state == 7
-    with pytest.raises(InvalidInput, match=r"got other; allowed: .*, own-ridge"):
+    with pytest.raises(InvalidInput, match=r"got 'other'; allowed: .*, own-ridge"):
         power_corrector("other")
 
 

@@ -10,7 +10,7 @@ from tripwatt.errors import InvalidInput
 from tripwatt.journey import (
     ChargingCurve,
 )
-from tripwatt.journey.charging import EFFICIENCY
+from tripwatt.journey.charging import EFFICIENCY, cold_factor
 from tripwatt.routes.maps import Station
 from tripwatt.vehicles import load_vehicle
 
@@ -18,11 +18,12 @@ from tripwatt.vehicles import load_vehicle
 def test_a_curve_of_ones_own_is_no_class_curve(model):
     curve = ChargingCurve((0.0, 1.0), (60_000.0, 60_000.0))
     found = journey(model, replace(COLD, soc=0.7), charging_curve=curve)
-    assert found.flags == ()
-    stop = found.charging
+    assert [flag.code for flag in found.flags] == ["cold_charging_assumed"]
+    (stop,) = found.charging.stops
     wh = found.forecast.charge.wh_per_display
-    seconds = (stop.soc_leave - stop.soc_arrival) * wh / (EFFICIENCY * 60_000.0) * 3600.0
-    assert stop.charging_s == pytest.approx(300.0 + seconds, rel=1e-6)
+    warm_s = (stop.soc_leave - stop.soc_arrival) * wh / (EFFICIENCY * 60_000.0) * 3600.0
+    assert cold_factor(0.0) < warm_s / stop.charging_s < cold_factor(15.0)
+    assert stop.energy_wh == pytest.approx((stop.soc_leave - stop.soc_arrival) * wh)
 
 
 def test_a_car_has_its_own_curve_or_that_of_its_class():
@@ -51,13 +52,29 @@ def test_what_is_no_charging_curve_is_refused(soc, power):
         ChargingCurve(soc, power)
 
 
+def seconds(curve, start, end, station, **more):
+    return float(curve.seconds(np.linspace(start, end, 201), station, 46_000.0, **more)[-1])
+
+
 def test_minutes_of_a_charge_follow_the_curve():
     curve = ChargingCurve((0.0, 1.0), (100_000.0, 100_000.0), alternating_w=7_000.0)
     direct, slow = Station(0.0, 0.0, "", 50_000.0, direct_current=True), Station(0.0, 0.0, "", 22_000.0)
-    assert curve.seconds(0.2, 0.7, direct, 46_000.0) == pytest.approx(23_000.0 / (0.92 * 50_000.0) * 3600.0)
-    assert curve.seconds(0.2, 0.7, slow, 46_000.0) == pytest.approx(23_000.0 / (0.92 * 7_000.0) * 3600.0)
-    assert curve.seconds(0.7, 0.7, slow, 46_000.0) == 0.0
-    falling = ChargingCurve((0.0, 1.0), (100_000.0, 50_000.0))
+    assert seconds(curve, 0.2, 0.7, direct) == pytest.approx(23_000.0 / (0.92 * 50_000.0) * 3600.0)
+    assert seconds(curve, 0.2, 0.7, slow) == pytest.approx(23_000.0 / (0.92 * 7_000.0) * 3600.0)
+    falling = ChargingCurve((0.0, 1.0), (50_000.0, 25_000.0))
     # the integral of dx / (1 - x/2) from 0 to 1 is 2 ln 2
     fast = replace(direct, power_w=1e6)
-    assert falling.seconds(0.0, 1.0, fast, 92_000.0) == pytest.approx(3600.0 * 2.0 * np.log(2.0), rel=1e-4)
+    assert seconds(falling, 0.0, 1.0, fast) == pytest.approx(3600.0 * 2.0 * np.log(2.0), rel=1e-4)
+
+
+def test_cold_cells_take_less_direct_current_and_no_less_alternating():
+    curve = ChargingCurve((0.0, 1.0), (100_000.0, 100_000.0), alternating_w=7_000.0)
+    fast = Station(0.0, 0.0, "", 150_000.0, direct_current=True)
+    times = [seconds(curve, 0.1, 0.8, fast, cell_degc=degc) for degc in (-30.0, -10.0, 0.0, 10.0, 25.0, 40.0)]
+    assert times == sorted(times, reverse=True)
+    assert times[2] == pytest.approx(times[4] / 0.64)
+    assert times[4] == times[5]
+    weak = replace(fast, power_w=50_000.0)  # the station, not the cells, sets the power
+    assert seconds(curve, 0.1, 0.8, weak, cell_degc=0.0) == seconds(curve, 0.1, 0.8, weak)
+    slow = replace(fast, direct_current=False)
+    assert seconds(curve, 0.1, 0.8, slow, cell_degc=-10.0) == seconds(curve, 0.1, 0.8, slow)

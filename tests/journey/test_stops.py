@@ -1,37 +1,169 @@
 """Charging stops of a journey."""
 
+import datetime as dt
 from dataclasses import replace
 
+import numpy as np
 import pytest
-from tests.journey.made import COLD, MADE, journey
+from benchmarks.stops import chances
+from tests.journey.made import COLD, MADE, A, journey
 
+import tripwatt as tw
+from tripwatt.journey import Place
 from tripwatt.routes.maps import Station
+
+FAR = Place(47.0, 11.2, "Far")
+LOW = replace(COLD, soc=0.7)
+SUNDAY = dt.datetime(2026, 2, 1, 7, 30, tzinfo=dt.UTC)
+
+
+def row(count, far=11.2, power_w=100_000.0):
+    """Stations along the road, one of three a little beside it."""
+    return tuple(
+        Station(
+            47.0 + 0.004 * (k % 3),
+            9.0 + (far - 9.0) * (k + 1) / (count + 1),
+            f"S{k}",
+            power_w,
+            direct_current=True,
+        )
+        for k in range(count)
+    )
+
+
+@pytest.fixture(scope="module")
+def long_journey(model):
+    return journey(
+        model, tw.Departure(soc=0.8, ambient_temperature_degc=12.0), (A, FAR), replace(MADE, stations=row(14))
+    )
 
 
 def test_a_stop_to_charge_where_the_charge_does_not_suffice(model):
-    found = journey(model, replace(COLD, soc=0.7))
-    stop = found.charging
+    found = journey(model, LOW)
+    plan = found.charging
+    (stop,) = plan.stops
     assert stop.station.name == "Halbweg"
-    assert 0.02 < stop.soc_arrival < 0.7
+    assert 0.1 <= stop.soc_interval[0] < stop.soc_arrival < stop.soc_interval[1] < 0.7
     assert stop.soc_arrival < stop.soc_leave <= 1.0
-    assert stop.p_station >= 0.95
-    assert stop.p_arrive == pytest.approx(0.95, abs=0.02)
+    assert plan.p_reserve >= 0.95
+    assert plan.p_reserve <= stop.p_reach <= 1.0
+    assert plan.p_arrive >= plan.p_reserve
     assert 600.0 < stop.charging_s < 7200.0
-    assert stop.duration_s > found.forecast.plan.duration_s + stop.charging_s - 60.0
-    assert [flag.code for flag in found.flags] == ["class_charging_curve"]
+    assert plan.duration_s == pytest.approx(plan.driving_s + stop.charging_s + 300.0)
+    assert stop.if_full is None
+    assert [flag.code for flag in found.flags] == ["class_charging_curve", "cold_charging_assumed"]
 
 
 def test_a_slower_station_takes_longer_and_the_better_one_is_taken(model):
-    slow = Station(47.0, 9.41, "Langsam", 20_000.0, direct_current=True)
+    slow = Station(47.0, 9.41, "Langsam", 12_000.0, direct_current=True)
     off = Station(47.1, 9.4, "Abseits", 300_000.0, direct_current=True)  # 11 km from the road
     both = replace(MADE, stations=(slow, *MADE.stations, off))
-    found = journey(model, replace(COLD, soc=0.7), atlas=both).charging
-    assert found.station.name == "Halbweg"
-    alone = journey(model, replace(COLD, soc=0.7), atlas=replace(MADE, stations=(slow,))).charging
+    found = journey(model, LOW, atlas=both).charging
+    assert [stop.station.name for stop in found.stops] == ["Halbweg"]
+    assert found.stops[0].if_full.station.name == "Langsam"
+    assert found.stops[0].if_full.more_s > 0.0
+    alone = journey(model, LOW, atlas=replace(MADE, stations=(slow,))).charging
     assert alone.charging_s > found.charging_s + 200.0
-    assert journey(model, replace(COLD, soc=0.7), atlas=replace(MADE, stations=(off,))).charging is None
+    assert journey(model, LOW, atlas=replace(MADE, stations=(off,))).charging is None
 
 
 def test_without_stations_it_is_said_that_none_are_known(model):
-    found = journey(model, replace(COLD, soc=0.7), atlas=replace(MADE, stations=()))
+    found = journey(model, LOW, atlas=replace(MADE, stations=()))
     assert [flag.code for flag in found.flags] == ["no_stations"]
+
+
+def test_a_long_journey_has_several_stops_and_the_verdict_is_about_all_of_it(long_journey):
+    plan, verdict = long_journey.charging, long_journey.verdict
+    assert len(plan.stops) >= 2
+    assert not long_journey.forecast.p_arrive(0.1) >= 0.95
+    assert (verdict.arrives, verdict.advice, verdict.charges) == (True, "stop", len(plan.stops))
+    assert (verdict.p_reserve, verdict.soc_arrival) == (plan.p_reserve, plan.soc_arrival)
+    assert verdict.duration_s == pytest.approx(verdict.driving_s + verdict.charging_s)
+    assert plan.p_reserve <= min(stop.p_reach for stop in plan.stops)
+    assert verdict.arrives_at is None
+    assert long_journey.to_dict()["p_arrive"] == plan.p_reserve
+
+
+def test_the_course_has_a_jump_for_each_stop(long_journey):
+    plan = long_journey.charging
+    course = {name: np.array(values) for name, values in plan.to_dict()["course"].items()}
+    jumps = np.flatnonzero(np.diff(course["position_m"]) == 0.0)
+    assert len(jumps) == len(plan.stops)
+    for k, stop in zip(jumps, plan.stops, strict=True):
+        assert course["position_m"][k] == pytest.approx(stop.position_m, rel=1e-3)
+        assert course["time_s"][k] == pytest.approx(stop.arrives_after_s, rel=1e-3)
+        assert course["time_s"][k + 1] - course["time_s"][k] == pytest.approx(
+            stop.charging_s + stop.overhead_s
+        )
+        assert course["displayed_soc"][k] == pytest.approx(stop.soc_arrival, abs=1e-6)
+        assert course["displayed_soc"][k + 1] == pytest.approx(stop.soc_leave, abs=0.005)
+    assert np.all(np.diff(course["time_s"]) >= 0.0)
+    assert course["time_s"][-1] == pytest.approx(plan.duration_s, rel=1e-3)
+    assert np.all(course["low"] <= course["high"])
+    assert plan.line["position_m"][-1] == pytest.approx(plan.distance_m)
+    assert sum(plan.by_cause_wh.values()) == pytest.approx(plan.energy_wh)
+
+
+def test_alternatives_are_better_in_what_they_are_called(long_journey):
+    fastest = long_journey.charging
+    for plan in long_journey.charging_alternatives:
+        assert plan.p_reserve >= 0.95
+        gains = {
+            "fewest stops": len(fastest.stops) - len(plan.stops),
+            "safest": plan.p_reserve - fastest.p_reserve,
+            "cheapest": fastest.energy_wh - plan.energy_wh,
+        }
+        assert gains[plan.label] > 0
+    assert "safest" in [plan.label for plan in long_journey.charging_alternatives]
+
+
+def test_a_longer_stop_overhead_never_means_more_stops_and_the_clock_counts_it(model):
+    atlas = replace(MADE, stations=row(14))
+    departure = tw.Departure(soc=0.8, ambient_temperature_degc=12.0, departs_at=SUNDAY)
+    quick = journey(model, departure, (A, FAR), atlas, stop_overhead_s=0.0)
+    slow = journey(model, departure, (A, FAR), atlas, stop_overhead_s=1800.0)
+    assert len(slow.charging.stops) <= len(quick.charging.stops)
+    verdict = quick.verdict
+    assert (verdict.arrives_at - verdict.departs_at).total_seconds() == pytest.approx(verdict.duration_s)
+    assert verdict.to_dict()["arrives_at"].startswith("2026-02-01T")
+
+
+def test_a_heated_battery_charges_faster_and_takes_its_energy(model):
+    cold = replace(COLD, soc=0.9, ambient_temperature_degc=-10.0)
+    atlas = replace(MADE, stations=row(9, 9.8, 150_000.0))
+    plain = journey(model, cold, atlas=atlas).charging
+    heated = journey(model, cold, atlas=atlas, preheat_battery=True).charging
+    assert not any(stop.preheat for stop in plain.stops)
+    assert any(stop.preheat for stop in heated.stops)
+    assert heated.duration_s < plain.duration_s
+    assert sum(leg.energy_wh - leg.forecast.energy_wh for leg in heated.legs) > 100.0
+
+
+def test_stated_chances_hold_in_a_world_that_gave_them_no_width():
+    leg, whole = chances(draws=2000, worlds=1, trips=60)
+    assert abs(leg) <= 0.02
+    assert abs(whole) <= 0.02
+
+
+def test_no_stops_are_planned_where_none_are_asked_for(model):
+    found = journey(model, LOW, charge=False)
+    assert (found.charging, found.charging_alternatives) == (None, ())
+    assert found.verdict.advice in ("charge_before", "slower", "none")
+    assert found.verdict.charges == 0
+
+
+def test_a_leg_from_a_charge_nearby_has_nearly_the_energy_of_its_own_forecast(long_journey):
+    leg = long_journey.charging.legs[1]
+    soc = leg.forecast.plan.departure.soc - 0.05
+    exact, shifted = leg.forecast.leaving_with(soc), leg.shifted(soc).forecast
+    assert shifted.energy_wh == pytest.approx(exact.energy_wh, rel=0.003)
+    assert shifted.soc_arrival == pytest.approx(exact.soc_arrival, abs=0.002)
+
+
+def test_the_journey_shows_its_stops(long_journey):
+    frame = long_journey.to_frame()
+    plans = (long_journey.charging, *long_journey.charging_alternatives)
+    with_stops = frame[frame["charges"] > 0]
+    assert with_stops["duration_s"].tolist() == [plan.duration_s for plan in plans]
+    assert "stops to charge" in repr(long_journey)
+    assert long_journey.plot().axes[1].lines

@@ -355,9 +355,9 @@ def test_all_faults_come_together_with_suggestions(service: Service) -> None:
         "resreve",
         "soc",
     } <= set(faults)
-    assert faults["model"]["fix"] == "did you mean bmw_i3_tum?"
+    assert faults["model"]["fix"] == "did you mean 'bmw_i3_tum'?"
     assert "'vw_id4_pro'" in faults["vehicle"]["fix"]
-    assert faults["resreve"]["fix"] == "did you mean reserve?"
+    assert faults["resreve"]["fix"] == "did you mean 'reserve'?"
     assert "did you mean speed_m_s" in faults["samples, column 'speed_kmh'"]["fix"]
 
 

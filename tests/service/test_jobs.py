@@ -85,7 +85,7 @@ def test_a_trip_has_samples_or_links(jobs: Jobs) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "fix"), [("bmw_i3_tu", "did you mean bmw_i3_tum?"), ("zzz", ""), ("bmw_i3_tum" + "x" * 90, "")]
+    ("name", "fix"), [("bmw_i3_tu", "did you mean 'bmw_i3_tum'?"), ("zzz", ""), ("bmw_i3_tum" + "x" * 90, "")]
 )
 def test_an_unknown_model_gets_a_suggestion(jobs: Jobs, name: str, fix: str) -> None:
     (fault,) = faults_of(jobs.forecast, body_of(model=name))

@@ -244,14 +244,14 @@ def test_nested_faults_name_their_path() -> None:
 def test_ten_unknown_fields_get_a_suggestion() -> None:
     document = {f"reserve{k}": 1 for k in range(12)}
     fixes = [fault.fix for fault in faults_of(ForecastRequest, document)]
-    assert fixes == ["did you mean reserve?"] * 10 + [""] * 2
+    assert fixes == ["did you mean 'reserve'?"] * 10 + [""] * 2
 
 
 def test_only_unknown_fields_get_a_suggestion() -> None:
     (wrong,) = faults_of(ForecastRequest, {"reserve": "x"})
     assert wrong.fix == ""
     (other_name,) = faults_of(ForecastRequest, {"displayed_so": 1})
-    assert other_name.fix == "did you mean displayed_soc?"
+    assert other_name.fix == "did you mean 'displayed_soc'?"
     (strange,) = faults_of(ForecastRequest, {"zzz": 1})
     assert strange.fix == ""
 
@@ -263,7 +263,7 @@ def test_a_suggestion_looks_at_60_characters() -> None:
         len(name) + k: faults_of(ForecastRequest, {name + "x" * k: 1})[0].fix for k in (31, 32, 36, 99)
     }
     # 2 * 24 / (24 + n) is 0.6 or more for at most 56 characters
-    assert similar[55] == similar[56] == f"did you mean {name}?"
+    assert similar[55] == similar[56] == f"did you mean {name!r}?"
     assert (similar[60], similar[123]) == ("", "")
 
 

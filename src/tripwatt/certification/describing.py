@@ -205,11 +205,11 @@ def _checked(given: Mapping[str, float | None], body: str | None, heat_pump: obj
             faults += number_faults(key, value, Column(unit, low, high, ""))
     kind = "suv" if body is None else BODY_WORDS.get(str(body).lower(), str(body).lower())
     if kind not in BODIES:
-        faults.append(Fault("unknown body", "body", repr(body)[:40], ", ".join((*BODIES, *BODY_WORDS))))
+        faults.append(Fault.unknown("unknown body", "body", body, (*BODIES, *BODY_WORDS)))
     if heat_pump is not None and not isinstance(heat_pump, bool):
         faults.append(Fault("not a truth value", "heat_pump", repr(heat_pump)[:40], "true or false"))
     if procedure not in PROCEDURES:
-        faults.append(Fault("unknown procedure", "procedure", repr(procedure)[:40], ", ".join(PROCEDURES)))
+        faults.append(Fault.unknown("unknown procedure", "procedure", procedure, PROCEDURES))
     raise_faults(faults)
     return kind
 

@@ -23,7 +23,7 @@ from tripwatt.cli.options import (
     read_logs,
 )
 from tripwatt.cli.printing import console, print_json, print_notes, progress
-from tripwatt.errors import InvalidInput
+from tripwatt.errors import Fault, InvalidInput
 
 if TYPE_CHECKING:
     from tripwatt.forecasting import ForecastModel
@@ -162,7 +162,7 @@ def _require_storable(corrector: str) -> None:
     from tripwatt.hybrid import STORABLE
 
     if corrector not in STORABLE:
-        raise InvalidInput.of("unknown corrector", "--corrector", corrector, ", ".join(STORABLE))
+        raise InvalidInput(Fault.unknown("unknown corrector", "--corrector", corrector, STORABLE))
 
 
 def _require_one_way(base: Path | None, calibrate: bool) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime as dt
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -10,6 +11,7 @@ import typer
 from tripwatt.cli.departing import DepartureOf, departure_options
 from tripwatt.cli.options import JsonOption, add_command, gather, options_named
 from tripwatt.cli.printing import print_json, print_notes, print_table
+from tripwatt.units import SECONDS_PER_MINUTE
 
 if TYPE_CHECKING:
     from tripwatt.journey import Journey
@@ -85,9 +87,17 @@ def plan(
     places_url: PlacesOption = "",
     weather: WeatherOption = "",
     stations: StationsOption = None,
+    no_charge: Annotated[bool, typer.Option("--no-charge", help="Plan no stops to charge.")] = False,
+    overhead: Annotated[
+        float,
+        typer.Option(metavar="MIN", help="Parking, plugging in and paying at each stop to charge."),
+    ] = 5.0,
+    preheat_battery: Annotated[
+        bool, typer.Option("--preheat-battery", help="The battery may be heated on the way to a stop.")
+    ] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Plan a journey from place to place: charge at arrival, what to leave with, a charging stop where one is needed.
+    """Plan a journey from place to place: charge at arrival, what to leave with, stops to charge where they are needed.
 
     Nothing leaves this machine unless an option names the URL of a server. Travel times are those of an empty road.
 
@@ -110,7 +120,16 @@ def plan(
         gather(
             lambda: got.update(atlas=open_atlas(settings)),
             lambda: got.update(departure=departure()),
-            lambda: got.update(options=JourneyOptions(reserve, alternatives, round_trip)),
+            lambda: got.update(
+                options=JourneyOptions(
+                    reserve,
+                    alternatives,
+                    round_trip,
+                    charge=not no_charge,
+                    stop_overhead_s=overhead * SECONDS_PER_MINUTE,
+                    preheat_battery=preheat_battery,
+                )
+            ),
         )
         journey = plan_journey(stops, model=model, vehicle=vehicle, **got)
     print_json(journey.to_dict()) if as_json else _show(journey)
@@ -214,6 +233,8 @@ def _show(journey: Journey) -> None:
     for sentence in journey_in_words(journey):
         typer.echo(sentence)
     typer.echo("")
+    if journey.charging is not None:
+        _show_stops(journey)
     rows = []
     for k, road in enumerate(journey.roads):
         forecast = road.forecast
@@ -243,3 +264,55 @@ def _show(journey: Journey) -> None:
     if costs:
         print_table("What it takes less without", ("", "energy"), costs, numbers=("energy",))
     print_notes([*journey.forecast.flags, *journey.flags, journey.attribution])
+
+
+def _show_stops(journey: Journey) -> None:
+    """The stops to charge of the fastest plan, then its alternatives."""
+    from tripwatt.cli.sentences import chance
+    from tripwatt.trips.showing import period
+
+    plan, leaves = journey.charging_plans[0], journey.verdict.departs_at
+    rows = []
+    for stop in plan.stops:
+        full = stop.if_full
+        rows.append(
+            (
+                stop.station.place.title,
+                f"{stop.position_m / 1000.0:.0f} km",
+                _clock(leaves, stop.arrives_after_s) if leaves else period(stop.arrives_after_s),
+                f"{100.0 * stop.soc_arrival:.0f} % ({100.0 * stop.soc_interval[0]:.0f} to {100.0 * stop.soc_interval[1]:.0f} %)",
+                f"{100.0 * stop.soc_leave:.0f} %",
+                period(stop.charging_s),
+                chance(stop.p_reach),
+                "-" if full is None else f"{full.station.place.title}, {period(max(full.more_s, 0.0))} more",
+            )
+        )
+    columns = (
+        "stop",
+        "after",
+        "at",
+        "arrival with",
+        "leave with",
+        "charge for",
+        "reached",
+        "if it is occupied",
+    )
+    ends = f", at the end at {_clock(leaves, plan.duration_s)}" if leaves else ""
+    print_table(f"Stops to charge, {period(plan.duration_s)} in all{ends}", columns, rows)
+    others = [
+        (
+            other.label,
+            str(len(other.stops)),
+            period(other.duration_s),
+            f"{other.energy_wh / 1000.0:.2f} kWh",
+            f"{100.0 * other.soc_arrival:.0f} %",
+            chance(other.p_reserve),
+        )
+        for other in journey.charging_plans
+    ]
+    names = ("plan", "stops", "time", "energy", "arrival with", f"{100.0 * journey.reserve:g} % everywhere")
+    print_table("Ways to charge", names, others, numbers=names[1:4])
+
+
+def _clock(leaves: dt.datetime, after_s: float) -> str:
+    return f"{leaves + dt.timedelta(seconds=after_s):%H:%M}"

@@ -185,11 +185,11 @@ def show_mapping(
       # save a copy to edit
       tripwatt mapping show torque > my.toml
     """
-    from tripwatt.errors import InvalidInput
+    from tripwatt.errors import Fault, InvalidInput
     from tripwatt.sources.mapping import shipped_mappings, shipped_text
 
     if name not in shipped_mappings():
-        raise InvalidInput.of("unknown mapping", "NAME", name, ", ".join(shipped_mappings()))
+        raise InvalidInput(Fault.unknown("unknown mapping", "NAME", name, shipped_mappings()))
     text = shipped_text(name)
     print_json({"name": name, "toml": text}) if as_json else typer.echo(text, nl=False)
 

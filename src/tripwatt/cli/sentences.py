@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Final
 
+from tripwatt.trips.showing import period
 from tripwatt.units import M_S_PER_KM_H, SECONDS_PER_MINUTE
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from tripwatt.forecasting import Forecast
-    from tripwatt.journey import Journey
+    from tripwatt.journey import ChargingPlan, Journey
 
 NINE_IN_TEN: Final = 0.9
 """Level of the interval that the sentences call "9 in 10"."""
@@ -91,13 +92,27 @@ def journey_in_words(journey: Journey) -> list[str]:
     if advice is not None and advice.speed_m_s is not None:
         speed = round(advice.speed_m_s / M_S_PER_KM_H)
         sentences.append(f"Drive at most {speed} km/h on motorways to arrive with {reserve} %.")
-    stop = journey.charging
-    if stop is not None:
-        minutes = round(stop.charging_s / SECONDS_PER_MINUTE)
+    if journey.charging is not None:
+        sentences += plan_in_words(journey.charging, title)
+    return sentences
+
+
+def plan_in_words(plan: ChargingPlan, title: str) -> list[str]:
+    """The whole journey with its stops to charge, then a sentence for each stop."""
+    low, high = plan.soc_interval
+    count = len(plan.stops)
+    sentences = [
+        f"{title} with {count} {'stop' if count == 1 else 'stops'} to charge: {period(plan.duration_s)}, "
+        f"{period(plan.charging_s)} of it at stations. You arrive with {_percent(plan.soc_arrival)} % "
+        f"({_percent(low)} to {_percent(high)} %); the probability to have {_percent(plan.reserve)} % at every stop and at the "
+        f"end is {chance(plan.p_reserve)}."
+    ]
+    for stop in plan.stops:
+        heated = " Heat the battery on the way there." if stop.preheat else ""
         sentences.append(
-            f"Charge at {stop.station.place.title} ({stop.station.power_w / 1000.0:.0f} kW) for {minutes} min: you arrive there "
-            f"with {_percent(stop.soc_arrival)} % and leave with {_percent(stop.soc_leave)} %; the probability to reach it is "
-            f"{chance(stop.p_station)}, and then to arrive with {reserve} % {chance(stop.p_arrive)}."
+            f"Charge at {stop.station.place.title} ({stop.station.power_w / 1000.0:.0f} kW) after {stop.position_m / 1000.0:.0f} km "
+            f"for {period(stop.charging_s)}: you arrive there with {_percent(stop.soc_arrival)} % and leave with "
+            f"{_percent(stop.soc_leave)} %.{heated}"
         )
     return sentences
 

@@ -221,7 +221,7 @@ def _file_faults(document: Mapping[str, Any], where: str) -> Iterator[Fault]:
                 yield Fault("missing entry", place, "nothing", f"{key} = a text")
         for key, value in about.items():
             if key not in ("logs", "vehicle", "dataset", "mapping"):
-                yield Fault("unknown key", place, f"{key}"[:40], "logs, vehicle, dataset, mapping")
+                yield Fault.unknown("unknown key", place, key, ("logs", "vehicle", "dataset", "mapping"))
             elif not isinstance(value, str):
                 yield Fault("not a text", f"{place}, {key}", f"{value!r}"[:40], f"{key} = a text")
 

@@ -438,9 +438,9 @@ class HoldOutChoice:
             return list(known)
         spelt = {pair: {*pair, ":".join(pair)} for pair in known}
         names = [name for name in self.chosen if isinstance(name, str)]
-        allowed = ", ".join(dict.fromkeys([*(scheme for scheme, _ in known), *map(":".join, known)]))
+        allowed = dict.fromkeys([*(scheme for scheme, _ in known), *map(":".join, known)])
         raise_faults(
-            Fault("unknown hold-out", "hold_outs", name, allowed)
+            Fault.unknown("unknown hold-out", "hold_outs", name, allowed)
             for name in names
             if not any(name in each for each in spelt.values())
         )

@@ -214,12 +214,11 @@ def choose_models(
     known, packaged = [spec.name for spec in protocol.models], packaged_correctors()
     named = named_models(models)
     names = [model for model in named.values() if isinstance(model, str)]
-    allowed = ", ".join([*known, *packaged])
     unknown = [name for name in names if name not in known and name not in packaged]
     taken = [name for name, model in named.items() if name in known and not isinstance(model, str)]
     raise_faults(
         [
-            *(Fault("unknown model", "models", name, allowed) for name in unknown),
+            *(Fault.unknown("unknown model", "models", name, [*known, *packaged]) for name in unknown),
             *(
                 Fault("name is taken", "models", name, "a name that no model of the protocol has")
                 for name in taken

@@ -138,7 +138,7 @@ class EvaluationRun:
         """
         _, ape = self._ape(hold_out)
         raise_faults(
-            Fault("unknown model", "compare", name, ", ".join(map(str, ape)))
+            Fault.unknown("unknown model", "compare", name, map(str, ape))
             for name in (a, b)
             if name not in ape
         )
@@ -178,7 +178,7 @@ class EvaluationRun:
         labels = self.folds["scheme"] + ":" + self.folds["trips"]
         label = labels.iloc[0] if hold_out is None else hold_out
         if label not in set(labels):
-            raise InvalidInput.of("unknown hold-out", "hold_out", label, ", ".join(labels.unique()))
+            raise InvalidInput(Fault.unknown("unknown hold-out", "hold_out", label, labels.unique()))
         rows = self.folds[labels == label]
         return label, rows.pivot_table(index="trip", columns="model", values="ape", sort=False)
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
-from tripwatt.errors import InvalidInput
+from tripwatt.errors import Fault, InvalidInput
 from tripwatt.evaluation.comparison import Comparison
 from tripwatt.evaluation.folds import Execution, run_folds
 from tripwatt.evaluation.forecast_protocol import ForecastProtocol
@@ -55,7 +55,7 @@ def find_protocol(name: str) -> EvaluationProtocol:
     ['constant', 'linear4', 'linear6']
     """
     if name not in PROTOCOLS:
-        raise InvalidInput.of("unknown protocol", "protocol", name, ", ".join(PROTOCOLS))
+        raise InvalidInput(Fault.unknown("unknown protocol", "protocol", name, PROTOCOLS))
     return PROTOCOLS[name]
 
 

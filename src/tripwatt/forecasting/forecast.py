@@ -177,7 +177,7 @@ class Forecast:
     @cached_property
     def sd_wh(self) -> float:
         """Standard deviation of the energy of the whole trip [Wh]; of an unknown climb that of its core, without the far tails."""
-        own = float(self._cumulative_sd_wh[-1])
+        own = float(self.energy_sd_wh[-1])
         return own if self._climb is None else float(np.hypot(own, self._climb.core_sd_wh[-1]))
 
     def quantile(self, p: float) -> float:
@@ -254,7 +254,7 @@ class Forecast:
         if self.sd_wh <= 0.0:
             return float(self.energy_wh <= energy_wh)
         below = distance_below(self.energy_wh, energy_wh, float(self._least_wh[-1]))
-        return float(self._excess.end.probability_below(np.array([-below]), self._cumulative_sd_wh[-1:])[0])
+        return float(self._excess.end.probability_below(np.array([-below]), self.energy_sd_wh[-1:])[0])
 
     @cached_property
     def charge(self) -> ChargeScale:
@@ -494,7 +494,7 @@ class Forecast:
         return pd.DataFrame(self._series())
 
     def _series(self) -> dict[str, FloatArray]:
-        energy, sd = self._cumulative_wh, self._cumulative_sd_wh
+        energy, sd = self.energy_along_wh, self.energy_sd_wh
         low, middle, high = (np.clip(charge, 0.0, 1.0) for charge in self._arrival_band)
         return {
             "time_s": self._ends_s,
@@ -745,12 +745,12 @@ class Forecast:
         return html_table(f"Forecast {self.plan.trip_id}", table_rows(self))
 
     @cached_property
-    def _cumulative_wh(self) -> FloatArray:
+    def energy_along_wh(self) -> FloatArray:
         """Energy up to each edge of the segments [Wh], shape (segments + 1,)."""
         return np.concatenate(([0.0], np.cumsum(self.segment_energy_wh)))
 
     @cached_property
-    def _cumulative_sd_wh(self) -> FloatArray:
+    def energy_sd_wh(self) -> FloatArray:
         """Standard deviation of the energy up to each edge of the segments [Wh] apart from an unknown climb, shape (segments + 1,)."""
         own = self.sd_factor * self.rest_sd_factor * self.posterior.energy_wh(self.open_hours)[1]
         return np.concatenate(([0.0], np.hypot(own, remaining_sd_wh(self))))
@@ -770,7 +770,7 @@ class Forecast:
     @cached_property
     def _excess(self) -> Excess:
         """Distribution of what the trip takes more than expected up to each edge."""
-        return Excess.from_climb(self.uncertainty.scores, self._climb, self._cumulative_sd_wh)
+        return Excess.from_climb(self.uncertainty.scores, self._climb, self.energy_sd_wh)
 
     @cached_property
     def _least_wh(self) -> FloatArray:
@@ -799,8 +799,8 @@ class Forecast:
     def _charge_band(self) -> tuple[FloatArray, FloatArray]:
         """Displayed charge at each edge of the segments and its standard deviation; not held in 0..1."""
         time, start, displayed = self._charge_start
-        taken = self._cumulative_wh - self._energy_at(time)
-        energy_sd = self._cumulative_sd_wh / self.charge.wh_per_display
+        taken = self.energy_along_wh - self._energy_at(time)
+        energy_sd = self.energy_sd_wh / self.charge.wh_per_display
         own_sd = np.where((self._ends_s > time) | (not displayed), self.charge.sd(taken, displayed), 0.0)
         return np.asarray(self.charge.left(start, taken, displayed)), np.asarray(np.hypot(energy_sd, own_sd))
 
@@ -820,7 +820,7 @@ class Forecast:
         return np.concatenate(([0.0], np.cumsum(self.drive.table.hours) * SECONDS_PER_HOUR))
 
     def _energy_at(self, time_s: float) -> float:
-        return float(np.interp(time_s, self._ends_s, self._cumulative_wh))
+        return float(np.interp(time_s, self._ends_s, self.energy_along_wh))
 
 
 def quantiles(forecast: Forecast, p: Sequence[float]) -> tuple[FloatArray, FloatArray]:
@@ -830,7 +830,7 @@ def quantiles(forecast: Forecast, p: Sequence[float]) -> tuple[FloatArray, Float
     """
     levels, wh = np.array(p, dtype=np.float64), forecast.charge.wh_per_display
     centre, sd = (values[-1] for values in forecast._charge_band)
-    sd_wh = np.repeat([forecast._cumulative_sd_wh[-1], sd * wh], len(p))
+    sd_wh = np.repeat([forecast.energy_sd_wh[-1], sd * wh], len(p))
     more = forecast._excess.end.quantiles(np.concatenate((levels, 1.0 - levels)), sd_wh)
     half, more_wh = np.abs(more[: len(p)]), more[len(p) :]
     below = possible_energy(forecast.energy_wh, half, forecast._least_wh[-1])

@@ -285,7 +285,7 @@ class Estimator(RegressorMixin, BaseEstimator):
         known: dict[str, Family] = {"gaussian": Gaussian(), "scat": ScaledT()}
         faults = []
         if self.family not in known:
-            faults.append(Fault("unknown family", "GAMM(family=)", repr(self.family), ", ".join(known)))
+            faults.append(Fault.unknown("unknown family", "GAMM(family=)", self.family, known))
         if self.method not in ("fREML", "REML"):
             faults.append(Fault("unknown method", "GAMM(method=)", repr(self.method), "fREML or REML"))
         raise_faults(faults)
@@ -364,7 +364,7 @@ class Estimator(RegressorMixin, BaseEstimator):
             raise NotFittedError("this GAMM is not fitted yet: call fit first")
         known = [fitted.label for fitted in self.terms_]
         faults = [
-            Fault("unknown term", "predict(exclude=)", repr(label), ", ".join(known))
+            Fault.unknown("unknown term", "predict(exclude=)", label, known)
             for label in exclude
             if label not in known
         ]

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Final
 
-from tripwatt.errors import InvalidInput
+from tripwatt.errors import Fault, InvalidInput
 from tripwatt.hybrid.outside import Corrector, outside_corrector, packaged_correctors
 from tripwatt.hybrid.power import (
     LINES,
@@ -71,8 +71,9 @@ def power_corrector(corrector: str | Corrector, seed: int = 0) -> PowerCorrector
         return POWER_CORRECTORS[corrector](seed)
     packaged = packaged_correctors()
     if corrector not in packaged:
-        allowed = ", ".join([*POWER_CORRECTORS, *packaged])
-        raise InvalidInput.of("unknown corrector", "corrector", corrector, allowed)
+        raise InvalidInput(
+            Fault.unknown("unknown corrector", "corrector", corrector, (*POWER_CORRECTORS, *packaged))
+        )
     return outside_corrector(packaged[corrector](seed), seed)
 
 

@@ -216,7 +216,7 @@ def _corrector(values: Mapping[str, Any], converter: Converter) -> PowerCorrecto
     if kind == OUTSIDE:
         return _awaiting(inner, converter)
     if kind not in KINDS:
-        raise InvalidInput.of("unknown kind of corrector", "kind", excerpt(kind), ", ".join(KINDS))
+        raise InvalidInput(Fault.unknown("unknown kind of corrector", "kind", kind, KINDS))
     if kind == "split":
         climate, drive = (_corrector(inner[name], converter) for name in ("climate", "drive"))
         return SplitCorrector(climate, drive, drive, True)

@@ -1,4 +1,4 @@
-"""Journeys: from A to B with the charge at arrival, what to leave with, a stop to charge, and the area of reach."""
+"""Journeys: from A to B with the charge at arrival, what to leave with, stops to charge, and the area of reach."""
 
 from tripwatt.journey.atlas import Atlas, AtlasSettings, open_atlas
 from tripwatt.journey.charging import ChargingCurve
@@ -12,13 +12,14 @@ from tripwatt.journey.planning import (
     plan_journey,
 )
 from tripwatt.journey.reach import Reach, find_reach
-from tripwatt.journey.stops import ChargingStop
+from tripwatt.journey.stops import ChargingPlan, ChargingStop
 from tripwatt.routes.places import Place
 
 __all__ = [
     "Atlas",
     "AtlasSettings",
     "ChargingCurve",
+    "ChargingPlan",
     "ChargingStop",
     "Journey",
     "JourneyOptions",

@@ -13,9 +13,11 @@ import pandas as pd
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecasting import Forecast, ForecastModel
 from tripwatt.journey.atlas import Atlas, AtlasSettings, open_atlas
-from tripwatt.journey.charging import ChargingCurve
+from tripwatt.journey.charging import OVERHEAD_S, WARM_DEGC, ChargingCurve
+from tripwatt.journey.corridor import CERTAIN, Corridor, StopRules, find_plans
 from tripwatt.journey.forecasting import RoadForecaster, capped, on_motorway
-from tripwatt.journey.stops import ChargingStop, find_stop
+from tripwatt.journey.stops import ChargingPlan
+from tripwatt.journey.verdict import Verdict
 from tripwatt.population import for_car
 from tripwatt.routes.places import Place
 from tripwatt.routes.routers import Road
@@ -30,16 +32,26 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-CERTAIN: Final = 0.95
-"""Probability of "19 of 20 trips"."""
-
 MOST_STOPS: Final = 20
 MOST_ALTERNATIVES: Final = 3
+MOST_OVERHEAD_S: Final = 7200.0
 MOTORWAY_SPEEDS_KM_H: Final = (130.0, 120.0, 110.0, 100.0, 90.0, 80.0)
 CHEAPER_KM_H: Final = 100.0
 """The cost of speed is that over this speed on motorways."""
 
 LEAST_MOTORWAY_M: Final = 1000.0
+WAYS: Final = (
+    "labels",
+    "distance_m",
+    "duration_s",
+    "charges",
+    "energy_wh",
+    "energy_low_wh",
+    "energy_high_wh",
+    "soc_arrival",
+    "p_arrive",
+)
+"""Columns of `Journey.to_frame`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +70,12 @@ class JourneyOptions:
         Whether costs, speed and charging are worked out beside the forecasts.
     charging_curve : ChargingCurve or None
         Of the car; that of its class when None.
+    charge : bool
+        Whether stops to charge are planned where the charge does not suffice.
+    stop_overhead_s : float
+        Parking, plugging in and paying at each stop [s].
+    preheat_battery : bool
+        Whether the battery may be heated on the way to a stop.
 
     Examples
     --------
@@ -70,12 +88,16 @@ class JourneyOptions:
     round_trip: bool = False
     answers: bool = True
     charging_curve: ChargingCurve | None = None
+    charge: bool = True
+    stop_overhead_s: float = OVERHEAD_S
+    preheat_battery: bool = False
 
     def __post_init__(self) -> None:
         faults = list(scalar_faults({"reserve": self.reserve}))
         faults += number_faults(
             "alternatives", self.alternatives, Column("", 0, MOST_ALTERNATIVES, ""), whole=True
         )
+        faults += number_faults("stop_overhead_s", self.stop_overhead_s, Column("s", 0, MOST_OVERHEAD_S, ""))
         raise_faults(faults)
 
 
@@ -201,8 +223,10 @@ class Journey:
         Energy of `climate`, `wind` and `speed` (above 100 km/h on motorways): what the journey takes less without it.
     speed : SpeedAdvice or None
         None where the journey arrives as it is, or has no motorway.
-    charging : ChargingStop or None
-        Where the charge does not suffice and a stop helps.
+    charging : ChargingPlan or None
+        Where the charge does not suffice and stops to charge help: the fastest.
+    charging_alternatives : tuple of ChargingPlan
+        With the fewest stops, the safest, the cheapest by energy, where they differ.
     flags : tuple of Flag
         Assumptions of the answers; those of a road are with its forecast.
     attribution : str
@@ -222,7 +246,8 @@ class Journey:
     soc_needed: float
     costs_wh: dict[str, float] = field(default_factory=dict)
     speed: SpeedAdvice | None = None
-    charging: ChargingStop | None = None
+    charging: ChargingPlan | None = None
+    charging_alternatives: tuple[ChargingPlan, ...] = ()
     flags: tuple[Flag, ...] = ()
     attribution: str = ""
 
@@ -232,9 +257,16 @@ class Journey:
         return self.roads[0].forecast
 
     @property
+    def verdict(self) -> Verdict:
+        """Of the whole journey: with its stops to charge, where they are needed and help."""
+        slower = "none" if self.speed is None or self.speed.speed_m_s is None else "slower"
+        else_ = "charge_before" if self.soc_needed <= 1.0 else slower
+        return Verdict.of(self.forecast, self.charging, self.reserve, else_)
+
+    @property
     def arrives(self) -> bool:
-        """Whether at least 19 of 20 such trips arrive with the reserve."""
-        return self.forecast.p_arrive(self.reserve) >= CERTAIN
+        """Whether at least 19 of 20 such journeys have the reserve at every stop and at the end."""
+        return self.verdict.arrives
 
     @property
     def leave(self) -> str:
@@ -256,11 +288,13 @@ class Journey:
         >>> journey.to_dict()["arrives"]  # doctest: +SKIP
         True
         """
+        verdict = self.verdict
         return {
             "stops": [place.to_dict() for place in self.stops],
             "reserve": self.reserve,
-            "arrives": self.arrives,
-            "p_arrive": self.forecast.p_arrive(self.reserve),
+            "verdict": verdict.to_dict(),
+            "arrives": verdict.arrives,
+            "p_arrive": verdict.p_reserve,
             "soc_needed": self.soc_needed,
             "leave": self.leave,
             "costs_wh": dict(self.costs_wh),
@@ -268,18 +302,20 @@ class Journey:
             "motorway_duration_s": None if self.speed is None else self.speed.duration_s,
             "needs_motorway_speed": self.speed is not None,
             "charging": None if self.charging is None else self.charging.to_dict(),
+            "charging_alternatives": [plan.to_dict() for plan in self.charging_alternatives],
             "roads": [road.to_dict(self.reserve) for road in self.roads],
             "flags": [flag_to_dict(flag) for flag in self.flags],
             "attribution": self.attribution,
         }
 
     def to_frame(self) -> pd.DataFrame:
-        """One row for each road: length, time, energy with its 90 % interval, charge at arrival and its probability.
+        """One row for each way to make the journey: plans with stops to charge, then the roads without one.
 
         Returns
         -------
         DataFrame
-            Energies [Wh], states of charge 0 to 1.
+            Length, time with charging, number of charges, energy [Wh] with its 90 % interval (NaN for a plan with stops), charge at arrival
+            (0 to 1), probability to have the reserve at every stop and at the end.
 
         Examples
         --------
@@ -287,25 +323,37 @@ class Journey:
         >>> journey = tw.plan_journey(["Vaduz", "Malbun"], tw.Departure(soc=0.6), atlas="map")  # doctest: +SKIP
         >>> journey.to_frame()  # doctest: +SKIP
         """
-        rows = []
-        for road in self.roads:
-            low, high = road.forecast.interval(0.9)
-            rows.append(
-                {
-                    "labels": ", ".join(road.labels),
-                    "distance_m": road.road.distance_m,
-                    "duration_s": road.forecast.plan.duration_s,
-                    "energy_wh": road.forecast.energy_wh,
-                    "energy_low_wh": low,
-                    "energy_high_wh": high,
-                    "soc_arrival": road.forecast.soc_arrival,
-                    "p_arrive": road.forecast.p_arrive(self.reserve),
-                }
+        rows = [
+            (
+                plan.label,
+                plan.distance_m,
+                plan.duration_s,
+                len(plan.stops),
+                plan.energy_wh,
+                np.nan,
+                np.nan,
+                plan.soc_arrival,
+                plan.p_reserve,
             )
-        return pd.DataFrame(rows)
+            for plan in self.charging_plans
+        ]
+        rows += [
+            (
+                ", ".join(road.labels),
+                road.road.distance_m,
+                road.forecast.plan.duration_s,
+                0,
+                road.forecast.energy_wh,
+                *road.forecast.interval(0.9),
+                road.forecast.soc_arrival,
+                road.forecast.p_arrive(self.reserve),
+            )
+            for road in self.roads
+        ]
+        return pd.DataFrame(rows, columns=list(WAYS))
 
     def plot(self, ax: Axes | None = None) -> Figure:
-        """Energy and state of charge along the fastest road.
+        """Energy and state of charge along the journey, with the jumps of its stops to charge.
 
         Parameters
         ----------
@@ -315,7 +363,7 @@ class Journey:
         Returns
         -------
         matplotlib.figure.Figure
-            Of the fastest road: energy, state of charge, causes.
+            Energy, state of charge, causes; of the fastest road where there is no stop.
 
         Examples
         --------
@@ -323,17 +371,29 @@ class Journey:
         >>> journey = tw.plan_journey(["Vaduz", "Malbun"], tw.Departure(soc=0.6), atlas="map")  # doctest: +SKIP
         >>> journey.plot().savefig("journey.png")  # doctest: +SKIP
         """
-        return self.forecast.plot(ax)
+        if self.charging is None:
+            return self.forecast.plot(ax)
+        from tripwatt.forecasting.plots import plot_forecast  # matplotlib is slow to import
+
+        plan = self.charging
+        return plot_forecast(plan.series(), plan.by_cause_wh, f"{self._title()}: {self._in_short}", ax=ax)
+
+    @property
+    def charging_plans(self) -> tuple[ChargingPlan, ...]:
+        """The fastest with stops to charge and its alternatives; empty where none are needed or none help."""
+        return () if self.charging is None else (self.charging, *self.charging_alternatives)
+
+    @property
+    def _in_short(self) -> str:
+        charges, low_high = self.verdict.charges, self.verdict.soc_interval
+        stops = "" if not charges else f"{charges} {'stop' if charges == 1 else 'stops'} to charge, "
+        return f"{stops}arrival with {self.verdict.soc_arrival:.0%}, 90 % interval {low_high[0]:.0%} to {low_high[1]:.0%}"
 
     def _title(self) -> str:
         return " to ".join(place.title for place in self.stops)
 
     def __repr__(self) -> str:
-        low, high = self.forecast.soc_interval(0.9)
-        return (
-            f"<Journey {self._title()}: {self.roads[0].road.distance_m / 1000.0:.1f} km, arrival with "
-            f"{self.forecast.soc_arrival:.0%}, 90 % interval {low:.0%} to {high:.0%}>"
-        )
+        return f"<Journey {self._title()}: {self.roads[0].road.distance_m / 1000.0:.1f} km, {self._in_short}>"
 
     def _repr_html_(self) -> str:
         rows = [
@@ -346,7 +406,8 @@ class Journey:
             for road in self.roads
         ]
         return html_table(
-            f"Journey {self._title()}", [*rows, ("leave with", self.leave), ("", self.attribution)]
+            f"Journey {self._title()}",
+            [("whole journey", self._in_short), *rows, ("leave with", self.leave), ("", self.attribution)],
         )
 
 
@@ -486,20 +547,32 @@ def journey_with(
     journey = replace(
         journey, costs_wh=_costs(forecaster, first), speed=_speed(forecaster, first, options.reserve)
     )
-    if journey.arrives:
+    if journey.arrives or not options.charge:
         return journey
+    return _with_stops(journey, forecaster, atlas, options)
+
+
+def _with_stops(
+    journey: Journey, forecaster: RoadForecaster, atlas: Atlas, options: JourneyOptions
+) -> Journey:
+    """The journey with stops to charge, or why there are none."""
+    first = journey.roads[0]
     curve = options.charging_curve or ChargingCurve.from_vehicle(
         forecaster.model.vehicle, first.forecast.charge.wh_per_display
     )
-    stop = find_stop(forecaster, first.road, first.forecast, atlas, curve, options.reserve)
-    flags = list(journey.flags)
     if not atlas.stations:
-        flags.append(Flag("no_stations", "charging"))
-    elif stop is None:
-        flags.append(Flag("no_stop_found", "charging"))
-    elif curve.is_class:
+        return replace(journey, flags=(*journey.flags, Flag("no_stations", "charging")))
+    rules = StopRules(curve, options.reserve, options.stop_overhead_s, options.preheat_battery)
+    corridor = Corridor(forecaster, first.road, first.forecast, atlas, rules, journey.stops[1:-1])
+    plans = find_plans(corridor)
+    if not plans:
+        return replace(journey, flags=(*journey.flags, Flag("no_stop_found", "charging")))
+    flags = list(journey.flags)
+    if curve.is_class:
         flags.append(Flag("class_charging_curve", "charging"))
-    return replace(journey, charging=stop, flags=tuple(flags))
+    if float(corridor.cell_degc.min()) < WARM_DEGC and any(s.station.direct_current for s in plans[0].stops):
+        flags.append(Flag("cold_charging_assumed", "charging"))
+    return replace(journey, charging=plans[0], charging_alternatives=plans[1:], flags=tuple(flags))
 
 
 def _labelled(roads: list[RoadForecast]) -> tuple[RoadForecast, ...]:

@@ -1,69 +1,94 @@
-"""One stop to charge: which station, how long, and the probability of each leg."""
+"""A journey with stops to charge: each stop, each leg, and what the whole journey comes to."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Final
 
 import numpy as np
+import pandas as pd
 
-from tripwatt.errors import InvalidInput, RemoteError
+from tripwatt.arrays import FloatArray
 from tripwatt.forecasting import Forecast
-from tripwatt.journey.atlas import Atlas
-from tripwatt.journey.charging import STOP_S, ChargingCurve
-from tripwatt.journey.forecasting import RoadForecaster
-from tripwatt.routes.maps import Station, near
-from tripwatt.routes.places import Place
+from tripwatt.journey.solver import joint_chance
+from tripwatt.routes.maps import Station
 from tripwatt.routes.routers import Road
+from tripwatt.trips import Departure
 
-CERTAIN: Final = 0.95
-DETOUR_M: Final = 3000.0
-"""Stations farther from the road than this are not looked at."""
+BAND: Final = 0.9
+CLOSE_SOC: Final = 0.05
+"""A leg is not forecast again for a charge at departure that differs by this or less."""
+SHOWN: Final = ("displayed_soc", "displayed_soc_low", "displayed_soc_high")
 
-POINT_EVERY_M: Final = 500.0
-MOST_CANDIDATES: Final = 6
-"""Stations whose detour is routed."""
 
-FULL_STOP: Final = 1.0
-LEAST_ARRIVAL: Final = 0.02
-"""Displayed charge to reach a station with."""
+@dataclass(frozen=True, slots=True)
+class NextStation:
+    """Where to go from a station that is occupied.
+
+    Attributes
+    ----------
+    station : Station
+    soc_arrival : float
+        Displayed charge that is expected there.
+    p_reach : float
+        Probability to reach it with the reserve.
+    more_s : float
+        Time that the journey takes longer [s].
+    """
+
+    station: Station
+    soc_arrival: float
+    p_reach: float
+    more_s: float
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ChargingStop:
-    """A journey with one stop to charge.
+    """One stop to charge.
 
     Attributes
     ----------
     station : Station
         Where the car charges.
-    soc_arrival : float
-        Displayed charge that is expected at the station.
-    soc_leave : float
-        Displayed charge to leave the station with.
-    charging_s : float
-        Time at the station.
-    duration_s : float
-        Of the whole journey with the stop.
-    p_station, p_arrive : float
-        Probability to reach the station, and to reach the destination with the reserve after it.
+    position_m : float
+        Along the line of the journey.
+    soc_arrival, soc_leave : float
+        Displayed charge that is expected at arrival, and to leave with.
+    soc_interval : tuple of float
+        90 % interval of the charge at arrival.
+    energy_wh : float
+        Charged into the battery [Wh].
+    charging_s, overhead_s : float
+        Time that the charge takes, and that parking, plugging in and paying take [s].
+    arrives_after_s : float
+        Since departure [s].
+    p_reach : float
+        Probability to arrive with the reserve.
+    preheat : bool
+        Whether the battery is heated for the stop.
+    if_full : NextStation or None
+        Where to go when it is occupied; None where no other station helps.
 
     Examples
     --------
-    >>> from tripwatt.routes.maps import Station
     >>> station = Station(47.0, 9.0, "A", 5e4, direct_current=True)
-    >>> stop = ChargingStop(station, 0.2, 0.8, 1800.0, 9000.0, p_station=0.99, p_arrive=0.95)
-    >>> sorted(stop.to_dict())
-    ['charging_s', 'duration_s', 'p_arrive', 'p_station', 'soc_arrival', 'soc_leave', 'station']
+    >>> stop = ChargingStop(station, 5e4, 0.2, 0.8, (0.15, 0.25), 2.4e4, 1800.0, 300.0, 3600.0, 0.99)
+    >>> stop.to_dict()["station"]["name"], stop.to_dict()["soc_interval"]
+    ('A', [0.15, 0.25])
     """
 
     station: Station
+    position_m: float
     soc_arrival: float
     soc_leave: float
+    soc_interval: tuple[float, float]
+    energy_wh: float
     charging_s: float
-    duration_s: float
-    p_station: float
-    p_arrive: float
+    overhead_s: float
+    arrives_after_s: float
+    p_reach: float
+    preheat: bool = False
+    if_full: NextStation | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Convert the stop to plain values.
@@ -73,89 +98,246 @@ class ChargingStop:
         dict
             One key for each attribute; the station as a dict.
         """
+        return {**asdict(self), "soc_interval": list(self.soc_interval)}
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Leg:
+    """A road between two stops with its forecast.
+
+    Attributes
+    ----------
+    road : Road
+    forecast : Forecast
+        From the charge that the leg is left with.
+    preheat_soc : float
+        Displayed charge that heats the battery for the stop at its end.
+    """
+
+    road: Road
+    forecast: Forecast
+    preheat_soc: float = 0.0
+
+    def chance(self, reserve: float) -> float:
+        """Probability to arrive with a reserve."""
+        return self.forecast.p_arrive(min(reserve + self.preheat_soc, 1.0))
+
+    @property
+    def soc_arrival(self) -> float:
+        """Displayed charge that is expected at the end."""
+        return max(self.forecast.soc_arrival - self.preheat_soc, 0.0)
+
+    @property
+    def soc_interval(self) -> tuple[float, float]:
+        """90 % interval of the charge at the end."""
+        low, high = self.forecast.soc_interval(BAND)
+        return max(low - self.preheat_soc, 0.0), max(high - self.preheat_soc, 0.0)
+
+    @property
+    def energy_wh(self) -> float:
+        """Of the drive and of heating the battery [Wh]."""
+        return self.forecast.energy_wh + self.preheat_soc * self.forecast.charge.wh_per_display
+
+    @property
+    def shared(self) -> float:
+        """Share of what the legs of a journey have in common in the standard deviation of the charge at the end.
+
+        The drift of the power, local travel times, an unknown climb and the reading of the display are new on each leg; the rest
+        is that of car, driver and weather.
+        """
+        common, own = (float(part[-1]) for part in variance_along(self.forecast))
+        climb = self.forecast.sd_wh**2 - float(self.forecast.energy_sd_wh[-1]) ** 2
+        return float(np.sqrt(common / (common + own + climb)))
+
+    def shifted(self, soc: float) -> Leg:
+        """The leg from another charge with the energy that it has: it changes by a thousandth in 5 percentage points."""
+        drive = replace(self.forecast.drive, plan=self.forecast.plan.with_departure(Departure(soc=soc)))
+        return replace(self, forecast=replace(self.forecast, drive=drive))
+
+    def leaving_with(self, soc: float) -> Leg:
+        """The leg from another charge; forecast again where that is not close."""
+        if abs(soc - (self.forecast.plan.departure.soc or 0.0)) <= CLOSE_SOC:
+            return self.shifted(soc)
+        return replace(self, forecast=self.forecast.leaving_with(soc))
+
+
+def variance_along(forecast: Forecast) -> tuple[FloatArray, FloatArray]:
+    """Variance of what is taken of the battery up to each edge of the segments [Wh²], each of shape (segments + 1,).
+
+    Returns
+    -------
+    common : ndarray
+        Of what all parts of a journey share, which grows with the square of the way: car, driver, weather, capacity.
+    own : ndarray
+        Of what is new on each part, which grows with the way: the drift of the power, local travel times, the reading of the display.
+        An unknown climb is in neither.
+    """
+    uncertainty, charge = forecast.uncertainty, forecast.charge
+    hours = np.concatenate(([0.0], np.cumsum(forecast.drive.table.hours)))
+    own = forecast.sd_factor**2 * uncertainty.scale.course.drift_wh2(hours)
+    if forecast.plan.free_flow and uncertainty.free_flow is not None:
+        local = uncertainty.free_flow.local_variance_m / forecast.plan.distance_m * forecast.energy_wh**2
+        own = own + local * hours / hours[-1]
+    reading = (charge.displayed_sd * charge.wh_per_display) ** 2
+    whole = (
+        forecast.energy_sd_wh**2
+        + (charge.sd(forecast.energy_along_wh, True) * charge.wh_per_display) ** 2
+        - reading
+    )
+    return np.maximum(whole - own, 0.0), own + reading
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class ChargingPlan:
+    """A journey with stops to charge, the whole of it.
+
+    Attributes
+    ----------
+    label : str
+        "fastest", "fewest stops", "safest" or "cheapest".
+    stops : tuple of ChargingStop
+        In the order of the journey.
+    legs : tuple of Leg
+        One more than stops.
+    reserve : float
+        Displayed charge to have at every stop and at the end.
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> journey = tw.plan_journey(["Vaduz", "Malbun"], tw.Departure(soc=0.12), atlas="map")  # doctest: +SKIP
+    >>> [stop.station.name for stop in journey.charging.stops]  # doctest: +SKIP
+    ['Triesen']
+    """
+
+    label: str
+    stops: tuple[ChargingStop, ...]
+    legs: tuple[Leg, ...]
+    reserve: float
+
+    @property
+    def p_arrive(self) -> float:
+        """Probability that the battery is empty nowhere."""
+        return self._chance(0.0)
+
+    @property
+    def p_reserve(self) -> float:
+        """Probability to have the reserve at every stop and at the end."""
+        return self._chance(self.reserve)
+
+    def _chance(self, reserve: float) -> float:
+        chances = np.array([leg.chance(reserve) for leg in self.legs])
+        return joint_chance(chances, np.array([leg.shared for leg in self.legs]))
+
+    @property
+    def soc_arrival(self) -> float:
+        """Displayed charge that is expected at the destination."""
+        return self.legs[-1].soc_arrival
+
+    @property
+    def soc_interval(self) -> tuple[float, float]:
+        """90 % interval of the charge at the destination."""
+        return self.legs[-1].soc_interval
+
+    @property
+    def driving_s(self) -> float:
+        """Time on the road [s]."""
+        return sum(leg.forecast.plan.duration_s for leg in self.legs)
+
+    @property
+    def charging_s(self) -> float:
+        """Time at stations with overheads [s]."""
+        return sum(stop.charging_s + stop.overhead_s for stop in self.stops)
+
+    @property
+    def duration_s(self) -> float:
+        """Driving and charging [s]."""
+        return self.driving_s + self.charging_s
+
+    @property
+    def energy_wh(self) -> float:
+        """Energy of all legs [Wh]."""
+        return sum(leg.energy_wh for leg in self.legs)
+
+    @property
+    def distance_m(self) -> float:
+        """Length with detours [m]."""
+        return sum(leg.road.distance_m for leg in self.legs)
+
+    @property
+    def by_cause_wh(self) -> dict[str, float]:
+        """Energy of all legs by cause [Wh]; heating the battery for a stop is with climate control."""
+        parts: dict[str, float] = {}
+        for leg in self.legs:
+            for cause, wh in leg.forecast.by_cause_wh.items():
+                parts[cause] = parts.get(cause, 0.0) + wh
+        parts["climate"] += self.energy_wh - sum(leg.forecast.energy_wh for leg in self.legs)
+        return parts
+
+    def series(self) -> pd.DataFrame:
+        """Along the journey, as `Forecast.series`; a stop has a row before and one after charging.
+
+        Returns
+        -------
+        DataFrame
+            Time since departure with charging, distance with detours; the bands of energy are those of each leg.
+        """
+        tables, time_s, distance_m, energy_wh = [], 0.0, 0.0, 0.0
+        for k, leg in enumerate(self.legs):
+            table = leg.forecast.series()
+            table["distance_m"] *= leg.road.distance_m / float(table["distance_m"].iloc[-1])
+            table["distance_m"] += distance_m
+            table["time_s"] += time_s
+            table[["energy_wh", "energy_low_wh", "energy_high_wh"]] += energy_wh
+            last = table.index[-1]
+            table.loc[last, list(SHOWN)] = (table.loc[last, list(SHOWN)] - leg.preheat_soc).clip(lower=0.0)
+            tables.append(table)
+            distance_m += leg.road.distance_m
+            energy_wh += leg.energy_wh
+            time_s = float(table["time_s"].iloc[-1])
+            if k < len(self.stops):
+                time_s += self.stops[k].charging_s + self.stops[k].overhead_s
+        return pd.concat(tables, ignore_index=True)
+
+    @property
+    def line(self) -> dict[str, FloatArray]:
+        """Line on the map: `latitude_deg, longitude_deg, position_m`."""
+        starts = np.cumsum([0.0, *(leg.road.distance_m for leg in self.legs[:-1])])
         return {
-            "station": self.station.to_dict(),
-            "soc_arrival": self.soc_arrival,
-            "soc_leave": self.soc_leave,
-            "charging_s": self.charging_s,
-            "duration_s": self.duration_s,
-            "p_station": self.p_station,
-            "p_arrive": self.p_arrive,
+            "latitude_deg": np.concatenate([leg.road.latitude_deg for leg in self.legs]),
+            "longitude_deg": np.concatenate([leg.road.longitude_deg for leg in self.legs]),
+            "position_m": np.concatenate(
+                [leg.road.position_m + start for leg, start in zip(self.legs, starts, strict=True)]
+            ),
         }
 
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values, as the command line and the service give them.
 
-def find_stop(
-    forecaster: RoadForecaster,
-    road: Road,
-    forecast: Forecast,
-    atlas: Atlas,
-    curve: ChargingCurve,
-    reserve: float,
-) -> ChargingStop | None:
-    """The stop with which the journey takes the least time; None where no station helps.
-
-    Stations near the road that are reached with 95 % are compared by the time that they promise; the detours of the
-    best are routed and forecast.
-    """
-    start, end = road.place_at(0.0), road.place_at(road.distance_m)
-    best: ChargingStop | None = None
-    for station in _candidates(road, forecast, atlas, curve, reserve):
-        try:
-            legs = (
-                atlas.router.roads((start, station.place))[0],
-                atlas.router.roads((station.place, end))[0],
-            )
-            stop = _with_stop(forecaster, legs, station, curve, reserve)
-        except RemoteError:
-            raise
-        except InvalidInput:  # no road to this one
-            continue
-        if stop is not None and (best is None or stop.duration_s < best.duration_s):
-            best = stop
-    return best
-
-
-def _candidates(
-    road: Road, forecast: Forecast, atlas: Atlas, curve: ChargingCurve, reserve: float
-) -> list[Station]:
-    position = np.arange(0.0, road.distance_m + POINT_EVERY_M, POINT_EVERY_M)
-    points: list[Place] = [road.place_at(float(at)) for at in position]
-    series = forecast.series()
-    scale = float(series["distance_m"].iloc[-1]) / road.distance_m
-    surely = np.interp(position * scale, series["distance_m"], forecast.soc_along(CERTAIN))
-    expected = np.interp(position * scale, series["distance_m"], forecast.soc_along(0.5))
-    lacking = forecast.soc_needed(reserve, CERTAIN) - float(forecast.soc_along(0.5)[0])
-    ranked = []
-    for index, at in near(atlas.stations, points, DETOUR_M):
-        if surely[at] < LEAST_ARRIVAL:
-            continue
-        station, arrival = atlas.stations[index], float(expected[at])
-        leave = min(arrival + lacking, FULL_STOP)
-        ranked.append((curve.seconds(arrival, leave, station, forecast.charge.wh_per_display), index))
-    return [atlas.stations[index] for _, index in sorted(ranked)[:MOST_CANDIDATES]]
-
-
-def _with_stop(
-    forecaster: RoadForecaster,
-    legs: tuple[Road, Road],
-    station: Station,
-    curve: ChargingCurve,
-    reserve: float,
-) -> ChargingStop | None:
-    first = forecaster.forecast(legs[0], "to the station")
-    p_station = first.p_arrive(LEAST_ARRIVAL)
-    if p_station < CERTAIN:
-        return None
-    arrival = first.soc_arrival
-    guess = forecaster.forecast(legs[1], "from the station", soc=FULL_STOP, bms_soc=None, follows_trip=True)
-    leave = guess.soc_needed(reserve, CERTAIN)
-    if leave > FULL_STOP:
-        return None
-    leave = max(leave, arrival)
-    second = guess.leaving_with(leave)
-    charging_s = curve.seconds(arrival, leave, station, first.charge.wh_per_display) + STOP_S
-    driving_s = first.plan.duration_s + second.plan.duration_s
-    p_arrive = second.p_arrive(reserve)
-    if p_arrive < CERTAIN - 0.01:
-        return None
-    return ChargingStop(station, arrival, leave, charging_s, driving_s + charging_s, p_station, p_arrive)
+        Returns
+        -------
+        dict
+            Numbers, texts, lists and further dicts only.
+        """
+        series = self.series()
+        digits = {"latitude_deg": 6, "longitude_deg": 6, "position_m": 1}
+        return {
+            "label": self.label,
+            "stops": [stop.to_dict() for stop in self.stops],
+            "p_arrive": self.p_arrive,
+            "p_reserve": self.p_reserve,
+            "soc_arrival": self.soc_arrival,
+            "soc_interval": list(self.soc_interval),
+            "driving_s": self.driving_s,
+            "charging_s": self.charging_s,
+            "duration_s": self.duration_s,
+            "energy_wh": self.energy_wh,
+            "course": {
+                "position_m": series["distance_m"].tolist(),
+                "time_s": series["time_s"].tolist(),
+                "displayed_soc": series["displayed_soc"].tolist(),
+                "low": series["displayed_soc_low"].tolist(),
+                "high": series["displayed_soc_high"].tolist(),
+            },
+            "line": {name: np.round(self.line[name], k).tolist() for name, k in digits.items()},
+        }

@@ -426,7 +426,7 @@ def column_blocks(names: Sequence[str], columns: Mapping[str, Sequence[str]] | N
     if columns is None:
         return {name: [position] for position, name in enumerate(names)}
     raise_faults(
-        Fault("unknown column", f"columns[{block!r}]", name, ", ".join(names))
+        Fault.unknown("unknown column", f"columns[{block!r}]", name, names)
         for block, members in columns.items()
         for name in members
         if name not in names

@@ -15,7 +15,7 @@ from cachetools import LRUCache
 from pydantic import ValidationError
 
 from tripwatt.certification import describe_car
-from tripwatt.errors import Fault, InvalidInput, excerpt
+from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecasting import (
     Forecast,
     ForecastModel,
@@ -38,7 +38,6 @@ from tripwatt.service.schemas import (
     VehicleFigures,
     check_request,
     departure_of,
-    did_you_mean,
     parse_json,
     parse_links,
     parse_observed,
@@ -379,7 +378,7 @@ def _no_single_car(got: str) -> InvalidInput:
 
 
 def _unknown(what: str, name: str, known: Sequence[str]) -> Fault:
-    return Fault(f"unknown {what}", what, excerpt(name), ", ".join(known), did_you_mean(name, known))
+    return Fault.unknown(f"unknown {what}", what, name, known)
 
 
 def _figures(value: Any) -> VehicleFigures:

@@ -60,6 +60,12 @@ class PlanRequest(_Departs):
     """back to the start"""
     answers: bool = True
     """whether costs, speed and charging are worked out"""
+    charge: bool = True
+    """whether stops to charge are planned"""
+    stop_overhead_s: float = Field(300.0, ge=0.0, le=7200.0)
+    """parking, plugging in and paying at each stop [s]"""
+    preheat_battery: bool = False
+    """whether the battery may be heated on the way to a stop"""
 
 
 class ReachRequest(_Departs):
@@ -137,22 +143,98 @@ class StationDocument(ResponseModel):
     """whether the map gives the power; else it is assumed"""
 
 
-class ChargingDocument(ResponseModel):
-    """A journey with one stop to charge."""
+class NextStationDocument(ResponseModel):
+    """Where to go from a station that is occupied."""
 
     station: StationDocument
     soc_arrival: float
+    p_reach: float
+    """probability to reach it with the reserve"""
+    more_s: float
+    """time that the journey takes longer [s]"""
+
+
+class ChargingStopDocument(ResponseModel):
+    """A stop to charge."""
+
+    station: StationDocument
+    position_m: float
+    """along the line of the journey"""
+    soc_arrival: float
     """expected displayed state of charge at the station"""
+    soc_interval: list[float]
+    """its 90 % interval"""
     soc_leave: float
     """displayed state of charge to leave the station with"""
+    energy_wh: float
+    """charged into the battery"""
     charging_s: float
-    """time at the station [s]"""
-    duration_s: float
-    """of the whole journey with the stop [s]"""
-    p_station: float
-    """probability to reach the station"""
+    overhead_s: float
+    """parking, plugging in and paying"""
+    arrives_after_s: float
+    """since departure"""
+    p_reach: float
+    """probability to arrive with the reserve"""
+    preheat: bool
+    """whether the battery is heated for the stop"""
+    if_full: NextStationDocument | None
+    """where to go when the station is occupied; null: no other one helps"""
+
+
+class CourseDocument(ResponseModel):
+    """Charge along a journey; a stop has one entry before and one after charging."""
+
+    position_m: list[float]
+    time_s: list[float]
+    displayed_soc: list[float]
+    low: list[float]
+    high: list[float]
+
+
+class ChargingDocument(ResponseModel):
+    """A journey with its stops to charge, the whole of it."""
+
+    label: str = Field(description='"fastest", "fewest stops", "safest" or "cheapest"')
+    stops: list[ChargingStopDocument]
     p_arrive: float
-    """probability to reach the destination with the reserve after it"""
+    """probability that the battery is empty nowhere"""
+    p_reserve: float
+    """probability to have the reserve at every stop and at the end"""
+    soc_arrival: float
+    soc_interval: list[float]
+    driving_s: float
+    charging_s: float
+    """at stations, with overheads"""
+    duration_s: float
+    energy_wh: float
+    course: CourseDocument
+    line: LineDocument
+
+
+class VerdictDocument(ResponseModel):
+    """What the whole journey comes to, with its stops to charge."""
+
+    arrives: bool
+    """whether at least 19 of 20 such journeys have the reserve at every stop and at the end"""
+    p_arrive: float
+    """probability that the battery is empty nowhere"""
+    p_reserve: float
+    """probability to have the reserve at every stop and at the end"""
+    soc_arrival: float
+    soc_interval: list[float]
+    """90 % interval of the charge at the destination"""
+    driving_s: float
+    charging_s: float
+    """at stations, with overheads"""
+    duration_s: float
+    departs_at: str | None
+    """local time; null where the departure has none"""
+    arrives_at: str | None
+    energy_wh: float
+    charges: int
+    """number of stops to charge"""
+    advice: Literal["go", "stop", "charge_before", "slower", "none"]
+    """what to do; "none" where nothing helps"""
 
 
 class PlanResponse(ResponseModel):
@@ -161,10 +243,11 @@ class PlanResponse(ResponseModel):
     stops: list[PlaceDocument]
     """the places as they were understood"""
     reserve: float
+    verdict: VerdictDocument
     arrives: bool
-    """whether at least 19 of 20 trips arrive with the reserve"""
+    """as in `verdict`"""
     p_arrive: float
-    """probability to arrive with the reserve"""
+    """`p_reserve` of `verdict`"""
     soc_needed: float
     """displayed state of charge to leave with, to arrive with the reserve in 19 of 20 trips; above 1: a full battery does not suffice; 0: any charge does"""
     leave: str
@@ -177,6 +260,9 @@ class PlanResponse(ResponseModel):
     """speed on motorways with which it arrives; null: none does"""
     motorway_duration_s: float | None
     charging: ChargingDocument | None
+    """where the charge does not suffice and stops help: the fastest"""
+    charging_alternatives: list[ChargingDocument]
+    """with the fewest stops, the safest, the cheapest by energy, where they differ"""
     roads: list[RoadDocument]
     """the fastest first"""
     flags: list[FlagDocument]

@@ -50,6 +50,9 @@ class JourneyJobs:
             request.alternatives,
             request.round_trip,
             request.answers,
+            charge=request.charge,
+            stop_overhead_s=request.stop_overhead_s,
+            preheat_battery=request.preheat_battery,
         )
         stops = find_stops([place_of(stop) for stop in request.stops], atlas, round_trip=request.round_trip)
         forecaster = RoadForecaster(model, departure_of_journey(request), atlas.weather)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import difflib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from types import NoneType
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, TypeVar
 
@@ -24,7 +23,7 @@ from pydantic import (
 )
 
 from tripwatt.arrays import FloatArray
-from tripwatt.errors import MOST_HINTS, Fault, InvalidInput, excerpt, raise_faults
+from tripwatt.errors import MOST_HINTS, Fault, InvalidInput, did_you_mean, excerpt, raise_faults
 from tripwatt.forecasting.document import FlagDocument
 from tripwatt.routes import LinkRoute, route_from_links
 from tripwatt.routes.link_objects import route_with_elevation
@@ -461,12 +460,6 @@ def fault_of(error: Mapping[str, Any], fix: str = "") -> Fault:
     """The fault of an error of pydantic."""
     where = ".".join(map(str, error["loc"]))[:80] or "body"
     return Fault(error["msg"], where, excerpt(error.get("input"), 80), fix=fix)
-
-
-def did_you_mean(name: str, known: Sequence[str]) -> str:
-    """The most similar of the known names as a question; empty without one."""
-    near = difflib.get_close_matches(name[:60], known, n=1)
-    return f"did you mean {near[0]}?" if near else ""
 
 
 def parse_samples(value: Any, limits: Limits) -> pd.DataFrame:

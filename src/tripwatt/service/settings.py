@@ -171,7 +171,7 @@ def parse_limits(pairs: list[str]) -> Limits:
     for pair in pairs:
         key, _, text = pair.partition("=")
         if key not in known:
-            faults.append(Fault("unknown limit", "--limit", pair, ", ".join(known)))
+            faults.append(Fault.unknown("unknown limit", "--limit", key, known))
             continue
         try:
             value = float(text) if known[key] == "float" else int(text)

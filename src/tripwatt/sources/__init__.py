@@ -8,7 +8,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final, cast
 
-from tripwatt.errors import InvalidInput
+from tripwatt.errors import Fault, InvalidInput
 from tripwatt.trips import Fleet
 
 if TYPE_CHECKING:
@@ -73,7 +73,7 @@ def read_logs(
     tripwatt.errors.InvalidInput: unknown data set: dataset: got 'tmu'; allowed: tum...
     """
     if dataset not in DATASETS:
-        raise InvalidInput.of("unknown data set", "dataset", repr(dataset), ", ".join(DATASETS))
+        raise InvalidInput(Fault.unknown("unknown data set", "dataset", dataset, DATASETS))
     if dataset == "table":
         from tripwatt.sources.table import read_table
         from tripwatt.vehicles import load_vehicle
@@ -100,7 +100,7 @@ def where_to_get(dataset: str) -> str:
     from tripwatt.sources.public import PUBLIC_SETS
 
     if dataset not in PUBLIC_SETS:
-        raise InvalidInput.of("unknown data set", "dataset", repr(dataset), ", ".join(PUBLIC_SETS))
+        raise InvalidInput(Fault.unknown("unknown data set", "dataset", dataset, PUBLIC_SETS))
     return PUBLIC_SETS[dataset]
 
 

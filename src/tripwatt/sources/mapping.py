@@ -18,7 +18,6 @@ All tables but `[columns]` are optional; see `docs/reference/data.md`.
 
 from __future__ import annotations
 
-import difflib
 import math
 import tomllib
 from collections.abc import Iterator, Mapping
@@ -28,7 +27,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
 
-from tripwatt.errors import Fault, InvalidInput, excerpt
+from tripwatt.errors import Fault, InvalidInput, did_you_mean, excerpt
 from tripwatt.files import MOST_TEXT_BYTES, read_text_file
 from tripwatt.trips import COLUMNS, raise_faults
 from tripwatt.trips.columns import is_number
@@ -296,14 +295,14 @@ def _structure_faults(tables: Mapping[str, Any], source: str) -> Iterator[Fault]
     for name, table in tables.items():
         if name not in _TABLES:
             allowed = f"[{'], ['.join(_TABLES)}]"
-            yield Fault("unknown table", f"{source} [{name}]", "", allowed, _near(name, _TABLES))
+            yield Fault("unknown table", f"{source} [{name}]", "", allowed, did_you_mean(name, _TABLES))
         elif not isinstance(table, dict):
             yield Fault("not a table", f"{source} [{name}]", excerpt(table), f"[{name}]")
         else:
             keys = _TABLES[name] or tuple(UNITS)
             for key in (key for key in table if key not in keys):
                 where = f"{source} [{name}] {key}"
-                yield Fault("unknown key", where, "", ", ".join(keys), _near(key, keys))
+                yield Fault("unknown key", where, "", ", ".join(keys), did_you_mean(key, keys))
     columns = tables.get("columns", {})
     if not isinstance(columns, dict):
         return
@@ -323,7 +322,9 @@ def _entry_faults(ours: str, entry: object, where: str) -> Iterator[Fault]:
         return
     for key, value in entry.items():
         if key not in _ENTRY_KEYS:
-            yield Fault("unknown key", f"{where}.{key}", "", ", ".join(_ENTRY_KEYS))
+            yield Fault(
+                "unknown key", f"{where}.{key}", "", ", ".join(_ENTRY_KEYS), did_you_mean(key, _ENTRY_KEYS)
+            )
         elif key == "optional" and not isinstance(value, bool):
             yield Fault("not true or false", f"{where}.{key}", excerpt(value), "true or false")
         elif key != "optional" and not isinstance(value, str):
@@ -331,7 +332,7 @@ def _entry_faults(ours: str, entry: object, where: str) -> Iterator[Fault]:
     unit = str(entry.get("unit", _own_unit(ours)))
     allowed = [*UNITS[ours], *(TIME_STAMPS if ours == "time_s" else ())]
     if unit.lower() not in allowed:
-        yield Fault("unknown unit", f"{where}.unit", excerpt(unit), ", ".join(allowed))
+        yield Fault.unknown("unknown unit", f"{where}.unit", unit, allowed)
 
 
 def _value_faults(tables: Mapping[str, Any], source: str) -> Iterator[Fault]:
@@ -376,8 +377,3 @@ def _energy_faults(tables: Mapping[str, Any], source: str) -> Iterator[Fault]:
 def _get(tables: Mapping[str, Any], table: str, key: str) -> Any:
     section = tables.get(table)
     return section.get(key) if isinstance(section, dict) else None
-
-
-def _near(name: str, known: Any) -> str:
-    close = difflib.get_close_matches(name[:60], list(known), n=1)
-    return f"did you mean {close[0]!r}?" if close else ""

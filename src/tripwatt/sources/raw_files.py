@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
@@ -14,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import FloatArray, IntArray
-from tripwatt.errors import Fault, InvalidInput, and_more, raise_faults
+from tripwatt.errors import Fault, InvalidInput, and_more, did_you_mean, raise_faults
 from tripwatt.sources.clocks import EARLIEST_YEAR, LATEST_YEAR, clock_only, seconds_of
 from tripwatt.sources.columnar import TableFile, open_table
 from tripwatt.sources.delimited import column_key, numbers_of
@@ -182,13 +181,8 @@ def _entries(file: RawFile, table: TableFile) -> dict[str, MappedColumn]:
 
 def _missing(table: TableFile, name: str, mapping: ColumnMapping) -> Fault:
     got = ", ".join(repr(n[:40]) for n in table.names[:8]) + (" ..." if len(table.names) > 8 else "")
-    fix = f"{_near(name, table.names)}see {mapping.source}"
+    fix = f"{did_you_mean(name, table.names)} see {mapping.source}".strip()
     return Fault("missing column", f"{table.path}", got, f"a column {name!r}", fix)
-
-
-def _near(name: str, names: Sequence[str]) -> str:
-    close = difflib.get_close_matches(name, names, n=1)
-    return f"did you mean {close[0]!r}? " if close else ""
 
 
 def _read_long(file: RawFile, table: TableFile) -> None:
@@ -209,7 +203,7 @@ def _read_long(file: RawFile, table: TableFile) -> None:
             continue
         if not len(rows):
             seen = sorted(set(signals.tolist()))
-            got, fix = ", ".join(map(repr, seen[:8])), _near(entry.column, seen).strip()
+            got, fix = ", ".join(map(repr, seen[:8])), did_you_mean(entry.column, seen)
             fault = Fault("missing signal", f"{table.path}", got, f"a signal {entry.column!r}", fix)
             if ours in NEEDED:
                 raise InvalidInput([fault])

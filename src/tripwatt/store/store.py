@@ -329,7 +329,7 @@ class TripStore:
             With every unknown column.
         """
         unknown = [c for c in columns if c not in TRIPS.names]
-        raise_faults(Fault("unknown column", "columns", c, ", ".join(TRIPS.names)) for c in unknown)
+        raise_faults(Fault.unknown("unknown column", "columns", c, TRIPS.names) for c in unknown)
         order = [c for c in ("vehicle_id", "started_at", "trip_id") if c not in columns]
         where = _where(self.buckets, vehicle_id, car_model, since, until)
         table = self.rows.read([*columns, *order], where)

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 import datetime as dt
-import difflib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-from tripwatt.errors import Fault, excerpt
+from tripwatt.errors import Fault, did_you_mean, excerpt
 from tripwatt.trips.columns import Column, number_faults
 
 
@@ -135,8 +134,7 @@ def choice_faults(name: str, value: object, choices: tuple[str, ...]) -> Iterato
     """
     if value is None or (isinstance(value, str) and value in choices):
         return
-    near = difflib.get_close_matches(value[:40], choices, n=1) if isinstance(value, str) else []
-    fix = f"did you mean {near[0]!r}?" if near else ""
+    fix = did_you_mean(value, choices) if isinstance(value, str) else ""
     yield Fault("unknown choice", name, excerpt(value, 42), f"one of {', '.join(choices)}", fix)
 
 

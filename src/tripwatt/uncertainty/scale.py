@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -57,12 +57,18 @@ class TimeCourse:
 
         The integral of a drift over a time ``t`` has the variance ``2 sd² T² (t / T - 1 + exp(-t / T))``.
         """
-        seconds = hours * SECONDS_PER_HOUR
-        square, whole = (self.constant_w * seconds) ** 2, self.constant_w**2
-        for sd_w, time_s in self.drifts:
-            square += 2.0 * (sd_w * time_s) ** 2 * (seconds / time_s + np.expm1(-seconds / time_s))
-            whole += sd_w**2
-        return float(np.sqrt(square / whole)) / SECONDS_PER_HOUR if whole > 0.0 else hours
+        square = (self.constant_w * hours) ** 2 + self.drift_wh2(hours)
+        whole = self.constant_w**2 + sum(sd_w**2 for sd_w, _ in self.drifts)
+        return float(np.sqrt(square / whole)) if whole > 0.0 else hours
+
+    def drift_wh2(self, hours: Any) -> Any:
+        """Variance of the energy by the drifts alone [Wh²], which two parts of a journey do not share; hours are a number or an array."""
+        seconds = np.asarray(hours) * SECONDS_PER_HOUR
+        parts = [
+            2.0 * (sd_w * time_s) ** 2 * (seconds / time_s + np.expm1(-seconds / time_s))
+            for sd_w, time_s in self.drifts
+        ]
+        return sum(parts, np.zeros_like(seconds)) / SECONDS_PER_HOUR**2
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,6 @@ Every entry taken over keeps its source and licence, and names the file that it 
 
 from __future__ import annotations
 
-import difflib
 import tomllib
 from collections.abc import Mapping, Sequence
 from functools import cache
@@ -126,9 +125,7 @@ def _names(raw: object, where: str, faults: list[Fault]) -> Sequence[str]:
 def _base(name: str, place: str, faults: list[Fault], depth: int) -> dict[str, Any]:
     text = bundled_text(name)
     if text is None:
-        near = difflib.get_close_matches(name, bundled_bases(), n=1)
-        fix = f"did you mean {near[0]!r}?" if near else ""
-        faults.append(Fault("unknown base", place, name, ", ".join(bundled_bases()), fix))
+        faults.append(Fault.unknown("unknown base", place, name, bundled_bases()))
         return {}
     if depth >= DEEPEST_EXTENSION:
         faults.append(Fault("circular extends", place, name, "files that do not extend one another"))

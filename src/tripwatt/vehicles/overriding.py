@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import difflib
 import types
 from collections.abc import Iterable, Mapping
 from typing import Final
 
-from tripwatt.errors import Fault, raise_faults
+from tripwatt.errors import Fault, did_you_mean, raise_faults
 
 ALIASES: Final[Mapping[str, str]] = types.MappingProxyType(
     {
@@ -63,10 +62,8 @@ def parse_overrides(texts: Iterable[str]) -> dict[str, float | str]:
         elif key in result:
             faults.append(Fault("override given twice", "--set", text, f"one value for {key}"))
         elif "." not in key:
-            near = difflib.get_close_matches(key, ALIASES, n=1)
-            fix = f"did you mean {near[0]!r}?" if near else ""
             allowed = f"section.key, or one of {', '.join(ALIASES)}"
-            faults.append(Fault("unknown key", "--set", short, allowed, fix))
+            faults.append(Fault("unknown key", "--set", short, allowed, did_you_mean(key, ALIASES)))
         else:
             try:
                 result[key] = float(value)

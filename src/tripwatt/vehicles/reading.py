@@ -9,7 +9,6 @@ licence of each source. `[preset.NAME.SECTION]` tables replace entries, and
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import sys
 import tomllib
 import types
@@ -17,7 +16,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from typing import Any, Final
 
-from tripwatt.errors import Fault, excerpt, raise_faults
+from tripwatt.errors import Fault, did_you_mean, excerpt, raise_faults
 from tripwatt.vehicles.inheriting import data_folder, inherit
 from tripwatt.vehicles.licences import licence_faults, with_licences
 from tripwatt.vehicles.overriding import spelled_out
@@ -177,7 +176,6 @@ def _preset_tables(
 
 
 def _unknown_fault(what: str, where: str, got: str, allowed: Sequence[str] | Mapping[str, Any]) -> Fault:
-    near = difflib.get_close_matches(got[:60], list(allowed), n=1)
     return Fault(
         f"unknown {what}",
         where,
@@ -185,7 +183,7 @@ def _unknown_fault(what: str, where: str, got: str, allowed: Sequence[str] | Map
         ", ".join(sorted(allowed))
         if len(allowed) < 12
         else "a key of the parameter table in docs/explanation/car-model.md",
-        f"did you mean {near[0]!r}?" if near else "",
+        did_you_mean(got, allowed),
     )
 
 

@@ -49,6 +49,7 @@ export const FLAGS: Readonly<Record<string, Rule>> = {
   "no_stations": {},
   "no_stop_found": {},
   "class_charging_curve": {},
+  "cold_charging_assumed": {},
   "map_ends": {},
   "route_error_unknown": {
     "severity": "caution"
@@ -156,10 +157,13 @@ export const WORDS: Readonly<Record<Language, Readonly<Record<string, Readonly<R
       "text": "No charging stations are known on this map."
     },
     "no_stop_found": {
-      "text": "No single charging stop makes the journey arrive with 95 %."
+      "text": "No charging stops on the way make the journey arrive with 95 %."
     },
     "class_charging_curve": {
       "text": "The charging curve of the car is not known; that of a middle-class car is assumed."
+    },
+    "cold_charging_assumed": {
+      "text": "How slowly the car charges with a cold battery is not known; the loss of power of one model of car is assumed."
     },
     "map_ends": {
       "text": "The map ends before the charge; the area of reach is larger than shown."
@@ -303,10 +307,13 @@ export const WORDS: Readonly<Record<Language, Readonly<Record<string, Readonly<R
       "text": "Auf dieser Karte sind keine Ladestationen bekannt."
     },
     "no_stop_found": {
-      "text": "Mit keinem einzelnen Ladestopp kommt die Fahrt zu 95 % an."
+      "text": "Mit keinen Ladestopps am Weg kommt die Fahrt zu 95 % an."
     },
     "class_charging_curve": {
       "text": "Die Ladekurve des Fahrzeugs ist unbekannt; die eines Mittelklassewagens wird angenommen."
+    },
+    "cold_charging_assumed": {
+      "text": "Wie langsam das Fahrzeug mit kalter Batterie lädt, ist unbekannt; der Leistungsverlust eines Modells wird angenommen."
     },
     "map_ends": {
       "text": "Die Karte endet vor der Ladung; die Reichweite ist größer als gezeigt."

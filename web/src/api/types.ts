@@ -538,17 +538,43 @@ export interface components {
             cars: components["schemas"]["CarSummary"][] | null;
         };
         ChargingDocument: {
-            station: components["schemas"]["StationDocument"];
+            label: string;
+            stops: components["schemas"]["ChargingStopDocument"][];
+            p_arrive: number;
+            p_reserve: number;
             soc_arrival: number;
-            soc_leave: number;
+            soc_interval: number[];
+            driving_s: number;
             charging_s: number;
             duration_s: number;
-            p_station: number;
-            p_arrive: number;
+            energy_wh: number;
+            course: components["schemas"]["CourseDocument"];
+            line: components["schemas"]["LineDocument"];
+        };
+        ChargingStopDocument: {
+            station: components["schemas"]["StationDocument"];
+            position_m: number;
+            soc_arrival: number;
+            soc_interval: number[];
+            soc_leave: number;
+            energy_wh: number;
+            charging_s: number;
+            overhead_s: number;
+            arrives_after_s: number;
+            p_reach: number;
+            preheat: boolean;
+            if_full: components["schemas"]["NextStationDocument"] | null;
         };
         ColumnChoice: {
             column: string;
             unit?: string | null;
+        };
+        CourseDocument: {
+            position_m: number[];
+            time_s: number[];
+            displayed_soc: number[];
+            low: number[];
+            high: number[];
         };
         DescribedVehicle: {
             title: string;
@@ -969,6 +995,12 @@ export interface components {
             vehicle?: string | null;
             vehicle_figures?: components["schemas"]["VehicleFigures"] | null;
         };
+        NextStationDocument: {
+            station: components["schemas"]["StationDocument"];
+            soc_arrival: number;
+            p_reach: number;
+            more_s: number;
+        };
         PlaceDocument: {
             name: string;
             kind: string;
@@ -1009,10 +1041,14 @@ export interface components {
             alternatives?: number;
             round_trip?: boolean;
             answers?: boolean;
+            charge?: boolean;
+            stop_overhead_s?: number;
+            preheat_battery?: boolean;
         };
         PlanResponse: {
             stops: components["schemas"]["PlaceDocument"][];
             reserve: number;
+            verdict: components["schemas"]["VerdictDocument"];
             arrives: boolean;
             p_arrive: number;
             soc_needed: number;
@@ -1024,6 +1060,7 @@ export interface components {
             motorway_speed_m_s: number | null;
             motorway_duration_s: number | null;
             charging: components["schemas"]["ChargingDocument"] | null;
+            charging_alternatives: components["schemas"]["ChargingDocument"][];
             roads: components["schemas"]["RoadDocument"][];
             flags: components["schemas"]["FlagDocument"][];
             attribution: string;
@@ -1259,6 +1296,22 @@ export interface components {
         VehiclesResponse: {
             vehicles: components["schemas"]["VehicleSummary"][];
         };
+        VerdictDocument: {
+            arrives: boolean;
+            p_arrive: number;
+            p_reserve: number;
+            soc_arrival: number;
+            soc_interval: number[];
+            driving_s: number;
+            charging_s: number;
+            duration_s: number;
+            departs_at: string | null;
+            arrives_at: string | null;
+            energy_wh: number;
+            charges: number;
+            /** @enum {string} */
+            advice: "go" | "stop" | "charge_before" | "slower" | "none";
+        };
         ViewResponse: {
             settlements: components["schemas"]["PlaceDocument"][];
             stations: components["schemas"]["StationDocument"][];
@@ -1284,7 +1337,9 @@ export type CarResponse = components['schemas']['CarResponse'];
 export type CarSummary = components['schemas']['CarSummary'];
 export type CarsResponse = components['schemas']['CarsResponse'];
 export type ChargingDocument = components['schemas']['ChargingDocument'];
+export type ChargingStopDocument = components['schemas']['ChargingStopDocument'];
 export type ColumnChoice = components['schemas']['ColumnChoice'];
+export type CourseDocument = components['schemas']['CourseDocument'];
 export type DescribedVehicle = components['schemas']['DescribedVehicle'];
 export type DiaryEntry = components['schemas']['DiaryEntry'];
 export type Elevation = components['schemas']['Elevation'];
@@ -1326,6 +1381,7 @@ export type ModelSummary = components['schemas']['ModelSummary'];
 export type ModelsResponse = components['schemas']['ModelsResponse'];
 export type NeedResponse = components['schemas']['NeedResponse'];
 export type NewCarRequest = components['schemas']['NewCarRequest'];
+export type NextStationDocument = components['schemas']['NextStationDocument'];
 export type PlaceDocument = components['schemas']['PlaceDocument'];
 export type PlaceRequest = components['schemas']['PlaceRequest'];
 export type PlacesResponse = components['schemas']['PlacesResponse'];
@@ -1353,6 +1409,7 @@ export type UploadResponse = components['schemas']['UploadResponse'];
 export type VehicleFigures = components['schemas']['VehicleFigures'];
 export type VehicleSummary = components['schemas']['VehicleSummary'];
 export type VehiclesResponse = components['schemas']['VehiclesResponse'];
+export type VerdictDocument = components['schemas']['VerdictDocument'];
 export type ViewResponse = components['schemas']['ViewResponse'];
 export type WeatherRequest = components['schemas']['WeatherRequest'];
 export type $defs = Record<string, never>;

@@ -1,0 +1,192 @@
+"""Charging stops: plans against every plan, speed, and whether the stated chances hold in a made world.
+
+Run: ``python -m benchmarks.stops``.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from tests.journey.made import MadeRouter, straight
+from tests.journey.stop_problems import exhaustive, made_problem
+from tools.command import run
+
+import tripwatt as tw
+from benchmarks.measure import Row, report, seconds
+from tripwatt.forecasting import Forecast
+from tripwatt.journey import Atlas, ChargingCurve, Place, RoadForecaster
+from tripwatt.journey.corridor import Corridor, StopRules
+from tripwatt.journey.solver import LEVELS, least_time
+from tripwatt.journey.stops import ChargingPlan
+from tripwatt.routes.maps import Station
+from tripwatt.uncertainty import ChargeScale, UncertaintyModel
+from tripwatt.uncertainty.process import HeldOutResidual, Segments
+
+INSTANCES = 500
+DRAWS = 10_000
+TRAINING_TRIPS = 200
+STEP_S = 60.0
+CONSTANT_W, DRIFT_W, DRIFT_S, SHARE = 350.0, 900.0, 600.0, 0.03
+"""Errors of the made world: of every journey, drifting along it, and a share of the power that is moved."""
+DISPLAY_SD = 0.006
+CHANCE_ERROR = 0.02
+LENGTH_KM, STATIONS = 1000.0, 200
+
+
+def residuals(moved_w: Any, rng: Any, constant_w: Any, share: Any) -> Any:
+    """Errors of the power of the made world at steps of `STEP_S` [W], shape (draws, steps)."""
+    draws, steps = len(constant_w), len(moved_w)
+    keep = np.exp(-STEP_S / DRIFT_S)
+    drift = np.empty((draws, steps))
+    state = rng.normal(0.0, DRIFT_W, draws)
+    for k in range(steps):
+        state = keep * state + rng.normal(0.0, DRIFT_W * np.sqrt(1.0 - keep**2), draws)
+        drift[:, k] = state
+    return drift + constant_w[:, None] + share[:, None] * moved_w
+
+
+def learned(rng: Any, charge: ChargeScale, count: int) -> UncertaintyModel:
+    """Uncertainty from trips of the made world, of 15 to 70 minutes."""
+    trips = []
+    for _ in range(count):
+        steps = int(rng.integers(15, 70))
+        moved = np.full(steps, rng.uniform(4_000.0, 20_000.0))
+        middle = (np.arange(steps) + 0.5) * STEP_S
+        segments = Segments(middle, np.full(steps, STEP_S), moved, np.zeros(steps))
+        constant, share = rng.normal(0.0, CONSTANT_W, 1), rng.normal(0.0, SHARE, 1)
+        trips.append(HeldOutResidual(segments, residuals(moved, rng, constant, share)[0]))
+    return UncertaintyModel.from_held_out(trips, charge=charge)
+
+
+@dataclass(frozen=True, eq=False)
+class MadeWorld(RoadForecaster):
+    """Forecasts whose errors are those of the made world alone: its corrector has no doubt of its own."""
+
+    def forecast_plan(self, plan: Any, weather: Any = ()) -> Forecast:
+        """With the spread of the learned process."""
+        forecast = super().forecast_plan(plan, weather)
+        segments = replace(forecast.drive.segments, corrector_sd_wh=0.0, outside_sd_wh=0.0)
+        uncertainty = forecast.uncertainty
+        process_wh = float(forecast.posterior.energy_wh(forecast.open_hours)[1][-1])
+        factor = uncertainty.scale.sd_wh(segments) / process_wh
+        drive = replace(forecast.drive, segments=segments)
+        return replace(forecast, drive=drive, sd_factor=factor, state_sd_wh=0.0, maker=self.forecast_plan)
+
+
+@dataclass
+class LevelRouter(MadeRouter):
+    """Level roads: an unknown climb is no part of this world."""
+
+    def roads(self, stops: Any, *, alternatives: int = 0) -> Any:
+        """One road."""
+        (leg,) = [straight(a, b, 110.0, "motorway", 1.05, level=True) for a, b in pairwise(stops)]
+        return (leg,)
+
+
+def planned(seed: int, length_km: float = 330.0, count: int = 12, trips: int = TRAINING_TRIPS) -> Corridor:
+    """A level road with stations in the made world, with what its trips taught."""
+    rng = np.random.default_rng(seed)
+    model = copy.copy(tw.load_model("bmw_i3_tum"))
+    known = model.uncertainty_
+    assert known is not None
+    assert known.charge is not None
+    charge = replace(known.charge, displayed_sd=DISPLAY_SD, hidden=0.0)
+    model.uncertainty_ = learned(rng, charge, trips)
+    end = Place(47.0, 9.0 + length_km / 1.05 / 75.9, "end")
+    at = np.sort(rng.uniform(0.0, 1.0, count)) if count > 20 else (np.arange(count) + 1.0) / (count + 1.0)
+    stations = tuple(
+        Station(47.0, 9.0 + float(x) * (end.longitude_deg - 9.0), f"S{k}", 1e5, direct_current=True)
+        for k, x in enumerate(at)
+    )
+    atlas = Atlas(LevelRouter(), stations=stations)
+    departure = tw.Departure(soc=0.8, ambient_temperature_degc=15.0, battery_temperature_degc=20.0)
+    forecaster = MadeWorld(model, departure)
+    road = atlas.router.roads((Place(47.0, 9.0), end))[0]
+    forecast = forecaster.forecast(road)
+    curve = ChargingCurve.from_class(forecast.charge.wh_per_display)
+    return Corridor(forecaster, road, forecast, atlas, StopRules(curve, 0.1, 300.0))
+
+
+def held(plan: ChargingPlan, draws: int, seed: int) -> tuple[list[float], float]:
+    """Shares of drives of the made world that have the reserve at the end of each leg, and of all legs."""
+    rng = np.random.default_rng(seed)
+    constant, share = rng.normal(0.0, CONSTANT_W, draws), rng.normal(0.0, SHARE, draws)
+    capacity = rng.normal(0.0, 0.03, draws)
+    good = []
+    for leg in plan.legs:
+        forecast, charge = leg.forecast, leg.forecast.charge
+        segments = forecast.drive.segments
+        steps = np.arange(0.5 * STEP_S, forecast.plan.duration_s, STEP_S)
+        edges = np.cumsum(segments.step_s)
+        moved = segments.moved_w[np.minimum(np.searchsorted(edges, steps), len(edges) - 1)]
+        error_wh = (
+            residuals(moved, rng, constant, share).sum(axis=1)
+            * forecast.plan.duration_s
+            / len(steps)
+            / 3600.0
+        )
+        taken = (forecast.energy_wh + error_wh) * (1.0 + capacity) / charge.wh_per_display
+        start = float(forecast.soc_along(0.5)[0])
+        shown = start - taken + rng.normal(0.0, DISPLAY_SD / 0.7716, draws)
+        good.append(shown >= plan.reserve)
+    return [float(np.mean(leg)) for leg in good], float(np.mean(np.all(good, axis=0)))
+
+
+def chances(draws: int = DRAWS, worlds: int = 3, trips: int = TRAINING_TRIPS) -> tuple[float, float]:
+    """Largest errors of the stated chance of a leg and of the whole journey, over worlds that were learned apart."""
+    legs, wholes = [], []
+    for seed in range(worlds):
+        plan = planned(seed, trips=trips).fastest()
+        assert plan is not None
+        shares, whole = held(plan, draws, 1000 + seed)
+        legs += [share - leg.chance(plan.reserve) for share, leg in zip(shares, plan.legs, strict=True)]
+        wholes.append(whole - plan.p_reserve)
+    return max(legs, key=abs), max(wholes, key=abs)
+
+
+def rows() -> Iterator[Row]:
+    """All figures."""
+    problems = [made_problem(seed) for seed in range(INSTANCES)]
+    wrong = 0
+    for problem in problems:
+        plan, least = least_time(problem), exhaustive(problem)
+        wrong += abs(least - plan.duration_s) > 1e-6 if plan else np.isfinite(least)
+    yield Row(f"roads of {INSTANCES} whose plan is not the best of all", wrong, most=0)
+    rng = np.random.default_rng(0)
+    problem = made_problem(0, stations=STATIONS, length_km=LENGTH_KM)
+    fine = np.cumsum(1.0 + 4.0 * LEVELS**4) * rng.uniform(8.0, 30.0, (STATIONS + 2, 1))
+    fine -= fine[:, :1]
+    yield Row(
+        f"plan of {LENGTH_KM:.0f} km with {STATIONS} stations, from its legs",
+        seconds(lambda: least_time(replace(problem, charging_s=fine))),
+        "s",
+        most=1.5,
+    )
+    corridor = planned(0, LENGTH_KM, STATIONS)
+    yield Row(
+        f"the same on roads, routed and forecast with {corridor.forecaster.model.vehicle.name}",
+        seconds(lambda: replace(corridor, routed={}, _widths={}, _legs={}).fastest(), 3),
+        "s",
+    )
+    leg, whole = chances()
+    for name, error in (("a leg", leg), ("the whole journey", whole)):
+        yield Row(
+            f"share of {DRAWS} drives that have the reserve less the stated chance, {name}",
+            error,
+            least=-CHANCE_ERROR,
+            most=CHANCE_ERROR,
+        )
+
+
+def main() -> int:
+    """Print every figure; 1 when a bound is missed."""
+    return report(rows())
+
+
+if __name__ == "__main__":
+    run(main)

@@ -1,0 +1,212 @@
+"""Where to charge and how much: the least time over a road with stations, by dynamic programming over charge levels.
+
+The car leaves a station with one of a number of levels of the display. A leg may be driven with a charge of at least its need: what it takes, the reserve, and
+what its error may add with the chance that each leg has to have. Stations are in the order of the road, so one pass from the start settles every
+station and level: of all ways to leave a station with a level, the fastest dominates the others.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+
+from tripwatt.arrays import FloatArray, IntArray
+
+STEP: Final = 0.01
+LEVELS: Final = np.arange(round(1.0 / STEP) + 1) / round(1.0 / STEP)
+"""Displayed charges to leave a station with; a driver reads whole percents."""
+LEVELS.flags.writeable = False
+
+_Z: Final = np.linspace(-6.0, 6.0, 241)
+
+
+@dataclass(frozen=True, eq=False)
+class StopProblem:
+    """A road with stations. Node 0 is the start, the last one the destination, those between are stations in driving order.
+
+    Attributes
+    ----------
+    start_soc : float
+        Displayed charge at the start.
+    taken, need : ndarray, shape (nodes, nodes)
+        Displayed charge that the leg from one node to a later one takes, and that it is left with at least.
+    time_s : ndarray, shape (nodes, nodes)
+        Driving time of each leg [s]; infinite where there is no leg.
+    charging_s : ndarray, shape (nodes, levels)
+        Time to charge from empty to each of `levels` at each station [s].
+    overhead_s : float
+        Of each stop [s].
+
+    Examples
+    --------
+    >>> taken = np.array([[0.0, 0.5, 0.9], [0.0, 0.0, 0.4], [0.0, 0.0, 0.0]])
+    >>> time = np.where(taken > 0.0, 1e4 * taken, np.inf)
+    >>> problem = StopProblem(0.8, taken, taken + 0.1, time, np.tile(3600.0 * LEVELS, (3, 1)), 300.0)
+    >>> plan = least_time(problem)
+    >>> plan.nodes, plan.levels, round(plan.duration_s)
+    ((0, 1, 2), (0.8, 0.5), 10020)
+    """
+
+    start_soc: float
+    taken: FloatArray
+    need: FloatArray
+    time_s: FloatArray
+    charging_s: FloatArray
+    overhead_s: float
+
+    @property
+    def levels(self) -> FloatArray:
+        """Displayed charges to leave a station with, evenly from 0 to 1: as many as `charging_s` has."""
+        count = self.charging_s.shape[1]
+        return np.asarray(np.arange(count) / (count - 1))
+
+    def charge_s(self, node: int, arrival: float, leave: float) -> float:
+        """Time to charge at a station from a charge to another [s]; 0 where there is nothing to charge."""
+        empty, full = np.interp([arrival, leave], self.levels, self.charging_s[node])
+        return float(max(full - empty, 0.0))
+
+    def duration_s(self, nodes: tuple[int, ...], levels: tuple[float, ...]) -> float:
+        """Driving, charging and overheads of a plan [s]; the need of its legs is not looked at."""
+        total = sum(float(self.time_s[pair]) for pair in pairwise(nodes))
+        for k in range(1, len(levels)):
+            arrival = levels[k - 1] - float(self.taken[nodes[k - 1], nodes[k]])
+            total += self.charge_s(nodes[k], min(max(arrival, 0.0), 1.0), levels[k]) + self.overhead_s
+        return total
+
+    def after(self, node: int, level: float, without: int, detour_s: float, detour: float) -> StopProblem:
+        """The problem from a node on, where one station was visited in vain: the detour to it comes on top."""
+        keep = [k for k in range(node, len(self.taken)) if k != without]
+        square = np.ix_(keep, keep)
+        taken, need, time = self.taken[square].copy(), self.need[square].copy(), self.time_s[square].copy()
+        taken[0] += detour
+        need[0] += detour
+        time[0] += detour_s
+        time[0, : without - node] = np.inf  # these lie before it
+        return replace(
+            self, start_soc=level, taken=taken, need=need, time_s=time, charging_s=self.charging_s[keep]
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class StopPlan:
+    """Stations of a plan.
+
+    Attributes
+    ----------
+    nodes : tuple of int
+        From the start to the destination.
+    levels : tuple of float
+        Displayed charge that each node but the last is left with.
+    duration_s : float
+        Driving, charging and overheads [s].
+    """
+
+    nodes: tuple[int, ...]
+    levels: tuple[float, ...]
+    duration_s: float
+
+
+def least_time(problem: StopProblem) -> StopPlan | None:
+    """Find the plan that takes the least time; None where none is allowed. O(nodes² levels log(nodes levels)).
+
+    Parameters
+    ----------
+    problem : StopProblem
+        Nodes in driving order.
+
+    Returns
+    -------
+    StopPlan or None
+        Exact for the levels of the problem. A car that arrives with more than a level may leave with that level at once.
+    """
+    levels = problem.levels
+    n, count = problem.charging_s.shape
+    cost = np.full((n, count), np.inf)
+    cost[0, 0] = 0.0
+    soc = np.tile(levels, (n, 1))
+    soc[0] = problem.start_soc
+    before = np.zeros((n, count), dtype=np.int64)
+    for node in range(1, n):
+        reached = cost[:node] + problem.time_s[:node, node, None]
+        reached[soc[:node] < problem.need[:node, node, None]] = np.inf
+        ways = np.flatnonzero(np.isfinite(reached))
+        if not len(ways):
+            continue
+        total = reached.ravel()[ways]
+        if node == n - 1:
+            best = int(np.argmin(total))
+            return _traced(problem, before, int(ways[best]))
+        arrival = np.clip((soc[:node] - problem.taken[:node, node, None]).ravel()[ways], 0.0, 1.0)
+        cost[node], chosen = _charged(arrival, total, levels, problem.charging_s[node])
+        cost[node] += problem.overhead_s
+        before[node] = ways[chosen]
+    return None
+
+
+def _charged(
+    arrival: FloatArray, total: FloatArray, levels: FloatArray, charging_s: FloatArray
+) -> tuple[FloatArray, IntArray]:
+    """Least time to have each of the levels at a station, and the way that gives it: the best that arrives below it, or above."""
+    order = np.argsort(arrival)
+    arrival, total = arrival[order], total[order]
+    base = total - np.interp(arrival, levels, charging_s)
+    below, above = _running_best(base), len(total) - 1 - _running_best(total[::-1])[::-1]
+    count = np.searchsorted(arrival, levels, side="right")
+    low, high = below[np.maximum(count - 1, 0)], above[np.minimum(count, len(total) - 1)]
+    charged = np.where(count > 0, base[low] + charging_s, np.inf)
+    as_it_is = np.where(count < len(total), total[high], np.inf)
+    return np.minimum(charged, as_it_is), order[np.where(charged <= as_it_is, low, high)]
+
+
+def _running_best(values: FloatArray) -> IntArray:
+    """Index of the least value up to each place."""
+    lowest = np.minimum.accumulate(values)
+    return np.asarray(np.maximum.accumulate(np.where(values <= lowest, np.arange(len(values)), 0)))
+
+
+def _traced(problem: StopProblem, before: IntArray, way: int) -> StopPlan:
+    nodes, levels = [len(before) - 1], []
+    while True:
+        node, level = divmod(way, before.shape[1])
+        nodes.append(node)
+        levels.append(float(problem.levels[level]) if node else problem.start_soc)
+        if node == 0:
+            break
+        way = int(before[node, level])
+    plan, charges = tuple(nodes[::-1]), tuple(levels[::-1])
+    return StopPlan(plan, charges, problem.duration_s(plan, charges))
+
+
+def joint_chance(chances: FloatArray, shared: FloatArray) -> float:
+    """Chance that every leg holds, of legs that share an error: a normal copula with one factor.
+
+    Given the common error, legs are independent; the mean over it is a sum over 241 values.
+
+    Parameters
+    ----------
+    chances : ndarray, shape (legs,)
+        Chance of each leg.
+    shared : ndarray, shape (legs,)
+        Share of the common error in the standard deviation of each leg, 0 to 1.
+
+    Returns
+    -------
+    float
+        At most the least of `chances`, at least their product.
+
+    Examples
+    --------
+    >>> pair = np.array([0.9, 0.9])
+    >>> round(joint_chance(pair, np.zeros(2)), 3), round(joint_chance(pair, np.ones(2)), 2)
+    (0.81, 0.9)
+    """
+    from scipy.special import ndtr, ndtri
+
+    common = np.clip(shared, 0.0, 0.999)[:, None]
+    limit = ndtri(np.clip(chances, 1e-12, 1.0 - 1e-12))[:, None]
+    given = ndtr((limit - common * _Z) / np.sqrt(1.0 - common**2)).prod(axis=0)
+    weight = np.exp(-0.5 * _Z**2)
+    return float(min(given @ weight / weight.sum(), chances.min()))

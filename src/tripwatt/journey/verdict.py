@@ -1,0 +1,102 @@
+"""What the whole journey comes to: whether it arrives, when, with what charge, and what to do."""
+
+from __future__ import annotations
+
+import datetime as dt
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from tripwatt.forecasting import Forecast
+from tripwatt.journey.corridor import CERTAIN
+from tripwatt.journey.stops import BAND, ChargingPlan
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """The whole journey, with its stops to charge.
+
+    Attributes
+    ----------
+    arrives : bool
+        Whether at least 19 of 20 such journeys have the reserve at every stop and at the end.
+    p_arrive, p_reserve : float
+        Probability that the battery is empty nowhere, and that of the reserve at every stop and at the end.
+    soc_arrival : float
+        Displayed charge that is expected at the destination.
+    soc_interval : tuple of float
+        Its 90 % interval.
+    driving_s, charging_s, duration_s : float
+        Time on the road, at stations with overheads, and both [s].
+    departs_at, arrives_at : datetime or None
+        Local times; None where the departure has none.
+    energy_wh : float
+        Of the whole journey [Wh].
+    charges : int
+        Number of stops to charge.
+    advice : str
+        "go", "stop", "charge_before", "slower" or "none" where nothing helps.
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> journey = tw.plan_journey(["Vaduz", "Malbun"], tw.Departure(soc=0.6), atlas="map")  # doctest: +SKIP
+    >>> journey.verdict.advice  # doctest: +SKIP
+    'go'
+    """
+
+    arrives: bool
+    p_arrive: float
+    p_reserve: float
+    soc_arrival: float
+    soc_interval: tuple[float, float]
+    driving_s: float
+    charging_s: float
+    duration_s: float
+    departs_at: dt.datetime | None
+    arrives_at: dt.datetime | None
+    energy_wh: float
+    charges: int
+    advice: str
+
+    @classmethod
+    def of(cls, forecast: Forecast, plan: ChargingPlan | None, reserve: float, else_: str) -> Verdict:
+        """Of a road without stops and a plan with stops, if there is one; `else_` is the advice where neither arrives."""
+        leaves = forecast.plan.departure.departs_at
+        if plan is None:
+            driving_s = forecast.plan.duration_s
+            chances = (forecast.p_arrive(), forecast.p_arrive(reserve))
+            charge = (forecast.soc_arrival, forecast.soc_interval(BAND))
+            charging_s, energy_wh, stops = 0.0, forecast.energy_wh, 0
+        else:
+            driving_s, charging_s = plan.driving_s, plan.charging_s
+            chances, charge = (plan.p_arrive, plan.p_reserve), (plan.soc_arrival, plan.soc_interval)
+            energy_wh, stops = plan.energy_wh, len(plan.stops)
+        duration_s, arrives = driving_s + charging_s, chances[1] >= CERTAIN
+        advice = else_ if not arrives else "go" if plan is None else "stop"
+        return cls(
+            arrives,
+            *chances,
+            *charge,
+            driving_s,
+            charging_s,
+            duration_s,
+            leaves,
+            None if leaves is None else leaves + dt.timedelta(seconds=duration_s),
+            energy_wh,
+            stops,
+            advice,
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values; times as ISO 8601.
+
+        Returns
+        -------
+        dict
+            One key for each attribute.
+        """
+        times = {
+            name: None if at is None else at.isoformat(timespec="seconds")
+            for name, at in (("departs_at", self.departs_at), ("arrives_at", self.arrives_at))
+        }
+        return {**asdict(self), "soc_interval": list(self.soc_interval), **times}
