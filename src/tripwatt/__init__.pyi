@@ -4,7 +4,7 @@ from .certification import describe_car
 from .errors import InvalidInput
 from .evaluation import evaluate
 from .forecasting import Forecast, ForecastModel, load_model, save_model
-from .journey import Journey, plan_journey
+from .journey import Journey, Need, Range, need, plan_journey, range_km
 from .live import create_car, open_car
 from .population import for_car
 from .sources import read_logs
@@ -21,7 +21,9 @@ __all__ = [
     "ForecastModel",
     "InvalidInput",
     "Journey",
+    "Need",
     "Plan",
+    "Range",
     "Trip",
     "__version__",
     "adapt",
@@ -35,9 +37,11 @@ __all__ = [
     "forecast",
     "load_model",
     "load_vehicle",
+    "need",
     "open_car",
     "open_store",
     "plan_journey",
+    "range_km",
     "read_logs",
     "read_route",
     "read_trips",

@@ -109,6 +109,12 @@ def journey(start: str, end: str, folder: Path) -> tuple[bool, float]:
     return found.arrives, found.forecast.soc_arrival
 
 
+def without_a_road(model: tw.ForecastModel) -> float:
+    needed: tw.Need = tw.need(50.0, "city", tw.Departure(ambient_temperature_degc=-5), model=model)
+    far: tw.Range = tw.range_km(0.5, model=model)
+    return min(needed.energy_quantile_wh, far.range_m)
+
+
 def main() -> None:
     print(tw.__version__)
     try:

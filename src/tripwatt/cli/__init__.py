@@ -16,6 +16,7 @@ import typer
 import tripwatt
 from tripwatt.cli import (
     cars,
+    distances,
     evaluate,
     export,
     fit,
@@ -69,6 +70,7 @@ evaluate.add_commands(app)
 fit.add_commands(app)
 forecast.add_commands(app)
 journey.add_commands(app)
+distances.add_commands(app)
 maps.add_commands(app)
 inspect.add_commands(app)
 logs.add_commands(app)

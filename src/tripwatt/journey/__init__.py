@@ -2,6 +2,7 @@
 
 from tripwatt.journey.atlas import Atlas, AtlasSettings, open_atlas
 from tripwatt.journey.charging import ChargingCurve
+from tripwatt.journey.distances import Need, Range, need, range_km
 from tripwatt.journey.forecasting import RoadForecaster
 from tripwatt.journey.planning import (
     Journey,
@@ -23,13 +24,17 @@ __all__ = [
     "ChargingStop",
     "Journey",
     "JourneyOptions",
+    "Need",
     "Place",
+    "Range",
     "Reach",
     "RoadForecast",
     "RoadForecaster",
     "find_reach",
     "find_stops",
     "journey_with",
+    "need",
     "open_atlas",
     "plan_journey",
+    "range_km",
 ]

@@ -4,9 +4,16 @@ from __future__ import annotations
 
 import datetime as dt
 from collections.abc import Iterable
-from typing import Final
+from dataclasses import replace
+from typing import TYPE_CHECKING, Final
 
+from tripwatt.auditing import audit
+from tripwatt.errors import InvalidInput
+from tripwatt.trips import Departure, Fleet, Plan, plan_from_trip
 from tripwatt.units import SECONDS_PER_HOUR
+
+if TYPE_CHECKING:
+    from tripwatt.live.own_car import Car
 
 NEAR_S: Final = 1.5 * SECONDS_PER_HOUR
 """A trip that began at a time of day further away is no guide to this one [s]."""
@@ -44,6 +51,33 @@ def usual_departure(earlier_s: Iterable[float], departure_s: float) -> float | N
     near = [(other, away) for other in earlier_s if (away := _away_s(other, departure_s)) <= NEAR_S]
     alike = [pair for pair in near if _is_weekend(pair[0]) == _is_weekend(departure_s)]
     return min(alike or near, key=lambda pair: (pair[1], -pair[0]), default=(None, 0.0))[0]
+
+
+def usual_plan(car: Car, trip_id: str) -> Plan:
+    """A trip of a car, to be driven again: its road and its speeds, without what was known at its departure.
+
+    Parameters
+    ----------
+    car : Car
+        With its trips.
+    trip_id : str
+        Name of one of them.
+
+    Returns
+    -------
+    Plan
+        For `need` or `ForecastModel.forecast`.
+
+    Raises
+    ------
+    InvalidInput
+        When the car has no sound trip of this name.
+    """
+    logs = tuple(log for log in car.store.logs() if log.trip_id == trip_id)
+    trips = audit(Fleet(car.name, logs)).trips if logs else ()
+    if not trips:
+        raise InvalidInput.of("no such trip", "trip", trip_id[:60], f"a sound trip of the car {car.name}")
+    return replace(plan_from_trip(trips[0]), departure=Departure())
 
 
 def _away_s(one_s: float, other_s: float) -> float:

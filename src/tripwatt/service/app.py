@@ -33,9 +33,13 @@ from tripwatt.service.car_operations import CarOperations
 from tripwatt.service.example_requests import UPLOADS
 from tripwatt.service.journey_schemas import (
     MapResponse,
+    NeedAnswer,
+    NeedQuery,
     PlacesResponse,
     PlanRequest,
     PlanResponse,
+    RangeQuery,
+    RangeResponse,
     ReachRequest,
     ReachResponse,
     ViewResponse,
@@ -261,6 +265,20 @@ class Api:
         """Return the area that the charge reaches with 95 % and with 50 %."""
         self._require_map()
         return await self.answering.body_job(request, "reach")
+
+    @operation("GET /v1/need", "journeys", NeedAnswer, also=("no-plan", "no-live"))
+    async def get_need(self, request: Request, query: Annotated[NeedQuery, Query()]) -> Response:
+        """Return what some kilometres or a usual trip need, without a road; without either, what the next trip of a car on the road needs."""
+        if query.distance_km is None and query.trip is None and query.vehicle is not None:
+            return await self.live.next_need(request, query)
+        return await self.answering.job(
+            request, "distance", query.model_dump_json(exclude_unset=True).encode()
+        )
+
+    @operation("GET /v1/range", "journeys", RangeResponse)
+    async def get_range(self, request: Request, query: Annotated[RangeQuery, Query()]) -> Response:
+        """Return how far a charge carries, without a road."""
+        return await self.answering.job(request, "range", query.model_dump_json(exclude_unset=True).encode())
 
     @operation("GET /v1/places", "journeys", PlacesResponse)
     async def get_places(

@@ -22,12 +22,14 @@ from tripwatt.forecasting import (
     load_model,
 )
 from tripwatt.forecasting.storage import DEFAULT_MODEL
+from tripwatt.journey import need, range_km
+from tripwatt.live.usual import usual_plan
 from tripwatt.population.cars import for_car
 from tripwatt.routes import Track, is_links_table, parse_route, plan_from_route, route_from_track
 from tripwatt.routes.link_objects import fields_of_route
 from tripwatt.service.car_jobs import CarJobs
 from tripwatt.service.car_schemas import LogsRequest, NewCarRequest
-from tripwatt.service.journey_schemas import PlanRequest, ReachRequest
+from tripwatt.service.journey_schemas import NeedQuery, PlanRequest, RangeQuery, ReachRequest
 from tripwatt.service.journeys import JourneyJobs
 from tripwatt.service.library import described, example, example_summaries, vehicles
 from tripwatt.service.schemas import (
@@ -176,6 +178,44 @@ class Jobs:
     def reach(self, body: bytes) -> dict[str, Any]:
         """Return the response to a `ReachRequest`."""
         return self.journeys.reach(*self._journey(body, ReachRequest))
+
+    def distance(self, body: bytes) -> dict[str, Any]:
+        """Return the response to a `NeedQuery`."""
+        request = check_request(parse_json(body), NeedQuery)
+        if (request.distance_km is None) == (request.trip is None):
+            got = "neither" if request.trip is None else "both a distance and a usual trip"
+            raise InvalidInput.of(
+                "one of them is needed", "distance_km, trip", got, "a distance, or a trip of a car"
+            )
+        ahead: Any = request.distance_km
+        if request.trip is not None:
+            if request.car is None:
+                raise InvalidInput.of(
+                    "car is missing", "car", "a trip without its car", "the car that drove the trip"
+                )
+            ahead = usual_plan(self.cars.car(request.car), request.trip)
+        return need(
+            ahead,
+            request.kind,
+            departure_of(request),
+            model=self._model_asked(request),
+            quantile=request.quantile,
+            trips=request.trips,
+            reserve=request.reserve or 0.0,
+        ).to_dict()
+
+    def range(self, body: bytes) -> dict[str, Any]:
+        """Return the response to a `RangeQuery`."""
+        request = check_request(parse_json(body), RangeQuery)
+        model = self._model_asked(request)
+        return range_km(
+            None, request.kind, departure_of(request), reserve=request.reserve or 0.0, model=model
+        ).to_dict()
+
+    def _model_asked(self, request: RangeQuery) -> ForecastModel:
+        if request.car is not None and (request.model, request.vehicle) != (None, None):
+            raise InvalidInput.of("two cars", "car", "a model or vehicle too", "one of them")
+        return self.model_of({"model": request.car or request.model, "vehicle": request.vehicle})
 
     def _journey(self, body: bytes, kind: type[RequestModel]) -> tuple[RequestModel, ForecastModel]:
         """The request of a body, and the model for its car."""
@@ -406,6 +446,8 @@ JOB_KINDS: Final[Mapping[str, Callable[[Jobs, Mapping[str, Any], bytes], dict[st
             "route": lambda jobs, job, body: jobs.route(body, job["speed_m_s"]),
             "plan": lambda jobs, job, body: jobs.plan(body),
             "reach": lambda jobs, job, body: jobs.reach(body),
+            "distance": lambda jobs, job, body: jobs.distance(body),
+            "range": lambda jobs, job, body: jobs.range(body),
             "places": lambda jobs, job, body: jobs.journeys.places(job["text"], job["limit"]),
             "map": lambda jobs, job, body: jobs.journeys.describe(),
             "tile": lambda jobs, job, body: jobs.journeys.tile(job["zoom"], job["column"], job["row"]),

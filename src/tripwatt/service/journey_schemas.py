@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
-from pydantic import AwareDatetime, Field
+from pydantic import AwareDatetime, ConfigDict, Field, RootModel, create_model
 
 from tripwatt.forecasting.document import FlagDocument, ForecastResponse
+from tripwatt.live.telemetry import FIRST_TIME_S, LAST_TIME_S
+from tripwatt.service.live_schemas import NeedResponse
 from tripwatt.service.schemas import (
     CarRequest,
     DepartureRequest,
@@ -73,6 +75,94 @@ class ReachRequest(_Departs):
 
     start: Stop
     reserve: float = reserved(0.0)
+
+
+if TYPE_CHECKING:
+    from tripwatt.service.schemas import DepartureRequest as _DepartureQuery
+else:
+    _DepartureQuery = create_model(
+        "_DepartureQuery",
+        __config__=ConfigDict(extra="forbid", use_attribute_docstrings=True, allow_inf_nan=False),
+        **{name: asked(name, field) for name, field in ASKED.items()},
+    )
+
+
+class RangeQuery(_DepartureQuery):
+    """A charge, the kind of road and the car."""
+
+    kind: Literal["city", "country", "motorway", "mixed"] = "mixed"
+    """kind of road; mixed: nothing is known of it"""
+    model: str | None = Field(None, max_length=100)
+    """one of /v1/models; default: the first one"""
+    vehicle: str | None = Field(None, min_length=1, max_length=100)
+    """one of /v1/vehicles; default: the car of the model; without a distance or trip, the name of a car on the road"""
+    car: str | None = Field(None, max_length=100)
+    """one of /v1/cars, in place of model and vehicle"""
+    reserve: float | None = Field(None, ge=0.0, le=1.0)
+    """displayed state of charge to keep; default: 0, or that of the plan of a car on the road"""
+
+
+class NeedQuery(RangeQuery):
+    """A distance, or a usual trip of a car; the kind of road and the car."""
+
+    distance_km: float | None = Field(None, ge=0.5, le=2000.0)
+    """distance [km]"""
+    trip: str | None = Field(None, max_length=200)
+    """a trip that `car` drove before, in place of the distance"""
+    quantile: float = Field(0.9, ge=0.5, lt=1.0)
+    """probability with which the energy suffices"""
+    trips: int = Field(1, ge=1, le=100)
+    """equal trips ahead"""
+    probability: float = Field(0.9, ge=0.5, le=0.99)
+    """with which the charge suffices, for the next trip of a car on the road"""
+    departure_utc: float | None = Field(None, ge=FIRST_TIME_S, le=LAST_TIME_S)
+    """when that trip begins [s since 1970]; default: now"""
+
+
+class DistanceNeed(ResponseModel):
+    """What some kilometres need, without a road, as `tripwatt need --json` prints it."""
+
+    distance_m: float
+    kind: str
+    """kind of road; "trip" for a known trip"""
+    energy_wh: float
+    """median [Wh]"""
+    energy_quantile_wh: float
+    """not exceeded with the probability `quantile` [Wh]"""
+    quantile: float
+    interval_wh: tuple[float, float]
+    """ends of the central 90 % [Wh]"""
+    soc_needed: float
+    """displayed state of charge that suffices with that probability; above 1: a full battery does not suffice"""
+    duration_s: float
+    flags: list[FlagDocument]
+    car: str
+    """title of the car"""
+
+
+class NeedAnswer(RootModel[DistanceNeed | NeedResponse]):
+    """What a distance or a usual trip needs; or what the next trip of a car on the road needs."""
+
+
+class KindRange(ResponseModel):
+    """How far a charge carries on a kind of road."""
+
+    kind: str
+    range_m: float
+    """median [m]"""
+    interval_m: tuple[float, float]
+    """ends of the central 90 % [m]"""
+
+
+class RangeResponse(ResponseModel):
+    """How far a charge carries, without a road, as `tripwatt range --json` prints it."""
+
+    range_m: float
+    """median [m]"""
+    interval_m: tuple[float, float]
+    """ends of the central 90 % [m]"""
+    by_kind: list[KindRange]
+    flags: list[FlagDocument]
 
 
 class PlaceDocument(ResponseModel):

@@ -17,15 +17,14 @@ from starlette.responses import Response
 from tripwatt.errors import Fault, InvalidInput, excerpt
 from tripwatt.live import sample_from_abrp
 from tripwatt.live.own_car import VALID_NAME
-from tripwatt.live.telemetry import FIRST_TIME_S, LAST_TIME_S
 from tripwatt.service.answering import json_response
+from tripwatt.service.journey_schemas import NeedQuery
 from tripwatt.service.live import LiveCars
 from tripwatt.service.live_schemas import (
     LiveCarsResponse,
     LiveDeparture,
     LivePlanRequest,
     LiveResponse,
-    NeedResponse,
     TelemetryRequest,
     TelemetryResponse,
 )
@@ -144,30 +143,14 @@ class LiveOperations:
             return json_response(await self.cars.document(car))
         return refusal(result.status, result.content, request_id(request))
 
-    @operation("GET /v1/need", "live", NeedResponse, also=("no-plan",))
-    async def get_need(
-        self,
-        request: Request,
-        vehicle: NameQuery,
-        probability: Annotated[
-            float, Query(ge=0.5, le=0.99, description="with which the charge suffices")
-        ] = 0.9,
-        reserve: Annotated[
-            float | None, Query(ge=0.0, le=1.0, description="state of charge to arrive with")
-        ] = None,
-        departure_utc: Annotated[
-            float | None,
-            Query(ge=FIRST_TIME_S, le=LAST_TIME_S, description="when it leaves [s since 1970]; default: now"),
-        ] = None,
-        ambient_temperature_degc: Annotated[float | None, Query(ge=-60.0, le=57.0)] = None,
-    ) -> Response:
+    async def next_need(self, request: Request, query: NeedQuery) -> Response:
         """Return what the next trip of a car needs: energy at a quantile, charge to leave with, energy to charge."""
         require_accepts(request, JSON)
-        given = {"reserve": reserve, "ambient_temperature_degc": ambient_temperature_degc}
+        given = {"reserve": query.reserve, "ambient_temperature_degc": query.ambient_temperature_degc}
         needed = await self.cars.need(
-            self.cars.by_name(vehicle),
-            probability,
-            time.time() if departure_utc is None else departure_utc,
+            self.cars.by_name(query.vehicle or ""),
+            query.probability,
+            time.time() if query.departure_utc is None else query.departure_utc,
             {name: value for name, value in given.items() if value is not None},
         )
         if isinstance(needed, dict):

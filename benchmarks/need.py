@@ -1,0 +1,204 @@
+"""Need without a road: python -m benchmarks.need [FOLDER] [--fit].
+
+Trips of TUM, VED and the sedan as if distance, kind of road and outside temperature were all that is known. The kind is the shares of city, country and
+motorway rounded to quarters, or nothing ("mixed"). The roads of the data set that is scored are left out. The car is known by its
+other trips: each is forecast by a model that has not seen its fold. The sedan's trips teach no model that is shipped.
+`--fit` prints what `tripwatt.journey.kinds.STUDIES` holds.
+"""
+
+from __future__ import annotations
+
+import itertools
+import tempfile
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from scipy.optimize import nnls
+from tools import DATA
+from tools.command import run
+from typer import Argument
+
+import tripwatt as tw
+from benchmarks.measure import Row, report, seconds
+from benchmarks.unknown_climb import trips_of
+from tripwatt.auditing import audit
+from tripwatt.forecasting import ForecastModel
+from tripwatt.journey.distances import KindForecaster
+from tripwatt.journey.kinds import (
+    CITY_KM_H,
+    COUNTRY_KM_H,
+    STUDIES,
+    USUAL_KM_H,
+    RoadPrior,
+    RoadStudy,
+    Shares,
+    road_prior,
+)
+from tripwatt.physics import simulate_trip
+from tripwatt.population.adapting import Adaptation, population_of
+from tripwatt.routes.free_flow import free_flow_links
+from tripwatt.sources import read_logs
+from tripwatt.trips import Departure, Plan, Trip, plan_from_trip
+from tripwatt.units import M_S_PER_KM_H
+from tripwatt.vehicles import Vehicle
+
+QUANTILE = 0.9
+HOLDS = (0.85, 0.96)
+SHORTEST_M = 2000.0
+QUARTERS = 4
+FOLDS = 3
+
+
+def trips_and_car(name: str, data: Path) -> tuple[list[Trip], Vehicle]:
+    """Trips of a data set that are long enough, with their car."""
+    if name == "ved":
+        trips, car = list(audit(read_logs(data / "ved", "ved")).trips), tw.load_vehicle("nissan_leaf_24")
+    else:
+        with tempfile.TemporaryDirectory() as folder:
+            trips, car = trips_of(name, data, Path(folder))
+    return [t for t in trips if t.distance_m > SHORTEST_M and t.observed_energy_wh is not None], car
+
+
+def classes_of(trip: Trip) -> tuple[np.ndarray, np.ndarray]:
+    """Length [m] and driven time [s] of a trip in city, country and motorway."""
+    route, driven_s = free_flow_links(trip)
+    free = route.moving_speed_m_s / M_S_PER_KM_H
+    which = np.searchsorted([CITY_KM_H + 1e-6, COUNTRY_KM_H + 1e-6], free)
+    return np.bincount(which, route.length_m, 3), np.bincount(which, driven_s, 3)
+
+
+def rounded_shares(length_m: Sequence[float]) -> Shares:
+    """Shares in quarters; the largest remainders are rounded up."""
+    exact = QUARTERS * np.asarray(length_m) / np.sum(length_m)
+    whole = np.floor(exact)
+    for k in np.argsort(whole - exact)[: QUARTERS - int(whole.sum())]:
+        whole[k] += 1
+    a, b, c = (whole / QUARTERS).tolist()
+    return a, b, c
+
+
+def study(trips: Sequence[Trip], car: Vehicle) -> RoadStudy:
+    """What a data set shows: speeds by class, and the variance of simulated energy by the kind of road alone."""
+    classes = [classes_of(trip) for trip in trips]
+    length, time = (np.sum([c[i] for c in classes], axis=0) for i in (0, 1))
+    usual_m_s = np.array(USUAL_KM_H) * M_S_PER_KM_H
+    a, b, c = (length / length.sum()).tolist()
+    usual = a, b, c
+    speed = np.where(length > 0, length / np.maximum(time, 1.0), usual_m_s)
+    own = RoadPrior(tuple(speed.tolist()), usual, (), ())
+    parts = []
+    for known in (True, False):
+        errors = []
+        for trip, (metres, _) in zip(trips, classes, strict=True):
+            plan = own.plan(trip.distance_m, rounded_shares(metres) if known else own.usual)
+            flat = _flat(plan_from_trip(trip))
+            kind = simulate_trip(car, plan.with_departure(trip.departure)).simulated_energy_wh
+            driven = simulate_trip(car, flat).simulated_energy_wh
+            errors.append(driven / kind - 1.0)
+        design = np.column_stack((np.ones(len(trips)), [1.0 / t.distance_m for t in trips]))
+        parts.append(tuple(nnls(design, np.array(errors) ** 2)[0].tolist()))
+    return RoadStudy(tuple(length.tolist()), tuple(time.tolist()), *parts)
+
+
+def _flat(plan: Plan) -> Plan:
+    return replace(plan, samples=plan.samples.drop(columns=["elevation_m", "grade"], errors="ignore"))
+
+
+def models(name: str, trips: Sequence[Trip], car: Vehicle) -> Iterator[tuple[list[int], ForecastModel]]:
+    """Numbers of some trips and a model that learned from the others: fitted on those of TUM; for other cars the model of TUM, adapted."""
+    fold = np.arange(len(trips)) % FOLDS
+    for number in range(FOLDS):
+        train = [t for t, f in zip(trips, fold, strict=True) if f != number]
+        if name == "tum":
+            model = ForecastModel(car).fit(train)
+        else:
+            base = tw.load_model()
+            cars = population_of(base).without([name])
+            model = Adaptation.before_trips(base, car, cars).with_trips(train).model
+        yield np.flatnonzero(fold == number).tolist(), model
+
+
+def outcomes(name: str, trips: Sequence[Trip], car: Vehicle) -> dict[str, list[tuple[float, float, float]]]:
+    """By what is known of the road, of each trip: measured energy over need, range with what it took over its distance (the fall of its display, else
+    its energy), and measured
+    energy over the median. The quantile holds where the first two are at most 1."""
+    prior, found = road_prior(without=name), dict[str, list[tuple[float, float, float]]](kind=[], mixed=[])
+    for members, model in models(name, trips, car):
+        for k in members:
+            trip = trips[k]
+            departure = Departure(ambient_temperature_degc=trip.departure.ambient_temperature_degc)
+            for what, rows in found.items():
+                shares = rounded_shares(classes_of(trip)[0]) if what == "kind" else prior.usual
+                asked = KindForecaster(model, departure, shares, what == "kind", prior)
+                energy, _, _ = asked.at(trip.distance_m, (QUANTILE, 0.5))
+                observed = float(trip.observed_energy_wh or np.nan)
+                shown = trip.samples["displayed_soc"].dropna() if "displayed_soc" in trip else []
+                known = len(shown) > 1 and shown.iloc[0] > shown.iloc[-1]
+                fell = float(shown.iloc[0] - shown.iloc[-1]) if known else observed
+                far_m = asked.inverse(fell, QUANTILE, int(known))
+                rows.append((observed / energy[0], far_m / trip.distance_m, observed / energy[1]))
+    return found
+
+
+def set_rows(name: str, data: Path, most: int | None = None) -> Iterator[Row]:
+    """How often need and range hold on the trips of a data set, or on a seeded sample of them."""
+    trips, car = trips_and_car(name, data)
+    if most is not None:
+        chosen = np.random.default_rng(38).choice(len(trips), min(most, len(trips)), replace=False)
+        trips = [trips[k] for k in sorted(chosen)]
+    for what, rows in outcomes(name, trips, car).items():
+        for asked, ratios in (("need", [r[0] for r in rows]), ("range", [r[1] for r in rows])):
+            held = float(np.mean(np.array(ratios) <= 1.0))
+            yield Row(f"{name}, {what}: {asked} of {QUANTILE:.0%} holds, of {len(rows)}", held, "", *HOLDS)
+        yield Row(
+            f"{name}, {what}: measured energy over its median, median", float(np.median([r[2] for r in rows]))
+        )
+        yield Row(
+            f"{name}, {what}: need over its median, median", float(np.median([r[2] / r[0] for r in rows]))
+        )
+
+
+def speed_rows() -> Iterator[Row]:
+    """Time of need and range in process: of distances and charges that were not asked before, and of a new temperature."""
+    model = tw.load_model()
+    cold = tw.Departure(ambient_temperature_degc=-5.0)
+    distances, charges = itertools.count(20), itertools.count(1)
+    calls = {
+        "need": lambda: tw.need(next(distances), departure=cold, model=model),
+        "range": lambda: tw.range_km(0.3 + 0.01 * next(charges), departure=cold, model=model),
+    }
+    for name, call in calls.items():
+        yield Row(f"{name}, p50", 1000.0 * seconds(call, 31), "ms", most=10.0)
+    degrees = itertools.count(100)
+    first = {
+        "need": lambda d: tw.need(50.0, departure=d, model=model),
+        "range": lambda d: tw.range_km(0.5, departure=d, model=model),
+    }
+    for name, ask in first.items():
+        took = seconds(lambda ask=ask: ask(tw.Departure(ambient_temperature_degc=0.1 * next(degrees))), 5)
+        yield Row(f"{name}, first of a temperature, p50", 1000.0 * took, "ms")
+
+
+def main(
+    data: Annotated[Path, Argument(metavar="[FOLDER]")] = DATA,
+    fit: bool = False,
+    only: str | None = None,
+    most: int | None = None,
+) -> int:
+    """Print the rows; 1 when a bound is missed. `--only` a data set or "speed"; `--most` trips of each, drawn with a seed; `--fit` prints the studies of the roads."""
+    if fit:
+        for name in STUDIES:
+            print(name, study(*trips_and_car(name, data)))
+        return 0
+    sets = [name for name in ("tum", "ved", "sedan") if only in (None, name)]
+    rows = itertools.chain(
+        *(set_rows(name, data, most) for name in sets), speed_rows() if only in (None, "speed") else ()
+    )
+    return report(rows)
+
+
+if __name__ == "__main__":
+    run(main)

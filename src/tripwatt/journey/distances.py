@@ -1,0 +1,355 @@
+"""What some kilometres need, and how far a charge carries, without a road."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from tripwatt.arrays import FloatArray
+from tripwatt.forecasting import Forecast, ForecastModel
+from tripwatt.journey.kinds import KINDS, UNKNOWN, RoadPrior, Shares, road_prior, shares_of
+from tripwatt.population import for_car
+from tripwatt.trips import Departure, Flag, Plan, Trip
+from tripwatt.trips.columns import require_fraction, require_number
+from tripwatt.trips.messages import flag_to_dict
+from tripwatt.vehicles import Vehicle
+
+NODES_M: Final = (2_000.0, 5_000.0, 15_000.0, 40_000.0, 100_000.0)
+"""Lengths of the roads that are forecast; in between and beyond, energy and charge are linear in the distance."""
+DISTANCES_KM: Final = (0.5, 2000.0)
+MOST_TRIPS: Final = 100
+BAND: Final = (0.05, 0.95)
+OF_CHARGE: Final = frozenset({"battery_empty", "battery_full", "no_elevation"})
+"""Flags of the roads that are forecast, which are not the trip that is asked for."""
+
+
+@dataclass(frozen=True, slots=True)
+class Need:
+    """What some kilometres, or some trips, need.
+
+    Attributes
+    ----------
+    distance_m : float
+        Of all trips together [m].
+    kind : str
+        Kind of the road; "trip" for a known trip.
+    energy_wh, energy_quantile_wh : float
+        Median, and what is not exceeded with the probability `quantile` [Wh].
+    quantile : float
+    interval_wh : tuple of float
+        Ends of the central 90 % [Wh].
+    soc_needed : float
+        Displayed charge that is not exceeded with the probability `quantile`; above 1 where a full battery does not suffice.
+    duration_s : float
+        Expected [s].
+    flags : tuple of Flag
+    car : str
+        Title of the car.
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> cold = tw.need(50, departure=tw.Departure(ambient_temperature_degc=-5))
+    >>> mild = tw.need(50, departure=tw.Departure(ambient_temperature_degc=20))
+    >>> cold.energy_quantile_wh > cold.energy_wh > mild.energy_wh
+    True
+    """
+
+    distance_m: float
+    kind: str
+    energy_wh: float
+    energy_quantile_wh: float
+    quantile: float
+    interval_wh: tuple[float, float]
+    soc_needed: float
+    duration_s: float
+    flags: tuple[Flag, ...]
+    car: str
+
+    def to_dict(self) -> dict[str, Any]:
+        """Convert to plain values.
+
+        Returns
+        -------
+        dict
+            As `GET /v1/need` answers.
+        """
+        values = {name: getattr(self, name) for name in Need.__slots__}
+        return values | {
+            "interval_wh": list(self.interval_wh),
+            "flags": [flag_to_dict(flag) for flag in self.flags],
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Range:
+    """How far a charge carries.
+
+    Attributes
+    ----------
+    range_m : float
+        Median [m].
+    interval_m : tuple of float
+        Ends of the central 90 % [m].
+    by_kind : dict of str to (float, (float, float))
+        The same by kind of road.
+    flags : tuple of Flag
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> far = tw.range_km(soc=0.35, departure=tw.Departure(ambient_temperature_degc=5))
+    >>> far.interval_m[0] < far.range_m < far.interval_m[1]
+    True
+    """
+
+    range_m: float
+    interval_m: tuple[float, float]
+    by_kind: dict[str, tuple[float, tuple[float, float]]]
+    flags: tuple[Flag, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Convert to plain values.
+
+        Returns
+        -------
+        dict
+            As `GET /v1/range` answers.
+        """
+        rows = [
+            {"kind": kind, "range_m": middle, "interval_m": list(ends)}
+            for kind, (middle, ends) in self.by_kind.items()
+        ]
+        flags = [flag_to_dict(flag) for flag in self.flags]
+        return {"range_m": self.range_m, "interval_m": list(self.interval_m), "by_kind": rows, "flags": flags}
+
+
+@dataclass(frozen=True, slots=True)
+class KindForecaster:
+    """Forecasts distances of one car, one departure and one kind of road.
+
+    Attributes
+    ----------
+    model : ForecastModel
+    departure : Departure
+    shares : tuple of float
+        Of the distance in city, country and motorway.
+    known : bool
+        Whether the shares are known; else they are those of an unknown road.
+    prior : RoadPrior
+    """
+
+    model: ForecastModel
+    departure: Departure
+    shares: Shares
+    known: bool
+    prior: RoadPrior
+
+    def at(self, distance_m: float, levels: Sequence[float]) -> tuple[FloatArray, FloatArray, float]:
+        """Quantiles of energy [Wh] and displayed charge [1], shape (levels,), and the duration [s]. Two forecasts at most."""
+        k = self._before(distance_m)
+        (low, high), (start, end) = (
+            [node_values(self, k + i, tuple(levels)) for i in (0, 1)],
+            NODES_M[k : k + 2],
+        )
+        part = (distance_m - start) / (end - start)
+        energy, charge, duration = ((1.0 - part) * a + part * b for a, b in zip(low, high, strict=True))
+        return energy, charge, float(duration)
+
+    def distance_m(self, charge: float, level: float) -> float:
+        """Distance after which the displayed charge falls by `charge`, at a quantile of the charge that is taken [m]."""
+        return self.inverse(charge, level, 1)
+
+    def inverse(self, amount: float, level: float, of: int) -> float:
+        """Distance whose quantile of energy (`of` 0) [Wh] or charge (1) is an amount [m]."""
+        k = len(NODES_M) - 2
+        while k > 0 and node_values(self, k, (level,))[of][0] > amount:
+            k -= 1
+        low, high = (float(node_values(self, k + i, (level,))[of][0]) for i in (0, 1))
+        part = (amount - low) / max(high - low, 1e-9)
+        return max(NODES_M[k] + part * (NODES_M[k + 1] - NODES_M[k]), 0.0)
+
+    def flags(self, distance_m: float) -> tuple[Flag, ...]:
+        """Flags of the road whose length is nearest."""
+        k = self._before(distance_m)
+        forecast = node_forecast(self, k + (2.0 * distance_m > NODES_M[k] + NODES_M[k + 1]))
+        return tuple(flag for flag in forecast.flags if flag.code not in OF_CHARGE)
+
+    def _before(self, distance_m: float) -> int:
+        return int(np.clip(np.searchsorted(NODES_M, distance_m) - 1, 0, len(NODES_M) - 2))
+
+
+@lru_cache(maxsize=256)
+def node_forecast(asked: KindForecaster, node: int) -> Forecast:
+    """The forecast of a typical road of a length of `NODES_M`, with what its kind leaves open."""
+    length = NODES_M[node]
+    plan = replace(asked.prior.plan(length, asked.shares), link_m=None)
+    forecast = asked.model.forecast(plan, asked.departure)
+    share = asked.prior.share(length, asked.known)
+    return replace(forecast, route_sd_wh=share * abs(forecast.energy_wh))
+
+
+@lru_cache(maxsize=1024)
+def node_values(
+    asked: KindForecaster, node: int, levels: tuple[float, ...]
+) -> tuple[FloatArray, FloatArray, float]:
+    """Quantiles of energy [Wh] and displayed charge taken, and the duration [s], of `node_forecast`."""
+    return taken_by(node_forecast(asked, node), levels)
+
+
+def taken_by(forecast: Forecast, levels: Sequence[float]) -> tuple[FloatArray, FloatArray, float]:
+    """Quantiles of energy [Wh] and displayed charge that a trip takes, shape (levels,), and its duration [s]."""
+    energy = np.array([forecast.quantile(level) for level in levels])
+    start = float(forecast.soc_along(0.5)[0])
+    charge = np.array([start - float(forecast.soc_along(level)[-1]) for level in levels])
+    return energy, charge, forecast.plan.duration_s
+
+
+def need(
+    distance_km: float | Plan | Trip,
+    kind: str | Sequence[float] = UNKNOWN,
+    departure: Departure | None = None,
+    *,
+    model: ForecastModel | Path | str | None = None,
+    vehicle: Vehicle | str | None = None,
+    quantile: float = 0.9,
+    trips: int = 1,
+    reserve: float = 0.0,
+) -> Need:
+    """Forecast what some kilometres need, without a road.
+
+    The first call for a car, a departure and a kind of road takes up to two forecasts; other distances are then interpolated.
+
+    Parameters
+    ----------
+    distance_km : float, Plan or Trip
+        Distance [km]; or a usual trip of the car, whose kind of road is not asked.
+    kind : str or sequence of float
+        One of `tripwatt.journey.kinds.KINDS`, "mixed", or the shares of the distance in city, country and motorway. "mixed" is the kind of a road
+        of which nothing is known.
+    departure : Departure, optional
+        What is known at departure.
+    model : ForecastModel or path, optional
+        That of an own car is ``car.model()``; the model that comes with the package when not given. A model in memory is the fastest.
+    vehicle : Vehicle or str, optional
+        A car other than the model's own.
+    quantile : float
+        Probability with which the energy suffices, 0.5 to 1.
+    trips : int
+        Equal trips ahead. All of them are of one car and one kind of road, and share their errors in full: they need as many times what
+        one needs.
+    reserve : float
+        Displayed state of charge to arrive with, part of `Need.soc_needed`.
+
+    Returns
+    -------
+    Need
+        Energy and charge.
+
+    Raises
+    ------
+    InvalidInput
+        With a distance, kind, quantile or number of trips out of its bounds; else as `ForecastModel.forecast`.
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> one, five = (tw.need(20, "city", trips=number) for number in (1, 5))
+    >>> round(five.energy_quantile_wh / one.energy_quantile_wh, 6)
+    5.0
+    """
+    quantile = require_fraction("quantile", quantile, 0.5)
+    number = int(require_number("trips", trips, 1, MOST_TRIPS))
+    own, known = for_car(model, vehicle), departure or Departure()
+    levels = (BAND[0], 0.5, BAND[1], quantile)
+    if isinstance(distance_km, Plan | Trip):
+        forecast = own.forecast(distance_km, known)
+        energy, charge, duration_s = taken_by(forecast, levels)
+        distance_m, named, flags = forecast.plan.distance_m, "trip", forecast.flags
+    else:
+        distance_m = 1000.0 * require_number("distance_km", distance_km, *DISTANCES_KM)
+        asked = KindForecaster(own, known, shares_of(kind), kind != UNKNOWN, road_prior())
+        named = kind if isinstance(kind, str) else "shares"
+        energy, charge, duration_s = asked.at(distance_m, levels)
+        flags = asked.flags(distance_m)
+    low, middle, high, most = (number * energy).tolist()
+    needed = require_fraction("reserve", reserve) + number * max(float(charge[-1]), 0.0)
+    title = own.vehicle.title
+    return Need(
+        number * distance_m,
+        named,
+        middle,
+        most,
+        quantile,
+        (low, high),
+        needed,
+        number * duration_s,
+        flags,
+        title,
+    )
+
+
+def range_km(
+    soc: float | None = None,
+    kind: str | Sequence[float] = UNKNOWN,
+    departure: Departure | None = None,
+    *,
+    reserve: float = 0.0,
+    model: ForecastModel | Path | str | None = None,
+    vehicle: Vehicle | str | None = None,
+) -> Range:
+    """Forecast how far a charge carries, without a road.
+
+    Parameters
+    ----------
+    soc : float, optional
+        Displayed state of charge, 0 to 1; that of the departure when not given, else 1.
+    kind : str or sequence of float
+        As for `need`.
+    departure : Departure, optional
+        What is known at departure.
+    reserve : float
+        Displayed state of charge that is kept, 0 to 1.
+    model : ForecastModel or path, optional
+        As for `need`.
+    vehicle : Vehicle or str, optional
+        As for `need`.
+
+    Returns
+    -------
+    Range
+        Distance with its interval, and by kind of road.
+
+    Raises
+    ------
+    InvalidInput
+        With a charge, reserve or kind out of its bounds; else as `ForecastModel.forecast`.
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> tw.range_km(0.8).range_m > tw.range_km(0.8, reserve=0.2).range_m
+    True
+    """
+    known = departure or Departure()
+    start = require_fraction("soc", soc if soc is not None else 1.0 if known.soc is None else known.soc)
+    spare = max(start - require_fraction("reserve", reserve), 0.0)
+    own, known = for_car(model, vehicle), replace(known, soc=start)
+
+    def far(asked: KindForecaster) -> tuple[float, tuple[float, float]]:
+        least, middle, most = (
+            asked.distance_m(spare, level) if spare else 0.0 for level in (BAND[1], 0.5, BAND[0])
+        )
+        return middle, (least, most)
+
+    def asker(kind: str | Sequence[float]) -> KindForecaster:
+        return KindForecaster(own, known, shares_of(kind), kind != UNKNOWN, road_prior())
+
+    middle, ends = far(asker(kind))
+    by_kind = {name: far(asker(name)) for name in (*KINDS, UNKNOWN)}
+    return Range(middle, ends, by_kind, asker(kind).flags(max(middle, NODES_M[0])))

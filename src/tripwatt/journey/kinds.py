@@ -1,0 +1,190 @@
+"""Roads of which only the kind is known: shares of the distance in city, country and motorway, their speeds and their spread.
+
+A piece of road is of the class of its free speed: city up to 50 km/h, country up to 100 km/h, motorway above. Logged drives have no
+classes of roads, so that the free speed of a piece of 250 m is the proxy of `tripwatt.routes.free_flow`. What the kind leaves open
+(speeds, stops, the order of the roads) is a variance of the energy: a part that all of a trip shares and one that evens out over the
+distance. The climb is that of a road of unknown heights, by terrain.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from types import MappingProxyType
+from typing import Final
+
+import numpy as np
+
+from tripwatt.errors import InvalidInput
+from tripwatt.routes.links import LinkRoute, plan_from_links
+from tripwatt.trips import Plan
+from tripwatt.units import M_S_PER_KM_H
+
+CITY_KM_H: Final = 50.0
+COUNTRY_KM_H: Final = 100.0
+"""Free speed up to which a road is of the city, and of the country [km/h]."""
+
+Shares = tuple[float, float, float]
+"""Shares of the distance in city, country and motorway; they add up to 1."""
+
+KINDS: Final[Mapping[str, Shares]] = MappingProxyType(
+    {
+        "city": (1.0, 0.0, 0.0),
+        "country": (0.25, 0.75, 0.0),
+        "motorway": (0.1, 0.15, 0.75),
+    }
+)
+"""Kinds of road by name. That nothing is known of a road is `UNKNOWN`: it has the shares of all logged roads, and a wider spread."""
+
+UNKNOWN: Final = "mixed"
+USUAL_KM_H: Final = (28.0, 62.0, 110.0)
+"""Mean speeds with standstill before any log [km/h]. Choices."""
+USUAL_M: Final = 20_000.0
+"""So much road of a class counts as much as these."""
+PATTERN_M: Final = 10_000.0
+"""Length over which the classes of a road repeat."""
+
+
+@dataclass(frozen=True, slots=True)
+class RoadStudy:
+    """What the logs of a data set show of roads by kind; from ``python -m benchmarks.need --fit``.
+
+    Attributes
+    ----------
+    length_m, time_s : tuple of float
+        Driven in each class.
+    known, unknown : tuple of float
+        Relative variance of the energy of a trip whose shares are known, or not: the part of a trip of any length [1] and the part over
+        the distance [m].
+    """
+
+    length_m: tuple[float, float, float]
+    time_s: tuple[float, float, float]
+    known: tuple[float, float]
+    unknown: tuple[float, float]
+
+
+STUDIES: Final[Mapping[str, RoadStudy]] = MappingProxyType(
+    {
+        "tum": RoadStudy(
+            (223_233.0, 496_998.0, 233_500.0), (37_721.0, 31_184.0, 7_295.0), (0.00102, 64.1), (0.01886, 52.4)
+        ),
+        "ved": RoadStudy(
+            (202_645.0, 483_295.0, 250.0), (52_940.0, 42_800.0, 9.0), (0.00370, 35.8), (0.00044, 66.5)
+        ),
+    }
+)
+"""Data sets whose licences allow it: TUM (CC BY 4.0) and VED (Apache-2.0)."""
+
+
+@dataclass(frozen=True, slots=True)
+class RoadPrior:
+    """Speeds of the classes of road, and what the kind of a road leaves open.
+
+    Attributes
+    ----------
+    speed_m_s : tuple of float
+        Mean speed with standstill in city, country and motorway.
+    usual : tuple of float
+        Shares of a road of which nothing is known.
+    known, unknown : tuple of float
+        As of `RoadStudy`.
+
+    Examples
+    --------
+    >>> prior = road_prior()
+    >>> prior.share(20_000.0, known=True) < prior.share(20_000.0, known=False)
+    True
+    """
+
+    speed_m_s: tuple[float, ...]
+    usual: Shares
+    known: tuple[float, ...]
+    unknown: tuple[float, ...]
+
+    def share(self, distance_m: float, known: bool) -> float:
+        """Standard deviation over the energy [1] of a road of which the kind alone is known, or not even that."""
+        whole, local_m = self.known if known else self.unknown
+        return math.sqrt(whole + local_m / distance_m)
+
+    def plan(self, distance_m: float, shares: Shares) -> Plan:
+        """A typical drive of a kind. O(distance).
+
+        Parameters
+        ----------
+        distance_m : float
+            Length [m].
+        shares : tuple of float
+            In city, country and motorway.
+
+        Returns
+        -------
+        Plan
+            City, country, motorway, country and city by turns, of unknown heights.
+
+        Examples
+        --------
+        >>> round(road_prior().plan(20_000.0, KINDS["motorway"]).distance_m)
+        20000
+        """
+        turns = max(round(distance_m / PATTERN_M), 1)
+        halves = ((0, 0.5), (1, 0.5), (2, 1.0), (1, 0.5), (0, 0.5))
+        pieces = [(distance_m / turns * part * shares[k], self.speed_m_s[k]) for k, part in halves]
+        length, speed = (
+            np.array(column) for column in zip(*[p for p in pieces if p[0] > 0.0] * turns, strict=True)
+        )
+        unknown = np.full(len(length), np.nan)
+        return plan_from_links(LinkRoute(length, length / speed, unknown, unknown), trip_id="distance")
+
+
+@lru_cache(maxsize=8)
+def road_prior(without: str | None = None) -> RoadPrior:
+    """Roads by kind, from the data sets of `STUDIES`.
+
+    Parameters
+    ----------
+    without : str, optional
+        A data set that is left out: scores on its trips must not rest on them.
+
+    Returns
+    -------
+    RoadPrior
+        Speeds of all roads together; the mean of the variances of the data sets.
+    """
+    studies = [study for name, study in STUDIES.items() if name != without]
+    usual_s = USUAL_M / (np.array(USUAL_KM_H) * M_S_PER_KM_H)
+    length = USUAL_M + np.sum([study.length_m for study in studies], axis=0)
+    speed = length / (usual_s + np.sum([study.time_s for study in studies], axis=0))
+    known = np.mean([study.known for study in studies], axis=0)
+    unknown = np.mean([study.unknown for study in studies], axis=0)
+    city, country, motorway = (length / length.sum()).tolist()
+    return RoadPrior(
+        tuple(speed.tolist()), (city, country, motorway), tuple(known.tolist()), tuple(unknown.tolist())
+    )
+
+
+def shares_of(kind: str | Sequence[float]) -> Shares:
+    """Shares of a named kind, or those given.
+
+    Raises
+    ------
+    InvalidInput
+        With an unknown name, or shares that do not add up to 1.
+
+    Examples
+    --------
+    >>> shares_of("city"), shares_of([0.5, 0.5, 0.0])
+    ((1.0, 0.0, 0.0), (0.5, 0.5, 0.0))
+    """
+    if isinstance(kind, str):
+        if kind == UNKNOWN:
+            return road_prior().usual
+        if kind not in KINDS:
+            raise InvalidInput.of("unknown kind of road", "kind", kind[:40], ", ".join((*KINDS, UNKNOWN)))
+        return KINDS[kind]
+    if len(kind) != 3 or min(kind) < 0.0 or abs(sum(kind) - 1.0) > 1e-6:
+        allowed = "three shares of city, country and motorway that add up to 1"
+        raise InvalidInput.of("not shares of a distance", "kind", f"{tuple(kind)}"[:60], allowed)
+    return kind[0], kind[1], kind[2]

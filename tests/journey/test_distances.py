@@ -1,0 +1,98 @@
+"""Need and range without a road."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from benchmarks.need import rounded_shares, set_rows
+from tools import DATA
+
+import tripwatt as tw
+from tripwatt.errors import InvalidInput
+from tripwatt.forecasting import ForecastModel
+from tripwatt.journey.distances import NODES_M, KindForecaster, node_values
+from tripwatt.journey.kinds import KINDS, STUDIES, road_prior, shares_of
+from tripwatt.trips import Departure
+
+COLD, MILD = Departure(ambient_temperature_degc=-5.0), Departure(ambient_temperature_degc=20.0)
+
+
+@pytest.fixture(scope="module")
+def model() -> ForecastModel:
+    return tw.load_model()
+
+
+def test_the_need_grows_with_distance_cold_and_certainty(model: ForecastModel) -> None:
+    short, long = (tw.need(km, departure=COLD, model=model) for km in (20, 60))
+    sure = tw.need(20, departure=COLD, model=model, quantile=0.99)
+    mild = tw.need(20, departure=MILD, model=model)
+    assert mild.energy_wh < short.energy_wh < short.energy_quantile_wh < sure.energy_quantile_wh
+    assert short.interval_wh[0] < short.energy_wh < short.energy_quantile_wh < short.interval_wh[1]
+    assert short.energy_wh < long.energy_wh < 3.0 * short.energy_wh
+    assert long.duration_s > short.duration_s
+
+
+def test_range_and_need_are_inverse(model: ForecastModel) -> None:
+    for kind, soc in (("city", 0.35), ("motorway", 0.8)):
+        middle = tw.range_km(soc, kind, COLD, model=model, reserve=0.1).range_m
+        known = replace(COLD, soc=soc)
+        needed = tw.need(middle / 1000.0, kind, known, model=model, quantile=0.5, reserve=0.1)
+        assert needed.soc_needed == pytest.approx(soc, abs=1e-6)
+
+
+def test_an_unknown_road_is_less_certain_than_a_known_one(model: ForecastModel) -> None:
+    widths = []
+    for known in (True, False):
+        asked = KindForecaster(model, MILD, KINDS["country"], known, road_prior())
+        low, high = asked.at(40_000.0, (0.05, 0.95))[0]
+        widths.append(high - low)
+    assert widths[0] < widths[1]
+
+
+def test_between_two_lengths_the_need_is_their_line(model: ForecastModel) -> None:
+    asked = KindForecaster(model, MILD, KINDS["city"], True, road_prior())
+    ends = [node_values(asked, k, (0.9,))[0][0] for k in (1, 2)]
+    middle = asked.at(0.5 * (NODES_M[1] + NODES_M[2]), (0.9,))[0][0]
+    assert middle == pytest.approx(np.mean(ends), rel=1e-12)
+
+
+def test_errors_of_several_trips_are_shared(model: ForecastModel) -> None:
+    one, nine = (tw.need(20, departure=MILD, model=model, trips=n) for n in (1, 9))
+    assert nine.interval_wh == pytest.approx([9.0 * wh for wh in one.interval_wh])
+
+
+def test_a_usual_trip_is_the_forecast_of_its_plan(model: ForecastModel) -> None:
+    trip = tw.synthetic_fleet(1).trips[0]
+    forecast = model.forecast(trip, COLD)
+    needed = tw.need(trip, departure=COLD, model=model)
+    assert (needed.kind, needed.energy_quantile_wh) == ("trip", forecast.quantile(0.9))
+
+
+def test_a_data_set_is_left_out_of_its_own_prior() -> None:
+    for name in STUDIES:
+        others = [study for other, study in STUDIES.items() if other != name]
+        assert road_prior(without=name).known == pytest.approx(others[0].known)
+        assert road_prior(without=name).speed_m_s != road_prior().speed_m_s
+    assert "sedan" not in STUDIES
+
+
+@pytest.mark.parametrize(
+    "asked", [{"kind": "moon"}, {"kind": (0.5, 0.2, 0.2)}, {"quantile": 0.2}, {"trips": 0}, {"reserve": 2.0}]
+)
+def test_what_is_out_of_bounds_is_refused(model: ForecastModel, asked: dict[str, object]) -> None:
+    with pytest.raises(InvalidInput):
+        tw.need(20, model=model, **asked)  # type: ignore[arg-type]
+
+
+def test_shares_are_rounded_to_quarters() -> None:
+    assert rounded_shares([3.0, 4.0, 1.0]) == (0.5, 0.5, 0.0)
+    assert sum(shares_of(rounded_shares([1.0, 1.0, 1.0]))) == 1.0
+
+
+@pytest.mark.skipif(not (DATA / "sedan").is_dir(), reason="no trips of the sedan at TRIPWATT_DATA")
+def test_need_and_range_hold_on_a_sample_of_trips() -> None:
+    rows = [row for row in set_rows("sedan", DATA, most=30) if row.least > 0.0]
+    assert len(rows) == 4
+    assert all(row.value >= 0.8 for row in rows)
