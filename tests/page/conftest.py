@@ -42,7 +42,7 @@ def look(browser: Any, service: Service) -> Iterator[Callable[..., Any]]:
     ) -> Any:
         context = context_of(browser, size, scheme, locale)
         contexts.append(context)
-        context.set_default_timeout(15_000)
+        context.set_default_timeout(60_000)
         if not stranger:
             context.add_init_script(f"sessionStorage.setItem('tripwatt.token', '{TOKEN}')")
         page = context.new_page()
