@@ -232,7 +232,7 @@ class Sources:
         if isinstance(over, ast.Name):
             values = [n.value for n in ast.walk(scope or ast.Pass()) if isinstance(n, ast.Assign)
                       and over.id in map(_name, n.targets)]  # fmt: skip
-            for value in values or self.constants.get(over.id, ()):
+            for value in values or self.constants.get(over.id, []):
                 texts |= (
                     set() if isinstance(value, ast.Name) else self._looped(name, target, value, scope, depth)
                 )
@@ -336,5 +336,5 @@ def messages(role: str = "text") -> Mapping[str, str]:
 
 
 if __name__ == "__main__":
-    for text, place in (messages() | messages("where")).items():
+    for text, place in {**messages(), **messages("where")}.items():
         print(f"{text}\t{place}")
