@@ -281,7 +281,7 @@ def _show_stops(journey: Journey) -> None:
                 f"{100.0 * stop.soc_leave:.0f} %",
                 period(stop.charging_s),
                 chance(stop.p_reach),
-                "-" if full is None else f"{full.station.place.title}, {period(max(full.more_s, 0.0))} more",
+                "-" if full is None else f"{full.station.place.title}, {period(full.more_s)} more",
             )
         )
     columns = (

@@ -36,6 +36,8 @@ SURELY: Final = tuple((chance, CHANCES[-1]) for chance in reversed(CHANCES))
 RISING: Final = (*((chance, chance) for chance in CHANCES), *SURELY[1:])
 """Chances of the first leg and of every other that are tried until the chance of the whole journey is `CERTAIN`. The first leg alone has a given
 charge: where that does not suffice for more, the others make up for it."""
+IF_FULL: Final = (CERTAIN, 0.9, 0.8)
+"""Chances to reach another station from an occupied one that are tried, one after the other."""
 DETOUR_M: Final = 3000.0
 """Stations farther from the road than this are not looked at."""
 POINT_EVERY_M: Final = 500.0
@@ -108,11 +110,14 @@ class Corridor:
 
     @cached_property
     def _found(self) -> list[tuple[float, Station]]:
-        """Stations by their position on the road; of too many the strongest of each stretch."""
-        position = np.arange(0.0, self.road.distance_m + POINT_EVERY_M, POINT_EVERY_M)
-        points = [self.road.place_at(float(at)) for at in position]
-        stations = self.atlas.stations
-        pairs = [(float(position[at]), stations[index]) for index, at in near(stations, points, DETOUR_M)]
+        """Stations by their position on the road, on the way out and on the way back; of too many the strongest of each stretch."""
+        stations, pairs = self.atlas.stations, list[tuple[float, Station]]()
+        for start, end in pairwise((0.0, *self.road.stop_position_m, self.road.distance_m)):
+            position = np.append(np.arange(start, end, POINT_EVERY_M), end)
+            points = [self.road.place_at(float(at)) for at in position]
+            pairs += [
+                (float(position[at]), stations[index]) for index, at in near(stations, points, DETOUR_M)
+            ]
         if len(pairs) <= MOST_STATIONS:
             return pairs
         stretch_m = 2.0 * self.road.distance_m / MOST_STATIONS
@@ -343,37 +348,43 @@ class Corridor:
             elapsed += charging_s + overhead
 
     def _if_full(self, found: StopPlan, chances: tuple[float, float], k: int) -> NextStation | None:
-        """The station that takes the place of an occupied one, which is reached with the chance `CERTAIN`."""
+        """The station that takes the place of an occupied one, with the highest of `IF_FULL` to reach it; the reserve may be used on the way."""
         here, level, node = found.nodes[k], found.levels[k], found.nodes[k + 1]
-        problem = self.problem(CERTAIN, chances[1], here)
         detour_s = 2.0 * float(self._off_m[node]) / DETOUR_M_S
         taken, _ = self._estimates
         detour = float(taken[here, node] + taken[node, -1] - taken[here, -1])
-        rest = problem.after(here, level, node, detour_s, max(detour, 0.0))
-        again = least_time(rest)
+        for chance in IF_FULL:
+            problem = self.problem(chance, chances[1], here)
+            rest = problem.after(here, level, node, detour_s, max(detour, 0.0))
+            rest.need[0] -= self.rules.reserve
+            again = least_time(rest)
+            if again is not None:
+                break
         if again is None or len(again.nodes) < 3:
             return None
         other = again.nodes[1]
         arrival = level - float(rest.taken[0, other])
-        width = level - arrival - float(rest.need[0, other]) + self.rules.reserve
-        spare = (self.rules.reserve - arrival) / min(width, -1e-9) * self._factor(CERTAIN)
+        width = float(rest.need[0, other] - rest.taken[0, other])
+        spare = arrival / max(width, 1e-9) * self._factor(chance)
         original = problem.duration_s(found.nodes[k:], found.levels[k:])
         index = here + other + (here + other >= node)
         p_reach = self.forecast.uncertainty.scores.probability(spare)
-        return NextStation(self.stations[index - 1], arrival, p_reach, again.duration_s - original)
+        return NextStation(self.stations[index - 1], arrival, p_reach, max(again.duration_s - original, 0.0))
 
 
 def find_plans(corridor: Corridor) -> tuple[ChargingPlan, ...]:
     """The fastest plan, and those that are better in something: fewest stops, safest, cheapest by energy; empty where no stations help."""
-    fastest = corridor.fastest()
-    if fastest is None:
+    first = corridor.fastest()
+    if first is None:
         return ()
-    plans = [fastest]
-    most_s = SAFEST_TIME * fastest.duration_s
-    for label, gain in GAINS.items():
-        plan = corridor.fastest(label, most_s if label == "safest" else np.inf)
-        known = [_charges(other) for other in plans]
-        if plan is not None and gain(plan) > gain(fastest) and _charges(plan) not in known:
+    most_s = SAFEST_TIME * first.duration_s
+    found = [corridor.fastest(label, most_s if label == "safest" else np.inf) for label in GAINS]
+    others = [plan for plan in found if plan is not None]
+    # legs that are routed for another aim may show a way that the estimates had hidden
+    plans = [replace(min((first, *others), key=lambda plan: plan.duration_s), label="fastest")]
+    for plan in others:
+        better = GAINS[plan.label](plan) > GAINS[plan.label](plans[0])
+        if better and _charges(plan) not in map(_charges, plans):
             plans.append(plan)
     return tuple(plans)
 

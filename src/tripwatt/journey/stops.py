@@ -31,7 +31,7 @@ class NextStation:
     soc_arrival : float
         Displayed charge that is expected there.
     p_reach : float
-        Probability to reach it with the reserve.
+        Probability to reach it; the reserve may be used.
     more_s : float
         Time that the journey takes longer [s].
     """

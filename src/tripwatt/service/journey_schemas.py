@@ -243,7 +243,7 @@ class NextStationDocument(ResponseModel):
     station: StationDocument
     soc_arrival: float
     p_reach: float
-    """probability to reach it with the reserve"""
+    """probability to reach it; the reserve may be used"""
     more_s: float
     """time that the journey takes longer [s]"""
 

@@ -267,21 +267,37 @@ def _heights(answer: Node, covered: FloatArray) -> tuple[FloatArray, FloatArray]
     """Distances and heights; None without an elevation model, or with a long part outside of it. Tunnels and bridges are straight."""
     pairs = answer["range_height"]
     given = pairs.value if isinstance(pairs.value, list) else []
-    along = [Node(pair, pairs.where) for pair in given if isinstance(pair, list) and len(pair) == 2]
-    known = np.array([k for k, pair in enumerate(along) if pair.value[1] is not None], dtype=np.int64)
+    whole = _height_table([pair for pair in given if isinstance(pair, list) and len(pair) == 2], pairs.where)
+    position, known = whole[:, 0], np.flatnonzero(np.isfinite(whole[:, 1]))
     if len(known) < 2:
         return None
-    position = np.array([Node(pair.value[0], pair.where).number() for pair in along])
     unknown_ends = max(position[known[0]] - position[0], position[-1] - position[known[-1]])
     voids = np.diff(position[known])[np.diff(known) > 1]
     if unknown_ends > LONGEST_UNKNOWN_END_M or voids.max(initial=0.0) > LONGEST_VOID_M:
         return None
-    table = np.array([along[k].numbers() for k in known])
+    table = whole[known]
     on_ground = np.ones(len(table), dtype=bool)
     for start, end in covered:
         on_ground &= ~((table[:, 0] > start) & (table[:, 0] < end))
     kept = table[on_ground] if on_ground.sum() >= 2 else table
     return kept[:, 0], kept[:, 1]
+
+
+def _height_table(pairs: Sequence[list[Any]], where: str) -> FloatArray:
+    """Distance and height of each pair, NaN where the height is unknown, shape (pairs, 2)."""
+    rows = [(at, math.nan if height is None else height) for at, height in pairs]
+    if not {type(value) for row in rows for value in row} <= {int, float}:
+        Node(
+            [value for pair in pairs for value in pair if value is not None], where
+        ).numbers()  # names the fault
+    with as_remote():
+        try:
+            table = np.array(rows, dtype=np.float64).reshape(-1, 2)
+        except OverflowError as error:
+            raise InvalidInput.of("not a number", where, "a number without end", "finite numbers") from error
+        if not np.isfinite(table[:, 0]).all():
+            raise InvalidInput.of("not a number", where, "a distance that is not finite", "finite numbers")
+    return table
 
 
 def _limit(limit: Node) -> float:
