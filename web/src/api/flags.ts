@@ -261,7 +261,7 @@ export const WORDS: Readonly<Record<Language, Readonly<Record<string, Readonly<R
       "text": "Der Ladestand bei Abfahrt ist nicht angegeben; angenommen werden {percent}."
     },
     "no_trips_of_car": {
-      "text": "Das Modell wurde ohne Fahrten dieses Fahrzeugs trainiert. Die Vorhersage verwendet veröffentlichte Fahrzeugdaten und Fahrten eines anderen Fahrzeugs: {subject}.",
+      "text": "Das Modell wurde ohne Fahrten dieses Fahrzeugs trainiert. Die Prognose verwendet veröffentlichte Fahrzeugdaten und Fahrten eines anderen Fahrzeugs: {subject}.",
       "effect": "Das Intervall ist deshalb breiter."
     },
     "changed_car": {
@@ -329,7 +329,7 @@ export const WORDS: Readonly<Record<Language, Readonly<Record<string, Readonly<R
     "motor_torque_limit": {
       "text": "Das Fahrzeug kann dem Geschwindigkeitsverlauf nicht folgen: {parts}.",
       "part": "{span} an der Drehmomentgrenze des Motors",
-      "effect": "Die Vorhersage rechnet dort mit der höchsten erreichbaren Geschwindigkeit."
+      "effect": "Die Prognose rechnet dort mit der höchsten erreichbaren Geschwindigkeit."
     },
     "motor_power_limit": {
       "part": "{span} an der Leistungsgrenze des Motors"
@@ -351,7 +351,7 @@ export const WORDS: Readonly<Record<Language, Readonly<Record<string, Readonly<R
     },
     "battery_not_settled": {
       "text": "Die Simulation der Batterie ist nicht konvergiert.",
-      "effect": "Die Vorhersage kann ungenau sein."
+      "effect": "Die Prognose kann ungenau sein."
     },
     "file_value_kept": {
       "text": "Aus der Datei übernommen: {name}, {temperature}."

@@ -114,6 +114,38 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/v1/need": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get: operations["get_need_v1_need_get"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/range": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get: operations["get_range_v1_range_get"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/v1/places": {
         parameters: {
             query?: never;
@@ -347,22 +379,6 @@ export interface paths {
         };
         get?: never;
         put: operations["put_plan_v1_live__vehicle__plan_put"];
-        post?: never;
-        delete?: never;
-        options?: never;
-        head?: never;
-        patch?: never;
-        trace?: never;
-    };
-    "/v1/need": {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        get: operations["get_need_v1_need_get"];
-        put?: never;
         post?: never;
         delete?: never;
         options?: never;
@@ -604,6 +620,21 @@ export interface components {
             };
             on_the_way: components["schemas"]["ForecastOnTheWay"][];
         };
+        DistanceNeed: {
+            distance_m: number;
+            kind: string;
+            energy_wh: number;
+            energy_quantile_wh: number;
+            quantile: number;
+            interval_wh: [
+                number,
+                number
+            ];
+            soc_needed: number;
+            duration_s: number;
+            flags: components["schemas"]["FlagDocument"][];
+            car: string;
+        };
         Elevation: {
             position_m: number[];
             elevation_m: number[];
@@ -777,6 +808,14 @@ export interface components {
             assumed: {
                 [key: string]: number;
             };
+        };
+        KindRange: {
+            kind: string;
+            range_m: number;
+            interval_m: [
+                number,
+                number
+            ];
         };
         LearnedParameter: {
             change: number;
@@ -975,6 +1014,7 @@ export interface components {
         ModelsResponse: {
             models: components["schemas"]["ModelSummary"][];
         };
+        NeedAnswer: components["schemas"]["DistanceNeed"] | components["schemas"]["NeedResponse"];
         NeedResponse: {
             vehicle: string;
             /** @enum {string} */
@@ -1085,6 +1125,15 @@ export interface components {
             got?: string | null;
             allowed?: string | null;
             fix?: string | null;
+        };
+        RangeResponse: {
+            range_m: number;
+            interval_m: [
+                number,
+                number
+            ];
+            by_kind: components["schemas"]["KindRange"][];
+            flags: components["schemas"]["FlagDocument"][];
         };
         ReachRequest: {
             model?: string | null;
@@ -1342,6 +1391,7 @@ export type ColumnChoice = components['schemas']['ColumnChoice'];
 export type CourseDocument = components['schemas']['CourseDocument'];
 export type DescribedVehicle = components['schemas']['DescribedVehicle'];
 export type DiaryEntry = components['schemas']['DiaryEntry'];
+export type DistanceNeed = components['schemas']['DistanceNeed'];
 export type Elevation = components['schemas']['Elevation'];
 export type EmptyAt = components['schemas']['EmptyAt'];
 export type ExampleResponse = components['schemas']['ExampleResponse'];
@@ -1359,6 +1409,7 @@ export type Forgotten = components['schemas']['Forgotten'];
 export type HealthResponse = components['schemas']['HealthResponse'];
 export type KindChanges = components['schemas']['KindChanges'];
 export type KindDocument = components['schemas']['KindDocument'];
+export type KindRange = components['schemas']['KindRange'];
 export type LearnedParameter = components['schemas']['LearnedParameter'];
 export type LearningDocument = components['schemas']['LearningDocument'];
 export type LeaveWith = components['schemas']['LeaveWith'];
@@ -1379,6 +1430,7 @@ export type MappedColumnDocument = components['schemas']['MappedColumnDocument']
 export type Missing = components['schemas']['Missing'];
 export type ModelSummary = components['schemas']['ModelSummary'];
 export type ModelsResponse = components['schemas']['ModelsResponse'];
+export type NeedAnswer = components['schemas']['NeedAnswer'];
 export type NeedResponse = components['schemas']['NeedResponse'];
 export type NewCarRequest = components['schemas']['NewCarRequest'];
 export type NextStationDocument = components['schemas']['NextStationDocument'];
@@ -1390,6 +1442,7 @@ export type PlanResponse = components['schemas']['PlanResponse'];
 export type PolygonDocument = components['schemas']['PolygonDocument'];
 export type ProblemDocument = components['schemas']['ProblemDocument'];
 export type ProblemFault = components['schemas']['ProblemFault'];
+export type RangeResponse = components['schemas']['RangeResponse'];
 export type ReachRequest = components['schemas']['ReachRequest'];
 export type ReachResponse = components['schemas']['ReachResponse'];
 export type RoadDocument = components['schemas']['RoadDocument'];
@@ -1580,6 +1633,89 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["ReachResponse"];
+                };
+            };
+        };
+    };
+    get_need_v1_need_get: {
+        parameters: {
+            query?: {
+                soc?: number | null;
+                ambient_temperature_degc?: number | null;
+                cabin_setpoint_degc?: number | null;
+                cabin_temperature_degc?: number | null;
+                battery_temperature_degc?: number | null;
+                payload_mass_kg?: number | null;
+                departure_utc?: number | null;
+                climate?: ("auto" | "off" | "heat" | "cool") | null;
+                extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights")[] | null;
+                terrain?: ("unknown" | "flat" | "hilly" | "mountains") | null;
+                wind_speed_m_s?: number | null;
+                wind_from_deg?: number | null;
+                rain_mm_h?: number | null;
+                pressure_pa?: number | null;
+                kind?: "city" | "country" | "motorway" | "mixed";
+                model?: string | null;
+                vehicle?: string | null;
+                car?: string | null;
+                reserve?: number | null;
+                distance_km?: number | null;
+                trip?: string | null;
+                quantile?: number;
+                trips?: number;
+                probability?: number;
+            };
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["NeedAnswer"];
+                };
+            };
+        };
+    };
+    get_range_v1_range_get: {
+        parameters: {
+            query?: {
+                soc?: number | null;
+                ambient_temperature_degc?: number | null;
+                cabin_setpoint_degc?: number | null;
+                cabin_temperature_degc?: number | null;
+                battery_temperature_degc?: number | null;
+                payload_mass_kg?: number | null;
+                departure_utc?: string | null;
+                climate?: ("auto" | "off" | "heat" | "cool") | null;
+                extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights")[] | null;
+                terrain?: ("unknown" | "flat" | "hilly" | "mountains") | null;
+                wind_speed_m_s?: number | null;
+                wind_from_deg?: number | null;
+                rain_mm_h?: number | null;
+                pressure_pa?: number | null;
+                kind?: "city" | "country" | "motorway" | "mixed";
+                model?: string | null;
+                vehicle?: string | null;
+                car?: string | null;
+                reserve?: number | null;
+            };
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["RangeResponse"];
                 };
             };
         };
@@ -1918,31 +2054,6 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["LiveResponse"];
-                };
-            };
-        };
-    };
-    get_need_v1_need_get: {
-        parameters: {
-            query: {
-                vehicle: string;
-                probability?: number;
-                reserve?: number | null;
-                departure_utc?: number | null;
-                ambient_temperature_degc?: number | null;
-            };
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        requestBody?: never;
-        responses: {
-            200: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["NeedResponse"];
                 };
             };
         };
