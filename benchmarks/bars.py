@@ -26,6 +26,7 @@ from benchmarks import (
     anchors,
     argonne,
     batch,
+    before,
     cars,
     coarse_speed,
     dirty_logs,
@@ -66,6 +67,7 @@ def suites(results: Path | None, forecast: Path | None, links: Path | None) -> I
     yield Suite(f"{bench}coverage", accuracy.synthetic_coverage)
     yield Suite(f"{bench}planned", partial(accuracy.planned_routes, links), () if links else (tum,))
     yield Suite(f"{bench}cars", cars.bounds, (tum, ved, DATA / "sedan", DATA / "twizy"))
+    yield Suite(f"{bench}before", before.bounds, (tum, ved, DATA / "sedan", DATA / "twizy"))
     yield Suite(f"{bench}journeys", journeys.rows)
     yield Suite(f"{bench}stops", stops.rows)
     yield Suite(f"{bench}live", live.rows, (tum,))

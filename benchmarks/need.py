@@ -24,6 +24,7 @@ from typer import Argument
 import tripwatt as tw
 from benchmarks.measure import Row, report, seconds
 from benchmarks.unknown_climb import trips_of
+from tripwatt.arrays import FloatArray
 from tripwatt.auditing import audit
 from tripwatt.forecasting import ForecastModel
 from tripwatt.journey.distances import KindForecaster
@@ -70,7 +71,7 @@ def classes_of(trip: Trip) -> tuple[np.ndarray, np.ndarray]:
     return np.bincount(which, route.length_m, 3), np.bincount(which, driven_s, 3)
 
 
-def rounded_shares(length_m: Sequence[float]) -> Shares:
+def rounded_shares(length_m: FloatArray) -> Shares:
     """Shares in quarters; the largest remainders are rounded up."""
     exact = QUARTERS * np.asarray(length_m) / np.sum(length_m)
     whole = np.floor(exact)
@@ -135,10 +136,11 @@ def outcomes(name: str, trips: Sequence[Trip], car: Vehicle) -> dict[str, list[t
                 asked = KindForecaster(model, departure, shares, what == "kind", prior)
                 energy, _, _ = asked.at(trip.distance_m, (QUANTILE, 0.5))
                 observed = float(trip.observed_energy_wh or np.nan)
-                shown = trip.samples["displayed_soc"].dropna() if "displayed_soc" in trip else []
-                known = len(shown) > 1 and shown.iloc[0] > shown.iloc[-1]
-                fell = float(shown.iloc[0] - shown.iloc[-1]) if known else observed
-                far_m = asked.inverse(fell, QUANTILE, int(known))
+                shown = trip.array("displayed_soc") if "displayed_soc" in trip else np.empty(0)
+                shown = shown[np.isfinite(shown)]
+                known = len(shown) > 1 and bool(shown[0] > shown[-1])
+                fell = float(shown[0] - shown[-1]) if known else observed
+                far_m = asked.inverse(fell, QUANTILE, 1 if known else 0)
                 rows.append((observed / energy[0], far_m / trip.distance_m, observed / energy[1]))
     return found
 

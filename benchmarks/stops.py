@@ -57,7 +57,7 @@ def learned(rng: Any, charge: ChargeScale, count: int) -> UncertaintyModel:
         steps = int(rng.integers(15, 70))
         moved = np.full(steps, rng.uniform(4_000.0, 20_000.0))
         middle = (np.arange(steps) + 0.5) * STEP_S
-        segments = Segments(middle, np.full(steps, STEP_S), moved, np.zeros(steps))
+        segments = Segments(np.asarray(middle, np.float64), np.full(steps, STEP_S), moved, np.zeros(steps))
         constant, share = rng.normal(0.0, CONSTANT_W, 1), rng.normal(0.0, SHARE, 1)
         trips.append(HeldOutResidual(segments, residuals(moved, rng, constant, share)[0]))
     return UncertaintyModel.from_held_out(trips, charge=charge)

@@ -177,7 +177,7 @@ def test_what_a_map_holds(run: Run, folder: Path) -> None:
     found = json.loads(run("map", "info", folder, "--json").out)
     assert (found["places"], found["stations"], found["bounds_deg"]) == (5, 1, [46.9, 8.9, 47.1, 9.2])
     shown = run("map", "info", folder)
-    assert "46.90°, 8.90°, 47.10°, 9.20°" in shown.out
+    assert "46.90 to 47.10° N and 8.90 to 9.20° E around Westend and Ostheim" in shown.out
     missing = run("map", "info", folder.parent / "nowhere")
     assert missing.code == 2
     assert "nowhere" in missing.err
@@ -190,3 +190,24 @@ def test_a_map_of_no_extract_is_refused(run: Run, tmp_path: Path) -> None:
     assert "Traceback" not in printed.err
     assert not (tmp_path / "made").exists()
     assert not (tmp_path / "made.unfinished").exists()
+
+
+def test_a_map_without_heights_names_what_is_missing(run: Run, tmp_path: Path) -> None:
+    folder = write_map(tmp_path / "map")
+    info = json.loads((folder / "map.json").read_text("utf-8"))
+    info["terrain"]["missing"] = ["N46E008", "N46E009"]
+    (folder / "map.json").write_text(json.dumps(info), "utf-8")
+    shown = run("map", "info", folder)
+    assert "heights" in shown.out
+    assert "unknown" in shown.out
+    assert "no heights for N46E008, N46E009" in shown.err
+    assert "USGS EarthExplorer" in shown.err
+
+
+def test_a_place_outside_of_the_map_gets_what_the_map_covers(run: Run, tmp_path: Path) -> None:
+    folder = write_map(tmp_path / "map")
+    shown = run("places", "Nowhere", "--map", folder)
+    assert (
+        "this map covers 46.90 to 47.10° N and 8.90 to 9.20° E around Westend and Ostheim (made)" in shown.err
+    )
+    assert "this map covers" not in run("places", "Westend", "--map", folder).err

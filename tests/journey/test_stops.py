@@ -91,14 +91,14 @@ def test_the_course_has_a_jump_for_each_stop(long_journey):
     assert len(jumps) == len(plan.stops)
     for k, stop in zip(jumps, plan.stops, strict=True):
         assert course["position_m"][k] == pytest.approx(stop.position_m, rel=1e-3)
-        assert course["time_s"][k] == pytest.approx(stop.arrives_after_s, rel=1e-3)
+        assert course["time_s"][k] == pytest.approx(stop.arrives_after_s, abs=2.0 * (len(plan.stops) + 1))
         assert course["time_s"][k + 1] - course["time_s"][k] == pytest.approx(
             stop.charging_s + stop.overhead_s
         )
         assert course["displayed_soc"][k] == pytest.approx(stop.soc_arrival, abs=1e-6)
         assert course["displayed_soc"][k + 1] == pytest.approx(stop.soc_leave, abs=0.005)
     assert np.all(np.diff(course["time_s"]) >= 0.0)
-    assert course["time_s"][-1] == pytest.approx(plan.duration_s, rel=1e-3)
+    assert course["time_s"][-1] == pytest.approx(plan.duration_s, abs=20.0)
     assert np.all(course["low"] <= course["high"])
     assert plan.line["position_m"][-1] == pytest.approx(plan.distance_m)
     assert sum(plan.by_cause_wh.values()) == pytest.approx(plan.energy_wh)

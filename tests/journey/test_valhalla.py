@@ -67,7 +67,7 @@ def model() -> tw.ForecastModel:
 
 def test_the_map_holds_roads_places_and_elevation(built: MapFolder) -> None:
     assert built.info["places"] > 2000
-    assert built.info["elevation_tiles"] == 1
+    assert built.info["terrain"]["tiles"] == 1
     assert (built.folder / "elevation" / "N47" / "N47E009.hgt").is_file()
     assert not built.folder.with_name("map.unfinished").exists()
     south, west, north, east = built.info["bounds_deg"]
@@ -90,7 +90,9 @@ def test_a_town_outside_of_the_map_is_no_street_inside(places: Atlas) -> None:
     (fault,) = caught.value.faults
     assert (fault.what, fault.where, fault.got) == ("unknown place", "stops[1]", "Feldkirch")
     assert "'Feldkircherstrasse, Nendeln' (street)" in fault.fix
-    assert "this map covers 47.06 to 47.27° N and 9.48 to 9.63° E around Vaduz" in fault.fix
+    assert (
+        "this map covers 47.06 to 47.27° N and 9.48 to 9.63° E around Schaan, Vaduz and Triesen" in fault.fix
+    )
 
 
 @pytest.mark.parametrize(
@@ -207,7 +209,7 @@ def test_the_links_of_a_road_have_classes_and_free_speeds(atlas: Atlas) -> None:
 
 def test_a_damaged_extract_leaves_nothing_behind(tmp_path: Path, built: MapFolder) -> None:
     (tmp_path / "bad.osm.pbf").write_bytes(b"no extract")
-    with pytest.raises(InvalidInput, match=r"cannot build the map: bad.osm.pbf"):
+    with pytest.raises(InvalidInput, match=r"cannot read the extract: bad.osm.pbf"):
         build_map(tmp_path / "bad.osm.pbf", tmp_path / "map")
     assert [path.name for path in tmp_path.iterdir()] == ["bad.osm.pbf"]
 

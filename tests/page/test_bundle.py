@@ -14,11 +14,16 @@ import tripwatt.service
 WEB = Path(__file__).resolve().parents[2] / "web"
 PAGE = Path(tripwatt.service.__file__).with_name("page")
 SOURCES = ("build.mjs", "icon.svg", "index.html", "package-lock.json", "package.json", "src", "tsconfig.json")
-LARGEST_BYTES = 400_000
+LARGEST_BYTES = 375_000
 """What a first visit loads."""
 
 LARGEST_MAP_BYTES = 1_800_000
 """The code of the map, which is loaded when a map is first shown."""
+
+LARGEST_LANGUAGE_BYTES = 90_000
+"""The messages of the service in a language, which are loaded when it is chosen."""
+
+LANGUAGE = re.compile(r"assets/messages-")
 
 MAP_CODE = re.compile(r"assets/(maplibre-gl|road-map|map-worker)-")
 
@@ -46,16 +51,21 @@ def test_files_are_those_that_were_built(manifest: dict) -> None:
     of_map = {name: file.stat().st_size for name, file in found.items() if MAP_CODE.match(name)}
     assert len(of_map) == 3
     assert 500_000 < sum(of_map.values()) < LARGEST_MAP_BYTES
-    assert sum(file.stat().st_size for name, file in found.items() if name not in of_map) < LARGEST_BYTES
+    of_language = {name: file.stat().st_size for name, file in found.items() if LANGUAGE.match(name)}
+    assert 0 < sum(of_language.values()) < LARGEST_LANGUAGE_BYTES
+    later = of_map | of_language | {"licences.txt": 0}  # a link
+    assert sum(file.stat().st_size for name, file in found.items() if name not in later) < LARGEST_BYTES
 
 
 def test_the_map_is_no_part_of_the_first_visit() -> None:
     index = (PAGE / "index.html").read_text()
     loaded = re.findall(r'(?:src|href)="(assets/[^"]+)"', index)
-    assert not any(MAP_CODE.match(name) for name in loaded)
+    assert not any(MAP_CODE.match(name) or LANGUAGE.match(name) for name in loaded)
     (script,) = (name for name in loaded if name.endswith(".js"))
     code = (PAGE / script).read_text()
-    assert len(re.findall(r"import\(", code)) == 2  # the map, when it is shown
+    assert (
+        len(re.findall(r"import\(", code)) == 3
+    )  # the map, when it is shown, and a language, when it is chosen
     assert re.findall(r"^import|[;}]import[ {\"']", code) == []
 
 
@@ -66,7 +76,7 @@ def test_nothing_inline_and_no_other_host() -> None:
     assert re.findall(r"\s(?:style|on\w+)=", index) == []
     for file in [PAGE / "index.html", *PAGE.glob("assets/*.[cj]s*")]:
         hosts = set(re.findall(r"https?://([\w.-]+)", file.read_text()))
-        named = {"www.w3.org"}  # names of XML, not addresses
+        named = {"www.w3.org", "HOST", "..."}  # names of XML and of what is to be filled in, not addresses
         if MAP_CODE.match(f"assets/{file.name}"):  # comments, and a link that is not shown
             named |= {"maplibre.org", "maplibre.invalid", "github.com", "wiki.openstreetmap.org"}
         assert hosts <= named, file.name

@@ -6,6 +6,7 @@ import shutil
 from pathlib import Path
 
 import pytest
+from benchmarks import country
 from tests.support import ROOT
 from tools.docs import publish_results, write_cli, write_figures
 from tools.docs.pages import of_page, without_parts
@@ -225,3 +226,8 @@ def test_every_command_teaches_with_examples_that_exist() -> None:
         name = max((n for n in known if line.startswith(n)), key=len)
         options = {option for parameter in known[name].params for option in parameter.opts}
         assert set(re.findall(r"\s(--[a-z-]+)", line)) <= options, line
+
+
+def test_the_record_of_large_maps_shows_the_published_costs() -> None:
+    rows = json.loads(country.PUBLISHED.read_text("utf-8"))["rows"]
+    assert country.table(rows) in country.RECORD.read_text("utf-8")

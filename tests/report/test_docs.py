@@ -44,8 +44,8 @@ def test_the_indices_list_every_page() -> None:
     assert set(DOCS.rglob("*.md")) - listed == set()
 
 
-README_PLACES = (markers("results"), markers("example"))
-PAGE_PLACES = tuple(map(markers, PAGE))
+README_PLACES = tuple(map(markers, ("results", "before", "example")))
+PAGE_PLACES = tuple(map(markers, (*PAGE, "before")))
 
 
 @pytest.mark.parametrize(

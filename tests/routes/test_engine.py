@@ -2,6 +2,7 @@
 
 import json
 import os
+import tarfile
 
 import pytest
 from tests.support.router_server import served_configuration
@@ -94,16 +95,18 @@ def test_what_valhalla_says_about_an_extract(package, tmp_path, script, got):
     assert sorted(path.name for path in (tmp_path / "map").iterdir()) == ["elevation", "tiles"]
 
 
-def test_tiles_are_built_below_the_folder(package, tmp_path):
+def test_tiles_are_built_into_one_file_of_the_folder(package, tmp_path):
     script = "mkdir $(dirname $2)/tiles/2; cp $2 $(dirname $2)/tiles/2/a.gph; echo $3 > $(dirname $2)/said"
     (package / "bin" / "valhalla_build_tiles").write_text(f"#!/bin/sh\n{script}\n")
-    build_tiles(tmp_path / "new" / "map", tmp_path / "region.osm")
-    build_tiles(tmp_path / "new" / "other", tmp_path / "region.osm")
-    (tmp_path / "new" / "map" / "tiles" / "2" / "a.gph").unlink()
-    (tmp_path / "new" / "map" / "tiles" / "2").rmdir()
-    build_tiles(tmp_path / "new" / "map", tmp_path / "region.osm")
     made = tmp_path / "new" / "map"
-    assert json.loads((made / "tiles" / "2" / "a.gph").read_text()) == configuration(made)
+    before = configuration(made)
+    assert before["mjolnir"]["tile_extract"] == ""
+    build_tiles(made, tmp_path / "region.osm")
+    with tarfile.open(made / "tiles.tar") as packed:
+        assert packed.getnames() == ["2/a.gph"]
+        assert json.loads(packed.extractfile("2/a.gph").read()) == before
+    assert not (made / "tiles").exists()
+    assert configuration(made)["mjolnir"]["tile_extract"] == str(made / "tiles.tar")
     assert (made / "said").read_text() == f"{tmp_path / 'region.osm'}\n"
     assert not (made / "valhalla.json").exists()
 

@@ -18,9 +18,8 @@ def node(number, latitude, longitude, **tags):
 
 def way(number, nodes, **tags):
     inside = "".join(f'<nd ref="{k}"/>' for k in nodes)
-    return (
-        f'<way id="{number}">{inside}{"".join(f"""<tag k="{k}" v="{v}"/>""" for k, v in tags.items())}</way>'
-    )
+    inside += "".join(f'<tag k="{k.replace("__", ":")}" v="{v}"/>' for k, v in tags.items())
+    return f'<way id="{number}">{inside}</way>'
 
 
 @pytest.fixture
@@ -75,11 +74,27 @@ def test_kinds_of_objects(objects_of):
     )
     assert found == [
         Named("poi", "With a shop", 47.0, 9.6),
+        Named("village", "As a way", 47.02, 9.0),
         Named("street", "Street", 47.03, 9.0),
         Named("poi", "Museum", 47.02, 9.0),
         Named("poi", "Park", 47.03, 9.0),
         Named("street", "Cut off", 47.04, 9.0),
     ]
+
+
+def test_other_names_and_inhabitants(objects_of):
+    names = {"name:sv": "Alexandersgatan", "alt_name": "Aleksi; Aleksi ;A", "old_name:de": "Alexanderstrasse"}
+    no_names = {"name:etymology": "a tsar", "name:pronunciation": "x", "name_prefix": "y"}
+    tags = {key.replace(":", "__"): value for key, value in (names | no_names).items()}
+    (street,) = objects_of(
+        node(1, 47.0, 9.0), way(1, [1], highway="residential", name="A", population="x", **tags)
+    )
+    assert street.also == ("Aleksi", "Alexandersgatan", "Alexanderstrasse")
+    sizes = [
+        objects_of(node(1, 47.0, 9.0, place="town", name="A", population=p))
+        for p in ("5000", "5 000", "9" * 10)
+    ]
+    assert [town.population for (town,) in sizes] == [5000, 0, 0]
 
 
 def test_what_is_wrong_with_an_extract_is_cut(tmp_path):

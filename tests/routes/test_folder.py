@@ -2,6 +2,7 @@
 
 import json
 
+import numpy as np
 import pytest
 from tests.support.router_server import write_map
 
@@ -53,16 +54,21 @@ PLACES = (
 def test_a_map_says_what_it_is_made_of(builder, tmp_path):
     steps = []
     made = builder(*PLACES, progress=steps.append)
-    assert steps == ["roads", "places"]
+    assert steps == ["places", "elevation", "roads"]
     assert sorted(path.name for path in made.folder.iterdir()) == ["map.json", "places.sqlite", "tiles"]
-    assert (made.folder / "map.json").read_text("utf-8").startswith('{\n "format": 1,\n "extract":')
+    assert (made.folder / "map.json").read_text("utf-8").startswith('{\n "format": 2,\n "extract":')
     assert made.info == {
-        "format": 1,
+        "format": 2,
         "extract": "region.osm",
         "extract_bytes": (tmp_path / "region.osm").stat().st_size,
         "attribution": "© OpenStreetMap contributors, ODbL 1.0",
         "bounds_deg": [47.0, 9.0, 47.2, 9.1],
-        "elevation_tiles": 0,
+        "terrain": {
+            "known": False,
+            "source": "",
+            "tiles": 0,
+            "missing": ["N46E008", "N46E009", "N47E008", "N47E009"],
+        },
         "places": 2,
         "stations": 1,
     }
@@ -84,19 +90,34 @@ def test_a_map_without_places_has_no_bounds(builder):
     assert builder().info["bounds_deg"] is None
 
 
-def test_elevation_tiles_lie_where_valhalla_looks_for_them(builder, tmp_path):
+def test_the_elevation_tiles_that_a_map_needs_lie_where_valhalla_looks_for_them(builder, tmp_path):
     source = tmp_path / "heights"
     (source / "more").mkdir(parents=True)
-    for name in ("n47e009.hgt", "N47E010.hgt.gz", "more/S05W070.hgt.lz4", "readme.txt"):
-        (source / name).write_bytes(name.encode())
-    made = builder(elevation=source)
-    assert made.info["elevation_tiles"] == 3
-    kept = {p.relative_to(made.folder).as_posix(): p.read_bytes() for p in made.folder.rglob("*.hgt*")}
-    assert kept == {
-        "elevation/N47/N47E009.hgt": b"n47e009.hgt",
-        "elevation/N47/N47E010.hgt.gz": b"N47E010.hgt.gz",
-        "elevation/S05/S05W070.hgt.lz4": b"more/S05W070.hgt.lz4",
+    for name in ("n47e009.hgt", "more/N48E009.hgt", "N46E009.hgt"):
+        (source / name).write_bytes(np.full(1201 * 1201, 400, ">i2").tobytes())
+    made = builder(
+        node(1, 47.1, 9.1, place="town", name="A"),
+        node(2, 47.2, 10.1, place="town", name="B"),
+        elevation=source,
+    )
+    assert made.info["terrain"] == {
+        "known": True,
+        "source": "elevation tiles of 3 arc-seconds",
+        "tiles": 1,
+        "missing": ["N47E010"],
     }
+    kept = [path.relative_to(made.folder).as_posix() for path in made.folder.rglob("*.hgt*")]
+    assert kept == ["elevation/N47/N47E009.hgt"]
+
+
+def test_what_a_map_covers_in_words(builder):
+    assert builder(*PLACES).covers == "47.00 to 47.20° N and 9.00 to 9.10° E around Westend (region.osm)"
+    towns = [node(k, -0.5 + k, -1.0 + k, place="town", name=f"T{k}", population=f"{9 - k}") for k in range(4)]
+    assert (
+        builder(*towns).covers
+        == "0.50° S to 2.50° N and 1.00° W to 2.00° E around T0, T1 and T2 (region.osm)"
+    )
+    assert builder().covers == ""
 
 
 def test_a_map_is_replaced_when_the_new_one_is_complete(builder, tmp_path, monkeypatch):
@@ -141,7 +162,7 @@ def test_a_map_folder_is_opened(tmp_path):
         ),
         ("{", "no map: .*JSONDecodeError"),
         ("[]", "map of another release: .*: got no object"),
-        (json.dumps({"format": 99}), "map of another release: .*: got format 99; allowed: format 1"),
+        (json.dumps({"format": 99}), "map of another release: .*: got format 99; allowed: format 2"),
     ],
 )
 def test_a_folder_without_a_map_is_refused(tmp_path, text, message):

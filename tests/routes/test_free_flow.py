@@ -7,7 +7,8 @@ import pytest
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
 from tripwatt.routes import LinkRoute, plan_from_links, route_from_links
-from tripwatt.routes.free_flow import TravelTimeFactors, free_flow_links
+from tripwatt.routes.calibrate import road_work
+from tripwatt.routes.free_flow import TravelTimeFactors, free_flow_links, moving_share, share_energy
 from tripwatt.trips import Trip
 
 NAN = float("nan")
@@ -181,3 +182,78 @@ def test_a_given_stop_stays_between_equal_links():
 def test_an_impossible_log_cannot_be_cut():
     with pytest.raises(InvalidInput, match="length out of range"):
         free_flow_links(trip((10, 50)), -1.0)
+
+
+def limited(*pieces, elevation_m=None):
+    """A drive of pieces (seconds, km/h driven, km/h allowed)."""
+    driven = trip(*((seconds, kmh) for seconds, kmh, _ in pieces))
+    limit = np.concatenate([np.full(seconds, kmh / 3.6) for seconds, _, kmh in pieces])
+    columns = {"speed_limit_m_s": limit}
+    if elevation_m is not None:
+        columns["elevation_m"] = elevation_m(np.arange(float(len(limit))))
+    return Trip.from_samples("t", driven.samples.assign(**columns))
+
+
+def test_a_log_with_limits_is_cut_where_they_change():
+    route, seconds = free_flow_links(limited((100, 36, 40), (100, 36, 60), (101, 36, 40)))
+    assert 3.6 * route.moving_speed_m_s == pytest.approx([40.0, 60.0, 40.0])
+    assert route.length_m == pytest.approx([1000.0, 1000.0, 1000.0])
+    assert seconds == pytest.approx([100.0, 100.0, 100.0])
+    assert route.travel_time_s == pytest.approx(3600.0 / np.array([40.0, 60.0, 40.0]))
+    assert route.free_flow
+
+
+def test_the_speed_of_the_drive_is_no_part_of_links_by_limit():
+    """The same road at half of the speed: the same links, twice the time."""
+    quick, quick_s = free_flow_links(limited((100, 36, 40), (101, 36, 60)))
+    slow, slow_s = free_flow_links(limited((200, 18, 40), (201, 18, 60)))
+    assert slow.length_m == pytest.approx(quick.length_m)
+    assert slow.moving_speed_m_s == pytest.approx(quick.moving_speed_m_s)
+    assert slow_s == pytest.approx(2.0 * quick_s)
+
+
+@pytest.mark.parametrize("between", [20.0, NAN])
+def test_a_short_or_unknown_piece_goes_with_the_link_before_it(between):
+    route, seconds = free_flow_links(limited((100, 36, 40), (3, 36, between), (98, 36, 60)))
+    assert 3.6 * route.moving_speed_m_s == pytest.approx([40.0, 60.0])
+    assert route.length_m == pytest.approx([1030.0, 970.0])
+    assert seconds == pytest.approx([103.0, 97.0])
+
+
+def test_a_log_whose_limit_begins_late_has_it_from_the_start():
+    route, _ = free_flow_links(limited((50, 36, NAN), (151, 36, 60)))
+    assert 3.6 * route.moving_speed_m_s == pytest.approx([60.0])
+    assert route.distance_m == pytest.approx(2000.0)
+
+
+def test_heights_of_links_by_limit_are_those_of_the_road():
+    route, _ = free_flow_links(limited((201, 36, 60), elevation_m=lambda second: 100.0 + second))
+    assert route.elevation_at([0.0, 500.0, 1000.0, 2000.0]) == pytest.approx([100.0, 150.0, 200.0, 300.0])
+
+
+def test_a_class_stands_at_the_mean_free_speed_of_its_links():
+    """40 and 60 km/h lie between the classes; their own factors are not mixed with those of the neighbours."""
+    route = links([40.0, 60.0], [1e6, 1e6])
+    factors = TravelTimeFactors.from_links([route], [np.array([1.5, 2.1]) * route.travel_time_s])
+    assert factors.at(np.array([40.0, 60.0]) / 3.6) == pytest.approx([1.5, 2.1], rel=0.02)
+    assert (np.diff(factors.speed_m_s) > 0.0).all()
+
+
+def test_the_speed_between_stops_is_a_share_of_the_free_speed():
+    factors = TravelTimeFactors(np.array([10.0, 30.0]), np.array([1.5, 1.5]), moving_share=0.8)
+    found = factors.expected(links([36.0], [1000.0]))
+    assert found.moving_speed_m_s == pytest.approx([8.0])
+    assert found.travel_time_s == pytest.approx([150.0])
+
+
+@pytest.mark.parametrize("share", [0.7, 0.85, 1.0])
+def test_the_share_of_drives_that_were_made_with_it_is_found(share):
+    """Drives that the driver model made of links with a share of the limit between their stops."""
+    road = links([50.0, 80.0, 60.0], [2000.0, 5000.0, 3000.0])
+    seconds = np.array([1.9, 1.5, 2.1]) * road.travel_time_s
+    made = plan_from_links(
+        LinkRoute(road.length_m, seconds, road.stop_s, share * road.moving_speed_m_s), trip_id="made"
+    )
+    drive = Trip.from_samples("made", made.samples)
+    found = share_energy(drive, road, seconds, road_work)
+    assert moving_share([found, found]) == pytest.approx(share, abs=0.02)

@@ -3,6 +3,7 @@
 import sqlite3
 from concurrent.futures import ThreadPoolExecutor
 
+import numpy as np
 import pytest
 from tests.support.router_server import OBJECTS, SETTLEMENTS
 
@@ -12,6 +13,7 @@ from tripwatt.routes.maps import (
 )
 from tripwatt.routes.maps.extract import Named
 from tripwatt.routes.maps.index import write_index
+from tripwatt.routes.maps.near_words import mistakes, near_words
 from tripwatt.routes.places import Place
 from tripwatt.routes.search import find_place
 
@@ -170,7 +172,7 @@ def test_an_index_without_streets_has_all_its_settlements(tmp_path):
 
 def test_pieces_of_a_street_in_one_settlement_are_one_place(tmp_path):
     path = tmp_path / "i.sqlite"
-    pieces = [Named("street", "Ring", 47.0, 9.0), Named("street", "Ring", 47.002, 9.0)]
+    pieces = [Named("street", "Ring", 47.0 + k / 1000.0, 9.0) for k in range(3)]
     far = Named("street", "Ring", 47.0, 9.1)
     assert write_index(path, SETTLEMENTS, [*pieces, far]) == {"places": 2, "stations": 0}
     found = PlaceIndex(path).search("ring")
@@ -207,3 +209,109 @@ def test_a_misspelt_settlement_is_found_as_the_most_similar_one(index, text):
     assert [place.name for place in index.search(text, limit=1)] == ["Westend"]
     with pytest.raises(InvalidInput, match=r"did you mean 'Westend' \(\w+\)"):
         find_place(text, index, "from")
+
+
+HELSINKI = [
+    Named("city", "Helsinki", 60.17, 24.94, also=("Helsingfors",), population=600_000),
+    Named("street", "Aleksanterinkatu", 60.169, 24.95, also=("Alexandersgatan",)),
+    Named("house", "5", 60.169, 24.951, "Aleksanterinkatu"),
+    Named("town", "Mäntsälä", 60.63, 25.32),
+    Named("town", "Łódź", 60.9, 25.0),
+]
+
+
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        ("alexandersgatan", Place(60.169, 24.95, "Alexandersgatan, Helsinki", "street", "Aleksanterinkatu")),
+        ("Alexandersgtan", Place(60.169, 24.95, "Alexandersgatan, Helsinki", "street", "Aleksanterinkatu")),
+        ("alexand 5", Place(60.169, 24.951, "Alexandersgatan 5, Helsinki", "house", "Aleksanterinkatu 5")),
+        ("Aleksanterin", Place(60.169, 24.95, "Aleksanterinkatu, Helsinki", "street")),
+        ("helsingfors", Place(60.17, 24.94, "Helsingfors", "city", "Helsinki")),
+        ("Hels", Place(60.17, 24.94, "Helsinki", "city")),
+        ("Heslinki", Place(60.17, 24.94, "Helsinki", "city")),
+        ("Aleksanterinkatu Heslinki", Place(60.169, 24.95, "Aleksanterinkatu, Helsinki", "street")),
+        ("mantsala", Place(60.63, 25.32, "Mäntsälä", "town")),
+        ("maentsaelae", Place(60.63, 25.32, "Mäntsälä", "town")),
+        ("Mantsla", Place(60.63, 25.32, "Mäntsälä", "town")),
+        ("lodz", Place(60.9, 25.0, "Łódź", "town")),
+    ],
+)
+def test_another_language_accents_and_typing_mistakes(tmp_path, text, found):
+    assert written(tmp_path, HELSINKI, HELSINKI[:1]).search(text)[0] == found
+
+
+def test_a_place_is_taken_by_its_name_in_another_language(tmp_path):
+    made = written(tmp_path, HELSINKI, HELSINKI[:1])
+    assert find_place("Helsingfors", made, "x").described == "Helsingfors (city, also called Helsinki)"
+
+
+def test_a_mistyped_settlement_is_shown_among_many_names_that_begin_so(tmp_path):
+    towns = [Named("village", "Schaan", 47.16, 9.51)]
+    streets = [Named("street", f"Schanzenweg {k:02d}", 47.0, 9.0) for k in range(30)]
+    found = names(written(tmp_path, [*streets, *towns]).search("schan", limit=5))
+    assert found == [*(f"Schanzenweg {k:02d}" for k in range(3)), "Schaan", "Schanzenweg 03"]
+
+
+def test_a_place_as_node_as_area_and_as_halt_is_one(tmp_path):
+    kinds = ("village", "suburb", "poi")
+    objects = [Named(kind, "Vaduz", 47.14 + k / 100.0, 9.52) for k, kind in enumerate(kinds)]
+    assert written(tmp_path, objects, objects[:1]).search("vaduz") == (
+        Place(47.14, 9.52, "Vaduz", "village"),
+    )
+
+
+def test_settlements_of_one_name_are_told_apart_by_the_town_beside_them(tmp_path):
+    towns = [Named("town", "Westend", 47.0, 9.0), Named("town", "Ostheim", 47.0, 11.0)]
+    twins = [Named("village", "Neukirch", 47.0, 9.1), Named("village", "Neukirch", 47.0, 10.9)]
+    made = written(tmp_path, [*towns, *twins], [*towns, *twins])
+    assert sorted(names(made.search("neukirch"))) == ["Neukirch, Ostheim", "Neukirch, Westend"]
+    with pytest.raises(InvalidInput, match=r"several places have this name.*Ostheim.*Westend"):
+        find_place("Neukirch", made, "x")
+    assert find_place("Neukirch Ostheim", made, "x").longitude_deg == 10.9
+    assert names(written(tmp_path, [*towns, twins[0]], [*towns, twins[0]]).search("neukirch")) == ["Neukirch"]
+
+
+def test_streets_of_one_name_in_one_city_are_told_apart_by_quarters(tmp_path):
+    around = [Named("city", "Bigtown", 47.0, 9.0), Named("suburb", "North", 47.1, 9.0)]
+    streets = [Named("street", "Ring", 47.0, 9.0), Named("street", "Ring", 47.1, 9.0)]
+    found = written(tmp_path, [*around, *streets], around).search("ring")
+    assert {(place.name, place.context) for place in found} == {
+        ("Ring, Bigtown", "Bigtown"),
+        ("Ring, North, Bigtown", "North, Bigtown"),
+    }
+
+
+def test_large_settlements_come_before_small_ones_of_their_kind(tmp_path):
+    towns = [
+        Named("town", "Halla", 47.0, 9.0, population=5_000),
+        Named("town", "Hallberg", 47.0, 9.5, population=50_000),
+    ]
+    assert names(written(tmp_path, towns).settlements(-90, -180, 90, 180, 9)) == ["Hallberg", "Halla"]
+
+
+def test_every_word_with_one_mistake_is_near(tmp_path):
+    """Random words; one letter added, left out, changed, or two swapped."""
+    rng = np.random.default_rng(5)
+    letters = list("abcdefghijklmnopqrstuvwxyz")
+    words = ["".join(rng.choice(letters, rng.integers(6, 12))) for _ in range(200)]
+    made = written(tmp_path, [Named("village", word, 47.0, 9.0) for word in words])
+    for word in words:
+        at, letter = int(rng.integers(0, len(word) - 1)), str(rng.choice(letters))
+        swapped = word[:at] + word[at + 1] + word[at] + word[at + 2 :]
+        for typed in (
+            word[:at] + letter + word[at:],
+            word[:at] + word[at + 1 :],
+            word[:at] + letter + word[at + 1 :],
+            swapped,
+        ):
+            assert word in names(made.search(typed)), (typed, word)
+            assert mistakes(typed, word)[1] <= 1
+
+
+def test_the_work_for_a_word_is_bounded_by_the_index(tmp_path):
+    made = written(tmp_path, [Named("village", f"neukirch{k:04d}x", 47.0, 9.0) for k in range(3000)])
+    asked: list[str] = []
+    made.database.set_trace_callback(asked.append)
+    assert len(near_words(made.database, "neukrch")) == 5
+    assert len(asked) == 6  # one question for each key, with a limit

@@ -64,6 +64,8 @@ def test_a_place_in_plain_values():
     assert Place(47.1, 9.5, "Vaduz", "town").to_dict() == {
         "name": "Vaduz",
         "kind": "town",
+        "context": "",
+        "also_called": "",
         "latitude_deg": 47.1,
         "longitude_deg": 9.5,
     }

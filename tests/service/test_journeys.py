@@ -144,6 +144,8 @@ def test_what_the_service_knows(planner: Service) -> None:
         "tiles": False,
         "stations": 1,
         "bounds_deg": [46.9, 8.9, 47.1, 9.2],
+        "covers": "46.90 to 47.10° N and 8.90 to 9.20° E around Westend and Ostheim (made)",
+        "terrain": {"known": False, "source": ""},
         "attribution": "© OpenStreetMap contributors, ODbL 1.0",
     }
 
@@ -261,6 +263,8 @@ def test_without_a_map_nothing_is_served() -> None:
         "tiles": False,
         "stations": 0,
         "bounds_deg": None,
+        "covers": "",
+        "terrain": {"known": False, "source": ""},
         "attribution": "",
     }
 
@@ -273,6 +277,8 @@ def test_what_a_map_knows(jobs: JourneyJobs) -> None:
         "tiles": False,
         "stations": 1,
         "bounds_deg": [46.9, 8.9, 47.1, 9.2],
+        "covers": "46.90 to 47.10° N and 8.90 to 9.20° E around Westend and Ostheim (made)",
+        "terrain": {"known": False, "source": ""},
         "attribution": "© OpenStreetMap contributors, ODbL 1.0",
     }
 

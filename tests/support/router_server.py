@@ -39,7 +39,7 @@ def write_map(folder: Path) -> Path:
         "extract": "made",
         "attribution": ATTRIBUTION,
         "bounds_deg": bounds,
-        "elevation_tiles": 0,
+        "terrain": {"known": False, "source": "", "tiles": 0, "missing": []},
     }
     (folder / INFO_NAME).write_text(json.dumps(about | counts), "utf-8")
     return folder

@@ -129,6 +129,19 @@ RESULTS: Final = (
         2,
         other_cars=True,
     ),
+    Result(
+        "before",
+        ("-m benchmarks.before --write",),
+        (
+            "docs/results/before.json",
+            "README.md#before",
+            "docs/explanation/results.md#before",
+            "docs/explanation/evaluation.md#before",
+        ),
+        ("tum", "ved", "twizy", "sedan", POPULATION, MODEL),
+        2,
+        other_cars=True,
+    ),
     evaluation("paper", 4),
     Result(
         "links",

@@ -73,7 +73,7 @@ WITH_REASONS: Final = ("sources/evidence.py",)
 
 OPAQUE: Final = frozenset({"and_more", "excerpt", "_excerpt", "printable", "repr", "str", "len"})
 DEEPEST: Final = 7
-MOST: Final = 60
+MOST: Final = 40
 """Texts of one expression."""
 
 DOCUMENT_ERRORS: Final = re.compile(
@@ -98,6 +98,7 @@ class Sources:
         self.functions: dict[str, list[ast.FunctionDef | ast.AsyncFunctionDef]] = {}
         self.calls: dict[str, list[tuple[ast.Call, Scope]]] = {}
         self.parts: set[str] = set()
+        self.names: dict[tuple[str, int], set[str]] = {}
         self.reasons: list[tuple[ast.expr, Scope]] = []
         self.place: dict[ast.Call, str] = {}
         for file in _files():
@@ -176,6 +177,13 @@ class Sources:
         return texts or {HOLE}
 
     def _named(self, name: str, scope: Scope, depth: int) -> set[str]:
+        key = (name, id(scope))
+        if key not in self.names:
+            self.names[key] = {HOLE}  # for a name that is assigned from itself
+            self.names[key] = self._bound(name, scope, depth)
+        return self.names[key]
+
+    def _bound(self, name: str, scope: Scope, depth: int) -> set[str]:
         texts: set[str] = set()
         for node in ast.walk(scope) if scope is not None else ():
             if isinstance(node, ast.Assign):
@@ -224,7 +232,7 @@ class Sources:
         if isinstance(over, ast.Name):
             values = [n.value for n in ast.walk(scope or ast.Pass()) if isinstance(n, ast.Assign)
                       and over.id in map(_name, n.targets)]  # fmt: skip
-            for value in values or self.constants.get(over.id, ()):
+            for value in values or self.constants.get(over.id, []):
                 texts |= (
                     set() if isinstance(value, ast.Name) else self._looped(name, target, value, scope, depth)
                 )
@@ -328,5 +336,5 @@ def messages(role: str = "text") -> Mapping[str, str]:
 
 
 if __name__ == "__main__":
-    for text, place in (messages() | messages("where")).items():
+    for text, place in {**messages(), **messages("where")}.items():
         print(f"{text}\t{place}")

@@ -6,7 +6,7 @@ import type { Place } from "../src/api/documents";
 import { isCalled, placeCalled } from "../src/model/places";
 
 function place(name: string, kind: string): Place {
-  return { name, kind, latitude_deg: 47, longitude_deg: 9 };
+  return { name, kind, context: "", also_called: "", latitude_deg: 47, longitude_deg: 9 };
 }
 
 const CALLED: [string, string, boolean][] = [

@@ -197,32 +197,29 @@ def places(
     limit: Annotated[int, typer.Option(min=1, max=50, metavar="N", help="Most places.")] = 10,
     as_json: JsonOption = False,
 ) -> None:
-    """Find places by the start of their names.
+    """Find places by the start of their names, also with typing mistakes and by names in other languages.
 
     For example:
 
       # find places by the start of their names
       tripwatt places landstr --map map
     """
-    from tripwatt.routes.maps import ATTRIBUTION
+    from tripwatt.routes.maps import ATTRIBUTION, open_map
     from tripwatt.routes.search import open_search
 
-    search = open_search(places_url) if places_url else _index(map_)
+    folder = None if places_url else open_map(map_.partition("@")[0])
+    search = open_search(places_url) if folder is None else folder.index
     matches = search.search(" ".join(text), limit=limit)
     if as_json:
         print_json({"places": [place.to_dict() for place in matches], "attribution": ATTRIBUTION})
         return
     rows = [
-        (p.title, p.kind.replace("_", " "), f"{p.latitude_deg:.5f}, {p.longitude_deg:.5f}") for p in matches
+        (p.title, p.kind.replace("_", " "), p.also_called, f"{p.latitude_deg:.5f}, {p.longitude_deg:.5f}")
+        for p in matches
     ]
-    print_table("Places", ("place", "kind", "latitude, longitude"), rows)
-    print_notes([ATTRIBUTION])
-
-
-def _index(named: str) -> Any:
-    from tripwatt.routes.maps import open_map
-
-    return open_map(named.partition("@")[0]).index
+    print_table("Places", ("place", "kind", "also called", "latitude, longitude"), rows)
+    outside = [f"this map covers {folder.covers}"] if folder is not None and not matches else []
+    print_notes([*outside, ATTRIBUTION])
 
 
 def _show(journey: Journey) -> None:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from tripwatt.cli.options import JsonOption, add_command
 from tripwatt.cli.printing import print_json, print_notes, print_table
+
+if TYPE_CHECKING:
+    from tripwatt.routes.maps import MapFolder
 
 
 def add_commands(app: typer.Typer) -> None:
@@ -26,7 +29,10 @@ def build(
     ),
     elevation: Annotated[
         Path | None,
-        typer.Option(metavar="FOLDER", help="Elevation tiles, for example N47E009.hgt; a flat land without."),
+        typer.Option(
+            metavar="FOLDER",
+            help="Elevation tiles: of SRTM (N47E009.hgt, also .gz or .zip), or GeoTIFF. Without them the climb of roads is unknown.",
+        ),
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -38,7 +44,7 @@ def build(
 
       # roads, places and charging stations
       tripwatt map build liechtenstein.osm.pbf --out map
-      # with elevation tiles (N47E009.hgt)
+      # with elevation tiles (N47E009.hgt, N47E009.hgt.zip, GeoTIFF)
       tripwatt map build region.osm.pbf --elevation srtm --out map
     """
     from tripwatt.routes.maps import build_map
@@ -46,7 +52,7 @@ def build(
     folder = build_map(
         extract, out, elevation=elevation, progress=lambda step: print_notes([f"building: {step}"])
     )
-    _show(folder.info, as_json)
+    _show(folder, as_json)
 
 
 def info(
@@ -62,21 +68,23 @@ def info(
     """
     from tripwatt.routes.maps import open_map
 
-    _show(open_map(folder).info, as_json)
+    _show(open_map(folder), as_json)
 
 
-def _show(about: dict[str, object], as_json: bool) -> None:
+def _show(folder: MapFolder, as_json: bool) -> None:
+    from tripwatt.routes.maps.elevation import without_tiles
+
+    about = folder.info
     if as_json:
-        print_json(about)
+        print_json(about | {"covers": folder.covers})
         return
-    bounds = about.get("bounds_deg")
-    area = ", ".join(f"{value:.2f}°" for value in bounds) if isinstance(bounds, list) else "none"
+    terrain = about["terrain"]
     rows = [
         ("extract", str(about["extract"])),
-        ("south, west, north, east", area),
+        ("covers", folder.covers or "no place"),
         ("places", str(about["places"])),
         ("charging stations", str(about["stations"])),
-        ("elevation tiles", str(about["elevation_tiles"])),
+        ("heights", f"{terrain['source']} ({terrain['tiles']})" if terrain["known"] else "unknown"),
     ]
     print_table("Map", ("map", ""), rows)
-    print_notes([str(about["attribution"])])
+    print_notes([note for note in (without_tiles(terrain["missing"]), str(about["attribution"])) if note])

@@ -145,7 +145,7 @@ def evaluate_cars(
     given = {car.dataset for car in cars}
     described, rows = [], []
     for number, car in enumerate(cars):
-        others = _others(cars, car, population().without(given))
+        others = others_of(cars, car, population().without(given))
         about, table = _score(car, others, sorted({*trips}), draws, seed, own_model)
         described.append(about)
         rows.append(table)
@@ -234,7 +234,7 @@ def evidence_of(car: CarTrips, dataset: str) -> tuple[Vehicle, TripEvidence, Seg
     return vehicle, TripEvidence.from_table(table, vehicle), table
 
 
-def _others(cars: Sequence[CarTrips], scored: CarTrips, rest: Population) -> Population:
+def others_of(cars: Sequence[CarTrips], scored: CarTrips, rest: Population) -> Population:
     """All cars of another model and another data set than the scored one, simulated without values from its data."""
     known = [
         (car.source(), evidence_of(car, scored.dataset)[1])

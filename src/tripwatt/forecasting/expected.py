@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final
@@ -10,7 +11,8 @@ import numpy as np
 
 from tripwatt.arrays import FloatArray
 from tripwatt.hybrid import PowerCorrector, SegmentTable
-from tripwatt.physics import Simulation, simulate_trip
+from tripwatt.physics import Simulation
+from tripwatt.physics.batch import simulate_trips
 from tripwatt.routes.terrain import LOCAL_M, NetClimbs
 from tripwatt.trips import Plan
 from tripwatt.uncertainty import Segments
@@ -100,8 +102,7 @@ class ExpectedTrip:
         at = np.interp(self.plan.array("time_s") - self.simulation.time_s[0], self.edges_s, self.distance_m)
         by_turns = np.where((at / LOCAL_M).astype(np.int64) % 2, -1.0, 1.0)
         none = np.zeros((1, len(self.edges_s)))
-        even = np.array([self._climbing_wh(g) for g in grade])
-        hills = np.array([self._climbing_wh(g * by_turns) for g in HILLS])
+        even, hills = np.split(self._climbing_wh([*grade, *(g * by_turns for g in HILLS)]), [len(grade)])
         return ClimbingEnergy(
             np.insert(grade, len(EVEN) // 2, 0.0),
             np.insert(even, len(EVEN) // 2, none, axis=0),
@@ -111,11 +112,14 @@ class ExpectedTrip:
             net,
         )
 
-    def _climbing_wh(self, grade: FloatArray | float) -> FloatArray:
-        """Energy up to each edge more than without a grade [Wh], shape (segments + 1,)."""
-        climbing = replace(self.plan, samples=self.plan.samples.assign(grade=grade))
-        more = simulate_trip(self.vehicle, climbing).energy_wh - self.simulation.energy_wh
-        return np.interp(self.edges_s, self.simulation.time_s - self.simulation.time_s[0], more)
+    def _climbing_wh(self, grades: Sequence[FloatArray | float]) -> FloatArray:
+        """Energy up to each edge more than without a grade [Wh], shape (grades, segments + 1)."""
+        samples = [self.plan.samples.assign(grade=grade) for grade in grades]
+        runs = simulate_trips((self.vehicle, replace(self.plan, samples=each)) for each in samples)
+        time_s = self.simulation.time_s - self.simulation.time_s[0]
+        return np.array(
+            [np.interp(self.edges_s, time_s, run.energy_wh - self.simulation.energy_wh) for run in runs]
+        )
 
     @cached_property
     def wh_per_soc(self) -> float:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -59,8 +60,10 @@ DRIVEN: Final = "the driven speed trace"
 PLANNED: Final = "a planned route"
 FREE_FLOW: Final = "a planned route, free flow"
 NOT_MEASURED: Final = Measured(0.0)
-SOC_PRECISION: Final = 1e-6
+SOC_PRECISION: Final = 1e-7
 """Of the charge to leave with."""
+MOST_SECANTS: Final = 8
+"""Steps to it, after which the interval is halved."""
 OF_CHARGE: Final = frozenset({"soc_assumed", "battery_empty", "battery_full", "battery_over_voltage"})
 """Flags that depend on the charge at departure."""
 
@@ -385,7 +388,7 @@ class Forecast:
         """Displayed state of charge to leave with, to arrive with a reserve with a probability.
 
         The forecast that leaves with it has this probability: ``leaving_with(soc).p_arrive(reserve) == probability``,
-        whatever charge the plan has. Six forecasts in the median.
+        whatever charge the plan has. Two forecasts in the median.
 
         Parameters
         ----------
@@ -411,7 +414,12 @@ class Forecast:
         """
         reserve = require_fraction("reserve", reserve)
         probability = require_fraction("probability", probability, 0.5)
-        return charge_with_spare(lambda soc: self.leaving_with(soc)._spare(reserve, probability))
+        own = self.plan.departure.soc if self.measured is NOT_MEASURED else None
+
+        def spare(soc: float) -> float:
+            return (self if soc == own else self.leaving_with(soc))._spare(reserve, probability)
+
+        return charge_with_spare(spare, 0.5 if own is None else own)
 
     def _spare(self, reserve: float, probability: float) -> float:
         """Displayed charge beyond what is needed, at the place where it is least, that is exceeded with a probability."""
@@ -875,8 +883,11 @@ def with_empty_flag(forecast: Forecast) -> Forecast:
     return forecast if len(flags) == len(forecast.flags) else replace(forecast, flags=flags)
 
 
-def charge_with_spare(spare: Callable[[float], float]) -> float:
+def charge_with_spare(spare: Callable[[float], float], near: float = 0.5) -> float:
     """The charge, 0 to 1, with which nothing is spare; 0 where every charge has some, above 1 where a full one lacks.
+
+    A charge more leaves about as much more, so that the secant from a charge nearby needs few steps; where it leaves the interval of
+    the root, that is halved.
 
     Examples
     --------
@@ -885,15 +896,25 @@ def charge_with_spare(spare: Callable[[float], float]) -> float:
     >>> charge_with_spare(lambda soc: soc + 0.1), charge_with_spare(lambda soc: soc - 1.5)
     (0.0, 1.5)
     """
-    spare = cache(spare)
-    if spare(1.0) < 0.0:
-        return 1.0 - spare(1.0)
-    if spare(0.0) >= 0.0:
-        return 0.0
-    from scipy.optimize import brentq  # slow to import
-
-    root = float(brentq(spare, 0.0, 1.0, xtol=SOC_PRECISION))
-    return min(root + 2.0 * SOC_PRECISION, 1.0)  # on the side that suffices
+    low, high, soc, slope = 0.0, 1.0, near, 1.0
+    before: tuple[float, float] | None = None
+    for step in itertools.count():
+        left = spare(soc)
+        if (soc == 0.0 and left >= 0.0) or 0.0 <= left <= 2.0 * SOC_PRECISION:
+            return soc
+        if soc == 1.0 and left < 0.0:
+            return 1.0 - left
+        low, high = (soc, high) if left < 0.0 else (low, soc)
+        if high - low <= SOC_PRECISION:
+            return high
+        if before is not None and before[0] != soc:
+            slope = (left - before[1]) / (soc - before[0])
+        before = soc, left
+        has_guess = slope > 0.0 and step < MOST_SECANTS
+        guess = soc - (left - SOC_PRECISION) / slope if has_guess else math.nan
+        is_end = (low == 0.0 and guess <= low) or (high == 1.0 and guess >= high)
+        soc = min(max(guess, low), high) if is_end or low < guess < high else 0.5 * (low + high)
+    raise AssertionError("unreachable: the interval is halved until it is narrow")
 
 
 def remaining_sd_wh(forecast: Forecast) -> FloatArray:

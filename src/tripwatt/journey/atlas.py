@@ -10,6 +10,7 @@ from typing import Final, TypeVar
 
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.routes.maps import ATTRIBUTION, MapFolder, Station, open_map, read_stations, within
+from tripwatt.routes.maps.elevation import MARGIN_DEG
 from tripwatt.routes.places import Place
 from tripwatt.routes.routers import Router, ValhallaRouter, is_server, open_server
 from tripwatt.routes.search import PlaceSearch, find_place, open_search
@@ -24,9 +25,7 @@ Bounds = tuple[float, float, float, float]
 NO_MAP: Final = "build a map with tripwatt map build, or name a router by its URL"
 
 
-MARGIN_DEG: Final = 0.02
-"""Roads of a map reach this far beyond its places [°]."""
-
+LARGER: Final = "build a map of a larger region for places outside of it"
 
 Part = TypeVar("Part")
 """A part of an atlas."""
@@ -111,15 +110,8 @@ class Atlas:
     @property
     def covers(self) -> str:
         """The region of the map in words, with what to do for a place outside of it; empty without a map folder."""
-        if self.bounds_deg is None or self.folder is None:
-            return ""
-        south, west, north, east = self.bounds_deg
-        largest = self.settlements(self.bounds_deg, 1)
-        around = f" around {largest[0].title}" if largest else ""
-        return (
-            f"this map covers {south:.2f} to {north:.2f}° N and {west:.2f} to {east:.2f}° E{around}; "
-            "build a map of a larger region for places outside of it"
-        )
+        covered = "" if self.folder is None else self.folder.covers
+        return f"this map covers {covered}; {LARGER}" if covered else ""
 
     def find(self, stop: Place | str, where: str) -> Place:
         """Find a place on the map.

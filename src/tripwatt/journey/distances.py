@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import numpy as np
 
@@ -153,19 +153,17 @@ class KindForecaster:
     def at(self, distance_m: float, levels: Sequence[float]) -> tuple[FloatArray, FloatArray, float]:
         """Quantiles of energy [Wh] and displayed charge [1], shape (levels,), and the duration [s]. Two forecasts at most."""
         k = self._before(distance_m)
-        (low, high), (start, end) = (
-            [node_values(self, k + i, tuple(levels)) for i in (0, 1)],
-            NODES_M[k : k + 2],
-        )
-        part = (distance_m - start) / (end - start)
-        energy, charge, duration = ((1.0 - part) * a + part * b for a, b in zip(low, high, strict=True))
-        return energy, charge, float(duration)
+        low, high = (node_values(self, k + i, tuple(levels)) for i in (0, 1))
+        part = (distance_m - NODES_M[k]) / (NODES_M[k + 1] - NODES_M[k])
+        energy = low[0] + part * (high[0] - low[0])
+        charge = low[1] + part * (high[1] - low[1])
+        return energy, charge, low[2] + part * (high[2] - low[2])
 
     def distance_m(self, charge: float, level: float) -> float:
         """Distance after which the displayed charge falls by `charge`, at a quantile of the charge that is taken [m]."""
         return self.inverse(charge, level, 1)
 
-    def inverse(self, amount: float, level: float, of: int) -> float:
+    def inverse(self, amount: float, level: float, of: Literal[0, 1]) -> float:
         """Distance whose quantile of energy (`of` 0) [Wh] or charge (1) is an amount [m]."""
         k = len(NODES_M) - 2
         while k > 0 and node_values(self, k, (level,))[of][0] > amount:

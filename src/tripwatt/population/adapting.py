@@ -33,6 +33,7 @@ from tripwatt.population.prior import Population, Source, population
 from tripwatt.trips import Fleet, Trip
 from tripwatt.uncertainty import ChargeScale
 from tripwatt.uncertainty.conformal import ConformalScores, t4_half_width
+from tripwatt.uncertainty.free_flow import LEAST_TRIPS, FreeFlowTrips
 from tripwatt.uncertainty.scale import T_VARIANCE, TotalScale
 from tripwatt.vehicles import Vehicle
 
@@ -232,8 +233,44 @@ def adaptation(
     """
     base.fitted_parts("base")
     require_measured(trips)
-    before = Adaptation.before_trips(base, vehicle, cars or population_of(base))
-    return before.with_trips(in_order(trips))
+    cars = cars or population_of(base)
+    base = with_travel_times(base, trips, vehicle, cars)
+    return Adaptation.before_trips(base, vehicle, cars).with_trips(in_order(trips))
+
+
+def with_travel_times(
+    base: ForecastModel, trips: Sequence[Trip], vehicle: Vehicle, cars: Population
+) -> ForecastModel:
+    """Replace a base's travel times of an empty road by those of trips whose logs carry the speed limit. O(trips x samples).
+
+    What the times add to the uncertainty is measured on each trip with the times of the others, by the car without trips.
+
+    Parameters
+    ----------
+    base : ForecastModel
+        Fitted.
+    trips : sequence of Trip
+        Of the car, with measured energy.
+    vehicle : Vehicle
+        The car with its published values.
+    cars : Population
+        What is known of other cars.
+
+    Returns
+    -------
+    ForecastModel
+        The base itself with fewer than `tripwatt.uncertainty.free_flow.LEAST_TRIPS` such trips.
+    """
+    known = [trip for trip in trips if trip.has("speed_limit_m_s")]
+    if len(known) < LEAST_TRIPS:
+        return base
+    _, usual = base.fitted_parts("base")
+    new = without_trips(base, vehicle, cars)
+    corrector, _ = new.fitted_parts("base")
+    free, table = FreeFlowTrips.from_trips(known, new.vehicle), segment_trips(known, new.vehicle)
+    each = [free.differences(corrector, table, np.array([k])) for k in range(len(known))]
+    measured = free.uncertainty(np.concatenate(each))
+    return base if measured is None else replace(base, uncertainty_=replace(usual, free_flow=measured))
 
 
 @one_blas_thread

@@ -1,21 +1,21 @@
 """From the time of an empty road to the time that is expected: how much longer drives take, by the free speed of a link.
 
-A router's time is that of an empty road. The proxy that logged drives have for it is the speed class of a link: the
-smallest of `CLASSES_KM_H` that is not below the 90th percentile of the car's moving speed on it. The proxy uses the
-drive, so it is better than a map.
+A router's time is that of an empty road. Where a log carries the speed limit of the road, the empty road is driven at the limit.
+Other logs have a proxy: the speed class of a link, the smallest of `CLASSES_KM_H` that is not below the 90th percentile of the
+car's moving speed on it. The proxy uses the drive, so it is better than a map.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
 from tripwatt.arrays import FloatArray, distance_driven
-from tripwatt.routes.links import LinkRoute, links_of_trip
-from tripwatt.trips import Recorded
+from tripwatt.routes.links import SHORTEST_STRETCH_M, LinkRoute, links_of_trip, plan_from_links
+from tripwatt.trips import Plan, Recorded, plan_from_trip
 from tripwatt.units import M_S_PER_KM_H
 
 CLASSES_KM_H: Final = (30.0, 50.0, 70.0, 100.0, 120.0, 130.0)
@@ -29,6 +29,9 @@ LEAST_M: Final = 20_000.0
 
 LARGEST_FACTOR: Final = 3.0
 
+SHARES: Final = (0.6, 0.7, 0.8, 0.9, 1.0)
+"""Shares of the limit that may be the speed between two stops."""
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class TravelTimeFactors:
@@ -39,6 +42,8 @@ class TravelTimeFactors:
     speed_m_s : ndarray, shape (classes,)
         Ascending.
     factor : ndarray, shape (classes,)
+    moving_share : float
+        Speed between two stops over the free speed.
 
     Examples
     --------
@@ -49,12 +54,15 @@ class TravelTimeFactors:
 
     speed_m_s: FloatArray
     factor: FloatArray
+    moving_share: float = 1.0
 
     @classmethod
-    def from_links(cls, routes: Sequence[LinkRoute], driven_s: Sequence[FloatArray]) -> TravelTimeFactors:
+    def from_links(
+        cls, routes: Sequence[LinkRoute], driven_s: Sequence[FloatArray], *, moving_share: float = 1.0
+    ) -> TravelTimeFactors:
         """From free-flow links and the times that were driven on them. O(links).
 
-        A class with little road is drawn to the factor of all classes.
+        A class with little road is drawn to the factor of all classes. It stands at the mean free speed of its links.
         """
         length = np.concatenate([route.length_m for route in routes])
         speed = np.concatenate([route.moving_speed_m_s for route in routes])
@@ -66,8 +74,11 @@ class TravelTimeFactors:
         number = len(classes)
         prior_s = LEAST_M / classes
         total_s = np.bincount(which, seconds, number) + overall * prior_s
-        factor = total_s / (np.bincount(which, free_s, number) + prior_s)
-        return cls(classes, np.clip(factor, 1.0 / LARGEST_FACTOR, LARGEST_FACTOR))
+        known_s = np.bincount(which, free_s, number)
+        factor = total_s / (known_s + prior_s)
+        driven = known_s > 0.0
+        classes[driven] = np.bincount(which, length, number)[driven] / known_s[driven]
+        return cls(classes, np.clip(factor, 1.0 / LARGEST_FACTOR, LARGEST_FACTOR), moving_share)
 
     def at(self, speed_m_s: FloatArray) -> FloatArray:
         """Factor at free speeds, linear between the classes, shape of `speed_m_s`."""
@@ -78,11 +89,50 @@ class TravelTimeFactors:
         moving = np.where(np.isnan(route.moving_speed_m_s), route.speed_m_s, route.moving_speed_m_s)
         expected_s = route.length_m / moving * self.at(moving)
         travel_time_s = np.maximum(expected_s, route.travel_time_s)
-        return replace(route, travel_time_s=travel_time_s, moving_speed_m_s=moving)
+        return replace(route, travel_time_s=travel_time_s, moving_speed_m_s=self.moving_share * moving)
+
+
+def share_energy(
+    trip: Recorded, route: LinkRoute, driven_s: FloatArray, energy: Callable[[Plan], float]
+) -> FloatArray:
+    """Logarithm of the energy on free-flow links in their driven times over that of the drive, for each of `SHARES`. O(samples).
+
+    Parameters
+    ----------
+    trip : Trip
+        The drive.
+    route : LinkRoute
+        Its free-flow links.
+    driven_s : ndarray, shape (links,)
+        Times that were driven on them.
+    energy : callable
+        What is compared, such as the simulated energy of the car; positive.
+
+    Returns
+    -------
+    ndarray, shape (len(SHARES),)
+    """
+    timed = replace(route, travel_time_s=driven_s)
+    moving = [replace(timed, moving_speed_m_s=share * route.moving_speed_m_s) for share in SHARES]
+    planned = [energy(plan_from_links(links).with_departure(trip.departure)) for links in moving]
+    return np.asarray(np.log(np.array(planned) / energy(plan_from_trip(trip))))
+
+
+def moving_share(energies: Sequence[FloatArray]) -> float:
+    """Share of the free speed with which trips take the energy of their drives in the mean, from `share_energy` of each.
+
+    Examples
+    --------
+    >>> round(moving_share([np.linspace(-0.1, 0.3, 5), np.linspace(-0.3, 0.1, 5)]), 3)
+    0.8
+    """
+    return float(np.interp(0.0, np.maximum.accumulate(np.mean(energies, axis=0)), SHARES))
 
 
 def free_flow_links(trip: Recorded, length_m: float = LINK_M) -> tuple[LinkRoute, FloatArray]:
     """Links of a drive as a router without traffic gives them, and the times that were driven. O(samples).
+
+    A log with speed limits is cut where they change. Of its drive, such links have the length of the road and heights every `LINK_M`.
 
     Raises
     ------
@@ -101,12 +151,36 @@ def free_flow_links(trip: Recorded, length_m: float = LINK_M) -> tuple[LinkRoute
     driven = links_of_trip(trip, length_m)
     time, speed = trip.array("time_s"), trip.array("speed_m_s")
     position = distance_driven(time, speed)
+    if trip.has("speed_limit_m_s"):
+        return _limit_links(driven, time, position, trip.array("speed_limit_m_s"))
     border = np.cumsum(driven.length_m)
     link = np.clip(np.searchsorted(border, position, side="right"), 0, len(border) - 1)
     free = np.array([_class_speed(speed[link == k]) for k in range(len(border))])
     empty_road_s = driven.length_m / free
     route = replace(driven, travel_time_s=empty_road_s, moving_speed_m_s=free, free_flow=True)
     return route, driven.travel_time_s
+
+
+def _limit_links(
+    even: LinkRoute, time_s: FloatArray, position_m: FloatArray, limit_m_s: FloatArray
+) -> tuple[LinkRoute, FloatArray]:
+    """Links from change to change of the limit, with the heights of even ones; short and unknown pieces go with the link before them."""
+    start = np.flatnonzero(np.append(True, np.diff(limit_m_s) != 0.0))
+    piece_m = np.diff(np.append(position_m[start], position_m[-1]))
+    known_m = np.where(np.isfinite(limit_m_s[start]), piece_m, -1.0)
+    kept = start[known_m >= min(SHORTEST_STRETCH_M, float(known_m.max()))]
+    border = np.concatenate(([0], kept[1:], [len(time_s) - 1]))
+    length_m, limit = np.diff(position_m[border]), limit_m_s[kept]
+    unknown = np.full(len(kept), np.nan)
+    route = replace(
+        even,
+        length_m=length_m,
+        travel_time_s=length_m / limit,
+        stop_s=unknown,
+        moving_speed_m_s=limit,
+        free_flow=True,
+    )
+    return route, np.diff(time_s[border])
 
 
 def _class_speed(speed_m_s: FloatArray) -> float:

@@ -23,12 +23,29 @@ COORDINATES: Final = re.compile(r"^\s*(?:geo:)?(-?\d{1,3}(?:\.\d+)?)\s*[,; ]\s*(
 TWIN_M: Final = 5000.0
 """Two places of one name within this distance [m] are one for a traveller."""
 
+SETTLEMENTS: Final = (
+    "city",
+    "town",
+    "village",
+    "suburb",
+    "quarter",
+    "hamlet",
+    "neighbourhood",
+    "isolated_dwelling",
+)
+"""Kinds of places that people live in, the most important first: values of `place` of OpenStreetMap."""
+
 WORD: Final = re.compile(r"\w+")
 
 SPELLINGS: Final = str.maketrans(
     {"ä": "ae", "ö": "oe", "ü": "ue", "ß": "ss", "æ": "ae", "ø": "oe", "å": "aa"}
 )
 """How letters are typed on keyboards without them."""
+
+PLAIN: Final = str.maketrans(
+    {"ß": "ss", "æ": "ae", "œ": "oe", "ø": "o", "ł": "l", "đ": "d", "ð": "d", "þ": "th", "ı": "i"}
+)
+"""Letters without an accent that can be taken off."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +60,8 @@ class Place:
         As shown to a person; empty for coordinates.
     kind : str
         What it is: "city", "street", "house"; empty when unknown.
+    also_called : str
+        Its name on the map, where a name in another language or an older one was looked for; else empty.
 
     Raises
     ------
@@ -61,6 +80,7 @@ class Place:
     longitude_deg: float
     name: str = ""
     kind: str = ""
+    also_called: str = ""
 
     def __post_init__(self) -> None:
         bounds = {"latitude": (self.latitude_deg, 90.0), "longitude": (self.longitude_deg, 180.0)}
@@ -83,8 +103,23 @@ class Place:
         --------
         >>> Place(47.17, 9.51, "Landstrasse, Schaan", "street").described
         'Landstrasse, Schaan (street)'
+        >>> Place(60.17, 24.94, "Helsingfors", "city", "Helsinki").described
+        'Helsingfors (city, also called Helsinki)'
         """
-        return f"{self.title} ({self.kind.replace('_', ' ')})" if self.kind else self.title
+        other = f"also called {self.also_called}" if self.also_called else ""
+        about = ", ".join(part for part in (self.kind.replace("_", " "), other) if part)
+        return f"{self.title} ({about})" if about else self.title
+
+    @property
+    def context(self) -> str:
+        """What tells it from other places of its name: the settlement that a street lies in; empty where there is nothing.
+
+        Examples
+        --------
+        >>> Place(47.17, 9.51, "Landstrasse, Schaan", "street").context
+        'Schaan'
+        """
+        return self.name.partition(", ")[2]
 
     def is_called(self, text: str) -> bool:
         """Whether a text is the whole name of the place: all words of its first part, and none that its name lacks.
@@ -120,7 +155,7 @@ class Place:
         Returns
         -------
         dict
-            Keys `name`, `kind`, `latitude_deg` and `longitude_deg`.
+            Keys `name`, `kind`, `context`, `also_called`, `latitude_deg` and `longitude_deg`.
 
         Examples
         --------
@@ -130,6 +165,8 @@ class Place:
         return {
             "name": self.title,
             "kind": self.kind,
+            "context": self.context,
+            "also_called": self.also_called,
             "latitude_deg": self.latitude_deg,
             "longitude_deg": self.longitude_deg,
         }
@@ -190,13 +227,27 @@ class Place:
 
 def _spelled(text: str) -> tuple[list[str], list[str]]:
     """The words of a text in lower case without accents, and with the letters that stand for one."""
-    lower = text.casefold() if "ß" not in text else text.lower()
-    plain = "".join(c for c in unicodedata.normalize("NFKD", lower) if not unicodedata.combining(c))
-    return WORD.findall(plain.replace("ß", "ss")), WORD.findall(lower.translate(SPELLINGS))
+    return plain_words(text), WORD.findall(text.lower().translate(SPELLINGS))
 
 
-def without_twins(places: Iterable[Place]) -> tuple[Place, ...]:
-    """Places without those that have the name of an earlier one within `TWIN_M`: a village and its post office. O(places²) of a name.
+def plain_words(text: str) -> list[str]:
+    """The words of a text in lower case, without accents.
+
+    Examples
+    --------
+    >>> plain_words("Ängsgatan, ŁÓDŹ")
+    ['angsgatan', 'lodz']
+    """
+    if text.isascii():
+        return WORD.findall(text.lower())
+    letters = unicodedata.normalize("NFKD", text.lower().translate(PLAIN))
+    return WORD.findall("".join(letter for letter in letters if not unicodedata.combining(letter)))
+
+
+def without_twins(places: Iterable[Place], most: int | None = None) -> tuple[Place, ...]:
+    """Places without those that are an earlier one: of its name, or of that of a settlement, within `TWIN_M`; the first ones.
+
+    O(places²) of a name. A village, its boundary and its post office are one place; streets of one name in two villages are two.
 
     Examples
     --------
@@ -207,10 +258,13 @@ def without_twins(places: Iterable[Place]) -> tuple[Place, ...]:
     kept: dict[str, list[Place]] = {}
     single = []
     for place in places:
-        same = kept.setdefault(place.name, [])
-        if all(other.distance_m(place) > TWIN_M for other in same):
+        same = kept.setdefault(place.name.partition(", ")[0], [])
+        alike = [other for other in same if other.name == place.name or other.kind in SETTLEMENTS]
+        if all(other.distance_m(place) > TWIN_M for other in alike):
             same.append(place)
             single.append(place)
+            if len(single) == most:
+                break
     return tuple(single)
 
 

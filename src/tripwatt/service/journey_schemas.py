@@ -171,6 +171,10 @@ class PlaceDocument(ResponseModel):
     name: str
     kind: str
     """what it is on the map; empty when unknown"""
+    context: str
+    """what tells it from other places of its name, also a part of the name: the settlement that a street lies in"""
+    also_called: str
+    """its name on the map, where another name of it was looked for; else empty"""
     latitude_deg: float
     longitude_deg: float
 
@@ -396,6 +400,15 @@ class ViewResponse(ResponseModel):
     attribution: str
 
 
+class TerrainDocument(ResponseModel):
+    """Heights of the roads of this service."""
+
+    known: bool
+    """whether the map has heights"""
+    source: str
+    """where they are from; to be shown beside a climb"""
+
+
 class MapResponse(ResponseModel):
     """Roads, places and weather of this service."""
 
@@ -411,4 +424,7 @@ class MapResponse(ResponseModel):
     """number of charging stations"""
     bounds_deg: list[float] | None
     """south, west, north and east of the map"""
+    covers: str
+    """the region of the map in words; empty without a map folder"""
+    terrain: TerrainDocument
     attribution: str

@@ -103,6 +103,8 @@ class JourneyJobs:
     def describe(self) -> dict[str, Any]:
         """Return the roads, places and weather of the service."""
         atlas = self.atlas
+        folder = None if atlas is None else atlas.folder
+        terrain = {} if atlas is None or folder is None or not atlas.is_local else folder.info["terrain"]
         return {
             "roads": atlas is not None,
             "places": atlas is not None and atlas.places is not None,
@@ -110,6 +112,8 @@ class JourneyJobs:
             "tiles": atlas is not None and atlas.has_tiles,
             "stations": 0 if atlas is None else len(atlas.stations),
             "bounds_deg": None if atlas is None or atlas.bounds_deg is None else list(atlas.bounds_deg),
+            "covers": "" if folder is None else folder.covers,
+            "terrain": {"known": terrain.get("known", False), "source": terrain.get("source", "")},
             "attribution": "" if atlas is None else atlas.attribution,
         }
 

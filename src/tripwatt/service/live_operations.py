@@ -146,12 +146,11 @@ class LiveOperations:
     async def next_need(self, request: Request, query: NeedQuery) -> Response:
         """Return what the next trip of a car needs: energy at a quantile, charge to leave with, energy to charge."""
         require_accepts(request, JSON)
-        given = {"reserve": query.reserve, "ambient_temperature_degc": query.ambient_temperature_degc}
         needed = await self.cars.need(
             self.cars.by_name(query.vehicle or ""),
             query.probability,
             time.time() if query.departure_utc is None else query.departure_utc,
-            {name: value for name, value in given.items() if value is not None},
+            query.model_dump(include={"reserve", "ambient_temperature_degc"}, exclude_none=True),
         )
         if isinstance(needed, dict):
             return json_response(needed)

@@ -67,6 +67,7 @@ UNITS: Final[Mapping[str, Mapping[str, tuple[float, float]]]] = MappingProxyType
         "speed_m_s": _SPEED,
         "elevation_m": _LENGTH,
         "grade": _FRACTION,
+        "speed_limit_m_s": _SPEED,
         "ambient_temperature_degc": _TEMPERATURE,
         "cabin_temperature_degc": _TEMPERATURE,
         "cabin_setpoint_degc": _TEMPERATURE,

@@ -60,6 +60,7 @@ COLUMNS: Final[Mapping[str, Column]] = MappingProxyType(
         "speed_m_s": Column("m/s", 0.0, 90.0, "vehicle speed"),
         "elevation_m": Column("m", -500.0, 9000.0, "height above sea level, as logged"),
         "grade": Column("1", -0.6, 0.6, "road inclination, rise over horizontal distance"),
+        "speed_limit_m_s": Column("m/s", 1.0, 70.0, "highest speed that is allowed on the road"),
         "ambient_temperature_degc": Column("°C", -60.0, 70.0, "outside air temperature"),
         "cabin_temperature_degc": Column("°C", -60.0, 100.0, "cabin air temperature"),
         "cabin_setpoint_degc": Column("°C", 0.0, 50.0, "cabin temperature that the driver asked for"),

@@ -35,6 +35,7 @@ SIGNALS: Final[Mapping[str, str]] = MappingProxyType(
     {
         "speed_m_s": "speed",
         "elevation_m": "elevation",
+        "speed_limit_m_s": "speed limit",
         "ambient_temperature_degc": "outside temperature",
         "cabin_temperature_degc": "cabin temperature",
         "cabin_setpoint_degc": "cabin set-point",

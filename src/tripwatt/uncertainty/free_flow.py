@@ -18,7 +18,7 @@ from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.errors import InvalidInput
 from tripwatt.hybrid import PowerCorrector, SegmentTable, segment_table
 from tripwatt.physics import simulate_trip
-from tripwatt.routes.free_flow import TravelTimeFactors, free_flow_links
+from tripwatt.routes.free_flow import TravelTimeFactors, free_flow_links, moving_share, share_energy
 from tripwatt.routes.links import LinkRoute, plan_from_links
 from tripwatt.trips import Plan, Trip
 from tripwatt.vehicles import Vehicle
@@ -86,28 +86,46 @@ class FreeFlowTrips:
     vehicle : Vehicle
     links : tuple of (LinkRoute, ndarray) or None
         Free-flow links of each trip and the times that were driven on them; None where it could not be cut.
+    shares : tuple of ndarray or None
+        From `share_energy` with the simulated energy of the car, of trips whose logs carry speed limits.
     """
 
     trips: tuple[Trip, ...]
     vehicle: Vehicle
     links: tuple[tuple[LinkRoute, FloatArray] | None, ...]
+    shares: tuple[FloatArray | None, ...] = ()
 
     @classmethod
     def from_trips(cls, trips: Sequence[Trip], vehicle: Vehicle) -> FreeFlowTrips:
         """Cut trips into free-flow links. O(samples)."""
-        return cls(tuple(trips), vehicle, tuple(_links(trip) for trip in trips))
+        links = tuple(map(_links, trips))
+
+        def energy(plan: Plan) -> float:
+            table = segment_table(plan, simulate_trip(vehicle, plan))
+            return float(table.totals_wh(table.simulated_w)[0])
+
+        shares = tuple(
+            share_energy(trip, *cut, energy) if cut is not None and trip.has("speed_limit_m_s") else None
+            for trip, cut in zip(trips, links, strict=True)
+        )
+        return cls(tuple(trips), vehicle, links, shares)
 
     def take(self, members: Sequence[int] | IntArray) -> FreeFlowTrips:
         """Those of some of the trips."""
         chosen = [int(i) for i in members]
         return FreeFlowTrips(
-            tuple(self.trips[i] for i in chosen), self.vehicle, tuple(self.links[i] for i in chosen)
+            tuple(self.trips[i] for i in chosen),
+            self.vehicle,
+            tuple(self.links[i] for i in chosen),
+            tuple(self.shares[i] for i in chosen) if self.shares else (),
         )
 
     def factors(self) -> TravelTimeFactors | None:
         """Factors of these trips; None without links."""
         known = [links for links in self.links if links is not None]
-        return TravelTimeFactors.from_links(*zip(*known, strict=True)) if known else None
+        shown = [shares for shares in self.shares if shares is not None]
+        share = moving_share(shown) if shown else 1.0
+        return TravelTimeFactors.from_links(*zip(*known, strict=True), moving_share=share) if known else None
 
     def plan(self, k: int, factors: TravelTimeFactors) -> Plan | None:
         """The plan of one trip on its free-flow links, with the expected times; None where it could not be cut."""

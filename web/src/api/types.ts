@@ -737,6 +737,7 @@ export interface components {
                 speed_m_s: number[];
                 elevation_m?: (number | null)[];
                 grade?: (number | null)[];
+                speed_limit_m_s?: (number | null)[];
                 ambient_temperature_degc?: (number | null)[];
                 cabin_temperature_degc?: (number | null)[];
                 cabin_setpoint_degc?: (number | null)[];
@@ -911,6 +912,7 @@ export interface components {
                 speed_m_s: number[];
                 elevation_m?: (number | null)[];
                 grade?: (number | null)[];
+                speed_limit_m_s?: (number | null)[];
                 ambient_temperature_degc?: (number | null)[];
                 cabin_temperature_degc?: (number | null)[];
                 cabin_setpoint_degc?: (number | null)[];
@@ -985,6 +987,8 @@ export interface components {
             tiles: boolean;
             stations: number;
             bounds_deg: number[] | null;
+            covers: string;
+            terrain: components["schemas"]["TerrainDocument"];
             attribution: string;
         };
         MappedColumnDocument: {
@@ -1044,6 +1048,8 @@ export interface components {
         PlaceDocument: {
             name: string;
             kind: string;
+            context: string;
+            also_called: string;
             latitude_deg: number;
             longitude_deg: number;
         };
@@ -1247,6 +1253,10 @@ export interface components {
             arrival: "new" | "doubled" | "late";
             ignored: components["schemas"]["ProblemFault"][];
         };
+        TerrainDocument: {
+            known: boolean;
+            source: string;
+        };
         TokenResponse: {
             token: string;
         };
@@ -1280,6 +1290,7 @@ export interface components {
                 speed_m_s: number[];
                 elevation_m?: (number | null)[];
                 grade?: (number | null)[];
+                speed_limit_m_s?: (number | null)[];
                 ambient_temperature_degc?: (number | null)[];
                 cabin_temperature_degc?: (number | null)[];
                 cabin_setpoint_degc?: (number | null)[];
@@ -1303,6 +1314,7 @@ export interface components {
                 speed_m_s?: (number | null)[];
                 elevation_m?: (number | null)[];
                 grade?: (number | null)[];
+                speed_limit_m_s?: (number | null)[];
                 ambient_temperature_degc?: (number | null)[];
                 cabin_temperature_degc?: (number | null)[];
                 cabin_setpoint_degc?: (number | null)[];
@@ -1455,6 +1467,7 @@ export type StationDocument = components['schemas']['StationDocument'];
 export type StopDocument = components['schemas']['StopDocument'];
 export type TelemetryRequest = components['schemas']['TelemetryRequest'];
 export type TelemetryResponse = components['schemas']['TelemetryResponse'];
+export type TerrainDocument = components['schemas']['TerrainDocument'];
 export type TokenResponse = components['schemas']['TokenResponse'];
 export type UnknownClimbDocument = components['schemas']['UnknownClimbDocument'];
 export type UpdateRequest = components['schemas']['UpdateRequest'];

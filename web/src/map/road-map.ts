@@ -74,43 +74,50 @@ export type Collection = GeoJSON.FeatureCollection;
 export type Feature = GeoJSON.Feature;
 
 const EMPTY: Collection = { type: "FeatureCollection", features: [] };
-const TILE_ZOOM = { minzoom: 7, maxzoom: 14 };
-const PADDING = 48;
+const TILE_ZOOM = { minzoom: 4, maxzoom: 14 };
+/** Of what is fitted into view [px]: pins stand above their points, buttons at the right. */
+const PADDING = { top: 64, right: 60, bottom: 36, left: 36 };
 const MAX_FIT_ZOOM = 14;
 /** Zoom of the whole world, where nothing else is known. */
 const START_ZOOM = 3;
 
 /** Values of `road_class` in Valhalla's tiles: 0 motorway, 1 trunk, 2 primary, 3 secondary, 4 tertiary, then minor ones. */
 const MOTORWAY = 0;
+const PRIMARY = 2;
 const SECONDARY = 3;
 const TERTIARY = 4;
+const SERVICE = 7;
 
-type Data = "roads" | "others" | "reach" | "settlements" | "stations" | "dot";
+/** Room that names keep free [px]: of a pin above its point, of a stop with its number, of a station. */
+const ROOMS = { pin: [40, 46], stop: [26, 26], station: [14, 14] } as const;
+
+type Data = "roads" | "others" | "reach" | "settlements" | "stations" | "pins" | "dot";
 
 const WIDTHS = {
-  minor: ["interpolate", ["exponential", 1.5], ["zoom"], 10, 0.6, 14, 2, 18, 10],
-  major: ["interpolate", ["exponential", 1.5], ["zoom"], 7, 1, 12, 2.6, 18, 16],
-  motorway: ["interpolate", ["exponential", 1.5], ["zoom"], 6, 1.5, 12, 4, 18, 22],
+  minor: ["interpolate", ["exponential", 1.5], ["zoom"], 9, 0.5, 14, 2, 18, 10],
+  secondary: ["interpolate", ["exponential", 1.5], ["zoom"], 7, 0.6, 12, 2, 18, 14],
+  major: ["interpolate", ["exponential", 1.5], ["zoom"], 5, 0.8, 8, 1.4, 12, 2.8, 18, 16],
+  motorway: ["interpolate", ["exponential", 1.5], ["zoom"], 4, 1, 8, 2.2, 12, 4, 18, 22],
 } as const;
 
 /** Layers of the roads of the map, from below. */
 function roadLayers(palette: MapPalette): LayerSpecification[] {
-  const layer = (
-    kind: "minor" | "major" | "motorway",
-    lowest: number,
-    highest: number,
-  ): LayerSpecification => ({
+  const layer = (kind: keyof typeof WIDTHS, lowest: number, highest: number): LayerSpecification => ({
     id: `map-${kind}`,
     type: "line",
     source: "tiles",
     "source-layer": "edges",
     filter: ["all", [">=", ["get", "road_class"], lowest], ["<=", ["get", "road_class"], highest]],
     layout: { "line-cap": "round", "line-join": "round" },
-    paint: { "line-color": palette[kind], "line-width": WIDTHS[kind] as never },
+    paint: {
+      "line-color": palette[kind === "secondary" ? "major" : kind],
+      "line-width": WIDTHS[kind] as never,
+    },
   });
   return [
-    layer("minor", TERTIARY, 9),
-    layer("major", MOTORWAY + 1, SECONDARY),
+    layer("minor", TERTIARY, SERVICE),
+    layer("secondary", SECONDARY, SECONDARY),
+    layer("major", MOTORWAY + 1, PRIMARY),
     layer("motorway", MOTORWAY, MOTORWAY),
   ];
 }
@@ -118,6 +125,12 @@ function roadLayers(palette: MapPalette): LayerSpecification[] {
 function line(id: string, source: Data, paint: object): LayerSpecification {
   return { id, type: "line", source, layout: { "line-cap": "round", "line-join": "round" }, paint };
 }
+
+/** Where a name stands beside its point, the best place first; the last two are below and above a pin. */
+const BESIDE = [
+  ...["left", [0.5, 0], "top", [0, 0.4], "right", [-0.5, 0], "bottom", [0, -0.4]],
+  ...["top", [0, 0.9], "bottom", [0, -4.2]],
+];
 
 /** Layers of the journey, from below. */
 function journeyLayers(palette: MapPalette, font: string): LayerSpecification[] {
@@ -150,10 +163,21 @@ function journeyLayers(palette: MapPalette, font: string): LayerSpecification[] 
       type: "circle",
       source: "stations",
       paint: {
-        "circle-radius": ["case", ["get", "chosen"], 9, 5],
+        "circle-radius": ["case", ["get", "chosen"], 11, 5],
         "circle-color": palette.station,
         "circle-stroke-color": palette.casing,
         "circle-stroke-width": 2,
+      },
+    },
+    {
+      id: "settlement-dot",
+      type: "circle",
+      source: "settlements",
+      paint: {
+        "circle-radius": ["match", ["get", "kind"], "city", 3.5, "town", 3, 2],
+        "circle-color": palette.text,
+        "circle-stroke-color": palette.halo,
+        "circle-stroke-width": 1,
       },
     },
     {
@@ -164,10 +188,38 @@ function journeyLayers(palette: MapPalette, font: string): LayerSpecification[] 
         "text-field": ["get", "name"],
         "text-font": [font],
         "text-size": ["match", ["get", "kind"], "city", 17, "town", 15, 12.5],
+        "text-variable-anchor-offset": BESIDE as never,
+        "text-justify": "auto",
         "symbol-sort-key": ["get", "rank"],
-        "text-padding": 6,
+        "text-padding": 4,
       },
       paint: { "text-color": palette.text, "text-halo-color": palette.halo, "text-halo-width": 1.6 },
+    },
+    // What is above is placed first: names keep clear of stations, of stops and of the pins.
+    {
+      id: "station-room",
+      type: "symbol",
+      source: "stations",
+      layout: {
+        "icon-image": ["case", ["get", "chosen"], "room-stop", "room-station"],
+        "icon-allow-overlap": true,
+        "text-field": ["get", "order"],
+        "text-font": [font],
+        "text-size": 14,
+        "text-allow-overlap": true,
+      },
+      paint: { "text-color": palette.casing },
+    },
+    {
+      id: "pin-room",
+      type: "symbol",
+      source: "pins",
+      layout: {
+        "icon-image": "room-pin",
+        "icon-anchor": "bottom",
+        "icon-allow-overlap": true,
+        "icon-padding": 0,
+      },
     },
     {
       id: "dot",
@@ -194,6 +246,7 @@ function styleOf({ palette, tiles, font }: MapOptions): StyleSpecification {
       reach: data(),
       settlements: data(),
       stations: data(),
+      pins: data(),
       dot: data(),
     },
     layers: [
@@ -235,7 +288,7 @@ export class RoadMap {
       touchPitch: false,
       maxPitch: 0,
       zoom: START_ZOOM,
-      ...(bounds && { bounds: corners(bounds), fitBoundsOptions: { padding: 8 } }),
+      ...(bounds && { bounds: corners(bounds), fitBoundsOptions: { padding: 28 } }),
       transformRequest: (url) => ({ url, headers: headers() }),
       fadeDuration: 0,
     });
@@ -256,6 +309,17 @@ export class RoadMap {
     } else {
       this.markers.set(end, this.marker(end, at, label));
     }
+    this.setPins();
+  }
+
+  /** Keep names off the pins. */
+  private setPins(): void {
+    const pins = [...this.markers.values()].map((marker): Feature => {
+      const { lng, lat } = marker.getLngLat();
+      // eslint-disable-next-line page/text -- types of GeoJSON
+      return { type: "Feature", geometry: { type: "Point", coordinates: [lng, lat] }, properties: {} };
+    });
+    this.setData("pins", pins);
   }
 
   setData(source: Data, features: Feature[]): void {
@@ -296,6 +360,7 @@ export class RoadMap {
     const tell = (done: boolean) => {
       const { lng, lat } = marker.getLngLat();
       this.options.handlers.onDrag(end, [lng, lat], done);
+      this.setPins();
     };
     marker.on("drag", () => tell(false));
     marker.on("dragend", () => tell(true));
@@ -305,6 +370,11 @@ export class RoadMap {
   private listen(): void {
     const { map } = this;
     const { handlers } = this.options;
+    map.on("style.load", () => {
+      for (const [name, [width, height]] of Object.entries(ROOMS)) {
+        map.addImage(`room-${name}`, { width, height, data: new Uint8Array(4 * width * height) });
+      }
+    });
     map.on("load", () => {
       this.loaded = true;
       for (const [source, collection] of this.waiting) this.setData(source, collection.features);

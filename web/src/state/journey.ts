@@ -40,6 +40,8 @@ export const chargingPlans = computed((): ChargingPlan[] => {
 });
 /** Whether the next journey is brought into view: one of the form, not one whose ends were placed on the map. */
 export const wantsFit = signal(false);
+/** Whether the next area of reach is to be fitted into view: not while a slider moves. */
+export const wantsReachFit = signal(false);
 export const wantsReach = signal(false);
 export const reach = signal<Reach | null>(null);
 export const isFindingReach = signal(false);
@@ -82,7 +84,8 @@ export function placesOfJourney(): Place[] | null {
 export function placeAt(longitude: number, latitude: number): Place {
   const wrapped = ((((longitude + 180) % 360) + 360) % 360) - 180;
   const name = `${latitude.toFixed(4)}, ${wrapped.toFixed(4)}`;
-  return { name, kind: "", latitude_deg: latitude, longitude_deg: wrapped };
+  const unnamed = { kind: "", context: "", also_called: "" };
+  return { name, ...unnamed, latitude_deg: latitude, longitude_deg: wrapped };
 }
 
 /** Ask for the fastest road alone, which is quick, or with alternatives and all answers. */

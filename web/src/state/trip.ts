@@ -143,7 +143,11 @@ export function fieldsOfCar(car: Car | null): Pick<ForecastRequest, "model" | "v
 }
 
 /** A place as a stop of a request. */
-export function stopOf({ name, latitude_deg, longitude_deg }: Place): Omit<Place, "kind"> {
+export function stopOf({
+  name,
+  latitude_deg,
+  longitude_deg,
+}: Place): Pick<Place, "name" | "latitude_deg" | "longitude_deg"> {
   return { name, latitude_deg, longitude_deg };
 }
 

@@ -28,6 +28,7 @@ import {
   nextEnd,
   placeAt,
   wantsFit,
+  wantsReachFit,
   reach,
   wantsReach,
 } from "../state/journey";
@@ -80,14 +81,25 @@ function chosenOf(of: Journey | null): Road | null {
   return of?.roads[chosenRoad.value] ?? of?.roads[0] ?? null;
 }
 
-function stationFeatures(known: readonly Station[], chosen: readonly Station[]): Feature[] {
-  return [...known, ...chosen].map((station) =>
+/** Charging stations, and those of the plan with their order. */
+function stationFeatures(known: readonly Station[], stops: readonly Station[]): Feature[] {
+  const placed = (station: Station, properties: object) =>
     pointOf([station.longitude_deg, station.latitude_deg], {
       name: station.name,
       power_w: station.power_w,
-      chosen: chosen.includes(station),
-    }),
-  );
+      ...properties,
+    });
+  const numbers = new Map<string, [Station, number[]]>();
+  for (const [k, station] of stops.entries()) {
+    const at = `${station.longitude_deg} ${station.latitude_deg}`; // a way back may stop where the way out does
+    numbers.set(at, [station, [...(numbers.get(at)?.[1] ?? []), k + 1]]);
+  }
+  return [
+    ...known
+      .filter(({ longitude_deg, latitude_deg }) => !numbers.has(`${longitude_deg} ${latitude_deg}`))
+      .map((station) => placed(station, { chosen: false, order: "" })),
+    ...[...numbers.values()].map(([station, at]) => placed(station, { chosen: true, order: at.join("+") })),
+  ];
 }
 
 /** Of the journey on the page; null where another trip is shown. */
@@ -228,7 +240,9 @@ function MapCanvas({
   });
   useSignalEffect(() => {
     const points = (reach.value?.areas ?? []).flatMap(({ polygon }) => polygon.coordinates.flat());
-    if (points.length > 0) made.value?.fit(boundsOf(points as Point[]));
+    if (points.length === 0 || !made.value || !wantsReachFit.value) return;
+    made.value.fit(boundsOf(points as Point[]));
+    wantsReachFit.value = false;
   });
 
   const { map: words } = text.value;
@@ -290,7 +304,7 @@ export function MapCard() {
             checked={wantsReach.value}
             disabled={!ends.value.from}
             onChange={(event) => {
-              wantsReach.value = event.currentTarget.checked;
+              wantsReach.value = wantsReachFit.value = event.currentTarget.checked;
             }}
           />
           {isFindingReach.value ? words.reachRunning : words.reach}

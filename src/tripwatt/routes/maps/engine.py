@@ -9,8 +9,10 @@ from __future__ import annotations
 import importlib.util
 import json
 import os
+import shutil
 import subprocess
 import sys
+import tarfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
@@ -23,8 +25,13 @@ INSTALL: Final = (
     f"use Python 3.12 or newer and {install('routing')}, set TRIPWATT_VALHALLA to the folder of an "
     "unpacked pyvalhalla wheel, or name a server by its URL"
 )
+PACKED: Final = "tiles.tar"
+"""All tiles as one file, which Valhalla maps into memory: processes on one map share it, and none keeps tiles of its own."""
+
 FARTHEST_M: Final = 5_000_000.0
 LONGEST_CONTOUR_MIN: Final = 600
+SHOWN_FROM_ZOOM: Final = (4, 5, 6, 8, 10, 11, 12, 13)
+"""Zoom of the vector tiles from which roads are in them: by class, from motorways to service roads."""
 
 
 def valhalla_folder() -> Path | None:
@@ -57,7 +64,7 @@ def configuration(folder: Path) -> dict[str, Any]:
     Parameters
     ----------
     folder : Path
-        With `tiles` and `elevation`.
+        With `tiles`, or `tiles.tar` once they are built, and `elevation`.
 
     Raises
     ------
@@ -68,7 +75,8 @@ def configuration(folder: Path) -> dict[str, Any]:
     here = folder.resolve()
     config["mjolnir"] |= {
         "tile_dir": str(here / "tiles"),
-        **dict.fromkeys(("tile_extract", "traffic_extract", "admin", "timezone", "landmarks"), ""),
+        "tile_extract": str(here / PACKED) if (here / PACKED).is_file() else "",
+        **dict.fromkeys(("traffic_extract", "admin", "timezone", "landmarks"), ""),
         **dict.fromkeys(("transit_dir", "transit_feeds_dir"), ""),
         "concurrency": os.cpu_count() or 1,
     }
@@ -77,6 +85,7 @@ def configuration(folder: Path) -> dict[str, Any]:
     limits = config["service_limits"]
     limits["isochrone"] |= {"max_time_contour": LONGEST_CONTOUR_MIN, "max_distance": FARTHEST_M}
     limits["trace"] |= {"max_distance": FARTHEST_M, "max_shape": 1_000_000}
+    config["loki"]["service_defaults"]["mvt_min_zoom_road_class"] = list(SHOWN_FROM_ZOOM)
     limits["skadi"] |= {"max_shape": 1_000_000, "min_resample": 10.0}
     return config
 
@@ -105,7 +114,7 @@ def _given(values: Mapping[str, Any], unset: type) -> dict[str, Any]:
 
 
 def build_tiles(folder: Path, extract: Path) -> None:
-    """Build routing tiles of an OpenStreetMap extract into `tiles` of a folder.
+    """Build routing tiles of an OpenStreetMap extract into `tiles.tar` of a folder.
 
     Raises
     ------
@@ -131,6 +140,10 @@ def build_tiles(folder: Path, extract: Path) -> None:
         got = lines[-1][-120:] if lines else f"exit code {done.returncode}, no tiles"
         allowed = "an OpenStreetMap extract with roads"
         raise InvalidInput.of("cannot build the map", extract.name, got, allowed)
+    with tarfile.open(folder / PACKED, "w", format=tarfile.USTAR_FORMAT) as packed:
+        for tile in sorted((folder / "tiles").rglob("*.gph")):
+            packed.add(tile, tile.relative_to(folder / "tiles").as_posix())
+    shutil.rmtree(folder / "tiles")
 
 
 def router_in_process(folder: Path) -> ValhallaRouter:

@@ -10,19 +10,8 @@ from typing import Any, Final
 
 from tripwatt.errors import InvalidInput
 from tripwatt.routes.maps.stations import ASSUMED_POWER_W, Station
+from tripwatt.routes.places import SETTLEMENTS
 from tripwatt.routes.web import EXTRA
-
-SETTLEMENTS: Final = (
-    "city",
-    "town",
-    "village",
-    "suburb",
-    "quarter",
-    "hamlet",
-    "neighbourhood",
-    "isolated_dwelling",
-)
-"""Values of `place` that are searched by name, the most important first."""
 
 POINTS_OF_INTEREST: Final = ("amenity", "tourism", "leisure", "shop", "railway", "aeroway", "healthcare")
 """Keys of objects with a name that are searched, after settlements and streets."""
@@ -39,6 +28,13 @@ DC_SOCKETS: Final = (
     "nacs",
 )
 AC_SOCKETS: Final = ("type2", "type2_cable", "type1", "schuko", "tesla_destination", "type3c")
+OTHER_NAMES: Final = re.compile(
+    r"name:[a-z]{2,3}(?:[-_]\w+)?|(?:alt|old|short|official|loc|int|nat|reg)_name(?::[a-z]{2,3})?|name_\d"
+)
+"""Keys of a name in another language, of an older or shorter one."""
+
+MOST_NAMES: Final = 200
+LONGEST_NAME: Final = 200
 POWER: Final = re.compile(r"(\d+(?:[.,]\d+)?)\s*(kva|kw|w)?\b", re.IGNORECASE)
 
 
@@ -54,6 +50,9 @@ class Named:
     """Street of a house."""
     city: str = ""
     """Settlement that the object itself names."""
+    also: tuple[str, ...] = ()
+    """Its other names: of other languages, older and shorter ones."""
+    population: int = 0
 
 
 def read_objects(path: Path, *, settlements_only: bool = False) -> Iterator[Named | Station]:
@@ -99,17 +98,27 @@ def _read(element: Any) -> Iterator[Named | Station]:
         if station is not None:
             yield station
     kind = _kind(tags, element.is_way())
-    name = tags.get("name", "")
+    name = tags.get("name", "")[:LONGEST_NAME]
     if kind is not None and name:
-        yield Named(kind, name[:200], latitude, longitude)
+        people = tags.get("population", "")
+        size = int(people) if people.isascii() and people.isdigit() and len(people) < 10 else 0
+        yield Named(kind, name, latitude, longitude, also=_other_names(tags, name), population=size)
     number, street = tags.get("addr:housenumber"), tags.get("addr:street") or tags.get("addr:place")
     if number and street:
-        yield Named("house", number[:20], latitude, longitude, street[:200], tags.get("addr:city", "")[:200])
+        city = tags.get("addr:city", "")[:LONGEST_NAME]
+        yield Named("house", number[:20], latitude, longitude, street[:LONGEST_NAME], city)
+
+
+def _other_names(tags: Mapping[str, str], name: str) -> tuple[str, ...]:
+    """Names by other keys than `name`, each once."""
+    values = (value for key, value in sorted(tags.items()) if OTHER_NAMES.fullmatch(key))
+    names = dict.fromkeys(part.strip()[:LONGEST_NAME] for value in values for part in value.split(";"))
+    return tuple(other for other in names if other not in ("", name))[:MOST_NAMES]
 
 
 def _kind(tags: Mapping[str, str], is_way: bool) -> str | None:
     place = tags.get("place")
-    if place in SETTLEMENTS and not is_way:
+    if place in SETTLEMENTS:
         return place
     if "highway" in tags:
         return "street" if is_way else None

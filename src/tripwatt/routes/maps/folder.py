@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from tripwatt.errors import Fault, InvalidInput, raise_faults
+from tripwatt.routes.maps.elevation import Elevation, needed, tile_name
 from tripwatt.routes.maps.engine import build_tiles, require_valhalla, router_in_process
 from tripwatt.routes.maps.extract import Named, read_objects
 from tripwatt.routes.maps.index import PlaceIndex, write_index
@@ -19,11 +20,13 @@ from tripwatt.routes.routers.valhalla import ValhallaRouter
 
 INFO_NAME: Final = "map.json"
 INDEX_NAME: Final = "places.sqlite"
-FORMAT: Final = 1
+FORMAT: Final = 2
 ATTRIBUTION: Final = "© OpenStreetMap contributors, ODbL 1.0"
 """What has to be shown wherever a map, a road or a place of an extract is."""
 
-ELEVATION_SUFFIXES: Final = (".hgt", ".hgt.gz", ".hgt.lz4")
+
+MOST_NAMED: Final = 3
+"""Settlements that say where a map is."""
 
 
 @dataclass(frozen=True)
@@ -44,6 +47,20 @@ class MapFolder:
     def index(self) -> PlaceIndex:
         """Places and stations."""
         return PlaceIndex(self.folder / INDEX_NAME)
+
+    @property
+    def covers(self) -> str:
+        """The region in words: bounds, the largest places, and the extract; empty for a map without places."""
+        if self.info.get("bounds_deg") is None:
+            return ""
+        south, west, north, east = map(float, self.info["bounds_deg"])
+        names = [place.title for place in self.index.settlements(south, west, north, east, MOST_NAMED)]
+        around = (
+            f" around {' and '.join((', '.join(names[:-1]), names[-1]) if names[1:] else names)}"
+            if names
+            else ""
+        )
+        return f"{_span(south, north, 'SN')} and {_span(west, east, 'WE')}{around} ({self.info['extract']})"
 
     @cached_property
     def router(self) -> ValhallaRouter:
@@ -89,7 +106,8 @@ def build_map(
     folder : path
         Is replaced if it holds a map.
     elevation : path, optional
-        Folder with elevation tiles (`N47E009.hgt`), in it or in folders below; they are copied.
+        Folder with elevation tiles, in it or in folders below: of SRTM (`N47E009.hgt`, also `.hgt.gz` or in a `.zip`), or GeoTIFF with
+        the extra `tripwatt[elevation]`. Those that the map needs are taken.
     progress : callable
         Called with the name of each step.
 
@@ -100,25 +118,30 @@ def build_map(
     """
     extract, folder = Path(extract), Path(folder)
     require_valhalla()
-    tiles = _require_paths(extract, folder, elevation)
+    heights = _require_paths(extract, folder, elevation)
     work = folder.with_name(folder.name + ".unfinished")
     shutil.rmtree(work, ignore_errors=True)
     work.mkdir(parents=True)
     try:
-        progress("roads")
-        _copy_elevation(tiles, work)
-        build_tiles(work, extract)
         progress("places")
         objects = read_objects(extract, settlements_only=True)
         places = [place for place in objects if isinstance(place, Named)]
         counts = write_index(work / INDEX_NAME, places, read_objects(extract))
+        bounds = _bounds(work / INDEX_NAME)
+        progress("elevation")
+        missing = [] if bounds is None else [tile_name(cell) for cell in needed(bounds)]
+        terrain: dict[str, Any] = {"known": False, "source": "", "tiles": 0, "missing": missing}
+        if heights is not None:
+            terrain = heights.write(work / "elevation", bounds)
+        progress("roads")
+        build_tiles(work, extract)
         info = {
             "format": FORMAT,
             "extract": extract.name,
             "extract_bytes": extract.stat().st_size,
             "attribution": ATTRIBUTION,
-            "bounds_deg": _bounds(work / INDEX_NAME),
-            "elevation_tiles": len(tiles),
+            "bounds_deg": bounds,
+            "terrain": terrain,
             **counts,
         }
         (work / INFO_NAME).write_text(json.dumps(info, indent=1) + "\n", "utf-8")
@@ -129,9 +152,9 @@ def build_map(
     return MapFolder(folder, info)
 
 
-def _require_paths(extract: Path, folder: Path, elevation: Path | str | None) -> list[Path]:
-    """The elevation tiles; raises with every path that cannot be used."""
-    faults, tiles = [], []
+def _require_paths(extract: Path, folder: Path, elevation: Path | str | None) -> Elevation | None:
+    """The elevation tiles, if any are named; raises with every path that cannot be used."""
+    faults, heights = [], None
     if not extract.is_file():
         faults.append(Fault("no such file", "EXTRACT", str(extract), "an OpenStreetMap extract"))
     if folder.exists() and not (
@@ -140,23 +163,25 @@ def _require_paths(extract: Path, folder: Path, elevation: Path | str | None) ->
         allowed = "a new folder, or one with a map"
         faults.append(Fault("folder holds something else", "--out", str(folder), allowed))
     if elevation is not None:
-        tiles = [
-            path for path in sorted(Path(elevation).rglob("*")) if path.name.endswith(ELEVATION_SUFFIXES)
-        ]
-        if not tiles:
-            allowed = "files such as N47E009.hgt"
-            faults.append(Fault("no elevation tiles", "--elevation", str(elevation), allowed))
+        try:
+            heights = Elevation.from_folder(Path(elevation))
+        except InvalidInput as error:
+            faults += error.faults
     raise_faults(faults)
-    return tiles
+    return heights
 
 
-def _copy_elevation(tiles: list[Path], work: Path) -> None:
-    """Copy tiles to where Valhalla looks for them: `N47/N47E009.hgt`."""
-    for tile in tiles:
-        place = work / "elevation" / tile.name[:3].upper()
-        place.mkdir(parents=True, exist_ok=True)
-        stem, dot, suffix = tile.name.partition(".")
-        shutil.copyfile(tile, place / (stem.upper() + dot + suffix))
+def _span(low: float, high: float, letters: str) -> str:
+    """A range of degrees with its directions.
+
+    Examples
+    --------
+    >>> _span(47.06, 47.27, "SN"), _span(-34.0, -27.0, "WE"), _span(-1.0, 1.0, "WE")
+    ('47.06 to 47.27° N', '34.00 to 27.00° W', '1.00° W to 1.00° E')
+    """
+    first, last = (letters[int(degrees >= 0.0)] for degrees in (low, high))
+    between = "" if first == last else f"° {first}"
+    return f"{abs(low):.2f}{between} to {abs(high):.2f}° {last}"
 
 
 def _bounds(path: Path) -> list[float] | None:

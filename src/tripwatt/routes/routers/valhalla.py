@@ -36,6 +36,10 @@ MOST_EDGES: Final = 200_000
 HEIGHT_EVERY_M: Final = 30.0
 """Distance of the heights along the road [m], as fine as the usual elevation model."""
 
+LONGEST_VOID_M: Final = 3000.0
+LONGEST_UNKNOWN_END_M: Final = 300.0
+"""A road with a longer part without heights, between known ones and at an end [m], is one of unknown heights: its climb is a variance."""
+
 SLOWEST_ALTERNATIVE: Final = 1.6
 """Alternatives that take more than this many times as long as the fastest road are left out: they lead over tracks."""
 
@@ -260,14 +264,19 @@ def _edges(answer: Node, shape: str, points: FloatArray) -> tuple[Edges, FloatAr
 
 
 def _heights(answer: Node, covered: FloatArray) -> tuple[FloatArray, FloatArray] | None:
-    """Distances and heights; None without an elevation model. Tunnels and bridges are straight."""
+    """Distances and heights; None without an elevation model, or with a long part outside of it. Tunnels and bridges are straight."""
     pairs = answer["range_height"]
     given = pairs.value if isinstance(pairs.value, list) else []
-    known = [Node(pair, pairs.where) for pair in given if isinstance(pair, list) and len(pair) == 2]
-    known = [pair for pair in known if pair.value[1] is not None]
+    along = [Node(pair, pairs.where) for pair in given if isinstance(pair, list) and len(pair) == 2]
+    known = np.array([k for k, pair in enumerate(along) if pair.value[1] is not None], dtype=np.int64)
     if len(known) < 2:
         return None
-    table = np.array([pair.numbers() for pair in known])
+    position = np.array([Node(pair.value[0], pair.where).number() for pair in along])
+    unknown_ends = max(position[known[0]] - position[0], position[-1] - position[known[-1]])
+    voids = np.diff(position[known])[np.diff(known) > 1]
+    if unknown_ends > LONGEST_UNKNOWN_END_M or voids.max(initial=0.0) > LONGEST_VOID_M:
+        return None
+    table = np.array([along[k].numbers() for k in known])
     on_ground = np.ones(len(table), dtype=bool)
     for start, end in covered:
         on_ground &= ~((table[:, 0] > start) & (table[:, 0] < end))

@@ -1,0 +1,268 @@
+"""Elevation tiles of a map: read as they are published, written as Valhalla reads them.
+
+Valhalla reads tiles of one degree with a height each arc-second (`N47/N47E009.hgt`). Tiles of 3 arc-seconds get the heights between
+theirs by bilinear interpolation, which is exact for Valhalla's own: a part of a bilinear patch is bilinear.
+"""
+
+from __future__ import annotations
+
+import gzip
+import math
+import re
+import zipfile
+import zlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from tripwatt.errors import Fault, InvalidInput, install, raise_faults
+
+ROWS: Final = 3601
+ARC_SECONDS: Final[Mapping[int, str]] = MappingProxyType({ROWS: "1 arc-second", 1201: "3 arc-seconds"})
+"""Rows of a tile -> its distance of heights."""
+
+VOID: Final = -32768
+LOWEST_M: Final = -500.0
+HIGHEST_M: Final = 9000.0
+"""Heights of a tile outside of these are voids: the shore of the Dead Sea lies at -430 m."""
+
+MARGIN_DEG: Final = 0.02
+"""Roads of a map reach this far beyond its places [°]."""
+
+NAME: Final = re.compile(r"([NS])(\d{2})([EW])(\d{3})", re.IGNORECASE)
+PACKED: Final = (".hgt", ".hgt.gz", ".zip")
+RASTERS: Final = (".tif", ".tiff")
+
+CREDITS: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        "copernicus": "Copernicus DEM, © DLR e.V. 2010-2014 and © Airbus Defence and Space GmbH 2014-2018, provided under "
+        "COPERNICUS by the European Union and ESA; all rights reserved",
+        "srtm": "SRTM, NASA and USGS",
+        "_1arc_v3": "SRTM, NASA and USGS",
+    }
+)
+"""A part of the names of a publisher's files -> what has to be shown, or is usual, beside their heights."""
+
+SOURCES: Final = (
+    "get them of the SRTM 1 arc-second global tiles (NASA and USGS, public domain; USGS EarthExplorer or NASA Earthdata) "
+    "or of the Copernicus DEM GLO-30 (free with its notice; GeoTIFF, needs the extra elevation), put them into a folder, and "
+    "build the map again with --elevation FOLDER; the sea has no tiles"
+)
+
+Heights = npt.NDArray[np.float32]
+"""Metres each arc-second, or three, of a tile, NaN for voids, shape (rows, rows): from north to south, from west to east."""
+
+Cell = tuple[int, int]
+"""South and west of a tile [°]."""
+
+
+@dataclass(frozen=True)
+class Elevation:
+    """The elevation tiles of a folder.
+
+    Attributes
+    ----------
+    packed : dict
+        Cell -> file in the format of SRTM, also compressed.
+    rasters : tuple of Path
+        GeoTIFF files, of any extent and projection.
+    """
+
+    packed: dict[Cell, Path]
+    rasters: tuple[Path, ...] = ()
+
+    @classmethod
+    def from_folder(cls, folder: Path) -> Elevation:
+        """The tiles in a folder, and in folders below.
+
+        Raises
+        ------
+        InvalidInput
+            When there is none, or a package is missing for those that there are.
+        """
+        files = [path for path in sorted(folder.rglob("*")) if path.is_file()]
+        named = ((NAME.match(path.name), path) for path in files if path.name.lower().endswith(PACKED))
+        packed = {_cell(name): path for name, path in named if name is not None}
+        rasters = tuple(path for path in files if path.suffix.lower() in RASTERS)
+        if not packed and not rasters:
+            allowed = "files such as N47E009.hgt, N47E009.hgt.zip or GeoTIFF"
+            raise InvalidInput.of("no elevation tiles", "--elevation", str(folder), allowed)
+        if rasters:
+            _rasterio()
+        return cls(packed, rasters)
+
+    def write(self, folder: Path, bounds_deg: Sequence[float] | None) -> dict[str, Any]:
+        """Write the tiles that a map needs, and describe its terrain. O(tiles of the map).
+
+        Parameters
+        ----------
+        folder : Path
+        bounds_deg : sequence of float, optional
+            South, west, north and east of the map; all tiles when not known.
+
+        Raises
+        ------
+        InvalidInput
+            With every tile that is damaged.
+        """
+        cells = sorted(self.packed) if bounds_deg is None else needed(bounds_deg)
+        credits: dict[str, None] = {}
+        missing: list[str] = []
+        faults: list[Fault] = []
+        for cell in cells:
+            try:
+                heights = self._heights(cell, credits)
+            except InvalidInput as error:
+                faults += error.faults
+                continue
+            if heights is None:
+                missing.append(tile_name(cell))
+                continue
+            place = folder / tile_name(cell)[:3]
+            place.mkdir(parents=True, exist_ok=True)
+            whole = np.where(np.isnan(heights), VOID, np.rint(heights)).astype(">i2")
+            whole.tofile(place / f"{tile_name(cell)}.hgt")
+        raise_faults(dict.fromkeys(faults))
+        tiles = len(cells) - len(missing)
+        return {"known": tiles > 0, "source": "; ".join(credits), "tiles": tiles, "missing": missing}
+
+    def _heights(self, cell: Cell, credits: dict[str, None]) -> Heights | None:
+        """Heights of a cell each arc-second, NaN for voids; None where no file has any. Adds whom to name."""
+        if cell not in self.packed:
+            return _warped(self.rasters, cell, credits)
+        heights = _read(self.packed[cell])
+        credits[_credit(self.packed[cell], f"elevation tiles of {ARC_SECONDS[len(heights)]}")] = None
+        return heights if len(heights) == ROWS else _refined(_refined(heights).T).T
+
+
+def needed(bounds_deg: Sequence[float]) -> list[Cell]:
+    """The cells of a region.
+
+    Examples
+    --------
+    >>> needed((47.06, 9.48, 47.27, 9.63)), [tile_name(cell) for cell in needed((-0.5, -1.5, 0.0, -1.2))]
+    ([(47, 9)], ['S01W002', 'N00W002'])
+    """
+    south, west, north, east = bounds_deg
+    return [
+        (row, column)
+        for row in range(math.floor(south - MARGIN_DEG), math.floor(north + MARGIN_DEG) + 1)
+        for column in range(math.floor(west - MARGIN_DEG), math.floor(east + MARGIN_DEG) + 1)
+    ]
+
+
+def tile_name(cell: Cell) -> str:
+    """The name of a tile by its south-western corner, as SRTM has it."""
+    south, west = cell
+    return f"{'S' if south < 0 else 'N'}{abs(south):02d}{'W' if west < 0 else 'E'}{abs(west):03d}"
+
+
+def without_tiles(missing: Sequence[str]) -> str:
+    """What a map lacks, and where it is to be had; empty where it lacks nothing.
+
+    Examples
+    --------
+    >>> without_tiles(["N47E009"])[:87]
+    'no heights for N47E009: the climb of roads there is unknown, and their interval wider; '
+    """
+    if not missing:
+        return ""
+    named = ", ".join(missing[:6]) + (f" and {len(missing) - 6} more" if len(missing) > 6 else "")
+    return f"no heights for {named}: the climb of roads there is unknown, and their interval wider; {SOURCES}"
+
+
+def _cell(name: re.Match[str]) -> Cell:
+    rows, columns = ("SN".index(name[1].upper()), int(name[2])), ("WE".index(name[3].upper()), int(name[4]))
+    return (rows[1] if rows[0] else -rows[1], columns[1] if columns[0] else -columns[1])
+
+
+def _read(path: Path) -> Heights:
+    """Heights of a file."""
+    most = 2 * ROWS**2 + 1
+    try:
+        if path.name.lower().endswith(".zip"):
+            with zipfile.ZipFile(path) as archive:
+                inside = [name for name in archive.namelist() if name.lower().endswith(".hgt")]
+                with archive.open(inside[0] if inside else "*.hgt") as file:
+                    content = file.read(most)
+        else:
+            with (gzip.open if path.name.lower().endswith(".gz") else open)(path, "rb") as file:
+                content = file.read(most)
+    except (OSError, EOFError, KeyError, zipfile.BadZipFile, zlib.error) as error:
+        got = str(error)[:80]
+        raise InvalidInput.of("cannot read the elevation tile", path.name, got, "a tile of SRTM") from error
+    rows = math.isqrt(len(content) // 2)
+    if 2 * rows * rows != len(content) or rows not in ARC_SECONDS:
+        allowed = " or ".join(f"{2 * n * n} (of {n} x {n} heights)" for n in ARC_SECONDS)
+        raise InvalidInput.of("no elevation tile", path.name, f"{len(content)} bytes", allowed)
+    return _known(np.frombuffer(content, ">i2").reshape(rows, rows).astype(np.float32))
+
+
+def _known(heights_m: Heights) -> Heights:
+    return np.where((heights_m >= LOWEST_M) & (heights_m <= HIGHEST_M), heights_m, np.float32(np.nan))
+
+
+def _refined(heights_m: Heights) -> Heights:
+    """Rows with two between each pair, by linear interpolation; NaN beside a void."""
+    fine = np.empty((3 * len(heights_m) - 2, heights_m.shape[1]), dtype=heights_m.dtype)
+    above, below = heights_m[:-1], heights_m[1:]
+    fine[::3], fine[1::3], fine[2::3] = heights_m, (2.0 * above + below) / 3.0, (above + 2.0 * below) / 3.0
+    return fine
+
+
+def _rasterio() -> Any:
+    try:
+        import rasterio.errors  # an extra
+        import rasterio.warp
+    except ImportError as error:
+        fix = f"{install('elevation')}, or give tiles of SRTM (.hgt)"
+        raise InvalidInput.of(
+            "missing package", "--elevation with GeoTIFF", str(error)[:80], fix=fix
+        ) from error
+    return rasterio
+
+
+def _warped(paths: Sequence[Path], cell: Cell, credits: dict[str, None]) -> Heights | None:
+    """Heights of a cell from all rasters that it touches; None where none has any."""
+    if not paths:
+        return None
+    rasterio = _rasterio()
+    south, west = cell
+    step = 1.0 / (ROWS - 1)
+    heights = np.full((ROWS, ROWS), np.nan, dtype=np.float32)
+    for path in paths:
+        try:
+            with rasterio.open(path) as raster:
+                bounds = rasterio.warp.transform_bounds(raster.crs, "EPSG:4326", *raster.bounds)
+                if bounds[0] > west + 1 or bounds[2] < west or bounds[1] > south + 1 or bounds[3] < south:
+                    continue
+                part = np.full_like(heights, np.nan)
+                rasterio.warp.reproject(
+                    rasterio.band(raster, 1),
+                    part,
+                    src_nodata=VOID if raster.nodata is None else raster.nodata,
+                    dst_transform=rasterio.Affine(
+                        step, 0.0, west - 0.5 * step, 0.0, -step, south + 1.0 + 0.5 * step
+                    ),
+                    dst_crs="EPSG:4326",
+                    dst_nodata=np.nan,
+                    resampling=rasterio.warp.Resampling.bilinear,
+                )
+        except (rasterio.errors.RasterioError, rasterio.errors.CRSError) as error:
+            got = str(error)[:80]
+            raise InvalidInput.of("cannot read the elevation tile", path.name, got, "a GeoTIFF") from error
+        part = _known(part)
+        if not np.isnan(part).all():
+            credits[_credit(path, "elevation tiles (GeoTIFF)")] = None
+        heights = np.where(np.isnan(heights), part, heights)
+    return None if np.isnan(heights).all() else heights
+
+
+def _credit(path: Path, otherwise: str) -> str:
+    """Whom to name beside the heights of a file."""
+    return next((credit for part, credit in CREDITS.items() if part in path.name.lower()), otherwise)

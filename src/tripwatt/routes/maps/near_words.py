@@ -1,0 +1,101 @@
+"""Words of a map that a mistyped word may be: those that share most of their first letters.
+
+Two words with one letter too many, too few, wrong or swapped among their first letters become equal when each loses one of them
+(symmetric deletion, W. Garbe, SymSpell, 2012). The index holds every word under each of these keys, so that a search reads a few
+keys, whatever the number of words.
+"""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Iterable, Iterator
+from typing import Final
+
+FIRST_LETTERS: Final = 5
+SHORTEST: Final = 4
+LONGEST: Final = 30
+"""Letters of the words in which mistakes are looked for."""
+
+TWO_MISTAKES_FROM: Final = 8
+"""Letters of a typed word from which on it may have two mistakes."""
+
+MOST_COMPARED: Final = 40
+"""Words of one key that are compared, those of important places first."""
+
+MOST_NEAR: Final = 5
+
+SCHEMA: Final = (
+    "CREATE TABLE words (key TEXT, rank INTEGER, word TEXT, PRIMARY KEY (key, rank, word)) WITHOUT ROWID"
+)
+
+
+def keys(word: str) -> set[str]:
+    """The first letters of a word, and what remains of them without each.
+
+    Examples
+    --------
+    >>> sorted(keys("vadutz") & keys("vaduz"))
+    ['vadu']
+    """
+    first = word[:FIRST_LETTERS]
+    return {first, *(first[:k] + first[k + 1 :] for k in range(len(first)))}
+
+
+def write_words(database: sqlite3.Connection, words: Iterable[tuple[str, int]]) -> None:
+    """Write words with their ranks, each word once. O(words)."""
+    rows = ((key, rank, word) for word, rank in words if _has_mistakes(word) for key in keys(word))
+    database.executemany("INSERT OR IGNORE INTO words VALUES (?, ?, ?)", rows)
+
+
+def near_words(database: sqlite3.Connection, typed: str) -> dict[str, int]:
+    """Words that a typed word may be the beginning of, with the number of mistakes; the nearest first."""
+    if not _has_mistakes(typed):
+        return {}
+    most = 1 if len(typed) < TWO_MISTAKES_FROM else 2
+    rows = {
+        word: rank
+        for key in keys(typed)
+        for rank, word in database.execute(
+            "SELECT rank, word FROM words WHERE key = ? ORDER BY rank LIMIT ?", (key, MOST_COMPARED)
+        )
+    }
+    long = len(typed) + most
+    measured = ((*mistakes(typed, word[:long]), rank, word) for word, rank in rows.items())
+    nearest = sorted(entry for entry in measured if 0 < entry[0] <= most)
+    return {word: begins for begins, _, _, word in nearest[:MOST_NEAR]}
+
+
+def _has_mistakes(word: str) -> bool:
+    return SHORTEST <= len(word) <= LONGEST and not word.isdigit()
+
+
+def mistakes(typed: str, word: str) -> tuple[int, int]:
+    """Least number of letters that are added, left out, wrong or swapped: to a beginning of a word, and to the whole. O(letters²).
+
+    The optimal string alignment distance.
+
+    Examples
+    --------
+    >>> mistakes("schan", "schaan"), mistakes("vdau", "vaduz"), mistakes("vadu", "vaduz")
+    ((1, 1), (1, 2), (0, 1))
+    """
+    before: list[int] = []
+    row = list(range(len(word) + 1))
+    for i, letter in enumerate(typed, 1):
+        oldest, before, row = before, row, [i]
+        for j, other in enumerate(word, 1):
+            least = min(before[j] + 1, row[-1] + 1, before[j - 1] + (letter != other))
+            if i > 1 and j > 1 and letter == word[j - 2] and typed[i - 2] == other:
+                least = min(least, oldest[j - 2] + 1)
+            row.append(least)
+    return min(row), row[-1]
+
+
+def ranked(texts: Iterable[tuple[int, list[str]]]) -> Iterator[tuple[str, int]]:
+    """Each word of texts that come in the order of their ranks, with the first rank."""
+    seen: set[str] = set()
+    for rank, words in texts:
+        for word in words:
+            if word not in seen:
+                seen.add(word)
+                yield word, rank
