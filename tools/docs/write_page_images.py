@@ -49,7 +49,10 @@ def _check(page: Any, name: str) -> None:
 
 
 def _plan(page: Any) -> None:
+    if not page.locator(".conditions").is_visible():
+        page.locator(".chips").click()
     page.get_by_role("slider", name="Battery at departure", exact=True).fill("55")
+    page.keyboard.press("Escape")
 
 
 def _compare(page: Any) -> None:
@@ -87,6 +90,9 @@ PICTURES: Final[dict[str, tuple[str, str, bool, Callable[[Any], None]]]] = {
 def _journey(page: Any) -> None:
     """From Vaduz to Ruggell, without the focus on a field."""
     page.wait_for_selector(MAP_SHOWN)
+    change = page.locator(".trip .more")
+    if change.is_visible():  # a phone has the form behind it
+        change.click()
     choose_place(page, "From", "Vaduz")
     choose_place(page, "To", "Ruggell")
     page.get_by_role("button", name="Plan", exact=True).click()

@@ -3,14 +3,12 @@
 import { EventParser } from "../model/sse";
 import type {
   ForecastRequest,
-  Journey,
   JourneyRequest,
   LivePlanRequest,
   LogsRequest,
   Need,
   NewCarRequest,
   Problem,
-  Range,
   ReachRequest,
   Figures,
 } from "./documents";
@@ -182,19 +180,19 @@ export const getMap = () => ask("get", "/v1/map");
 export const findPlaces = async (words: string, signal?: AbortSignal) =>
   (await ask("get", "/v1/places", { query: { q: words, limit: 6 }, signal })).places;
 
-export const planJourney = async (body: JourneyRequest, signal?: AbortSignal) =>
-  (await ask("post", "/v1/journeys", { body, signal })) as unknown as Journey;
+export const planJourney = (body: JourneyRequest, signal?: AbortSignal) =>
+  ask("post", "/v1/journeys", { body, signal });
 
-async function get<T>(path: string, query: object, signal?: AbortSignal): Promise<T> {
-  const init: RequestInit = { method: "GET", ...(signal && { signal }) };
-  return (await (await request(pathOf(path, {}, query), init)).json()) as T;
-}
+type NeedQuery = NonNullable<paths["/v1/need"]["get"]["parameters"]["query"]>;
+type RangeQuery = NonNullable<paths["/v1/range"]["get"]["parameters"]["query"]>;
 
 /** What a distance needs, without a road. */
-export const findNeed = (query: object, signal?: AbortSignal) => get<Need>("/v1/need", query, signal);
+export const findNeed = async (query: NeedQuery, signal?: AbortSignal) =>
+  (await ask("get", "/v1/need", { query, signal })) as Need;
 
 /** How far a charge goes, without a road. */
-export const findRange = (query: object, signal?: AbortSignal) => get<Range>("/v1/range", query, signal);
+export const findRange = (query: RangeQuery, signal?: AbortSignal) =>
+  ask("get", "/v1/range", { query, signal });
 
 export const findReach = (body: ReachRequest, signal?: AbortSignal) =>
   ask("post", "/v1/reachable", { body, signal });

@@ -26,12 +26,12 @@ interface NeedJob {
 }
 
 /** What the service calls a kind of road. */
-const KIND_NAMES: Record<Kind, string> = {
+const KIND_NAMES = {
   town: "city",
   country: "country",
   mixed: "mixed",
   motorway: "motorway",
-};
+} as const satisfies Record<Kind, string>;
 
 function carQuery(of: Car | null): object {
   if (!of) return {};

@@ -333,7 +333,7 @@ export const de: Text = {
     kinds: {
       city: "Stadt",
       country: "Landstraße",
-      mixed: "Landstraße und Autobahn",
+      mixed: "gemischte Straßen",
       motorway: "meist Autobahn",
     },
     otherCar: "Ein beschriebenes Auto gilt hier nicht, sondern das Auto des Modells.",

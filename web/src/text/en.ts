@@ -331,7 +331,7 @@ export const en = {
     kinds: {
       city: "town",
       country: "country roads",
-      mixed: "country roads and motorway",
+      mixed: "mixed roads",
       motorway: "mostly motorway",
     },
     otherCar: "A car that you described is not used here, but the car of the model.",
