@@ -136,10 +136,10 @@ describe("flags", () => {
       flag("outside_training", "payload_mass_kg", 0.3, "sd"),
     ];
     assert.deepEqual(sentencesOf(flags), [
-      "The outside temperature and the load are far outside the range of the training trips. The interval is wider as a result.",
+      "The outside temperature and the load are far outside the range of the trips that were measured. The interval is wider as a result.",
     ]);
     assert.deepEqual(sentencesOf(flags.slice(0, 1), "de"), [
-      "Die Außentemperatur liegt weit außerhalb des Bereichs der Trainingsfahrten. Das Intervall ist deshalb breiter.",
+      "Die Außentemperatur liegt weit außerhalb des Bereichs der gemessenen Fahrten. Das Intervall ist deshalb breiter.",
     ]);
     assert.equal(warningsOf(flags, wording("en"))[0]?.serious, true);
     assert.equal(warningsOf(flags.slice(1), wording("en"))[0]?.serious, false);

@@ -89,7 +89,7 @@ export const FLAGS: Readonly<Record<string, Rule>> = {
 export const WORDS: Readonly<Record<Language, Readonly<Record<string, Readonly<Record<string, Words>>>>>> = {
   "en": {
     "outside_training": {
-      "text": "{parts} {are} {how} outside the range of the training trips.",
+      "text": "{parts} {are} {how} outside the range of the trips that were measured.",
       "part": "{name}",
       "are": {
         "one": "is",
@@ -173,7 +173,7 @@ export const WORDS: Readonly<Record<Language, Readonly<Record<string, Readonly<R
       "effect": "The interval is too narrow."
     },
     "links_too_long": {
-      "text": "The links are {distance} long on average, longer than those used to estimate the route error.",
+      "text": "The sections of the road are {distance} long on average, longer than those from which the error of planned roads is known.",
       "effect": "The interval may be too narrow."
     },
     "motor_torque_limit": {
@@ -239,7 +239,7 @@ export const WORDS: Readonly<Record<Language, Readonly<Record<string, Readonly<R
   },
   "de": {
     "outside_training": {
-      "text": "{parts} {are} {how} außerhalb des Bereichs der Trainingsfahrten.",
+      "text": "{parts} {are} {how} außerhalb des Bereichs der gemessenen Fahrten.",
       "part": "{name}",
       "are": {
         "one": "liegt",
@@ -323,7 +323,7 @@ export const WORDS: Readonly<Record<Language, Readonly<Record<string, Readonly<R
       "effect": "Das Intervall ist zu schmal."
     },
     "links_too_long": {
-      "text": "Die Links sind im Mittel {distance} lang, länger als die, mit denen der Fehler der Route geschätzt wurde.",
+      "text": "Die Straßenabschnitte sind im Mittel {distance} lang, länger als die, von denen der Fehler geplanter Straßen bekannt ist.",
       "effect": "Das Intervall kann zu schmal sein."
     },
     "motor_torque_limit": {
