@@ -171,7 +171,7 @@ describe("flags", () => {
       "The value in the file is used for the outside temperature: 68 °F.",
     ]);
     assert.deepEqual(sentencesOf([flag("links_too_long", "links", 2345, "m")], "de"), [
-      "Die Links sind im Mittel 2,3 km lang, länger als die, mit denen der Fehler der Route geschätzt wurde. Das Intervall kann zu schmal sein.",
+      "Die Straßenabschnitte sind im Mittel 2,3 km lang, länger als die, von denen der Fehler geplanter Straßen bekannt ist. Das Intervall kann zu schmal sein.",
     ]);
   });
 
