@@ -54,7 +54,8 @@ def test_a_model_of_0_2_0_forecasts_as_it_did_and_is_upgraded(tmp_path: Path) ->
     for moment, document in then.items():
         found = numbers(before[moment])
         for key, value in numbers(document).items():
-            assert found[key] == (pytest.approx(value, rel=1e-9) if isinstance(value, float) else value), key
+            rel = 1e-5 if key.endswith(".soc_needed") else 1e-9  # the root of a search
+            assert found[key] == (pytest.approx(value, rel=rel) if isinstance(value, float) else value), key
     about = load_metadata(place)
     assert (about["format_version"], upgrade_model(place), upgrade_model(place)) == (1, True, False)
     upgraded = load_metadata(place)

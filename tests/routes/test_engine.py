@@ -21,7 +21,7 @@ config = {
     "logging": {"type": "std_out"},
     "service_limits": {"isochrone": {"max_contours": 4}, "trace": {}, "skadi": {}},
     "httpd": {"service": {}},
-    "loki": {"service": {}}, "thor": {"service": {}}, "odin": {"service": {}}, "meili": {"service": {}},
+    "loki": {"service": {}, "service_defaults": {}}, "thor": {"service": {}}, "odin": {"service": {}}, "meili": {"service": {}},
 }
 """
 

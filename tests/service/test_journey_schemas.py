@@ -99,6 +99,9 @@ def test_the_defaults_of_a_journey() -> None:
         "alternatives": 0,
         "round_trip": False,
         "answers": True,
+        "charge": True,
+        "stop_overhead_s": 300.0,
+        "preheat_battery": False,
     }
     assert check_request(REACH, ReachRequest).reserve == 0.0
     assert WeatherRequest().model_dump(exclude_none=True) == {

@@ -93,6 +93,6 @@ def test_values_that_are_no_numbers_are_out_of_range() -> None:
 
 def test_unknown_limits_are_listed_with_the_known_ones() -> None:
     first, second = faults_of("colour=1", "samples=x")
-    assert (first.what, first.where, first.got) == ("unknown limit", "--limit", "colour=1")
+    assert (first.what, first.where, first.got) == ("unknown limit", "--limit", "'colour'")
     assert first.allowed.split(", ") == [field.name for field in dataclasses.fields(Limits)]
     assert second.where == "--limit samples"

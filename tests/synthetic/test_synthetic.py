@@ -101,7 +101,12 @@ def test_two_seasons_several_days_trips_and_drivers(fleet, truth):
         assert t.context.cabin_setpoint_degc == t.array("cabin_setpoint_degc")[0]
         assert truth.loc[t.trip_id, "driver"] == t.context.driver
         assert 9 * 60 <= t.duration_s <= 55 * 60
-        assert set(t.samples.columns) == set(COLUMNS) - {"grade", "motor_torque_nm", "climate_power_w"}
+        assert set(t.samples.columns) == set(COLUMNS) - {
+            "grade",
+            "motor_torque_nm",
+            "climate_power_w",
+            "speed_limit_m_s",
+        }
         assert not t.samples.isna().any().any()
     assert fleet.name == "synthetic"
     assert fleet.reference is None

@@ -161,7 +161,7 @@ def choose_place(page: Any, label: str, name: str) -> None:
 
 def choose_car(page: Any, typed: str, name: str) -> None:
     """Search in the field for the car, and take what has a name with the keyboard alone."""
-    field = page.get_by_role("combobox", name="Car", exact=True)
+    field = page.locator("header [role=combobox]")
     field.focus()
     field.fill(typed)
     option = page.get_by_role("option", name=name).first

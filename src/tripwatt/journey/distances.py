@@ -41,6 +41,7 @@ class Need:
     energy_wh, energy_quantile_wh : float
         Median, and what is not exceeded with the probability `quantile` [Wh].
     quantile : float
+        The probability, 0.5 to 1.
     interval_wh : tuple of float
         Ends of the central 90 % [Wh].
     soc_needed : float
@@ -48,6 +49,7 @@ class Need:
     duration_s : float
         Expected [s].
     flags : tuple of Flag
+        Assumptions, and what lies outside of the model's range.
     car : str
         Title of the car.
 
@@ -78,6 +80,12 @@ class Need:
         -------
         dict
             As `GET /v1/need` answers.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> tw.need(50).to_dict()["kind"]
+        'mixed'
         """
         values = {name: getattr(self, name) for name in Need.__slots__}
         return values | {
@@ -99,6 +107,7 @@ class Range:
     by_kind : dict of str to (float, (float, float))
         The same by kind of road.
     flags : tuple of Flag
+        Assumptions, and what lies outside of the model's range.
 
     Examples
     --------
@@ -120,6 +129,12 @@ class Range:
         -------
         dict
             As `GET /v1/range` answers.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> [row["kind"] for row in tw.range_km(soc=0.5).to_dict()["by_kind"]]
+        ['city', 'country', 'motorway', 'mixed']
         """
         rows = [
             {"kind": kind, "range_m": middle, "interval_m": list(ends)}

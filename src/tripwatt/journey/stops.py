@@ -281,6 +281,11 @@ class ChargingPlan:
         -------
         DataFrame
             Time since departure with charging, distance with detours; the bands of energy are those of each leg.
+
+        Examples
+        --------
+        >>> journey.charging.series()["displayed_soc"].min()  # doctest: +SKIP
+        0.14
         """
         tables, time_s, distance_m, energy_wh = [], 0.0, 0.0, 0.0
         for k, leg in enumerate(self.legs):
@@ -318,6 +323,11 @@ class ChargingPlan:
         -------
         dict
             Numbers, texts, lists and further dicts only.
+
+        Examples
+        --------
+        >>> sorted(journey.charging.to_dict()["course"])  # doctest: +SKIP
+        ['displayed_soc', 'high', 'low', 'position_m', 'time_s']
         """
         series = self.series()
         digits = {"latitude_deg": 6, "longitude_deg": 6, "position_m": 1}

@@ -7,7 +7,7 @@ import math
 import re
 import unicodedata
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 import numpy as np
@@ -80,7 +80,7 @@ class Place:
     longitude_deg: float
     name: str = ""
     kind: str = ""
-    also_called: str = ""
+    also_called: str = field(default="", repr=False)
 
     def __post_init__(self) -> None:
         bounds = {"latitude": (self.latitude_deg, 90.0), "longitude": (self.longitude_deg, 180.0)}
