@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -59,7 +60,7 @@ def dialog(page: Any) -> Any:
 
 
 def manage_cars(page: Any) -> None:
-    choose_car(page, "no car of this name", "logs and diaries")
+    choose_car(page, "no car of this name", re.compile("logs and diaries|Logs und Tagebücher"))
 
 
 def open_cars(page: Any) -> None:
@@ -146,6 +147,7 @@ def test_a_car_is_made_taught_used_and_deleted(opened: Any, keeper: Service) -> 
     assert asked.value.request.post_data_json["model"] == "my-i3"
     assert asked.value.ok
     page.get_by_text("my-i3, BMW i3 60 Ah: the model of its own trips.").wait_for()
+    page.wait_for_url(re.compile("own=my-i3"))
     page.reload()
     page.wait_for_selector(SHOWN)
     assert page.get_by_role("combobox", name="Car").input_value() == "my-i3: BMW i3 60 Ah"

@@ -7,6 +7,7 @@ a value of `tripwatt serve --map` and the names of two places.
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import tempfile
 from collections.abc import Iterator
@@ -159,7 +160,7 @@ def choose_place(page: Any, label: str, name: str) -> None:
     page.keyboard.press("Enter")
 
 
-def choose_car(page: Any, typed: str, name: str) -> None:
+def choose_car(page: Any, typed: str, name: str | re.Pattern[str]) -> None:
     """Search in the field for the car, and take what has a name with the keyboard alone."""
     field = page.locator("header [role=combobox]")
     field.focus()

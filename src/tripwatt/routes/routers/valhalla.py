@@ -285,19 +285,13 @@ def _heights(answer: Node, covered: FloatArray) -> tuple[FloatArray, FloatArray]
 
 def _height_table(pairs: Sequence[list[Any]], where: str) -> FloatArray:
     """Distance and height of each pair, NaN where the height is unknown, shape (pairs, 2)."""
-    rows = [(at, math.nan if height is None else height) for at, height in pairs]
-    if not {type(value) for row in rows for value in row} <= {int, float}:
-        Node(
-            [value for pair in pairs for value in pair if value is not None], where
-        ).numbers()  # names the fault
+    given = Node([value for pair in pairs for value in pair if value is not None], where)
+    plain = {type(value) for value in given.value} <= {int, float}
     with as_remote():
-        try:
-            table = np.array(rows, dtype=np.float64).reshape(-1, 2)
-        except OverflowError as error:
-            raise InvalidInput.of("not a number", where, "a number without end", "finite numbers") from error
-        if not np.isfinite(table[:, 0]).all():
-            raise InvalidInput.of("not a number", where, "a distance that is not finite", "finite numbers")
-    return table
+        if not plain or not all(-1e12 < value < 1e12 for value in given.value):
+            given.numbers()  # names the fault
+        rows = [(at, math.nan if height is None else height) for at, height in pairs]
+        return np.array(rows, dtype=np.float64).reshape(-1, 2)
 
 
 def _limit(limit: Node) -> float:
