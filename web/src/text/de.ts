@@ -146,7 +146,7 @@ export const de: Text = {
     preheat: "Batterie auf dem Weg dorthin vorwärmen",
     ifFull: (station, arrival, more, chance) =>
       `Wenn dort besetzt ist: ${station}, erreicht mit ${arrival} (${chance}), ${more}.`,
-    noneIfFull: "Wenn dort besetzt ist: Keine andere Ladestation ist mit der Reserve erreichbar.",
+    noneIfFull: "Wenn dort besetzt ist: Keine andere Ladestation ist sicher erreichbar.",
     sameTime: "gleiche Zeit",
     longer: (time) => `${time} länger`,
     shorter: (time) => `${time} kürzer`,

@@ -145,7 +145,7 @@ export const en = {
     preheat: "warm the battery on the way there",
     ifFull: (station: string, arrival: string, more: string, chance: string) =>
       `If it is full: ${station}, reached with ${arrival} (${chance}), ${more}.`,
-    noneIfFull: "If it is full: no other station can be reached with the reserve.",
+    noneIfFull: "If it is full: no other station is surely within reach.",
     sameTime: "same time",
     longer: (time: string) => `${time} longer`,
     shorter: (time: string) => `${time} shorter`,
