@@ -269,6 +269,7 @@ def test_a_distance_needs_energy_and_a_charge_goes_so_far(look: Look, service: S
     with page.expect_response(lambda r: "/v1/need?" in r.url) as colder:
         slider(page, "Outside").fill("-10")
     assert colder.value.json()["energy_quantile_wh"] > before
+    page.wait_for_url(re.compile("distance_m=.*ambient_temperature_degc=-10"))
     page.reload()
     page.get_by_text("40 mi").first.wait_for()
     assert slider(page, "Outside").input_value() == "-10"
