@@ -33,6 +33,7 @@ from tripwatt.journey.kinds import (
     COUNTRY_KM_H,
     STUDIES,
     USUAL_KM_H,
+    USUAL_SHARES,
     RoadPrior,
     RoadStudy,
     Shares,
@@ -82,14 +83,10 @@ def rounded_shares(length_m: FloatArray) -> Shares:
 
 
 def study(trips: Sequence[Trip], car: Vehicle) -> RoadStudy:
-    """What a data set shows: speeds by class, and the variance of simulated energy by the kind of road alone."""
+    """What a data set shows: speeds by class, and the errors of simulated energy by the kind of road alone."""
     classes = [classes_of(trip) for trip in trips]
     length, time = (np.sum([c[i] for c in classes], axis=0) for i in (0, 1))
-    usual_m_s = np.array(USUAL_KM_H) * M_S_PER_KM_H
-    a, b, c = (length / length.sum()).tolist()
-    usual = a, b, c
-    speed = np.where(length > 0, length / np.maximum(time, 1.0), usual_m_s)
-    own = RoadPrior(tuple(speed.tolist()), usual, (), ())
+    own = RoadPrior(tuple(M_S_PER_KM_H * speed for speed in USUAL_KM_H), USUAL_SHARES, (), ())
     parts = []
     for known in (True, False):
         errors = []

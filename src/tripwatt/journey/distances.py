@@ -165,6 +165,11 @@ class KindForecaster:
     known: bool
     prior: RoadPrior
 
+    @classmethod
+    def of(cls, model: ForecastModel, departure: Departure, kind: str | Sequence[float]) -> KindForecaster:
+        """For a kind of road. What a distance takes does not depend on the charge that the display shows at departure."""
+        return cls(model, replace(departure, soc=None), shares_of(kind), kind != UNKNOWN, road_prior())
+
     def at(self, distance_m: float, levels: Sequence[float]) -> tuple[FloatArray, FloatArray, float]:
         """Quantiles of energy [Wh] and displayed charge [1], shape (levels,), and the duration [s]. Two forecasts at most."""
         k = self._before(distance_m)
@@ -286,7 +291,7 @@ def need(
         distance_m, named, flags = forecast.plan.distance_m, "trip", forecast.flags
     else:
         distance_m = 1000.0 * require_number("distance_km", distance_km, *DISTANCES_KM)
-        asked = KindForecaster(own, known, shares_of(kind), kind != UNKNOWN, road_prior())
+        asked = KindForecaster.of(own, known, kind)
         named = kind if isinstance(kind, str) else "shares"
         energy, charge, duration_s = asked.at(distance_m, levels)
         flags = asked.flags(distance_m)
@@ -352,7 +357,7 @@ def range_km(
     known = departure or Departure()
     start = require_fraction("soc", soc if soc is not None else 1.0 if known.soc is None else known.soc)
     spare = max(start - require_fraction("reserve", reserve), 0.0)
-    own, known = for_car(model, vehicle), replace(known, soc=start)
+    own = for_car(model, vehicle)
 
     def far(asked: KindForecaster) -> tuple[float, tuple[float, float]]:
         least, middle, most = (
@@ -361,7 +366,7 @@ def range_km(
         return middle, (least, most)
 
     def asker(kind: str | Sequence[float]) -> KindForecaster:
-        return KindForecaster(own, known, shares_of(kind), kind != UNKNOWN, road_prior())
+        return KindForecaster.of(own, known, kind)
 
     middle, ends = far(asker(kind))
     by_kind = {name: far(asker(name)) for name in (*KINDS, UNKNOWN)}

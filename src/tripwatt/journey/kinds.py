@@ -41,8 +41,10 @@ KINDS: Final[Mapping[str, Shares]] = MappingProxyType(
 UNKNOWN: Final = "mixed"
 USUAL_KM_H: Final = (28.0, 62.0, 110.0)
 """Mean speeds with standstill before any log [km/h]. Choices."""
+USUAL_SHARES: Final[Shares] = (1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0)
+"""Of city, country and motorway before any log."""
 USUAL_M: Final = 20_000.0
-"""So much road of a class counts as much as these."""
+"""A data set with so much road of a class counts half as much there as the choice; with any more, at most as much: it is one region."""
 PATTERN_M: Final = 10_000.0
 """Length over which the classes of a road repeat."""
 
@@ -56,8 +58,8 @@ class RoadStudy:
     length_m, time_s : tuple of float
         Driven in each class.
     known, unknown : tuple of float
-        Relative variance of the energy of a trip whose shares are known, or not: the part of a trip of any length [1] and the part over
-        the distance [m].
+        Relative square of the error of the energy of a trip at `USUAL_KM_H`, where its shares are known, or those of `USUAL_SHARES`: the part of a
+        trip of any length [1] and the part over the distance [m]. What the region differs from the choices is part of it.
     """
 
     length_m: tuple[float, float, float]
@@ -69,10 +71,10 @@ class RoadStudy:
 STUDIES: Final[Mapping[str, RoadStudy]] = MappingProxyType(
     {
         "tum": RoadStudy(
-            (223_233.0, 496_998.0, 233_500.0), (37_721.0, 31_184.0, 7_295.0), (0.00102, 64.1), (0.01886, 52.4)
+            (223_233.0, 496_998.0, 233_500.0), (37_721.0, 31_184.0, 7_295.0), (0.0, 99.3), (0.01804, 55.2)
         ),
         "ved": RoadStudy(
-            (202_645.0, 483_295.0, 250.0), (52_940.0, 42_800.0, 9.0), (0.00370, 35.8), (0.00044, 66.5)
+            (202_645.0, 483_295.0, 250.0), (52_940.0, 42_800.0, 9.0), (0.00802, 68.2), (0.0, 167.2)
         ),
     }
 )
@@ -151,17 +153,20 @@ def road_prior(without: str | None = None) -> RoadPrior:
     Returns
     -------
     RoadPrior
-        Speeds of all roads together; the mean of the variances of the data sets.
+        The choices and each data set count alike: a data set is a sample of one region. The variances are the mean of those of the data sets.
     """
     studies = [study for name, study in STUDIES.items() if name != without]
-    usual_s = USUAL_M / (np.array(USUAL_KM_H) * M_S_PER_KM_H)
-    length = USUAL_M + np.sum([study.length_m for study in studies], axis=0)
-    speed = length / (usual_s + np.sum([study.time_s for study in studies], axis=0))
-    known = np.mean([study.known for study in studies], axis=0)
-    unknown = np.mean([study.unknown for study in studies], axis=0)
-    city, country, motorway = (length / length.sum()).tolist()
+    length, time = (np.array([getattr(s, name) for s in studies]) for name in ("length_m", "time_s"))
+    weight = np.vstack((np.ones(3), length / (length + USUAL_M)))
+    s_m = np.vstack((1.0 / (np.array(USUAL_KM_H) * M_S_PER_KM_H), time / length))
+    shares = np.vstack((USUAL_SHARES, length / length.sum(axis=1, keepdims=True)))
+    city, country, motorway = shares.mean(axis=0).tolist()
+    known, unknown = (np.mean([getattr(s, name) for s in studies], axis=0) for name in ("known", "unknown"))
     return RoadPrior(
-        tuple(speed.tolist()), (city, country, motorway), tuple(known.tolist()), tuple(unknown.tolist())
+        tuple((weight.sum(axis=0) / (weight * s_m).sum(axis=0)).tolist()),
+        (city, country, motorway),
+        tuple(known.tolist()),
+        tuple(unknown.tolist()),
     )
 
 
