@@ -1,5 +1,6 @@
 """The forecast of a trip: before departure and on the way, with its uncertainty and the energy by cause."""
 
+from tripwatt.forecasting.difference import Difference
 from tripwatt.forecasting.forecast import Forecast
 from tripwatt.forecasting.model import DEFAULT_CORRECTOR, ForecastModel
 from tripwatt.forecasting.storage import (
@@ -14,6 +15,7 @@ from tripwatt.forecasting.storage import (
 __all__ = [
     "DEFAULT_CORRECTOR",
     "GIVEN",
+    "Difference",
     "Forecast",
     "ForecastModel",
     "load_metadata",

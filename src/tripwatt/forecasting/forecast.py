@@ -13,6 +13,8 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import FloatArray
+from tripwatt.errors import InvalidInput
+from tripwatt.forecasting.difference import Difference, Shared, sd_between
 from tripwatt.forecasting.document import (
     FlagDocument,
     ForecastResponse,
@@ -572,6 +574,62 @@ class Forecast:
         if self.climbing is None:
             return None
         return self.climbing.more_wh(100.0, self._climbs_from_m) / 100.0 / self.charge.wh_per_display
+
+    def difference(self, other: Forecast) -> Difference:
+        """Compare with another forecast of the same car, driver and day, on this road or another.
+
+        Parameters
+        ----------
+        other : Forecast
+            By the same model, before departure.
+
+        Returns
+        -------
+        Difference
+            This forecast less the other one. Its interval is narrower than that of two independent forecasts: what both share cancels.
+
+        Raises
+        ------
+        InvalidInput
+            When they are of two models, or one was updated on the way.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> plan = tw.read_route([{"length_m": 30_000.0, "speed_m_s": 25.0}])
+        >>> cold, mild = (tw.forecast(plan, tw.Departure(ambient_temperature_degc=t)) for t in (0.0, 15.0))
+        >>> more = cold.difference(mild)
+        >>> more.energy_wh > 0.0, more.sd_wh < cold.sd_wh
+        (True, True)
+        """
+        if self.vehicle != other.vehicle or self.measured_until_s or other.measured_until_s:
+            got = "of two cars" if self.vehicle != other.vehicle else "one that was updated on the way"
+            allowed = "two forecasts of one car by one model before departure"
+            raise InvalidInput.of("forecasts without a common part", "forecasts", got, allowed)
+        causes = {cause: wh - other.by_cause_wh[cause] for cause, wh in self.by_cause_wh.items()}
+        simulated = (wh for cause, wh in causes.items() if cause != "correction")
+        return Difference(
+            self.energy_wh - other.energy_wh,
+            sd_between(self._shared, other._shared, self.uncertainty.scale, simulated),
+            self.plan.duration_s - other.plan.duration_s,
+            self.soc_arrival - other.soc_arrival,
+            causes,
+            self.uncertainty.scores,
+        )
+
+    @property
+    def _shared(self) -> Shared:
+        drive, hours = self.drive, self.drive.table.hours
+        return Shared(
+            self.uncertainty.scale.course.hours(float(hours.sum())),
+            float(drive.segments.moved_w @ hours),
+            np.asarray(hours @ drive.corrector.predict_with_uncertainty(drive.table)[1]),
+            drive.segments.outside_sd_wh,
+            self.state_sd_wh,
+            self.route_sd_wh,
+            0.0 if self._climb is None else float(self._climb.core_sd_wh[-1]),
+            float(drive.distance_m[-1]),
+        )
 
     def with_route_error(
         self, route: RouteUncertainty | None, free_flow: FreeFlowUncertainty | None = None
