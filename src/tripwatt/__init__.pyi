@@ -1,3 +1,4 @@
+from .advice import Advice, advise
 from .api import adapt, fit, forecast, read_route, read_trips, simulate, sweep
 from .auditing import audit
 from .certification import describe_car
@@ -16,6 +17,7 @@ from .vehicles import load_vehicle
 __version__: str
 
 __all__ = [
+    "Advice",
     "Departure",
     "Forecast",
     "ForecastModel",
@@ -27,6 +29,7 @@ __all__ = [
     "Trip",
     "__version__",
     "adapt",
+    "advise",
     "audit",
     "create_car",
     "create_store",

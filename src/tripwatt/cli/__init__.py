@@ -15,6 +15,7 @@ import typer
 
 import tripwatt
 from tripwatt.cli import (
+    advise,
     cars,
     distances,
     evaluate,
@@ -70,6 +71,7 @@ evaluate.add_commands(app)
 fit.add_commands(app)
 forecast.add_commands(app)
 journey.add_commands(app)
+advise.add_commands(app)
 distances.add_commands(app)
 maps.add_commands(app)
 inspect.add_commands(app)

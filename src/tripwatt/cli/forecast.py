@@ -97,7 +97,7 @@ def forecast(
     from tripwatt.units import M_S_PER_KM_H
     from tripwatt.vehicles import load_vehicle
 
-    model, trip = _model_and_trip(paths)
+    model, trip = model_and_trip(paths)
     got: dict[str, Any] = {}
     with options_named():
         gather(
@@ -120,7 +120,8 @@ def forecast(
     print_json(expected.to_dict(reserve, leaving)) if as_json else _show_forecast(expected, reserve)
 
 
-def _model_and_trip(paths: list[Path]) -> tuple[Path | None, Path]:
+def model_and_trip(paths: list[Path]) -> tuple[Path | None, Path]:
+    """The arguments `[MODEL] TRIP`."""
     if len(paths) > 2:
         got = " ".join(map(str, paths))
         raise InvalidInput.of(

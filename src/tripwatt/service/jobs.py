@@ -14,6 +14,7 @@ import pandas as pd
 from cachetools import LRUCache
 from pydantic import ValidationError
 
+from tripwatt.advice import advise
 from tripwatt.certification import describe_car
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecasting import (
@@ -33,6 +34,7 @@ from tripwatt.service.journey_schemas import NeedQuery, PlanRequest, RangeQuery,
 from tripwatt.service.journeys import JourneyJobs
 from tripwatt.service.library import described, example, example_summaries, vehicles
 from tripwatt.service.schemas import (
+    AdviceRequest,
     Elevation,
     ForecastRequest,
     RequestModel,
@@ -153,6 +155,11 @@ class Jobs:
         """Return the response to an `UpdateRequest`."""
         request, forecast = self._forecast(body, UpdateRequest)
         return require_finite(forecast.to_dict(request.reserve, request.probability))
+
+    def advice(self, body: bytes) -> dict[str, Any]:
+        """Return the response to an `AdviceRequest`."""
+        request, forecast = self._forecast(body, AdviceRequest)
+        return require_finite(advise(forecast, reserve=request.reserve, chance=request.chance).to_dict())
 
     def need(self, body: bytes, probability: float) -> dict[str, Any]:
         """Return what a `ForecastRequest` needs with a probability: energy, and displayed charge to leave with."""
@@ -441,6 +448,7 @@ JOB_KINDS: Final[Mapping[str, Callable[[Jobs, Mapping[str, Any], bytes], dict[st
     MappingProxyType(
         {
             "forecast": lambda jobs, job, body: jobs.forecast(body),
+            "advice": lambda jobs, job, body: jobs.advice(body),
             "need": lambda jobs, job, body: jobs.need(body, job["probability"]),
             "update": lambda jobs, job, body: jobs.update(body),
             "route": lambda jobs, job, body: jobs.route(body, job["speed_m_s"]),

@@ -265,6 +265,13 @@ class UpdateRequest(ForecastRequest):
     observed: Observed
 
 
+class AdviceRequest(ForecastRequest):
+    """A trip to come, and the chance to arrive that is asked for."""
+
+    chance: float = Field(0.95, ge=0.5, le=0.999)
+    """to arrive with the reserve"""
+
+
 class ResponseModel(BaseModel):
     """Base of all documents in responses: objects without undocumented fields."""
 

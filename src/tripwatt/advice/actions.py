@@ -1,0 +1,226 @@
+"""What a driver can do about a trip: each action changes its plan, what is known at departure, or what the car takes from the plug."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Final, Literal
+
+import numpy as np
+
+from tripwatt.arrays import FloatArray
+from tripwatt.forecasting import Forecast
+from tripwatt.physics import DriveConditions, simulate
+from tripwatt.physics.simulate import conditions_at_departure
+from tripwatt.trips import Departure, Plan
+from tripwatt.units import M_S_PER_KM_H, SECONDS_PER_HOUR
+from tripwatt.vehicles import Vehicle
+
+Effort = Literal["none", "little", "some", "much"]
+EFFORTS: Final[tuple[Effort, ...]] = ("none", "little", "some", "much")
+
+SPEEDS_KM_H: Final = (130.0, 120.0, 110.0, 100.0, 90.0, 80.0)
+"""Highest speeds that are advised. Slower ones hinder others on a motorway."""
+FAST_KM_H: Final = 90.0
+"""Only what is driven faster is slowed down: the speed of a road with one lane is that of the others."""
+GENTLE_M_S2: Final = 0.9
+"""Acceleration and braking of a calm driver; a usual value of eco-driving courses."""
+WARMER_K: Final = (2.0, 4.0)
+"""Steps of the set-point. A cabin of 22 °C stays at 18 °C or more."""
+SEAT_W: Final = 100.0
+"""Two heated seats, in place of warm air. A usual value."""
+SEATS_SETPOINT_DEGC: Final = 16.0
+MILD_DEGC: Final = (8.0, 30.0)
+"""Outside temperatures in which a car can be driven without climate control: below, windows mist; above, drivers tire."""
+PREHEAT_FROM_K: Final = 8.0
+"""Cabins nearer to the set-point are not conditioned before departure."""
+LONGEST_PREHEAT_S: Final = 2400.0
+WARM_BATTERY_DEGC: Final = 20.0
+COLD_BATTERY_DEGC: Final = 10.0
+CHARGER: Final = 0.9
+"""Energy that reaches the car over that of the wall; on-board chargers are a little better, a choice."""
+LUGGAGE_KG: Final = 50.0
+SUMMER_DEGC: Final = 7.0
+"""Winter tyres are kept below this outside temperature."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Action:
+    """Something that a driver can do.
+
+    Attributes
+    ----------
+    code : str
+        Of the text.
+    group : str
+        Of the actions of one group a driver takes one.
+    effort : str
+        "none", "little", "some" or "much".
+    plan : Plan
+        Of the trip with the action alone.
+    changed : dict of str to object
+        Fields of the departure that differ.
+    value : float or None
+        Such as a speed [m/s] or a temperature [°C], in SI units.
+    speed_m_s, acceleration_m_s2 : float or None
+        Highest speed, and highest acceleration.
+    extra_w : float
+        Power that the plan does not have [W].
+    wall_wh : float
+        Energy from the plug [Wh].
+    before_s : float
+        How long before the departure it begins [s].
+    """
+
+    code: str
+    group: str
+    effort: Effort
+    changed: Mapping[str, Any]
+    value: float | None = None
+    speed_m_s: float | None = None
+    acceleration_m_s2: float | None = None
+    extra_w: float = 0.0
+    wall_wh: float = 0.0
+    before_s: float = 0.0
+
+    def applied(self, plan: Plan) -> Plan:
+        """The plan with the action. O(samples)."""
+        if self.speed_m_s is not None:
+            plan = capped(plan, self.speed_m_s)
+        if self.acceleration_m_s2 is not None:
+            plan = calmer(plan, self.acceleration_m_s2)
+        return replace(plan, departure=replace(plan.departure, **self.changed)) if self.changed else plan
+
+
+def capped(plan: Plan, speed_m_s: float) -> Plan:
+    """Drive no faster than a speed; the road stays as long. O(samples).
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> plan = tw.read_route([{"length_m": 40_000.0, "speed_m_s": 36.0}])
+    >>> slow = capped(plan, 25.0)
+    >>> bool(slow.duration_s > 1.3 * plan.duration_s), round(slow.distance_m / plan.distance_m, 3)
+    (True, 1.0)
+    """
+    return _at_speed(plan, np.minimum(plan.array("speed_m_s"), speed_m_s))
+
+
+def calmer(plan: Plan, acceleration_m_s2: float) -> Plan:
+    """Accelerate and brake no harder than a value; the road stays as long. O(samples).
+
+    The square of the speed rises by at most twice the acceleration over the way: one pass forwards, one backwards.
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> plan = tw.read_route([{"length_m": 400.0, "speed_m_s": 12.0, "stop_s": 10.0}] * 20)
+    >>> hard = np.abs(np.diff(plan.array("speed_m_s")) / np.diff(plan.array("time_s"))).max()
+    >>> soft = calmer(plan, 0.5)
+    >>> bool(np.abs(np.diff(soft.array("speed_m_s")) / np.diff(soft.array("time_s"))).max() < hard)
+    True
+    """
+    speed = plan.array("speed_m_s")
+    most = 2.0 * acceleration_m_s2 * np.diff(_way_m(plan))
+    square = speed**2
+    for order in (slice(None), slice(None, None, -1)):
+        rises = np.concatenate(([0.0], np.cumsum(most[order])))
+        square[order] = rises + np.minimum.accumulate(square[order] - rises)
+    return _at_speed(plan, np.sqrt(np.maximum(square, 0.0)))
+
+
+def _way_m(plan: Plan) -> FloatArray:
+    time, speed = plan.array("time_s"), plan.array("speed_m_s")
+    return np.concatenate(([0.0], np.cumsum(np.diff(time) * 0.5 * (speed[1:] + speed[:-1]))))
+
+
+def _at_speed(plan: Plan, speed_m_s: FloatArray) -> Plan:
+    """The plan with lower speeds at the same places; where it stands it stands as long."""
+    time, before = plan.array("time_s"), plan.array("speed_m_s")
+    mean, was = (0.5 * (v[1:] + v[:-1]) for v in (speed_m_s, before))
+    slower = np.divide(was, mean, out=np.ones_like(was), where=mean > 1e-6)
+    steps = np.diff(time) * np.maximum(slower, 1.0)
+    later = np.concatenate((time[:1], time[0] + np.cumsum(steps)))
+    samples = plan.samples.assign(time_s=later, speed_m_s=speed_m_s)
+    even = plan.step_s if np.array_equal(steps, np.diff(time)) else None
+    return replace(plan, samples=samples, step_s=even)
+
+
+def actions(forecast: Forecast) -> Iterator[Action]:
+    """What can be done about a trip, whether it helps or not; of each group the mildest first, and one at most can be combined."""
+    plan, vehicle = forecast.plan, forecast.vehicle
+    yield from _of_driving(plan)
+    yield from _of_climate(vehicle, plan)
+    yield from _of_load(plan.departure)
+
+
+def _of_driving(plan: Plan) -> Iterator[Action]:
+    fastest = float(plan.array("speed_m_s").max())
+    for speed in SPEEDS_KM_H:
+        limit = speed * M_S_PER_KM_H
+        if fastest > limit + 1.0 and fastest > FAST_KM_H * M_S_PER_KM_H:
+            yield Action("slower", "speed", "little", {}, limit, speed_m_s=limit)
+    yield Action("calmer", "driving", "little", {}, acceleration_m_s2=GENTLE_M_S2)
+
+
+def _of_climate(vehicle: Vehicle, plan: Plan) -> Iterator[Action]:
+    known = plan.departure
+    if vehicle.climate is None or known.climate == "off":
+        return
+    conditions = conditions_at_departure(vehicle, plan.departure)
+    outside, setpoint = conditions.ambient_temperature_degc, conditions.cabin_start(vehicle).setpoint_degc
+    cold = outside < setpoint
+    for k in WARMER_K:
+        other = setpoint - k if cold else setpoint + k
+        if min(abs(outside - setpoint), 26.0 - other, other - 17.0) >= 1.0:
+            yield Action("setpoint", "climate", "some", {"cabin_setpoint_degc": other}, other)
+    if cold and setpoint - outside > PREHEAT_FROM_K:
+        seats = {"cabin_setpoint_degc": SEATS_SETPOINT_DEGC}
+        yield Action("seats", "climate", "some", seats, extra_w=SEAT_W)
+    if MILD_DEGC[0] <= outside <= MILD_DEGC[1]:
+        yield Action("climate_off", "climate", "much", {"climate": "off"})
+    cabin = conditions.cabin_start(vehicle).temperature_degc
+    if abs(cabin - setpoint) > PREHEAT_FROM_K:
+        yield _preheating(vehicle, conditions, setpoint)
+    battery = conditions.battery_start_degc
+    if battery < COLD_BATTERY_DEGC and vehicle.battery.heat_capacity_j_k > 0.0:
+        kelvin = WARM_BATTERY_DEGC - battery
+        wall_wh = vehicle.battery.heat_capacity_j_k * kelvin / SECONDS_PER_HOUR / CHARGER
+        warm = {"battery_temperature_degc": WARM_BATTERY_DEGC}
+        yield Action("preheat_battery", "battery", "little", warm, WARM_BATTERY_DEGC, wall_wh=wall_wh)
+
+
+def _preheating(vehicle: Vehicle, conditions: DriveConditions, setpoint: float) -> Action:
+    """The cabin at its set-point at departure: as late as it can begin, so that the least heat is lost."""
+    time = np.arange(0.0, LONGEST_PREHEAT_S + 1.0, 10.0)
+    run = simulate(vehicle, time, np.zeros_like(time), conditions=conditions)
+    there = np.abs(run.cabin_temperature_degc - setpoint) < 1.0
+    end = int(np.argmax(there)) if there.any() else len(time) - 1
+    power, step = run.power_by_cause_w["climate"][: end + 1], float(time[1])
+    reached = float(run.cabin_temperature_degc[end])
+    wall_wh = float(power.sum()) * step / SECONDS_PER_HOUR / CHARGER
+    return Action(
+        "preheat_cabin",
+        "cabin",
+        "little",
+        {"cabin_temperature_degc": reached, "cabin_logged": None},
+        reached,
+        wall_wh=wall_wh,
+        before_s=float(time[end]),
+    )
+
+
+def _of_load(known: Departure) -> Iterator[Action]:
+    fitted = known.extras or ()
+    ambient = known.ambient_temperature_degc
+
+    def without(name: str) -> Mapping[str, Any]:
+        return {"extras": tuple(extra for extra in fitted if extra != name)}
+
+    if "roof_box" in fitted:
+        yield Action("no_roof_box", "roof", "some", without("roof_box"))
+    if "winter_tyres" in fitted and ambient is not None and ambient > SUMMER_DEGC:
+        yield Action("summer_tyres", "tyres", "much", without("winter_tyres"))
+    if (known.payload_mass_kg or 0.0) > LUGGAGE_KG:
+        lighter = {"payload_mass_kg": (known.payload_mass_kg or 0.0) - LUGGAGE_KG}
+        yield Action("less_luggage", "load", "some", lighter, LUGGAGE_KG)

@@ -1,0 +1,279 @@
+"""What to do about a trip, what it saves, and how sure that is."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+
+from tripwatt.advice.actions import EFFORTS, Action, actions
+from tripwatt.errors import InvalidInput
+from tripwatt.forecasting import Difference, Forecast, ForecastModel
+from tripwatt.journey import Journey
+from tripwatt.population import for_car
+from tripwatt.trips import Departure, Plan, Trip
+from tripwatt.trips.columns import require_fraction
+from tripwatt.trips.messages import flag_to_dict
+from tripwatt.units import SECONDS_PER_HOUR, SECONDS_PER_MINUTE
+from tripwatt.vehicles import Vehicle
+
+CHANCE: Final = 0.95
+"""Chance to arrive that is asked for: 19 of 20 trips."""
+MOST_TOGETHER: Final = 3
+"""Actions that are advised together."""
+LEAST_SURE: Final = 0.95
+"""Chance that an action saves at all, for it to be advice."""
+LEAST_WH: Final = 20.0
+"""Savings that nobody sees on a display are no advice [Wh]."""
+MOST_SETS: Final = 3
+MOST_TRIED: Final = 12
+HOPEFUL: Final = 0.8
+"""Share of the energy that lacks, from which the savings of a set are forecast together: actions help or hinder each other."""
+A_MINUTE_OF: Final = {"none": 0.0, "little": 1.0, "some": 4.0, "much": 15.0}
+"""Minutes that an effort counts for, in the order of the sets; a choice."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Advised:
+    """One action, or several together, and what they change.
+
+    Attributes
+    ----------
+    actions : tuple of Action
+    forecast : Forecast
+        Of the trip with them.
+    difference : Difference
+        To the trip without them; below 0 is saved. Heated seats and the like are part of its energy.
+    p_arrive : float
+        Chance to arrive with the reserve.
+    interaction_wh : float
+        What several actions take together beyond the sum of each alone [Wh].
+    """
+
+    actions: tuple[Action, ...]
+    forecast: Forecast
+    difference: Difference
+    p_arrive: float
+    interaction_wh: float = 0.0
+
+    @property
+    def effort(self) -> str:
+        """That of the hardest of its actions."""
+        return max((action.effort for action in self.actions), key=EFFORTS.index)
+
+    @property
+    def wall_wh(self) -> float:
+        """Energy from the plug [Wh]."""
+        return sum(action.wall_wh for action in self.actions)
+
+    @property
+    def cost_min(self) -> float:
+        """Minutes that the trip takes longer, and those that the efforts count for [min]."""
+        effort = sum(A_MINUTE_OF[action.effort] for action in self.actions)
+        return max(self.difference.duration_s, 0.0) / SECONDS_PER_MINUTE + effort
+
+    def to_dict(self) -> dict[str, Any]:
+        """Convert to plain values."""
+        return {
+            "actions": [
+                {
+                    "code": action.code,
+                    "value": action.value,
+                    "effort": action.effort,
+                    "wall_wh": action.wall_wh,
+                    "before_s": action.before_s,
+                }
+                for action in self.actions
+            ],
+            "difference": self.difference.to_dict(),
+            "soc_arrival": self.forecast.soc_arrival,
+            "p_arrive": self.p_arrive,
+            "effort": self.effort,
+            "wall_wh": self.wall_wh,
+            "interaction_wh": self.interaction_wh,
+        }
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Advice:
+    """What to do about a trip.
+
+    Attributes
+    ----------
+    forecast : Forecast
+        Of the trip as it is.
+    reserve, chance : float
+        Displayed charge to arrive with, and the chance that is asked for.
+    p_arrive : float
+        Chance of the trip as it is.
+    charge_to : float
+        Displayed charge to leave with, so that nothing else has to be done; above 1 where a full battery does not suffice.
+    least : tuple of Advised
+        Sets of actions that reach the chance, the least minutes and effort first; empty where it is reached, or none does.
+    singly : tuple of Advised
+        Of each group the mildest action that saves for sure, the largest saving first.
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> road = tw.read_route([{"length_m": 80_000.0, "speed_m_s": 35.0, "grade": 0.0}])
+    >>> advice = tw.advise(road, tw.Departure(soc=0.9, ambient_temperature_degc=15.0))
+    >>> advice.p_arrive < advice.chance <= advice.least[0].p_arrive
+    True
+    >>> advice.least[0].actions[0].code
+    'slower'
+    """
+
+    forecast: Forecast
+    reserve: float
+    chance: float
+    p_arrive: float
+    charge_to: float
+    least: tuple[Advised, ...]
+    singly: tuple[Advised, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Convert to plain values, as `POST /v1/advice` answers."""
+        return {
+            "reserve": self.reserve,
+            "chance": self.chance,
+            "p_arrive": self.p_arrive,
+            "soc_arrival": self.forecast.soc_arrival,
+            "charge_to": self.charge_to,
+            "least": [advised.to_dict() for advised in self.least],
+            "singly": [advised.to_dict() for advised in self.singly],
+            "flags": [flag_to_dict(flag) for flag in self.forecast.flags],
+        }
+
+
+def advise(
+    trip: Plan | Trip | Journey | Forecast,
+    departure: Departure | None = None,
+    car: Vehicle | str | None = None,
+    model: ForecastModel | Path | str | None = None,
+    *,
+    reserve: float = 0.1,
+    chance: float = CHANCE,
+) -> Advice:
+    """Work out what to do about a trip. O(actions x samples).
+
+    Parameters
+    ----------
+    trip : Plan, Trip, Journey or Forecast
+        To come. A journey's or a forecast's car and departure are its own.
+    departure : Departure, optional
+        What is known when the car leaves.
+    car : Vehicle or str, optional
+        A car other than the model's own.
+    model : ForecastModel or path, optional
+        The model that comes with the package when not given.
+    reserve : float
+        Displayed state of charge to arrive with, 0 to 1.
+    chance : float
+        Chance to arrive that is asked for, 0.5 to 1.
+
+    Returns
+    -------
+    Advice
+        Each action with its saving, and the least that helps.
+
+    Raises
+    ------
+    InvalidInput
+        With a reserve or chance out of its bounds, a forecast that was updated on the way, or as `ForecastModel.forecast`.
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> road = tw.read_route([{"length_m": 30_000.0, "speed_m_s": 20.0}])
+    >>> cold = tw.advise(road, tw.Departure(soc=0.8, ambient_temperature_degc=-5.0, extras=("roof_box",)))
+    >>> cold.least, [advised.actions[0].code for advised in cold.singly][:2]
+    ((), ['preheat_cabin', 'no_roof_box'])
+    """
+    reserve, chance = require_fraction("reserve", reserve), require_fraction("chance", chance, 0.5)
+    forecast = _forecast(trip, departure, car, model)
+    now = forecast.p_arrive(reserve)
+    every = [advised for action in actions(forecast) if (advised := _advised(forecast, (action,), reserve))]
+    sure = [
+        one for one in every if one.difference.p_less >= LEAST_SURE and one.difference.energy_wh <= -LEAST_WH
+    ]
+    mildest = {one.actions[0].group: one for one in reversed(sure)}
+    singly = sorted(mildest.values(), key=lambda one: one.difference.energy_wh)
+    charge_to = forecast.soc_needed(reserve, chance)
+    lacking_wh = (charge_to - float(forecast.soc_along(0.5)[0])) * forecast.charge.wh_per_display
+    least = () if now >= chance else tuple(_least(forecast, sure, reserve, chance, lacking_wh))
+    return Advice(forecast, reserve, chance, now, charge_to, least, tuple(singly))
+
+
+def _forecast(
+    trip: Plan | Trip | Journey | Forecast,
+    departure: Departure | None,
+    car: Vehicle | str | None,
+    model: ForecastModel | Path | str | None,
+) -> Forecast:
+    if isinstance(trip, Plan | Trip):
+        return for_car(model, car).forecast(trip, departure)
+    forecast = trip.forecast if isinstance(trip, Journey) else trip
+    if (departure, car, model) != (None, None, None):
+        allowed = "only with a plan or a trip"
+        raise InvalidInput.of("given twice", "departure, car, model", "beside a forecast", allowed)
+    if forecast.maker is None or forecast.measured_until_s:
+        got = "one that was updated on the way" if forecast.measured_until_s else "one that was put together"
+        raise InvalidInput.of("no advice for it", "trip", got, "the forecast of a model before departure")
+    return forecast
+
+
+def _advised(forecast: Forecast, chosen: tuple[Action, ...], reserve: float) -> Advised:
+    plan = forecast.plan
+    for action in chosen:
+        plan = action.applied(plan)
+    assert forecast.maker is not None  # `_forecast` asks for it
+    changed = forecast.maker(plan)
+    changed = replace(
+        changed, state_sd_wh=changed.state_sd_wh if changed.state_sd_wh else forecast.state_sd_wh
+    )
+    difference = changed.difference(forecast)
+    extra_wh = sum(action.extra_w for action in chosen) * plan.duration_s / SECONDS_PER_HOUR
+    if extra_wh:
+        difference = replace(difference, energy_wh=difference.energy_wh + extra_wh)
+    taken = extra_wh / forecast.charge.wh_per_display
+    return Advised(chosen, changed, difference, changed.p_arrive(min(reserve + taken, 1.0)))
+
+
+def _least(
+    forecast: Forecast, sure: Sequence[Advised], reserve: float, chance: float, lacking_wh: float
+) -> list[Advised]:
+    """Sets of actions that reach the chance: the smallest, and larger ones that cost less. Of sets with the same codes the cheapest values.
+
+    Several actions are forecast together in the order of the sum of their costs, if the sum of their savings is about what lacks.
+    """
+    found: dict[tuple[str, ...], Advised] = {}
+    for size in range(1, MOST_TOGETHER + 1):
+        most = min((one.cost_min for one in found.values()), default=math.inf)
+        sets = [chosen for chosen in itertools.combinations(sure, size) if _one_of_each(chosen)]
+        hopeful = [
+            (cost, chosen)
+            for chosen in sets
+            if (cost := sum(one.cost_min for one in chosen)) < most
+            and -sum(one.difference.energy_wh for one in chosen) >= HOPEFUL * lacking_wh
+        ]
+        for _, chosen in sorted(hopeful, key=lambda pair: pair[0])[:MOST_TRIED]:
+            codes = tuple(one.actions[0].code for one in chosen)
+            if codes not in found and len(found) < MOST_SETS:
+                together = chosen[0] if size == 1 else _together(forecast, chosen, reserve)
+                if together.p_arrive >= chance:
+                    found[codes] = together
+    return sorted(found.values(), key=lambda one: one.cost_min)
+
+
+def _together(forecast: Forecast, chosen: Sequence[Advised], reserve: float) -> Advised:
+    all_of_them = _advised(forecast, tuple(one.actions[0] for one in chosen), reserve)
+    alone_wh = sum(one.difference.energy_wh for one in chosen)
+    return replace(all_of_them, interaction_wh=all_of_them.difference.energy_wh - alone_wh)
+
+
+def _one_of_each(chosen: Sequence[Advised]) -> bool:
+    groups = [one.actions[0].group for one in chosen]
+    return len({*groups}) == len(groups)

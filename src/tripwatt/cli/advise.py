@@ -1,0 +1,140 @@
+"""What to do about a trip on the command line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Annotated, Final
+
+import typer
+
+from tripwatt.cli.departing import DepartureOf, departure_options
+from tripwatt.cli.forecast import model_and_trip
+from tripwatt.cli.options import JsonOption, add_command, model_of, options_named
+from tripwatt.cli.printing import print_json, print_notes, print_table
+from tripwatt.cli.sentences import chance
+
+if TYPE_CHECKING:
+    from tripwatt.advice import Action, Advice, Advised
+
+WORDS: Final = MappingProxyType(
+    {
+        "slower": "drive {km_h:.0f} km/h at most",
+        "calmer": "accelerate and brake gently",
+        "setpoint": "set the cabin to {value:.0f} °C",
+        "seats": "heat the seats in place of the cabin",
+        "climate_off": "switch off climate control",
+        "preheat_cabin": "bring the cabin to {value:.0f} °C on the plug, {before:.0f} min before you leave",
+        "preheat_battery": "warm the battery on the plug",
+        "no_roof_box": "take off the roof box",
+        "summer_tyres": "fit summer tyres",
+        "less_luggage": "leave {value:.0f} kg at home",
+    }
+)
+"""Actions in words, by code."""
+
+
+def add_commands(app: typer.Typer) -> None:
+    """Add the command of this file."""
+    add_command(app, advise)
+
+
+@departure_options(without=("departs_at",))
+def advise(
+    paths: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="[MODEL] TRIP",
+            help="Folder of a model (default: the bundled model), and a trip: a speed trace or a planned route, as for `tripwatt forecast`.",
+        ),
+    ],
+    departure: DepartureOf,
+    vehicle: Annotated[
+        str | None,
+        typer.Option(
+            "--vehicle",
+            metavar="NAME|FILE",
+            help="Another car: a name from `tripwatt vehicles`, or a TOML file.",
+        ),
+    ] = None,
+    reserve: Annotated[
+        float, typer.Option(metavar="0..1", help="Required state of charge at arrival, as displayed.")
+    ] = 0.1,
+    probability: Annotated[
+        float,
+        typer.Option(
+            "--chance", metavar="0.5..1", help="Chance to arrive with the reserve that is asked for."
+        ),
+    ] = 0.95,
+    as_json: JsonOption = False,
+) -> None:
+    """Say what to do about a trip: the least that helps, and what each action saves.
+
+    A saving has an interval of its own: what the trips with and without the action have in common cancels.
+
+    For example:
+
+      # does the charge suffice, and what is the least that helps?
+      tripwatt advise route.json --soc 0.5 --ambient -5
+      # with a roof box, for another car, as data
+      tripwatt advise route.json --soc 0.5 --extra roof_box --vehicle vw_id3 --json
+    """
+    from tripwatt.advice import advise as find_advice
+    from tripwatt.api import read_route
+    from tripwatt.vehicles import load_vehicle
+
+    model, trip = model_and_trip(paths)
+    with options_named():
+        car = None if vehicle is None else load_vehicle(vehicle)
+        found = find_advice(
+            read_route(trip), departure(), car, model_of(model), reserve=reserve, chance=probability
+        )
+    print_json(found.to_dict()) if as_json else _show(found)
+
+
+def _show(advice: Advice) -> None:
+    arrival, now = 100.0 * advice.forecast.soc_arrival, chance(advice.p_arrive)
+    typer.echo(f"You arrive with {arrival:.0f} %, with {100.0 * advice.reserve:.0f} % or more: {now}.")
+    if advice.p_arrive < advice.chance:
+        for advised in advice.least:
+            typer.echo(f"{_all(advised)}: {chance(advised.p_arrive)}{_longer(advised)}.".capitalize())
+        if not advice.least:
+            typer.echo("No three actions suffice.")
+        if advice.charge_to <= 1.0:
+            typer.echo(f"Charge to {100.0 * advice.charge_to:.0f} %: {advice.chance:.0%}.")
+    typer.echo("")
+    rows = [
+        (
+            _all(advised),
+            _kwh(-advised.difference.energy_wh),
+            f"{_kwh(-advised.difference.interval()[1])} to {_kwh(-advised.difference.interval()[0])}",
+            f"{advised.difference.duration_s / 60.0:+.0f} min",
+            f"{100.0 * advised.difference.soc_arrival:+.0f} %",
+            chance(advised.p_arrive),
+            advised.effort,
+            f"{_kwh(advised.wall_wh)}" if advised.wall_wh else "-",
+        )
+        for advised in advice.singly
+    ]
+    names = ("action", "saves kWh", "9 in 10", "time", "charge", "arrives", "effort", "from the plug kWh")
+    print_table("What saves energy", names, rows, numbers=(names[1], names[3], names[4]))
+    print_notes(advice.forecast.flags)
+
+
+def _all(advised: Advised) -> str:
+    return " and ".join(in_words(action) for action in advised.actions)
+
+
+def in_words(action: Action) -> str:
+    """An action as an imperative."""
+    value = action.value or 0.0
+    return WORDS[action.code].format(value=value, km_h=3.6 * value, before=action.before_s / 60.0)
+
+
+def _longer(advised: Advised) -> str:
+    minutes = advised.difference.duration_s / 60.0
+    return f", {minutes:.0f} min longer" if minutes >= 0.5 else ""
+
+
+def _kwh(wh: float) -> str:
+    return f"{wh / 1000.0:.2f}"
