@@ -97,7 +97,8 @@ def _show(advice: Advice) -> None:
     typer.echo(f"You arrive with {arrival:.0f} %, with {100.0 * advice.reserve:.0f} % or more: {now}.")
     if advice.p_arrive < advice.chance:
         for advised in advice.least:
-            typer.echo(f"{_all(advised)}: {chance(advised.p_arrive)}{_longer(advised)}.".capitalize())
+            words = _all(advised)
+            typer.echo(f"{words[0].upper()}{words[1:]}: {chance(advised.p_arrive)}{_longer(advised)}.")
         if not advice.least:
             typer.echo("No three actions suffice.")
         if advice.charge_to <= 1.0:

@@ -602,34 +602,7 @@ class Forecast:
         >>> more.energy_wh > 0.0, more.sd_wh < cold.sd_wh
         (True, True)
         """
-        if self.vehicle != other.vehicle or self.measured_until_s or other.measured_until_s:
-            got = "of two cars" if self.vehicle != other.vehicle else "one that was updated on the way"
-            allowed = "two forecasts of one car by one model before departure"
-            raise InvalidInput.of("forecasts without a common part", "forecasts", got, allowed)
-        causes = {cause: wh - other.by_cause_wh[cause] for cause, wh in self.by_cause_wh.items()}
-        simulated = (wh for cause, wh in causes.items() if cause != "correction")
-        return Difference(
-            self.energy_wh - other.energy_wh,
-            sd_between(self._shared, other._shared, self.uncertainty.scale, simulated),
-            self.plan.duration_s - other.plan.duration_s,
-            self.soc_arrival - other.soc_arrival,
-            causes,
-            self.uncertainty.scores,
-        )
-
-    @property
-    def _shared(self) -> Shared:
-        drive, hours = self.drive, self.drive.table.hours
-        return Shared(
-            self.uncertainty.scale.course.hours(float(hours.sum())),
-            float(drive.segments.moved_w @ hours),
-            np.asarray(hours @ drive.corrector.predict_with_uncertainty(drive.table)[1]),
-            drive.segments.outside_sd_wh,
-            self.state_sd_wh,
-            self.route_sd_wh,
-            0.0 if self._climb is None else float(self._climb.core_sd_wh[-1]),
-            float(drive.distance_m[-1]),
-        )
+        return difference(self, other)
 
     def with_route_error(
         self, route: RouteUncertainty | None, free_flow: FreeFlowUncertainty | None = None
@@ -973,6 +946,39 @@ def charge_with_spare(spare: Callable[[float], float], near: float = 0.5) -> flo
         is_end = (low == 0.0 and guess <= low) or (high == 1.0 and guess >= high)
         soc = min(max(guess, low), high) if is_end or low < guess < high else 0.5 * (low + high)
     raise AssertionError("unreachable: the interval is halved until it is narrow")
+
+
+def difference(one: Forecast, other: Forecast) -> Difference:
+    """What `one` takes more than `other`: see `Forecast.difference`."""
+    if one.vehicle != other.vehicle or one.measured_until_s or other.measured_until_s:
+        got = "of two cars" if one.vehicle != other.vehicle else "one that was updated on the way"
+        allowed = "two forecasts of one car by one model before departure"
+        raise InvalidInput.of("forecasts without a common part", "forecasts", got, allowed)
+    causes = {cause: wh - other.by_cause_wh[cause] for cause, wh in one.by_cause_wh.items()}
+    simulated = (wh for cause, wh in causes.items() if cause != "correction")
+    return Difference(
+        one.energy_wh - other.energy_wh,
+        sd_between(_shared(one), _shared(other), one.uncertainty.scale, simulated),
+        one.plan.duration_s - other.plan.duration_s,
+        one.soc_arrival - other.soc_arrival,
+        causes,
+        one.uncertainty.scores,
+    )
+
+
+def _shared(forecast: Forecast) -> Shared:
+    drive, hours = forecast.drive, forecast.drive.table.hours
+    climb = forecast._climb
+    return Shared(
+        forecast.uncertainty.scale.course.hours(float(hours.sum())),
+        float(drive.segments.moved_w @ hours),
+        np.asarray(hours @ drive.corrector.predict_with_uncertainty(drive.table)[1]),
+        drive.segments.outside_sd_wh,
+        forecast.state_sd_wh,
+        forecast.route_sd_wh,
+        0.0 if climb is None else float(climb.core_sd_wh[-1]),
+        float(drive.distance_m[-1]),
+    )
 
 
 def remaining_sd_wh(forecast: Forecast) -> FloatArray:

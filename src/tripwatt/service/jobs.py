@@ -159,7 +159,7 @@ class Jobs:
     def advice(self, body: bytes) -> dict[str, Any]:
         """Return the response to an `AdviceRequest`."""
         request, forecast = self._forecast(body, AdviceRequest)
-        return require_finite(advise(forecast, reserve=request.reserve, chance=request.chance).to_dict())
+        return advise(forecast, reserve=request.reserve, chance=request.chance).to_dict()
 
     def need(self, body: bytes, probability: float) -> dict[str, Any]:
         """Return what a `ForecastRequest` needs with a probability: energy, and displayed charge to leave with."""

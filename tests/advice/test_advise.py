@@ -1,0 +1,161 @@
+"""Advice on trips: laws of each action, what is least, and nothing absurd for any car."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from tests.support.cars import some_cars
+
+import tripwatt as tw
+from tripwatt.advice.actions import MILD_DEGC, SPEEDS_KM_H, actions, calmer, capped
+from tripwatt.errors import InvalidInput
+from tripwatt.forecasting import Forecast, ForecastModel
+from tripwatt.trips import Departure, Plan, plan_from_trip
+
+LONG = (
+    {"length_m": 8_000.0, "speed_m_s": 12.0, "stop_s": 20.0, "grade": 0.0},
+    {"length_m": 60_000.0, "speed_m_s": 34.0, "grade": 0.0},
+    {"length_m": 6_000.0, "speed_m_s": 10.0, "grade": 0.0},
+)
+JOURNEYS = tuple(itertools.product((-15.0, 5.0, 33.0), (1.0, 0.2)))
+"""Temperature [°C] and share of the long road."""
+
+
+@pytest.fixture(scope="module")
+def model() -> ForecastModel:
+    return tw.load_model()
+
+
+def road(share: float = 1.0, **known: Any) -> Plan:
+    links = [{**link, "length_m": share * link["length_m"]} for link in LONG]
+    return tw.read_route(links).with_departure(Departure(**known))
+
+
+def test_a_slower_drive_has_the_same_road_and_stands_as_long() -> None:
+    for trip in tw.synthetic_fleet(3).trips:
+        plan = plan_from_trip(trip)
+        for other in (capped(plan, 15.0), calmer(plan, 0.5)):
+            assert other.distance_m == pytest.approx(plan.distance_m, rel=0.01)
+            assert other.duration_s >= plan.duration_s - 1e-6
+            assert (other.array("speed_m_s") <= plan.array("speed_m_s") + 1e-9).all()
+        assert capped(plan, 15.0).array("speed_m_s").max() <= 15.0
+        rise = np.diff(calmer(plan, 0.5).array("speed_m_s")) / np.diff(calmer(plan, 0.5).array("time_s"))
+        assert np.abs(rise).max() <= 0.51
+
+
+def test_what_is_fast_enough_is_not_changed() -> None:
+    plan = road()
+    assert capped(plan, 60.0).samples.equals(plan.samples)
+
+
+def test_slower_saves_more_above_the_best_speed(model: ForecastModel) -> None:
+    base = model.forecast(road(ambient_temperature_degc=15.0, soc=0.9))
+    slower = [a for a in actions(base) if a.code == "slower"]
+    assert [round(3.6 * (a.value or 0.0)) for a in slower] == [
+        int(v) for v in SPEEDS_KM_H if v < 3.6 * 34.0 - 1.0
+    ]
+    saved = [model.forecast(a.applied(base.plan)).difference(base) for a in slower]
+    energies = [one.energy_wh for one in saved]
+    assert energies == sorted(energies, reverse=True)
+    assert energies[0] < 0.0
+    times = [one.duration_s for one in saved]
+    assert times == sorted(times)
+
+
+@pytest.mark.parametrize("degc", [-15.0, 0.0, 35.0])
+def test_what_is_done_on_the_plug_takes_nothing_from_the_battery(model: ForecastModel, degc: float) -> None:
+    base = model.forecast(road(ambient_temperature_degc=degc, soc=0.9))
+    for action in actions(base):
+        if action.wall_wh:
+            assert model.forecast(action.applied(base.plan)).energy_wh <= base.energy_wh
+            assert action.before_s >= 0.0
+
+
+def test_a_difference_is_narrower_than_two_forecasts(model: ForecastModel) -> None:
+    one, other = (model.forecast(road(ambient_temperature_degc=degc, soc=0.9)) for degc in (15.0, 5.0))
+    ahead, back = one.difference(other), other.difference(one)
+    assert ahead.energy_wh == pytest.approx(-back.energy_wh)
+    assert ahead.sd_wh == pytest.approx(back.sd_wh)
+    assert ahead.energy_wh == pytest.approx(one.energy_wh - other.energy_wh)
+    assert sum(ahead.by_cause_wh.values()) == pytest.approx(ahead.energy_wh)
+    assert ahead.sd_wh < 0.5 * np.hypot(one.sd_wh, other.sd_wh)
+    assert ahead.p_less + back.p_less == pytest.approx(1.0)
+    low, high = ahead.interval(0.9)
+    assert low < ahead.energy_wh < high
+    nothing = one.difference(one)
+    assert (nothing.energy_wh, nothing.sd_wh) == (0.0, 0.0)
+
+
+def test_forecasts_of_two_cars_have_no_difference(model: ForecastModel) -> None:
+    with pytest.raises(InvalidInput, match="of two cars"):
+        model.forecast(road()).difference(tw.for_car(model, "vw_id3").forecast(road()))
+
+
+def charged_for(model: ForecastModel, plan: Plan, chance: float, reserve: float = 0.1) -> Forecast:
+    soc = model.forecast(plan).soc_needed(reserve, chance)
+    return model.forecast(plan, Departure(soc=min(soc, 1.0)))
+
+
+def test_the_least_reaches_the_chance_and_costs_least_first(model: ForecastModel) -> None:
+    plan = road(0.6, ambient_temperature_degc=5.0, extras=("roof_box",))
+    advice = tw.advise(charged_for(model, plan, 0.75))
+    assert advice.p_arrive == pytest.approx(0.75, abs=0.01)
+    assert advice.least
+    assert all(one.p_arrive >= 0.95 for one in advice.least)
+    costs = [one.cost_min for one in advice.least]
+    assert costs == sorted(costs)
+    for one in advice.least:
+        again = one.forecast.plan
+        assert model.forecast(again).p_arrive(0.1) == pytest.approx(one.p_arrive)
+    for one in (one for one in advice.least if len(one.actions) > 1):
+        alone = [model.forecast(a.applied(plan)).energy_wh - advice.forecast.energy_wh for a in one.actions]
+        assert one.difference.energy_wh - sum(alone) == pytest.approx(one.interaction_wh, abs=1.0)
+
+
+def test_who_arrives_is_told_what_saves_and_nothing_has_to_be_done(model: ForecastModel) -> None:
+    advice = tw.advise(model.forecast(road(0.2, soc=1.0, ambient_temperature_degc=-5.0)))
+    assert advice.p_arrive >= 0.95
+    assert advice.least == ()
+    assert advice.singly
+    saved = [one.difference.energy_wh for one in advice.singly]
+    assert saved == sorted(saved)
+
+
+def test_an_interval_that_includes_nothing_is_no_advice(model: ForecastModel) -> None:
+    for one in tw.advise(model.forecast(road(soc=0.8, ambient_temperature_degc=20.0))).singly:
+        assert one.difference.interval(0.9)[1] < 0.0
+
+
+@pytest.mark.parametrize("name", some_cars(5))
+def test_no_car_gets_absurd_advice(model: ForecastModel, name: str) -> None:
+    own = tw.for_car(model, name)
+    for degc, share in JOURNEYS:
+        plan = road(share, ambient_temperature_degc=degc, extras=("roof_box", "winter_tyres"))
+        advice = tw.advise(charged_for(own, plan, 0.6))
+        given = [action for one in (*advice.least, *advice.singly) for action in one.actions]
+        for action in given:
+            if action.code == "slower":
+                assert (action.value or 0.0) * 3.6 >= 79.9
+            if action.code == "climate_off":
+                assert MILD_DEGC[0] <= degc <= MILD_DEGC[1]
+            if action.code == "setpoint":
+                assert 18.0 <= (action.value or 0.0) <= 26.0
+            if action.code == "summer_tyres":
+                assert degc > 7.0
+        for one in advice.least:
+            assert len({action.group for action in one.actions}) == len(one.actions)
+            assert one.difference.energy_wh < 0.0
+
+
+def test_what_cannot_be_advised_is_refused(model: ForecastModel) -> None:
+    forecast = model.forecast(road())
+    with pytest.raises(InvalidInput, match="given twice"):
+        tw.advise(forecast, Departure(soc=0.5))
+    with pytest.raises(InvalidInput, match="no advice"):
+        tw.advise(replace(forecast, maker=None))
+    with pytest.raises(InvalidInput):
+        tw.advise(forecast, chance=0.2)

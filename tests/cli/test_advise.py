@@ -1,0 +1,50 @@
+"""`advise` on the command line and `POST /v1/advice`: the numbers of Python."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from tests.support.command import Run
+
+import tripwatt as tw
+from tripwatt.advice.actions import actions
+from tripwatt.cli.advise import WORDS, in_words
+
+LINKS = [{"length_m": 80_000.0, "speed_m_s": 33.0, "grade": 0.0}]
+KNOWN = tw.Departure(soc=0.5, ambient_temperature_degc=-5.0, extras=("roof_box",))
+
+
+@pytest.fixture
+def route(tmp_path: Path) -> Path:
+    path = tmp_path / "route.json"
+    path.write_text(json.dumps(LINKS), "utf-8")
+    return path
+
+
+def test_advice_has_the_numbers_of_python(run: Run, route: Path) -> None:
+    options = ("--soc", 0.5, "--ambient", -5, "--extra", "roof_box", "--vehicle", "vw_id3", "--chance", 0.9)
+    printed = run("advise", route, *options, "--json")
+    same = tw.advise(tw.read_route(route), KNOWN, "vw_id3", chance=0.9)
+    assert json.loads(printed.out) == json.loads(json.dumps(same.to_dict()))
+
+
+def test_the_table_has_units_and_words(run: Run, route: Path) -> None:
+    shown = run(
+        "advise", route, "--soc", 0.45, "--ambient", -5, "--extra", "roof_box", "--vehicle", "vw_id3"
+    ).out
+    assert "You arrive with" in shown
+    assert "take off the roof box" in shown
+    assert "saves kWh" in shown
+    assert "°C" in shown
+
+
+def test_every_action_has_words() -> None:
+    known = tw.Departure(
+        ambient_temperature_degc=12.0, payload_mass_kg=200.0, extras=("roof_box", "winter_tyres")
+    )
+    cold = tw.Departure(ambient_temperature_degc=-5.0)
+    made = [a for k in (known, cold) for a in actions(tw.forecast(tw.read_route(LINKS), k))]
+    assert {action.code for action in made} == set(WORDS)
+    assert all("{" not in in_words(action) for action in made)
