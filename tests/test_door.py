@@ -16,6 +16,7 @@ from tripwatt.trips import COLUMNS, QUANTITIES, Flag, Log, plan_from_samples
 from tripwatt.trips.messages import catalogue, flag_to_dict, message
 
 NAMES = {
+    "Advice",
     "Departure",
     "Forecast",
     "ForecastModel",
@@ -27,6 +28,7 @@ NAMES = {
     "Trip",
     "adapt",
     "audit",
+    "advise",
     "create_car",
     "create_store",
     "describe_car",

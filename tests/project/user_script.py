@@ -115,6 +115,11 @@ def without_a_road(model: tw.ForecastModel) -> float:
     return min(needed.energy_quantile_wh, far.range_m)
 
 
+def advised(plan: tw.Plan) -> list[str]:
+    found: tw.Advice = tw.advise(plan, tw.Departure(soc=0.4), reserve=0.1)
+    return [one.actions[0].code for one in found.singly if one.difference.interval(0.9)[1] < 0.0]
+
+
 def main() -> None:
     print(tw.__version__)
     try:

@@ -56,8 +56,6 @@ class Action:
         Of the actions of one group a driver takes one.
     effort : str
         "none", "little", "some" or "much".
-    plan : Plan
-        Of the trip with the action alone.
     changed : dict of str to object
         Fields of the departure that differ.
     value : float or None
@@ -70,6 +68,14 @@ class Action:
         Energy from the plug [Wh].
     before_s : float
         How long before the departure it begins [s].
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> plan = tw.read_route([{"length_m": 40_000.0, "speed_m_s": 36.0}])
+    >>> slow = Action("slower", "speed", "little", {}, 30.0, speed_m_s=30.0)
+    >>> slow.applied(plan).duration_s > plan.duration_s
+    True
     """
 
     code: str
@@ -84,7 +90,25 @@ class Action:
     before_s: float = 0.0
 
     def applied(self, plan: Plan) -> Plan:
-        """The plan with the action. O(samples)."""
+        """Change a plan. O(samples).
+
+        Parameters
+        ----------
+        plan : Plan
+            With or without other actions.
+
+        Returns
+        -------
+        Plan
+            With the action.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> plan = tw.read_route([{"length_m": 40_000.0, "speed_m_s": 36.0}])
+        >>> Action("climate_off", "climate", "much", {"climate": "off"}).applied(plan).departure.climate
+        'off'
+        """
         if self.speed_m_s is not None:
             plan = capped(plan, self.speed_m_s)
         if self.acceleration_m_s2 is not None:

@@ -43,6 +43,7 @@ class Advised:
     Attributes
     ----------
     actions : tuple of Action
+        Of different groups.
     forecast : Forecast
         Of the trip with them.
     difference : Difference
@@ -51,6 +52,14 @@ class Advised:
         Chance to arrive with the reserve.
     interaction_wh : float
         What several actions take together beyond the sum of each alone [Wh].
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> road = tw.read_route([{"length_m": 30_000.0, "speed_m_s": 33.0}])
+    >>> first = tw.advise(road, tw.Departure(soc=0.8, ambient_temperature_degc=20.0)).singly[0]
+    >>> first.actions[0].code, first.effort, first.wall_wh
+    ('slower', 'little', 0.0)
     """
 
     actions: tuple[Action, ...]
@@ -67,7 +76,7 @@ class Advised:
     @property
     def wall_wh(self) -> float:
         """Energy from the plug [Wh]."""
-        return sum(action.wall_wh for action in self.actions)
+        return float(sum(action.wall_wh for action in self.actions))
 
     @property
     def cost_min(self) -> float:
@@ -76,7 +85,21 @@ class Advised:
         return max(self.difference.duration_s, 0.0) / SECONDS_PER_MINUTE + effort
 
     def to_dict(self) -> dict[str, Any]:
-        """Convert to plain values."""
+        """Convert to plain values.
+
+        Returns
+        -------
+        dict
+            Numbers, texts, lists and further dicts only.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> road = tw.read_route([{"length_m": 30_000.0, "speed_m_s": 33.0}])
+        >>> advice = tw.advise(road, tw.Departure(soc=0.8, ambient_temperature_degc=20.0))
+        >>> advice.singly[0].to_dict()["actions"][0]["code"]
+        'slower'
+        """
         return {
             "actions": [
                 {
@@ -136,7 +159,20 @@ class Advice:
     singly: tuple[Advised, ...]
 
     def to_dict(self) -> dict[str, Any]:
-        """Convert to plain values, as `POST /v1/advice` answers."""
+        """Convert to plain values.
+
+        Returns
+        -------
+        dict
+            As `POST /v1/advice` answers.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> road = tw.read_route([{"length_m": 30_000.0, "speed_m_s": 20.0}])
+        >>> tw.advise(road, tw.Departure(soc=0.9)).to_dict()["least"]
+        []
+        """
         return {
             "reserve": self.reserve,
             "chance": self.chance,

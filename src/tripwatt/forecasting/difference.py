@@ -55,12 +55,46 @@ class Difference:
     scores: ConformalScores
 
     def quantile(self, p: float) -> float:
-        """Quantile of the difference [Wh]."""
+        """Quantile of the difference.
+
+        Parameters
+        ----------
+        p : float
+            Probability, 0 to 1.
+
+        Returns
+        -------
+        float
+            Energy [Wh] that the difference stays below with this probability.
+
+        Examples
+        --------
+        >>> scores = ConformalScores.from_errors([0.5, 1.0, 2.0])
+        >>> Difference(-100.0, 40.0, 60.0, 0.01, {}, scores).quantile(0.75)
+        -60.0
+        """
         half = self.scores.factor(abs(2.0 * p - 1.0)) * self.sd_wh
         return self.energy_wh + math.copysign(half, p - 0.5)
 
     def interval(self, coverage: float = 0.9) -> tuple[float, float]:
-        """Ends of the central interval [Wh]."""
+        """Compute the ends of the central interval.
+
+        Parameters
+        ----------
+        coverage : float
+            Probability of the interval, 0 to 1.
+
+        Returns
+        -------
+        tuple of float
+            Lower and upper end [Wh].
+
+        Examples
+        --------
+        >>> scores = ConformalScores.from_errors([0.5, 1.0, 2.0])
+        >>> Difference(-100.0, 40.0, 60.0, 0.01, {}, scores).interval(0.5)
+        (-140.0, -60.0)
+        """
         return self.quantile(0.5 - 0.5 * coverage), self.quantile(0.5 + 0.5 * coverage)
 
     @property
@@ -71,7 +105,19 @@ class Difference:
         return self.scores.probability(-self.energy_wh / self.sd_wh)
 
     def to_dict(self) -> dict[str, Any]:
-        """Convert to plain values, with the ends of the central 90 %."""
+        """Convert to plain values, with the ends of the central 90 %.
+
+        Returns
+        -------
+        dict
+            Numbers, and the energy by cause.
+
+        Examples
+        --------
+        >>> scores = ConformalScores.from_errors([0.5, 1.0, 2.0])
+        >>> Difference(-100.0, 40.0, 60.0, 0.01, {}, scores).to_dict()["energy_wh"]
+        -100.0
+        """
         return {
             "energy_wh": self.energy_wh,
             "interval_wh": list(self.interval(0.9)),

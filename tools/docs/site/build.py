@@ -55,6 +55,7 @@ PACKAGES: Final = (
     "tripwatt.uncertainty",
     "tripwatt.population",
     "tripwatt.journey",
+    "tripwatt.advice",
     "tripwatt.live",
     "tripwatt.store",
     "tripwatt.fleet.model",
