@@ -2,5 +2,6 @@
 
 from tripwatt.advice.actions import Action
 from tripwatt.advice.advise import Advice, Advised, advise
+from tripwatt.advice.on_the_way import Companion, Message
 
-__all__ = ["Action", "Advice", "Advised", "advise"]
+__all__ = ["Action", "Advice", "Advised", "Companion", "Message", "advise"]

@@ -116,8 +116,8 @@ class Action:
         return replace(plan, departure=replace(plan.departure, **self.changed)) if self.changed else plan
 
 
-def capped(plan: Plan, speed_m_s: float) -> Plan:
-    """Drive no faster than a speed; the road stays as long. O(samples).
+def capped(plan: Plan, speed_m_s: float, after_s: float = -np.inf) -> Plan:
+    """Drive no faster than a speed, from a time since departure on; the road stays as long. O(samples).
 
     Examples
     --------
@@ -127,7 +127,9 @@ def capped(plan: Plan, speed_m_s: float) -> Plan:
     >>> bool(slow.duration_s > 1.3 * plan.duration_s), round(slow.distance_m / plan.distance_m, 3)
     (True, 1.0)
     """
-    return _at_speed(plan, np.minimum(plan.array("speed_m_s"), speed_m_s))
+    speed, time = plan.array("speed_m_s"), plan.array("time_s")
+    is_ahead = time - time[0] > after_s
+    return _at_speed(plan, np.where(is_ahead, np.minimum(speed, speed_m_s), speed))
 
 
 def calmer(plan: Plan, acceleration_m_s2: float) -> Plan:

@@ -1,0 +1,147 @@
+"""Advice while a car drives: a message when the verdict changes, with what would restore it, and silence otherwise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final, Literal
+
+import numpy as np
+import pandas as pd
+
+from tripwatt.advice.actions import FAST_KM_H, SPEEDS_KM_H, capped
+from tripwatt.advice.advise import CHANCE
+from tripwatt.forecasting import Forecast
+from tripwatt.trips.columns import require_fraction
+from tripwatt.units import M_S_PER_KM_H, SECONDS_PER_MINUTE
+
+Verdict = Literal["arrives", "open", "does_not_arrive"]
+
+QUIET_S: Final = 5.0 * SECONDS_PER_MINUTE
+"""Least time between two messages."""
+MARGIN: Final = 0.03
+"""By so much a chance has to pass the limit of a verdict, so that one that wavers on it gives no messages. A choice."""
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """What a driver is told on the way.
+
+    Attributes
+    ----------
+    time_s : float
+        Since the departure [s].
+    verdict : {"arrives", "open", "does_not_arrive"}
+        The reserve at arrival: with the chance that is asked for, open, or without it with this chance.
+    soc_arrival, p_arrive : float
+        Expected displayed charge at arrival, and the chance to have the reserve.
+    speed_m_s : float or None
+        Highest speed from here on that restores the chance; None where none is needed, or none suffices.
+    p_at_speed : float or None
+        Chance with this speed.
+
+    Examples
+    --------
+    >>> Message(600.0, "open", 0.06, 0.48, 26.4, 0.95).to_dict()["verdict"]
+    'open'
+    """
+
+    time_s: float
+    verdict: Verdict
+    soc_arrival: float
+    p_arrive: float
+    speed_m_s: float | None = None
+    p_at_speed: float | None = None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Convert to plain values.
+
+        Returns
+        -------
+        dict
+            The fields by their names.
+
+        Examples
+        --------
+        >>> Message(600.0, "arrives", 0.2, 0.99).to_dict()["speed_m_s"] is None
+        True
+        """
+        return {name: getattr(self, name) for name in Message.__slots__}
+
+
+class Companion:
+    """Listens to the forecasts of one trip, and has a message when the verdict changes.
+
+    Parameters
+    ----------
+    departure : Forecast
+        Before departure.
+    reserve : float
+        Displayed state of charge to arrive with, 0 to 1.
+    chance : float
+        Chance to arrive with it that is asked for, 0.5 to 1.
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> trip = tw.synthetic_fleet(1).trips[0]
+    >>> companion = Companion(tw.load_model().forecast(trip))
+    >>> samples = trip.samples[trip.samples["time_s"] <= 600.0]
+    >>> companion.hear(samples) is None
+    True
+    """
+
+    def __init__(self, departure: Forecast, reserve: float = 0.1, chance: float = CHANCE) -> None:
+        self.departure = departure
+        self.reserve = require_fraction("reserve", reserve)
+        self.chance = require_fraction("chance", chance, 0.5)
+        self._told_s = -np.inf
+        self._verdict: Verdict | None = None
+        self._verdict = self._judged(departure.p_arrive(reserve))
+
+    def hear(self, observed: pd.DataFrame) -> Message | None:
+        """Take what was measured so far.
+
+        Parameters
+        ----------
+        observed : DataFrame
+            Samples since the departure, as for `Forecast.update`.
+
+        Returns
+        -------
+        Message or None
+            None while the verdict is that of the last message, or of the departure before the first, and for `QUIET_S` after a message.
+
+        Raises
+        ------
+        InvalidInput
+            As `Forecast.update`.
+        """
+        now = self.departure.update(observed)
+        at_s, chance = now.measured_until_s, now.p_arrive(self.reserve)
+        verdict = self._judged(chance)
+        if verdict == self._verdict or at_s - self._told_s < QUIET_S:
+            return None
+        self._told_s, self._verdict = at_s, verdict
+        speed = (None, None) if verdict == "arrives" else self._speed(observed, at_s)
+        return Message(at_s, verdict, now.soc_arrival, chance, *speed)
+
+    def _judged(self, chance: float) -> Verdict:
+        """The limits of the last verdict are wider by `MARGIN`."""
+        more = {v: MARGIN if self._verdict == v else 0.0 for v in ("arrives", "does_not_arrive")}
+        if chance >= self.chance - more["arrives"]:
+            return "arrives"
+        return "does_not_arrive" if chance <= 1.0 - self.chance + more["does_not_arrive"] else "open"
+
+    def _speed(self, observed: pd.DataFrame, at_s: float) -> tuple[float | None, float | None]:
+        """The highest speed that restores the chance, and the chance with it."""
+        plan, maker = self.departure.plan, self.departure.maker
+        ahead = plan.array("speed_m_s")[plan.array("time_s") - plan.array("time_s")[0] > at_s]
+        fastest = float(ahead.max()) if len(ahead) else 0.0
+        for speed in SPEEDS_KM_H:
+            limit = speed * M_S_PER_KM_H
+            if maker is None or fastest <= max(limit + 1.0, FAST_KM_H * M_S_PER_KM_H):
+                continue
+            chance = maker(capped(plan, limit, at_s)).update(observed).p_arrive(self.reserve)
+            if chance >= self.chance:
+                return limit, chance
+        return None, None
