@@ -68,6 +68,18 @@ def test_a_journey_by_names_is_that_by_coordinates(planner: Service) -> None:
     )
 
 
+def test_advice_on_a_journey_is_that_on_its_road(planner: Service) -> None:
+    asked = {**ASKED, "soc": 0.13, "extras": ["roof_box"]}
+    found = planner.client.post("/v1/journeys/advice", json={**asked, "chance": 0.9})
+    assert found.status_code == 200, found.text
+    advice, road = found.json(), plan(planner, **asked).json()["roads"][0]
+    assert advice["soc_arrival"] == pytest.approx(road["forecast"]["soc_arrival"])
+    assert advice["p_arrive"] == pytest.approx(road["forecast"]["p_arrive"]["0.1"])
+    codes = [one["actions"][0]["code"] for one in advice["singly"]]
+    assert "no_roof_box" in codes
+    assert planner.client.post("/v1/journeys/advice", json={**asked, "chance": 2.0}).status_code == 422
+
+
 def test_a_round_trip_and_answers_that_are_not_asked(planner: Service) -> None:
     document = {**ROADS, "routes": [{**ROADS["routes"][0]}]}
     assert document["code"] == "Ok"

@@ -33,6 +33,7 @@ from tripwatt.service.batching import LineSplitter, forecast_lines
 from tripwatt.service.car_operations import CarOperations
 from tripwatt.service.example_requests import UPLOADS
 from tripwatt.service.journey_schemas import (
+    JourneyAdviceRequest,
     MapResponse,
     NeedAnswer,
     NeedQuery,
@@ -265,6 +266,12 @@ class Api:
         """Plan a journey: roads, their forecasts, the charge to leave with, a charging stop."""
         self._require_map()
         return await self.answering.body_job(request, "plan")
+
+    @operation("POST /v1/journeys/advice", "journeys", AdviceResponse, JourneyAdviceRequest)
+    async def journey_advice(self, request: Request) -> Response:
+        """Return what to do about a journey without a charging stop: the least that helps, and what each action saves."""
+        self._require_map()
+        return await self.answering.body_job(request, "journey advice")
 
     @operation("POST /v1/reachable", "journeys", ReachResponse, ReachRequest)
     async def reach(self, request: Request) -> Response:

@@ -55,6 +55,7 @@ EXAMPLES: Final[Mapping[str, Mapping[str, Any]]] = {
             "wind_from_deg": 350.0,
         }
     },
+    "AdviceRequest": {"planned road": {**PLANNED_REQUEST, "chance": 0.95, "extras": ["roof_box"]}},
     "ReachRequest": {"a start": {"start": {"latitude_deg": 47.141, "longitude_deg": 9.5209}, "soc": 0.2}},
     "VehicleFigures": {
         "compact car": {

@@ -30,7 +30,13 @@ from tripwatt.routes import Track, is_links_table, parse_route, plan_from_route,
 from tripwatt.routes.link_objects import fields_of_route
 from tripwatt.service.car_jobs import CarJobs
 from tripwatt.service.car_schemas import LogsRequest, NewCarRequest
-from tripwatt.service.journey_schemas import NeedQuery, PlanRequest, RangeQuery, ReachRequest
+from tripwatt.service.journey_schemas import (
+    JourneyAdviceRequest,
+    NeedQuery,
+    PlanRequest,
+    RangeQuery,
+    ReachRequest,
+)
 from tripwatt.service.journeys import JourneyJobs
 from tripwatt.service.library import described, example, example_summaries, vehicles
 from tripwatt.service.schemas import (
@@ -181,6 +187,10 @@ class Jobs:
         for road in journey["roads"]:
             require_finite(road["forecast"])
         return journey
+
+    def journey_advice(self, body: bytes) -> dict[str, Any]:
+        """Return the response to a `JourneyAdviceRequest`."""
+        return self.journeys.advice(*self._journey(body, JourneyAdviceRequest))
 
     def reach(self, body: bytes) -> dict[str, Any]:
         """Return the response to a `ReachRequest`."""
@@ -453,6 +463,7 @@ JOB_KINDS: Final[Mapping[str, Callable[[Jobs, Mapping[str, Any], bytes], dict[st
             "update": lambda jobs, job, body: jobs.update(body),
             "route": lambda jobs, job, body: jobs.route(body, job["speed_m_s"]),
             "plan": lambda jobs, job, body: jobs.plan(body),
+            "journey advice": lambda jobs, job, body: jobs.journey_advice(body),
             "reach": lambda jobs, job, body: jobs.reach(body),
             "distance": lambda jobs, job, body: jobs.distance(body),
             "range": lambda jobs, job, body: jobs.range(body),

@@ -70,6 +70,13 @@ class PlanRequest(_Departs):
     """whether the battery may be heated on the way to a stop"""
 
 
+class JourneyAdviceRequest(PlanRequest):
+    """A journey, and the chance to arrive that is asked for."""
+
+    chance: float = Field(0.95, ge=0.5, le=0.999)
+    """to arrive with the reserve"""
+
+
 class ReachRequest(_Departs):
     """A start, the car, and what is known at departure."""
 

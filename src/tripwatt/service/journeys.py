@@ -6,11 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from tripwatt.advice import advise
 from tripwatt.errors import Fault, InvalidInput, raise_faults
 from tripwatt.forecasting import ForecastModel
 from tripwatt.journey import (
     Atlas,
     AtlasSettings,
+    Journey,
     JourneyOptions,
     Place,
     RoadForecaster,
@@ -19,7 +21,12 @@ from tripwatt.journey import (
     journey_with,
     open_atlas,
 )
-from tripwatt.service.journey_schemas import PlaceRequest, PlanRequest, ReachRequest
+from tripwatt.service.journey_schemas import (
+    JourneyAdviceRequest,
+    PlaceRequest,
+    PlanRequest,
+    ReachRequest,
+)
 from tripwatt.service.schemas import departure_of
 from tripwatt.trips import Departure
 
@@ -44,6 +51,14 @@ class JourneyJobs:
 
     def plan(self, request: PlanRequest, model: ForecastModel) -> dict[str, Any]:
         """Return the response to a `PlanRequest`."""
+        return self._journey(request, model).to_dict()
+
+    def advice(self, request: JourneyAdviceRequest, model: ForecastModel) -> dict[str, Any]:
+        """Return the response to a `JourneyAdviceRequest`: what to do on the fastest road without a stop to charge."""
+        alone = request.model_copy(update={"alternatives": 0, "answers": False, "charge": False})
+        return advise(self._journey(alone, model), reserve=request.reserve, chance=request.chance).to_dict()
+
+    def _journey(self, request: PlanRequest, model: ForecastModel) -> Journey:
         atlas = self._atlas()
         options = JourneyOptions(
             request.reserve,
@@ -56,7 +71,7 @@ class JourneyJobs:
         )
         stops = find_stops([place_of(stop) for stop in request.stops], atlas, round_trip=request.round_trip)
         forecaster = RoadForecaster(model, departure_of_journey(request), atlas.weather)
-        return journey_with(forecaster, stops, atlas, options).to_dict()
+        return journey_with(forecaster, stops, atlas, options)
 
     def reach(self, request: ReachRequest, model: ForecastModel) -> dict[str, Any]:
         """Return the response to a `ReachRequest`."""
