@@ -564,6 +564,10 @@ export interface components {
             charging_s: number;
             duration_s: number;
             energy_wh: number;
+            by_cause_wh: {
+                [key: string]: number;
+            };
+            battery_loss_wh: number;
             course: components["schemas"]["CourseDocument"];
             line: components["schemas"]["LineDocument"];
         };
@@ -1671,6 +1675,7 @@ export interface operations {
                 model?: string | null;
                 vehicle?: string | null;
                 car?: string | null;
+                vehicle_figures?: string | null;
                 reserve?: number | null;
                 distance_km?: number | null;
                 trip?: string | null;
@@ -1715,6 +1720,7 @@ export interface operations {
                 model?: string | null;
                 vehicle?: string | null;
                 car?: string | null;
+                vehicle_figures?: string | null;
                 reserve?: number | null;
             };
             header?: never;
