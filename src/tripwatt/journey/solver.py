@@ -129,20 +129,21 @@ def least_time(problem: StopProblem) -> StopPlan | None:
     soc = np.tile(levels, (n, 1))
     soc[0] = problem.start_soc
     before = np.zeros((n, count), dtype=np.int64)
+    top = max(problem.start_soc, 1.0)
     for node in range(1, n):
-        reached = cost[:node] + problem.time_s[:node, node, None]
-        reached[soc[:node] < problem.need[:node, node, None]] = np.inf
+        near = np.flatnonzero((problem.need[:node, node] <= top) & (problem.time_s[:node, node] < np.inf))
+        reached = cost[near] + problem.time_s[near, node, None]
+        reached[soc[near] < problem.need[near, node, None]] = np.inf
         ways = np.flatnonzero(np.isfinite(reached))
         if not len(ways):
             continue
-        total = reached.ravel()[ways]
+        total, way = reached.ravel()[ways], count * near[ways // count] + ways % count
         if node == n - 1:
-            best = int(np.argmin(total))
-            return _traced(problem, before, int(ways[best]))
-        arrival = np.clip((soc[:node] - problem.taken[:node, node, None]).ravel()[ways], 0.0, 1.0)
+            return _traced(problem, before, int(way[np.argmin(total)]))
+        arrival = np.clip((soc[near] - problem.taken[near, node, None]).ravel()[ways], 0.0, 1.0)
         cost[node], chosen = _charged(arrival, total, levels, problem.charging_s[node])
         cost[node] += problem.overhead_s
-        before[node] = ways[chosen]
+        before[node] = way[chosen]
     return None
 
 
