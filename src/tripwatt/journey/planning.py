@@ -14,8 +14,9 @@ from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecasting import Forecast, ForecastModel
 from tripwatt.journey.atlas import Atlas, AtlasSettings, open_atlas
 from tripwatt.journey.charging import OVERHEAD_S, WARM_DEGC, ChargingCurve
-from tripwatt.journey.corridor import CERTAIN, Corridor, StopRules, find_plans
+from tripwatt.journey.corridor import CERTAIN, Corridor, StopRules
 from tripwatt.journey.forecasting import RoadForecaster, capped, on_motorway
+from tripwatt.journey.plans import find_plans
 from tripwatt.journey.stops import ChargingPlan
 from tripwatt.journey.verdict import Verdict
 from tripwatt.population import for_car

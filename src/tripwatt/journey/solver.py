@@ -76,18 +76,11 @@ class StopProblem:
             total += self.charge_s(nodes[k], min(max(arrival, 0.0), 1.0), levels[k]) + self.overhead_s
         return total
 
-    def after(self, node: int, level: float, without: int, detour_s: float, detour: float) -> StopProblem:
-        """The problem from a node on, where one station was visited in vain: the detour to it comes on top."""
-        keep = [k for k in range(node, len(self.taken)) if k != without]
-        square = np.ix_(keep, keep)
-        taken, need, time = self.taken[square].copy(), self.need[square].copy(), self.time_s[square].copy()
-        taken[0] += detour
-        need[0] += detour
-        time[0] += detour_s
-        time[0, : without - node] = np.inf  # these lie before it
-        return replace(
-            self, start_soc=level, taken=taken, need=need, time_s=time, charging_s=self.charging_s[keep]
-        )
+    def among(self, nodes: IntArray) -> StopProblem:
+        """The problem with some of its nodes, ascending; the first becomes the start, the last the destination."""
+        square = np.ix_(nodes, nodes)
+        taken, need, time = self.taken[square], self.need[square], self.time_s[square]
+        return replace(self, taken=taken, need=need, time_s=time, charging_s=self.charging_s[nodes])
 
 
 @dataclass(frozen=True, slots=True)
