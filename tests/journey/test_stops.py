@@ -51,7 +51,7 @@ def test_a_stop_to_charge_where_the_charge_does_not_suffice(model):
     assert 600.0 < stop.charging_s < 7200.0
     assert plan.duration_s == pytest.approx(plan.driving_s + stop.charging_s + 300.0)
     assert stop.if_full is None
-    assert [flag.code for flag in found.flags] == ["class_charging_curve", "cold_charging_assumed"]
+    assert [flag.code for flag in found.flags] == ["class_charging_curve", "plugs_unknown", "cold_charging_assumed"]
 
 
 def test_a_slower_station_takes_longer_and_the_better_one_is_taken(model):

@@ -27,6 +27,15 @@ EFFICIENCY: Final = 0.92
 OVERHEAD_S: Final = 300.0
 """Parking, plugging in and paying."""
 
+AMERICA_DEG: Final = (-170.0, -30.0)
+EUROPE_DEG: Final = (-30.0, 60.0)
+"""Longitudes of the regions whose plugs are known."""
+EUROPEAN: Final = frozenset({"type2", "type2_cable", "schuko", "tesla_destination"})
+AMERICAN: Final = frozenset({"type1", "tesla_destination"})
+"""Plugs with alternating current, of cars sold there, by their names on OpenStreetMap."""
+CHADEMO_CAR: Final = "nissan_leaf"
+"""Beginning of the names of the library's cars that charge with CHAdeMO."""
+
 WARM_DEGC: Final = 25.0
 COLD_LOSS_1_K: Final = 0.36 / 25.0
 """Share of the power with direct current that cells lose for each kelvin below `WARM_DEGC`. Motoaki, Yi and Salisbury (2018), Energy Policy 122:
@@ -176,6 +185,26 @@ class ChargingCurve:
         middle = 0.5 * (levels[1:] + levels[:-1])
         seconds = np.diff(levels) * display_wh / self.power_at(middle, station, cell_degc) * SECONDS_PER_HOUR
         return np.concatenate(([0.0], np.cumsum(seconds)))
+
+
+def plugs_of(car: str, longitude_deg: float) -> frozenset[str]:
+    """Plugs that a car is assumed to have, by its name and the region; empty where they are not known.
+
+    Examples
+    --------
+    >>> sorted(plugs_of("nissan_leaf_40", 9.0) - EUROPEAN), "type2_combo" in plugs_of("vw_id3", 9.0)
+    (['chademo'], True)
+    """
+    for (west, east), alternating, combined in (
+        (EUROPE_DEG, EUROPEAN, {"type2_combo", "tesla_supercharger_ccs"}),
+        (AMERICA_DEG, AMERICAN, {"type1_combo", "tesla_supercharger_ccs"}),
+    ):
+        if west <= longitude_deg < east:
+            direct = {"chademo"} if car.startswith(CHADEMO_CAR) else combined
+            return (
+                alternating | direct | ({"tesla_supercharger", "nacs"} if car.startswith("tesla") else set())
+            )
+    return frozenset()
 
 
 def cold_factor(cell_degc: float) -> float:

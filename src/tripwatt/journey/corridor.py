@@ -63,12 +63,15 @@ class StopRules:
         Of each stop [s].
     preheat : bool
         Whether the battery may be heated for a stop.
+    plugs : frozenset of str
+        Of the car; empty where they are not known.
     """
 
     curve: ChargingCurve
     reserve: float
     overhead_s: float
     preheat: bool = False
+    plugs: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,9 +111,10 @@ class Corridor:
         for start, end in pairwise((0.0, *self.road.stop_position_m, self.road.distance_m)):
             position = np.append(np.arange(start, end, POINT_EVERY_M), end)
             points = [self.road.place_at(float(at)) for at in position]
-            pairs += [
-                (float(position[at]), stations[index]) for index, at in near(stations, points, DETOUR_M)
-            ]
+            for index, point in near(stations, points, DETOUR_M):
+                usable = stations[index].usable_with(self.rules.plugs)
+                if usable is not None:
+                    pairs.append((float(position[point]), usable))
         if len(pairs) <= MOST_STATIONS:
             return pairs
         stretch_m = 2.0 * self.road.distance_m / MOST_STATIONS
@@ -306,7 +310,7 @@ class Corridor:
             )
             forecaster = replace(forecaster, departure=departure)
         forecast = forecaster.forecast(road, f"leg from {self._place(i).title}"[:100])
-        return Leg(road, forecast, float(self.preheat_soc[j]))
+        return Leg(road, forecast, forecaster, float(self.preheat_soc[j]))
 
     def _place(self, node: int) -> Place:
         if 0 < node <= len(self.stations):

@@ -13,11 +13,11 @@ import pandas as pd
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecasting import Forecast, ForecastModel
 from tripwatt.journey.atlas import Atlas, AtlasSettings, open_atlas
-from tripwatt.journey.charging import OVERHEAD_S, WARM_DEGC, ChargingCurve
+from tripwatt.journey.charging import OVERHEAD_S, WARM_DEGC, ChargingCurve, plugs_of
 from tripwatt.journey.corridor import CERTAIN, Corridor, StopRules
 from tripwatt.journey.forecasting import RoadForecaster, capped, on_motorway
-from tripwatt.journey.plans import find_plans
-from tripwatt.journey.stops import ChargingPlan
+from tripwatt.journey.plans import BEST_EFFORT, find_plans
+from tripwatt.journey.stops import ChargingPlan, Leg
 from tripwatt.journey.verdict import Verdict
 from tripwatt.population import for_car
 from tripwatt.routes.places import Place
@@ -221,7 +221,7 @@ class Journey:
         Displayed charge to leave with, to arrive with the reserve in 19 of 20 trips; above 1 where a full battery does not
         suffice, and 0 where any charge does.
     costs_wh : dict
-        Energy of `climate`, `wind` and `speed` (above 100 km/h on motorways): what the journey takes less without it.
+        Energy of `climate`, `wind` and `speed` (above 100 km/h on motorways): what the journey, with its stops, takes less without it.
     speed : SpeedAdvice or None
         None where the journey arrives as it is, or has no motorway.
     charging : ChargingPlan or None
@@ -315,8 +315,8 @@ class Journey:
         Returns
         -------
         DataFrame
-            Length, time with charging, number of charges, energy [Wh] with its 90 % interval (NaN for a plan with stops), charge at arrival
-            (0 to 1), probability to have the reserve at every stop and at the end.
+            Length, time with charging, number of charges, energy [Wh] with its 90 % interval, charge at arrival (0 to 1), probability to have
+            the reserve at every stop and at the end.
 
         Examples
         --------
@@ -331,8 +331,7 @@ class Journey:
                 plan.duration_s,
                 len(plan.stops),
                 plan.energy_wh,
-                np.nan,
-                np.nan,
+                *plan.energy_interval_wh,
                 plan.soc_arrival,
                 plan.p_reserve,
             )
@@ -545,12 +544,10 @@ def journey_with(
     journey = Journey(stops, forecasts, options.reserve, needed, attribution=atlas.attribution)
     if not options.answers:
         return journey
-    journey = replace(
-        journey, costs_wh=_costs(forecaster, first), speed=_speed(forecaster, first, options.reserve)
-    )
-    if journey.arrives or not options.charge:
-        return journey
-    return _with_stops(journey, forecaster, atlas, options)
+    journey = replace(journey, speed=_speed(forecaster, first, options.reserve))
+    if options.charge and not journey.arrives:
+        journey = _with_stops(journey, forecaster, atlas, options)
+    return replace(journey, costs_wh=_costs(journey, forecaster))
 
 
 def _with_stops(
@@ -563,14 +560,20 @@ def _with_stops(
     )
     if not atlas.stations:
         return replace(journey, flags=(*journey.flags, Flag("no_stations", "charging")))
-    rules = StopRules(curve, options.reserve, options.stop_overhead_s, options.preheat_battery)
+    plugs = plugs_of(forecaster.model.vehicle.name, first.road.place_at(0.0).longitude_deg)
+    rules = StopRules(curve, options.reserve, options.stop_overhead_s, options.preheat_battery, plugs)
     corridor = Corridor(forecaster, first.road, first.forecast, atlas, rules, journey.stops[1:-1])
     plans = find_plans(corridor)
-    if not plans:
-        return replace(journey, flags=(*journey.flags, Flag("no_stop_found", "charging")))
     flags = list(journey.flags)
+    if not plans or plans[0].label == BEST_EFFORT:
+        flags.append(Flag("no_stop_found", "charging"))
+    if not plans:
+        return replace(journey, flags=tuple(flags))
     if curve.is_class:
         flags.append(Flag("class_charging_curve", "charging"))
+    known = {bool(plugs and stop.station.plugs) for stop in plans[0].stops}
+    codes = {True: "plugs_assumed", False: "plugs_unknown"}
+    flags += [Flag(code, "charging") for is_known, code in codes.items() if is_known in known]
     if float(corridor.cell_degc.min()) < WARM_DEGC and any(s.station.direct_current for s in plans[0].stops):
         flags.append(Flag("cold_charging_assumed", "charging"))
     return replace(journey, charging=plans[0], charging_alternatives=plans[1:], flags=tuple(flags))
@@ -590,9 +593,16 @@ def _labelled(roads: list[RoadForecast]) -> tuple[RoadForecast, ...]:
     )
 
 
-def _costs(forecaster: RoadForecaster, first: RoadForecast) -> dict[str, float]:
-    """What climate control, wind and speed take [Wh]."""
-    forecast, plan = first.forecast, first.forecast.plan
+def _costs(journey: Journey, forecaster: RoadForecaster) -> dict[str, float]:
+    """What climate control, wind and speed take on the whole journey [Wh]."""
+    first, plan = journey.roads[0], journey.charging
+    legs = [Leg(first.road, first.forecast, forecaster)] if plan is None else plan.legs
+    parts = [_leg_costs(leg) for leg in legs]
+    return {cause: sum(part[cause] for part in parts) for cause in parts[0]}
+
+
+def _leg_costs(leg: Leg) -> dict[str, float]:
+    forecast, forecaster, plan = leg.forecast, leg.forecaster, leg.forecast.plan
     off = replace(plan, departure=replace(plan.departure, climate="off"))
     costs = {
         "climate": forecast.energy_wh - forecaster.forecast_plan(off).energy_wh,
@@ -602,8 +612,8 @@ def _costs(forecaster: RoadForecaster, first: RoadForecast) -> dict[str, float]:
     if plan.air is not None and bool(plan.air.headwind_m_s.any()):
         calm = plan.with_weather(plan.air.calm())
         costs["wind"] = forecast.energy_wh - forecaster.forecast_plan(calm).energy_wh
-    slower = capped(first.road, CHEAPER_KM_H * M_S_PER_KM_H)
-    if slower.duration_s > first.road.duration_s:
+    slower = capped(leg.road, CHEAPER_KM_H * M_S_PER_KM_H)
+    if slower.duration_s > leg.road.duration_s:
         costs["speed"] = forecast.energy_wh - forecaster.forecast(slower).energy_wh
     return costs
 

@@ -31,6 +31,7 @@ SAFEST_TIME: Final = 1.25
 IF_FULL: Final = (CERTAIN, 0.9, 0.8)
 """Chances to reach another station from an occupied one that are tried, one after the other."""
 BEST_EFFORT: Final = "best effort"
+EVEN: Final = 0.5
 
 GAINS: Final[Mapping[str, Callable[[ChargingPlan], float]]] = MappingProxyType(
     {
@@ -45,7 +46,7 @@ GAINS: Final[Mapping[str, Callable[[ChargingPlan], float]]] = MappingProxyType(
 def find_plans(corridor: Corridor) -> tuple[ChargingPlan, ...]:
     """The fastest plan, and those that are better in something: fewest stops, safest, cheapest by energy.
 
-    Where no plan has the chance that a journey has to have, that with the highest chance to reach a first station; empty where no stations help.
+    Where no plan has the chance that a journey has to have, the one with the highest chance to reach a first station; empty where no stations help.
     """
     first, risk = _certain(corridor, "fastest", RISKS[1])
     if first is None:
@@ -116,13 +117,13 @@ def _safest(corridor: Corridor, most_s: float) -> ChargingPlan | None:
 
 
 def _best_effort(corridor: Corridor) -> tuple[ChargingPlan, ...]:
-    """The plan with the highest chance to reach its first station, where that is higher than the chance to arrive without a stop."""
+    """The plan with the highest chance to reach its first station, where it is better than no stop and the battery more likely lasts than not."""
     reserve, chances = corridor.rules.reserve, SAFEST[-2]
     found = corridor.optimum(chances, BEST_EFFORT)
     if found is None or len(found.nodes) < 3:
         return ()
     plan = ChargingPlan(BEST_EFFORT, (), corridor.driven(found), reserve)
-    if plan.p_reserve <= corridor.forecast.p_arrive(reserve):
+    if plan.p_reserve <= corridor.forecast.p_arrive(reserve) or plan.p_arrive < EVEN:
         return ()
     return (_with_stops(corridor, plan, found, chances),)
 

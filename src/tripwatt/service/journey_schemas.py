@@ -235,6 +235,8 @@ class StationDocument(ResponseModel):
     direct_current: bool
     power_known: bool
     """whether the map gives the power; else it is assumed"""
+    plugs: list[str]
+    """sockets by their names on OpenStreetMap; empty: not known"""
 
 
 class NextStationDocument(ResponseModel):
@@ -288,7 +290,7 @@ class CourseDocument(ResponseModel):
 class ChargingDocument(ResponseModel):
     """A journey with its stops to charge, the whole of it."""
 
-    label: str = Field(description='"fastest", "fewest stops", "safest" or "cheapest"')
+    label: str = Field(description='"fastest", "fewest stops", "safest", "cheapest" or "best effort"')
     stops: list[ChargingStopDocument]
     p_arrive: float
     """probability that the battery is empty nowhere"""
@@ -301,6 +303,10 @@ class ChargingDocument(ResponseModel):
     """at stations, with overheads"""
     duration_s: float
     energy_wh: float
+    energy_interval_wh: list[float]
+    """90 % interval"""
+    by_cause_wh: dict[str, float]
+    """parts that add up to the energy"""
     course: CourseDocument
     line: LineDocument
 
