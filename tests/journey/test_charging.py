@@ -9,6 +9,7 @@ from tests.journey.made import COLD, journey
 from tripwatt.errors import InvalidInput
 from tripwatt.journey import (
     ChargingCurve,
+    Place,
 )
 from tripwatt.journey.charging import AMERICAN, EFFICIENCY, EUROPEAN, cold_factor, plugs_of
 from tripwatt.routes.maps import Station
@@ -81,8 +82,9 @@ def test_cold_cells_take_less_direct_current_and_no_less_alternating():
 
 
 def test_plugs_are_those_of_the_region_and_of_the_car():
-    assert plugs_of("vw_id3", 9.0) == EUROPEAN | {"type2_combo", "tesla_supercharger_ccs"}
-    assert plugs_of("vw_id4", -100.0) == AMERICAN | {"type1_combo", "tesla_supercharger_ccs"}
-    assert plugs_of("nissan_leaf_40", 9.0) == EUROPEAN | {"chademo"}
-    assert {"tesla_supercharger", "nacs"} <= plugs_of("tesla_model_3_lr", -100.0)
-    assert plugs_of("vw_id3", 139.7) == frozenset()
+    vaduz, boston, kyoto = Place(47.0, 9.5), Place(42.4, -71.1), Place(35.0, 135.8)
+    assert plugs_of("vw_id3", vaduz) == EUROPEAN | {"tesla_supercharger_ccs"}
+    assert plugs_of("vw_id4", boston) == AMERICAN | {"tesla_supercharger_ccs"}
+    assert plugs_of("nissan_leaf_40", vaduz) == EUROPEAN - {"type2_combo"} | {"chademo"}
+    assert {"tesla_supercharger", "nacs", "type1_combo"} <= plugs_of("tesla_model_3_lr", boston)
+    assert plugs_of("vw_id3", kyoto) == frozenset()

@@ -10,6 +10,7 @@ import numpy as np
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import InvalidInput
 from tripwatt.routes.maps import Station
+from tripwatt.routes.places import Place
 from tripwatt.units import SECONDS_PER_HOUR
 from tripwatt.vehicles import Vehicle
 
@@ -27,12 +28,11 @@ EFFICIENCY: Final = 0.92
 OVERHEAD_S: Final = 300.0
 """Parking, plugging in and paying."""
 
-AMERICA_DEG: Final = (-170.0, -30.0)
-EUROPE_DEG: Final = (-30.0, 60.0)
-"""Longitudes of the regions whose plugs are known."""
-EUROPEAN: Final = frozenset({"type2", "type2_cable", "schuko", "tesla_destination"})
-AMERICAN: Final = frozenset({"type1", "tesla_destination"})
-"""Plugs with alternating current, of cars sold there, by their names on OpenStreetMap."""
+EUROPEAN: Final = frozenset({"type2", "type2_cable", "schuko", "tesla_destination", "type2_combo"})
+AMERICAN: Final = frozenset({"type1", "tesla_destination", "type1_combo"})
+"""Plugs of cars that are sold there, by their names on OpenStreetMap."""
+REGIONS: Final = ((34.0, -50.0, 84.0, 45.0, EUROPEAN), (7.0, -170.0, 84.0, -50.0, AMERICAN))
+"""South, west, north and east of Europe and of North America [°]; elsewhere, plugs differ from country to country."""
 CHADEMO_CAR: Final = "nissan_leaf"
 """Beginning of the names of the library's cars that charge with CHAdeMO."""
 
@@ -187,23 +187,20 @@ class ChargingCurve:
         return np.concatenate(([0.0], np.cumsum(seconds)))
 
 
-def plugs_of(car: str, longitude_deg: float) -> frozenset[str]:
-    """Plugs that a car is assumed to have, by its name and the region; empty where they are not known.
+def plugs_of(car: str, place: Place) -> frozenset[str]:
+    """Plugs that a car is assumed to have, by its name and the region of a place; empty where they are not known.
 
     Examples
     --------
-    >>> sorted(plugs_of("nissan_leaf_40", 9.0) - EUROPEAN), "type2_combo" in plugs_of("vw_id3", 9.0)
-    (['chademo'], True)
+    >>> sorted(plugs_of("nissan_leaf_40", Place(47.0, 9.0)) - plugs_of("vw_id3", Place(47.0, 9.0)))
+    ['chademo']
     """
-    for (west, east), alternating, combined in (
-        (EUROPE_DEG, EUROPEAN, {"type2_combo", "tesla_supercharger_ccs"}),
-        (AMERICA_DEG, AMERICAN, {"type1_combo", "tesla_supercharger_ccs"}),
-    ):
-        if west <= longitude_deg < east:
-            direct = {"chademo"} if car.startswith(CHADEMO_CAR) else combined
-            return (
-                alternating | direct | ({"tesla_supercharger", "nacs"} if car.startswith("tesla") else set())
-            )
+    tesla = {"tesla_supercharger", "nacs"} if car.startswith("tesla") else set[str]()
+    for south, west, north, east, usual in REGIONS:
+        if south <= place.latitude_deg < north and west <= place.longitude_deg < east:
+            if car.startswith(CHADEMO_CAR):
+                return usual - {"type1_combo", "type2_combo"} | {"chademo"}
+            return usual | tesla | {"tesla_supercharger_ccs"}
     return frozenset()
 
 

@@ -560,7 +560,7 @@ def _with_stops(
     )
     if not atlas.stations:
         return replace(journey, flags=(*journey.flags, Flag("no_stations", "charging")))
-    plugs = plugs_of(forecaster.model.vehicle.name, first.road.place_at(0.0).longitude_deg)
+    plugs = plugs_of(forecaster.model.vehicle.name, first.road.place_at(0.0))
     rules = StopRules(curve, options.reserve, options.stop_overhead_s, options.preheat_battery, plugs)
     corridor = Corridor(forecaster, first.road, first.forecast, atlas, rules, journey.stops[1:-1])
     plans = find_plans(corridor)
