@@ -120,11 +120,8 @@ def test_errors_of_energy_add_up_over_legs_between_independent_and_common_ones(l
 
 def test_costs_are_those_of_all_legs(model, long_journey):
     legs = long_journey.charging.legs
-    still = [
-        leg.forecaster.forecast_plan(leg.forecast.plan.with_departure(tw.Departure(climate="off")))
-        for leg in legs
-    ]
-    without = sum(forecast.energy_wh for forecast in still)
+    off = tw.Departure(climate="off")
+    without = sum(model.forecast(leg.forecast.plan, off).energy_wh for leg in legs)
     driven = sum(leg.forecast.energy_wh for leg in legs)
     assert long_journey.costs_wh["climate"] == pytest.approx(driven - without)
     assert long_journey.costs_wh["speed"] > 0.0

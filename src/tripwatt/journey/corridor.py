@@ -46,6 +46,8 @@ FEWEST_S: Final = 2e4
 CHEAPEST_S: Final = 1e6
 SHORT_S: Final = 1e8
 """Costs of a stop, of a full display, and of a full display that the charge at the start lacks; the time counts little beside them."""
+OF_LEG: Final = ("soc", "bms_soc", "follows_trip", "battery_temperature_degc", "departs_at")
+"""Fields of a departure that differ between legs."""
 SPAN: Final = np.array([0.1, 0.8])
 """Charge by which it is decided whether heating the battery is worth its energy."""
 
@@ -310,7 +312,7 @@ class Corridor:
             )
             forecaster = replace(forecaster, departure=departure)
         forecast = forecaster.forecast(road, f"leg from {self._place(i).title}"[:100])
-        return Leg(road, forecast, forecaster, float(self.preheat_soc[j]))
+        return Leg(road, forecast, float(self.preheat_soc[j]))
 
     def _place(self, node: int) -> Place:
         if 0 < node <= len(self.stations):

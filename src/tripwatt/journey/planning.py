@@ -14,7 +14,7 @@ from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecasting import Forecast, ForecastModel
 from tripwatt.journey.atlas import Atlas, AtlasSettings, open_atlas
 from tripwatt.journey.charging import OVERHEAD_S, WARM_DEGC, ChargingCurve, plugs_of
-from tripwatt.journey.corridor import CERTAIN, Corridor, StopRules
+from tripwatt.journey.corridor import CERTAIN, OF_LEG, Corridor, StopRules
 from tripwatt.journey.forecasting import RoadForecaster, capped, on_motorway
 from tripwatt.journey.plans import BEST_EFFORT, find_plans
 from tripwatt.journey.stops import ChargingPlan, Leg
@@ -50,6 +50,8 @@ WAYS: Final = (
     "energy_low_wh",
     "energy_high_wh",
     "soc_arrival",
+    "soc_low",
+    "soc_high",
     "p_arrive",
 )
 """Columns of `Journey.to_frame`."""
@@ -151,6 +153,10 @@ class RoadForecast:
         series = self.forecast.series()
         scale = series["distance_m"].iloc[-1] / self.road.distance_m
         return float(np.interp(position_m * scale, series["distance_m"], series["displayed_soc"]))
+
+    def without_stops(self, reserve: float) -> ChargingPlan:
+        """The whole journey on this road."""
+        return ChargingPlan(", ".join(self.labels), (), (Leg(self.road, self.forecast),), reserve)
 
     def to_dict(self, reserve: float | None = None) -> dict[str, Any]:
         """Convert the forecast to plain values: the line on the map, the kinds of road, the forecast.
@@ -262,7 +268,7 @@ class Journey:
         """Of the whole journey: with its stops to charge, where they are needed and help."""
         slower = "none" if self.speed is None or self.speed.speed_m_s is None else "slower"
         else_ = "charge_before" if self.soc_needed <= 1.0 else slower
-        return Verdict.of(self.forecast, self.charging, self.reserve, else_)
+        return Verdict.of(self.charging or self.roads[0].without_stops(self.reserve), else_)
 
     @property
     def arrives(self) -> bool:
@@ -315,8 +321,8 @@ class Journey:
         Returns
         -------
         DataFrame
-            Length, time with charging, number of charges, energy [Wh] with its 90 % interval, charge at arrival (0 to 1), probability to have
-            the reserve at every stop and at the end.
+            Length, time with charging, number of charges, energy [Wh] and charge at arrival (0 to 1) with their 90 % intervals, probability to
+            have the reserve at every stop and at the end.
 
         Examples
         --------
@@ -324,6 +330,7 @@ class Journey:
         >>> journey = tw.plan_journey(["Vaduz", "Malbun"], tw.Departure(soc=0.6), atlas="map")  # doctest: +SKIP
         >>> journey.to_frame()  # doctest: +SKIP
         """
+        ways = (*self.charging_plans, *(road.without_stops(self.reserve) for road in self.roads))
         rows = [
             (
                 plan.label,
@@ -333,22 +340,10 @@ class Journey:
                 plan.energy_wh,
                 *plan.energy_interval_wh,
                 plan.soc_arrival,
+                *plan.soc_interval,
                 plan.p_reserve,
             )
-            for plan in self.charging_plans
-        ]
-        rows += [
-            (
-                ", ".join(road.labels),
-                road.road.distance_m,
-                road.forecast.plan.duration_s,
-                0,
-                road.forecast.energy_wh,
-                *road.forecast.interval(0.9),
-                road.forecast.soc_arrival,
-                road.forecast.p_arrive(self.reserve),
-            )
-            for road in self.roads
+            for plan in ways
         ]
         return pd.DataFrame(rows, columns=list(WAYS))
 
@@ -595,14 +590,15 @@ def _labelled(roads: list[RoadForecast]) -> tuple[RoadForecast, ...]:
 
 def _costs(journey: Journey, forecaster: RoadForecaster) -> dict[str, float]:
     """What climate control, wind and speed take on the whole journey [Wh]."""
-    first, plan = journey.roads[0], journey.charging
-    legs = [Leg(first.road, first.forecast, forecaster)] if plan is None else plan.legs
-    parts = [_leg_costs(leg) for leg in legs]
+    whole = journey.charging or journey.roads[0].without_stops(journey.reserve)
+    parts = [_leg_costs(leg, forecaster) for leg in whole.legs]
     return {cause: sum(part[cause] for part in parts) for cause in parts[0]}
 
 
-def _leg_costs(leg: Leg) -> dict[str, float]:
-    forecast, forecaster, plan = leg.forecast, leg.forecaster, leg.forecast.plan
+def _leg_costs(leg: Leg, forecaster: RoadForecaster) -> dict[str, float]:
+    forecast, plan = leg.forecast, leg.forecast.plan
+    own = {name: getattr(plan.departure, name) for name in OF_LEG}
+    forecaster = replace(forecaster, departure=replace(forecaster.departure, **own))
     off = replace(plan, departure=replace(plan.departure, climate="off"))
     costs = {
         "climate": forecast.energy_wh - forecaster.forecast_plan(off).energy_wh,

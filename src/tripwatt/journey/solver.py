@@ -199,6 +199,8 @@ def joint_chance(chances: FloatArray, shared: FloatArray) -> float:
     """
     from scipy.special import ndtr, ndtri
 
+    if len(chances) == 1:
+        return float(chances[0])
     common = np.clip(shared, 0.0, 0.999)[:, None]
     limit = ndtri(np.clip(chances, 1e-12, 1.0 - 1e-12))[:, None]
     given = ndtr((limit - common * _Z) / np.sqrt(1.0 - common**2)).prod(axis=0)

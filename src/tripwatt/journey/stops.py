@@ -10,7 +10,6 @@ import pandas as pd
 
 from tripwatt.arrays import FloatArray
 from tripwatt.forecasting import Forecast
-from tripwatt.journey.forecasting import RoadForecaster
 from tripwatt.journey.solver import joint_chance
 from tripwatt.routes.maps import Station
 from tripwatt.routes.routers import Road
@@ -113,15 +112,12 @@ class Leg:
     road : Road
     forecast : Forecast
         From the charge that the leg is left with.
-    forecaster : RoadForecaster
-        With the departure of the leg.
     preheat_soc : float
         Displayed charge that heats the battery for the stop at its end.
     """
 
     road: Road
     forecast: Forecast
-    forecaster: RoadForecaster
     preheat_soc: float = 0.0
 
     def chance(self, reserve: float) -> float:
@@ -164,9 +160,7 @@ class Leg:
         """The leg from another charge; forecast again where that is not close."""
         if abs(soc - (self.forecast.plan.departure.soc or 0.0)) <= CLOSE_SOC:
             return self.shifted(soc)
-        departure = replace(self.forecaster.departure, soc=soc)
-        forecaster = replace(self.forecaster, departure=departure)
-        return replace(self, forecast=self.forecast.leaving_with(soc), forecaster=forecaster)
+        return replace(self, forecast=self.forecast.leaving_with(soc))
 
 
 def variance_along(forecast: Forecast) -> tuple[FloatArray, FloatArray]:
@@ -197,7 +191,7 @@ def variance_along(forecast: Forecast) -> tuple[FloatArray, FloatArray]:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ChargingPlan:
-    """A journey with stops to charge, the whole of it.
+    """A whole journey with its stops to charge, or on one road without a stop.
 
     Attributes
     ----------

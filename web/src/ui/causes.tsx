@@ -13,8 +13,10 @@ function nameOf(key: string): string {
   return names[key] ?? key;
 }
 
+type Caused = Pick<Forecast, "by_cause_wh" | "energy_wh" | "battery_loss_wh">;
+
 /** Energy by cause: a table with a waterfall chart in its cells. */
-export function Causes({ of, other }: { of: Forecast; other: Forecast | null }) {
+export function Causes({ of, other }: { of: Caused; other: Caused | null }) {
   const { figure, shown, signed } = format.value;
   const { causes, compare } = text.value;
   const steps = waterfall(of.by_cause_wh, new Set(["correction", "climate"]));
