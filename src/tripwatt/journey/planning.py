@@ -17,7 +17,7 @@ from tripwatt.journey.charging import OVERHEAD_S, WARM_DEGC, ChargingCurve, plug
 from tripwatt.journey.corridor import CERTAIN, OF_LEG, Corridor, StopRules
 from tripwatt.journey.forecasting import RoadForecaster, capped, on_motorway
 from tripwatt.journey.plans import BEST_EFFORT, find_plans
-from tripwatt.journey.stops import ChargingPlan, Leg
+from tripwatt.journey.stops import ENERGY_BAND, ChargingPlan, Leg
 from tripwatt.journey.verdict import Verdict
 from tripwatt.population import for_car
 from tripwatt.routes.places import Place
@@ -41,20 +41,6 @@ CHEAPER_KM_H: Final = 100.0
 """The cost of speed is that over this speed on motorways."""
 
 LEAST_MOTORWAY_M: Final = 1000.0
-WAYS: Final = (
-    "labels",
-    "distance_m",
-    "duration_s",
-    "charges",
-    "energy_wh",
-    "energy_low_wh",
-    "energy_high_wh",
-    "soc_arrival",
-    "soc_low",
-    "soc_high",
-    "p_arrive",
-)
-"""Columns of `Journey.to_frame`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -332,20 +318,21 @@ class Journey:
         """
         ways = (*self.charging_plans, *(road.without_stops(self.reserve) for road in self.roads))
         rows = [
-            (
-                plan.label,
-                plan.distance_m,
-                plan.duration_s,
-                len(plan.stops),
-                plan.energy_wh,
-                *plan.energy_interval_wh,
-                plan.soc_arrival,
-                *plan.soc_interval,
-                plan.p_reserve,
-            )
+            {
+                "labels": plan.label,
+                "distance_m": plan.distance_m,
+                "duration_s": plan.duration_s,
+                "charges": len(plan.stops),
+                "energy_wh": plan.energy_wh,
+                **dict(zip(ENERGY_BAND, plan.energy_interval_wh, strict=True)),
+                "soc_arrival": plan.soc_arrival,
+                "soc_low": plan.soc_interval[0],
+                "soc_high": plan.soc_interval[1],
+                "p_arrive": plan.p_reserve,
+            }
             for plan in ways
         ]
-        return pd.DataFrame(rows, columns=list(WAYS))
+        return pd.DataFrame(rows)
 
     def plot(self, ax: Axes | None = None) -> Figure:
         """Energy and state of charge along the journey, with the jumps of its stops to charge.

@@ -78,11 +78,8 @@ def write_index(
     with closing(sqlite3.connect(path)) as database, database:
         database.executescript(SCHEMA)
         for batch in _batches(objects, 20_000):
-            stations = [
-                (*astuple(item)[:-1], SEPARATOR.join(item.plugs))
-                for item in batch
-                if isinstance(item, Station)
-            ]
+            found = [item for item in batch if isinstance(item, Station)]
+            stations = [(*astuple(station)[:-1], " ".join(station.plugs)) for station in found]
             database.executemany("INSERT INTO stations VALUES (?, ?, ?, ?, ?, ?, ?)", stations)
             named = [item for item in batch if isinstance(item, Named)]
             database.executemany("INSERT INTO read VALUES (?, ?, ?, ?, ?, ?, ?)", _rows(named, nearest))
@@ -348,15 +345,7 @@ class PlaceIndex:
         """All charging stations."""
         rows = self.database.execute("SELECT * FROM stations").fetchall()
         return tuple(
-            Station(
-                lat,
-                lon,
-                name,
-                w,
-                bool(dc),
-                bool(known),
-                tuple(filter(None, SEPARATOR.join(plugs).split(SEPARATOR))),
-            )
+            Station(lat, lon, name, w, bool(dc), bool(known), tuple("".join(plugs).split()))
             for lat, lon, name, w, dc, known, *plugs in rows  # an index of an older version has no plugs
         )
 
