@@ -26,6 +26,7 @@ from tripwatt.journey.solver import LEVELS, least_time
 from tripwatt.journey.stops import ChargingPlan
 from tripwatt.routes.maps import Station
 from tripwatt.uncertainty import ChargeScale, UncertaintyModel
+from tripwatt.uncertainty.charge import NORMAL_SCALE
 from tripwatt.uncertainty.process import HeldOutResidual, Segments
 
 INSTANCES = 500
@@ -37,6 +38,8 @@ CONSTANT_W, DRIFT_W, DRIFT_S, SHARE = 350.0, 900.0, 600.0, 0.03
 DISPLAY_SD = 0.006
 CHANCE_ERROR = 0.02
 LENGTH_KM, STATIONS = 1000.0, 200
+ROAD = 330.0, 12
+"""Length [km] and stations of the road on which the chances are counted."""
 
 
 def residuals(moved_w: Any, rng: Any, constant_w: Any, share: Any) -> Any:
@@ -89,7 +92,9 @@ class LevelRouter(MadeRouter):
         return (leg,)
 
 
-def planned(seed: int, length_km: float = 330.0, count: int = 12, trips: int = TRAINING_TRIPS) -> Corridor:
+def planned(
+    seed: int, length_km: float = ROAD[0], count: int = ROAD[1], trips: int = TRAINING_TRIPS
+) -> Corridor:
     """A level road with stations in the made world, with what its trips taught."""
     rng = np.random.default_rng(seed)
     model = copy.copy(tw.load_model("bmw_i3_tum"))
@@ -133,16 +138,18 @@ def held(plan: ChargingPlan, draws: int, seed: int) -> tuple[list[float], float]
         )
         taken = (forecast.energy_wh + error_wh) * (1.0 + capacity) / charge.wh_per_display
         start = float(forecast.soc_along(0.5)[0])
-        shown = start - taken + rng.normal(0.0, DISPLAY_SD / 0.7716, draws)
+        shown = start - taken + rng.normal(0.0, DISPLAY_SD / NORMAL_SCALE, draws)
         good.append(shown >= plan.reserve)
     return [float(np.mean(leg)) for leg in good], float(np.mean(np.all(good, axis=0)))
 
 
-def chances(draws: int = DRAWS, worlds: int = 3, trips: int = TRAINING_TRIPS) -> tuple[float, float]:
+def chances(
+    draws: int = DRAWS, worlds: int = 3, trips: int = TRAINING_TRIPS, road: tuple[float, int] = ROAD
+) -> tuple[float, float]:
     """Largest errors of the stated chance of a leg and of the whole journey, over worlds that were learned apart."""
     legs, wholes = [], []
     for seed in range(worlds):
-        (plan, *_) = find_plans(planned(seed, trips=trips))
+        (plan, *_) = find_plans(planned(seed, *road, trips))
 
         shares, whole = held(plan, draws, 1000 + seed)
         legs += [share - leg.chance(plan.reserve) for share, leg in zip(shares, plan.legs, strict=True)]
@@ -179,14 +186,14 @@ def rows() -> Iterator[Row]:
     yield Row(
         "chance of the whole journey with the fastest of them", found[0].p_reserve, least=0.95, most=0.97
     )
-    leg, whole = chances()
-    for name, error in (("a leg", leg), ("the whole journey", whole)):
-        yield Row(
-            f"share of {DRAWS} drives that have the reserve less the stated chance, {name}",
-            error,
-            least=-CHANCE_ERROR,
-            most=CHANCE_ERROR,
-        )
+    for road in (ROAD, (LENGTH_KM, STATIONS)):
+        for name, error in zip(("a leg", "the whole journey"), chances(road=road), strict=True):
+            yield Row(
+                f"share of {DRAWS} drives that have the reserve less the stated chance, {road[0]:.0f} km, {name}",
+                error,
+                least=-CHANCE_ERROR,
+                most=CHANCE_ERROR,
+            )
 
 
 def main() -> int:

@@ -254,7 +254,7 @@ class Journey:
         """Of the whole journey: with its stops to charge, where they are needed and help."""
         slower = "none" if self.speed is None or self.speed.speed_m_s is None else "slower"
         else_ = "charge_before" if self.soc_needed <= 1.0 else slower
-        return Verdict.of(self.charging or self.roads[0].without_stops(self.reserve), else_)
+        return Verdict.from_plan(self.charging or self.roads[0].without_stops(self.reserve), else_)
 
     @property
     def arrives(self) -> bool:

@@ -58,7 +58,7 @@ class Verdict:
     advice: str
 
     @classmethod
-    def of(cls, plan: ChargingPlan, else_: str) -> Verdict:
+    def from_plan(cls, plan: ChargingPlan, else_: str) -> Verdict:
         """Of a whole journey; `else_` is the advice where it does not arrive."""
         leaves, arrives = plan.legs[0].forecast.plan.departure.departs_at, plan.p_reserve >= CERTAIN
         advice = else_ if not arrives else "stop" if plan.stops else "go"
