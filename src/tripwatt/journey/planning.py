@@ -141,7 +141,25 @@ class RoadForecast:
         return float(np.interp(position_m * scale, series["distance_m"], series["displayed_soc"]))
 
     def without_stops(self, reserve: float) -> ChargingPlan:
-        """The whole journey on this road."""
+        """The whole journey on this road.
+
+        Parameters
+        ----------
+        reserve : float
+            Displayed state of charge to arrive with.
+
+        Returns
+        -------
+        ChargingPlan
+            Of one leg.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> journey = tw.plan_journey(["Vaduz", "Malbun"], tw.Departure(soc=0.6), atlas="map")  # doctest: +SKIP
+        >>> journey.roads[0].without_stops(0.1).stops  # doctest: +SKIP
+        ()
+        """
         return ChargingPlan(", ".join(self.labels), (), (Leg(self.road, self.forecast),), reserve)
 
     def to_dict(self, reserve: float | None = None) -> dict[str, Any]:
