@@ -77,6 +77,12 @@ export const WORDS: WordsOfFlags = {
   "class_charging_curve": {
     "text": "Die Ladekurve des Fahrzeugs ist unbekannt; die eines Mittelklassewagens wird angenommen."
   },
+  "plugs_assumed": {
+    "text": "Die Stecker des Fahrzeugs sind unbekannt; die in der Region üblichen werden angenommen, und Stationen ohne einen davon bleiben weg."
+  },
+  "plugs_unknown": {
+    "text": "Die Stecker einer Station am Weg sind unbekannt; sie passt vermutlich zum Fahrzeug."
+  },
   "cold_charging_assumed": {
     "text": "Wie langsam das Fahrzeug mit kalter Batterie lädt, ist unbekannt; der Leistungsverlust eines Modells wird angenommen."
   },

@@ -49,6 +49,8 @@ export const FLAGS: Readonly<Record<string, Rule>> = {
   "no_stations": {},
   "no_stop_found": {},
   "class_charging_curve": {},
+  "plugs_assumed": {},
+  "plugs_unknown": {},
   "cold_charging_assumed": {},
   "map_ends": {},
   "route_error_unknown": {
@@ -160,6 +162,12 @@ export const WORDS: WordsOfFlags = {
   },
   "class_charging_curve": {
     "text": "The charging curve of the car is not known; that of a middle-class car is assumed."
+  },
+  "plugs_assumed": {
+    "text": "The plugs of the car are not known; those usual for such cars in the region are assumed, and stations without one are left out."
+  },
+  "plugs_unknown": {
+    "text": "The plugs of a station on the way are not known; it is taken to fit the car."
   },
   "cold_charging_assumed": {
     "text": "How slowly the car charges with a cold battery is not known; the loss of power of one model of car is assumed."

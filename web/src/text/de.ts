@@ -146,6 +146,7 @@ const de: Text = {
       "fewest stops": "Wenigste Stopps",
       safest: "Am sichersten",
       cheapest: "Wenigste Energie",
+      "best effort": "Bestmöglich",
     },
     stops: (stops) => count(stops, { one: "# Stopp", other: "# Stopps" }),
     chargeFor: (arrival, leave, time) => `${arrival} bis ${leave} in ${time}`,

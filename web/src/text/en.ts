@@ -139,6 +139,7 @@ export const en = {
       "fewest stops": "Fewest stops",
       safest: "Safest",
       cheapest: "Least energy",
+      "best effort": "Best effort",
     },
     stops: (stops: number) => count(stops, { one: "# stop", other: "# stops" }),
     chargeFor: (arrival: string, leave: string, time: string) => `${arrival} to ${leave} in ${time}`,

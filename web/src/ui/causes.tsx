@@ -1,7 +1,6 @@
 import type { Forecast } from "../api/documents";
 import { waterfall } from "../model/causes";
 import { ENERGY } from "../model/units";
-import { chargingPlan } from "../state/answer";
 import { isMeasured, model } from "../state/car";
 import { format, text } from "../state/preferences";
 import { Climb } from "./climb";
@@ -15,9 +14,10 @@ function nameOf(key: string): string {
   return names[key] ?? key;
 }
 
-/** Energy by cause, of the whole journey: a table with a waterfall chart in its cells. */
-export function Causes({ of: road, other }: { of: Forecast; other: Forecast | null }) {
-  const of = chargingPlan.value ?? road;
+type Caused = Pick<Forecast, "by_cause_wh" | "energy_wh" | "battery_loss_wh">;
+
+/** Energy by cause: a table with a waterfall chart in its cells. */
+export function Causes({ of, road, other }: { of: Caused; road: Forecast; other: Caused | null }) {
   const { figure, shown, signed } = format.value;
   const { causes, compare } = text.value;
   const steps = waterfall(of.by_cause_wh, new Set(["correction", "climate"]));
