@@ -11,7 +11,6 @@ import reprlib
 from collections.abc import Iterable, Mapping, Sequence, Sized
 from dataclasses import asdict, dataclass
 from importlib.util import find_spec
-from types import MappingProxyType
 from typing import Any, Final, Self
 
 MOST_FAULTS: Final = 50
@@ -127,14 +126,12 @@ class Fault:
         return f"{text}: {'; '.join(parts)}" if parts else text
 
 
-EXTRAS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
-    {
-        "service": ("fastapi", "pydantic", "uvicorn", "orjson", "prometheus_client"),
-        "fleet": ("deltalake",),
-        "routing": ("httpx",),
-        "live": ("aiomqtt",),
-    }
-)
+EXTRAS: Final[Mapping[str, tuple[str, ...]]] = {
+    "service": ("fastapi", "pydantic", "uvicorn", "orjson", "prometheus_client"),
+    "fleet": ("deltalake",),
+    "routing": ("httpx",),
+    "live": ("aiomqtt",),
+}
 """Extra of the package -> the modules without which none of its commands works."""
 
 

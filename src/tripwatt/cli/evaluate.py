@@ -21,6 +21,7 @@ from tripwatt.cli.options import (
     add_command,
     car_of,
     gather,
+    option,
     read_logs,
 )
 from tripwatt.cli.output import check_writable, finished_folds, unfinished_folder, write_whole
@@ -48,45 +49,31 @@ def evaluate(
     data: DataArgument = None,
     out: Annotated[
         Path,
-        typer.Option(
-            "--out",
-            "-o",
-            metavar="FOLDER",
-            help="Folder for the results. It is created when the run is complete.",
-        ),
+        option("FOLDER", "Folder for the results. It is created when the run is complete.", "--out", "-o"),
     ] = Path("out"),
     dataset: DatasetOption = None,
     mapping: MappingOption = None,
     strict: StrictOption = False,
-    protocol: Annotated[
-        str, typer.Option(metavar="NAME", help="Comparison: paper, forecast or cars.")
-    ] = "paper",
+    protocol: Annotated[str, option("NAME", "Comparison: paper, forecast or cars.")] = "paper",
     test: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="DATA", help="Fit on DATA and score on these trips. Only with --protocol forecast."
-        ),
+        Path | None, option("DATA", "Fit on DATA and score on these trips. Only with --protocol forecast.")
     ] = None,
     models: Annotated[
-        str | None,
-        typer.Option(metavar="NAME,NAME", help="Models to evaluate. Default: all models of the protocol."),
+        str | None, option("NAME,NAME", "Models to evaluate. Default: all models of the protocol.")
     ] = None,
     hold_outs: Annotated[
         str | None,
-        typer.Option(
-            metavar="NAME,NAME",
-            help="Hold-outs to run, for example leave_one_trip_out:reference. Default: all of the protocol, and the studies beside it.",
+        option(
+            "NAME,NAME",
+            "Hold-outs to run, for example leave_one_trip_out:reference. Default: all of the protocol, and the studies beside it.",
         ),
     ] = None,
     vehicle: VehicleOption = None,
     overrides: SetOption = None,
     seed: Annotated[
-        int,
-        typer.Option(
-            min=0, metavar="N", help="Seed of the random numbers. The same seed gives the same results."
-        ),
+        int, option("N", "Seed of the random numbers. The same seed gives the same results.", min=0)
     ] = 0,
-    jobs: Annotated[int, typer.Option(metavar="N", help="Number of processes; -1 uses all cores.")] = -1,
+    jobs: Annotated[int, option("N", "Number of processes; -1 uses all cores.")] = -1,
     resume: Annotated[
         bool, typer.Option("--resume", help="Continue an interrupted run; finished folds are reused.")
     ] = False,

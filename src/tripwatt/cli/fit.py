@@ -20,6 +20,7 @@ from tripwatt.cli.options import (
     add_command,
     car_of,
     gather,
+    option,
     read_logs,
 )
 from tripwatt.cli.printing import console, print_json, print_notes, progress
@@ -38,13 +39,7 @@ def add_commands(app: typer.Typer) -> None:
 def fit(
     data: DataArgument = None,
     out: Annotated[
-        Path,
-        typer.Option(
-            "--out",
-            "-o",
-            metavar="MODEL",
-            help="Folder of the model. It is created when the fit is complete.",
-        ),
+        Path, option("MODEL", "Folder of the model. It is created when the fit is complete.", "--out", "-o")
     ] = Path("model"),
     dataset: DatasetOption = None,
     mapping: MappingOption = None,
@@ -52,10 +47,7 @@ def fit(
     vehicle: VehicleOption = None,
     overrides: SetOption = None,
     corrector: Annotated[
-        str,
-        typer.Option(
-            metavar="NAME", help="Statistical model: linear, gp, boosting, forest, ensemble or split."
-        ),
+        str, option("NAME", "Statistical model: linear, gp, boosting, forest, ensemble or split.")
     ] = "split",
     identify: Annotated[
         bool,
@@ -75,17 +67,14 @@ def fit(
     ] = False,
     base: Annotated[
         Path | None,
-        typer.Option(
-            metavar="MODEL",
-            help="Adapt this model of another car to the trips. A few trips are enough. --corrector and --seed are then "
+        option(
+            "MODEL",
+            "Adapt this model of another car to the trips. A few trips are enough. --corrector and --seed are then "
             "taken from this model.",
         ),
     ] = None,
     seed: Annotated[
-        int,
-        typer.Option(
-            min=0, metavar="N", help="Seed of the random numbers. The same seed gives the same model."
-        ),
+        int, option("N", "Seed of the random numbers. The same seed gives the same model.", min=0)
     ] = 0,
     as_json: JsonOption = False,
 ) -> None:

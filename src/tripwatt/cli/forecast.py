@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import typer
 
 from tripwatt.cli.departing import DepartureOf, departure_options
-from tripwatt.cli.options import JsonOption, add_command, gather, model_of, options_named
+from tripwatt.cli.options import JsonOption, add_command, argument, gather, model_of, option, options_named
 from tripwatt.cli.output import write_bytes, write_text
 from tripwatt.cli.printing import print_json, print_notes, print_table
 from tripwatt.errors import Fault, InvalidInput, raise_faults
@@ -32,9 +32,9 @@ def add_commands(app: typer.Typer) -> None:
 def forecast(
     paths: Annotated[
         list[Path],
-        typer.Argument(
-            metavar="[MODEL] TRIP",
-            help="Folder of a model (default: the bundled model), and a trip. The trip is a speed trace or a planned route. "
+        argument(
+            "[MODEL] TRIP",
+            "Folder of a model (default: the bundled model), and a trip. The trip is a speed trace or a planned route. "
             "Speed trace: CSV or Parquet with the columns time_s, speed_m_s, and optionally elevation_m or grade; other "
             "signals give only their first sample. Planned route: GPX, KML, GeoJSON, the saved response of OSRM, Valhalla, "
             "openrouteservice or GraphHopper, or links as CSV or JSON (length_m, speed_m_s or travel_time_s, and optionally "
@@ -44,29 +44,24 @@ def forecast(
     departure: DepartureOf,
     vehicle: Annotated[
         str | None,
-        typer.Option(
-            "--vehicle",
-            metavar="NAME|FILE",
-            help="Forecast for another car: a name from `tripwatt vehicles`, or a TOML file. The model has no trips of "
+        option(
+            "NAME|FILE",
+            "Forecast for another car: a name from `tripwatt vehicles`, or a TOML file. The model has no trips of "
             "this car, so the interval is wider.",
         ),
     ] = None,
-    speed: Annotated[
-        float | None, typer.Option(metavar="KM/H", help="Mean speed on a track without times and speeds.")
-    ] = None,
+    speed: Annotated[float | None, option("KM/H", "Mean speed on a track without times and speeds.")] = None,
     observed: Annotated[
         Path | None,
-        typer.Option(
-            metavar="SAMPLES",
-            help="Samples measured so far, on the clock of the trip: time_s with voltage_v and current_a, or with soc or "
+        option(
+            "SAMPLES",
+            "Samples measured so far, on the clock of the trip: time_s with voltage_v and current_a, or with soc or "
             "displayed_soc. On a planned route, speed_m_s gives the distance driven.",
         ),
     ] = None,
-    reserve: Annotated[
-        float, typer.Option(metavar="0..1", help="Required state of charge at arrival, as displayed.")
-    ] = 0.1,
+    reserve: Annotated[float, option("0..1", "Required state of charge at arrival, as displayed.")] = 0.1,
     plot: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write a figure of the forecast: .png, .svg or .pdf.")
+        Path | None, option("FILE", "Write a figure of the forecast: .png, .svg or .pdf.")
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -228,12 +223,9 @@ def _show_forecast(forecast: Forecast, reserve: float) -> None:
 
 def example(
     out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out", "-o", metavar="FILE", help="Write the table to this file instead of printing it."
-        ),
+        Path | None, option("FILE", "Write the table to this file instead of printing it.", "--out", "-o")
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, metavar="N", help="Number of the trip.")] = 0,
+    seed: Annotated[int, option("N", "Number of the trip.", min=0)] = 0,
 ) -> None:
     """Print a synthetic trip as a CSV table, as an input for `tripwatt forecast`.
 

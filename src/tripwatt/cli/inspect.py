@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from tripwatt.cli.options import JsonOption, add_command
+from tripwatt.cli.options import JsonOption, add_command, argument
 from tripwatt.cli.printing import change, print_json, print_table
 
 
@@ -17,9 +17,7 @@ def add_commands(app: typer.Typer) -> None:
 
 
 def inspect(
-    model: Annotated[
-        Path | None, typer.Argument(metavar="MODEL", help="Folder of a model. Default: the bundled model.")
-    ] = None,
+    model: Annotated[Path | None, argument("MODEL", "Folder of a model. Default: the bundled model.")] = None,
     upgrade: Annotated[
         bool,
         typer.Option(

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
-from tripwatt.cli.options import JsonOption, add_command, gather, model_of, require_extras
+from tripwatt.cli.options import JsonOption, add_command, argument, gather, model_of, option, require_extras
 from tripwatt.cli.printing import print_notes
 from tripwatt.errors import InvalidInput
 
@@ -31,65 +31,54 @@ def add_commands(app: typer.Typer) -> None:
 def live(
     car: Annotated[
         Path,
-        typer.Argument(
-            metavar="CAR",
-            help="Folder of the car; made where it is missing. A car of `tripwatt car new` is forecast with what it learned.",
+        argument(
+            "CAR",
+            "Folder of the car; made where it is missing. A car of `tripwatt car new` is forecast with what it learned.",
         ),
     ],
-    mqtt: Annotated[
-        str,
-        typer.Option(
-            "--mqtt", metavar="URL", help="Broker: mqtt://[NAME@]HOST[:PORT], or mqtts:// encrypted."
-        ),
-    ],
-    source: Annotated[str, typer.Option(metavar="NAME", help="What sends: ovms, teslamate or abrp.")],
+    mqtt: Annotated[str, option("URL", "Broker: mqtt://[NAME@]HOST[:PORT], or mqtts:// encrypted.")],
+    source: Annotated[str, option("NAME", "What sends: ovms, teslamate or abrp.")],
     topic: Annotated[
         str,
-        typer.Option(
-            metavar="TOPIC",
-            help="Topic below which the metrics of the car are: ovms/USER/CAR/metric, teslamate/cars/1. Of abrp, the topic "
+        option(
+            "TOPIC",
+            "Topic below which the metrics of the car are: ovms/USER/CAR/metric, teslamate/cars/1. Of abrp, the topic "
             "of the messages.",
         ),
     ],
     plan: Annotated[
         Path | None,
-        typer.Option(
-            metavar="TRIP",
-            help="The road, as for `tripwatt forecast`: a planned route. Default: that of an earlier trip which began at "
+        option(
+            "TRIP",
+            "The road, as for `tripwatt forecast`: a planned route. Default: that of an earlier trip which began at "
             "about the same time of day.",
         ),
     ] = None,
-    model: Annotated[
-        Path | None, typer.Option(metavar="MODEL", help="Folder of a model. Default: the bundled model.")
-    ] = None,
+    model: Annotated[Path | None, option("MODEL", "Folder of a model. Default: the bundled model.")] = None,
     vehicle: Annotated[
-        str | None,
-        typer.Option(metavar="NAME|FILE", help="A car other than that of the model, or a TOML file."),
+        str | None, option("NAME|FILE", "A car other than that of the model, or a TOML file.")
     ] = None,
     reserve: Annotated[
-        float, typer.Option(min=0.0, max=1.0, metavar="0..1", help="State of charge to keep, as displayed.")
+        float, option("0..1", "State of charge to keep, as displayed.", min=0.0, max=1.0)
     ] = 0.1,
     every: Annotated[
-        float, typer.Option(min=0.1, max=3600.0, metavar="S", help="Shortest time between two forecasts [s].")
+        float, option("S", "Shortest time between two forecasts [s].", min=0.1, max=3600.0)
     ] = 5.0,
-    publish: Annotated[
-        str, typer.Option(metavar="TOPIC", help="Also publish each forecast as JSON to this topic.")
-    ] = "",
+    publish: Annotated[str, option("TOPIC", "Also publish each forecast as JSON to this topic.")] = "",
     discovery: Annotated[
         str,
-        typer.Option(
-            metavar="PREFIX",
-            help="Let Home Assistant find what --publish sends, below this prefix of topics: usually homeassistant.",
+        option(
+            "PREFIX",
+            "Let Home Assistant find what --publish sends, below this prefix of topics: usually homeassistant.",
         ),
     ] = "",
     keep_days: Annotated[
         float | None,
-        typer.Option(
-            "--keep-days",
+        option(
+            "DAYS",
+            "Erase what the car sent after so many days. Default: keep it until the car is forgotten.",
             min=0.01,
             max=36_500.0,
-            metavar="DAYS",
-            help="Erase what the car sent after so many days. Default: keep it until the car is forgotten.",
         ),
     ] = None,
     as_json: JsonOption = False,

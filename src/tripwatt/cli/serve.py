@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from tripwatt.cli.journey import MapOption, PlacesOption, StationsOption, WeatherOption
-from tripwatt.cli.options import add_command, gather, require_extras
+from tripwatt.cli.options import add_command, argument, gather, option, require_extras
 from tripwatt.errors import Fault, InvalidInput, raise_faults
 
 
@@ -22,53 +22,44 @@ def add_commands(app: typer.Typer) -> None:
 def serve(
     model: Annotated[
         list[Path] | None,
-        typer.Argument(
-            metavar="[MODEL ...]",
-            help="Folders of models; the folder name is the model name. Default: the bundled model.",
+        argument(
+            "[MODEL ...]", "Folders of models; the folder name is the model name. Default: the bundled model."
         ),
     ] = None,
-    models: Annotated[
-        Path | None, typer.Option("--models", metavar="DIR", help="Also serve every model in this folder.")
-    ] = None,
+    models: Annotated[Path | None, option("DIR", "Also serve every model in this folder.")] = None,
     host: Annotated[
-        str,
-        typer.Option(
-            metavar="ADDRESS", help="Address to listen on. Addresses other than loopback require a token."
-        ),
+        str, option("ADDRESS", "Address to listen on. Addresses other than loopback require a token.")
     ] = "127.0.0.1",
     port: Annotated[
-        int, typer.Option(min=0, max=65535, metavar="PORT", help="Port to listen on; 0 selects a free port.")
+        int, option("PORT", "Port to listen on; 0 selects a free port.", min=0, max=65535)
     ] = 8000,
-    workers: Annotated[int, typer.Option(min=1, metavar="N", help="Number of worker processes.")] = 2,
+    workers: Annotated[int, option("N", "Number of worker processes.", min=1)] = 2,
     map_: MapOption = "",
     places_url: PlacesOption = "",
     weather: WeatherOption = "",
     stations: StationsOption = None,
     cars: Annotated[
         Path | None,
-        typer.Option(
-            "--cars",
-            metavar="DIR",
-            help="Also keep cars that learn from their trips, and follow those with a token on the road: a folder of "
+        option(
+            "DIR",
+            "Also keep cars that learn from their trips, and follow those with a token on the road: a folder of "
             "cars, which may be empty (see `tripwatt car`).",
         ),
     ] = None,
     keep_days: Annotated[
         float | None,
-        typer.Option(
-            "--keep-days",
+        option(
+            "DAYS",
+            "Erase what cars sent on the road after so many days. Default: keep it until the car is forgotten.",
             min=0.01,
             max=36_500.0,
-            metavar="DAYS",
-            help="Erase what cars sent on the road after so many days. Default: keep it until the car is forgotten.",
         ),
     ] = None,
     limit: Annotated[
         list[str] | None,
-        typer.Option(
-            "--limit",
-            metavar="KEY=VALUE",
-            help="Change a limit, for example timeout_s=5. You can repeat the option. docs/reference/service.md lists the limits.",
+        option(
+            "KEY=VALUE",
+            "Change a limit, for example timeout_s=5. You can repeat the option. docs/reference/service.md lists the limits.",
         ),
     ] = None,
 ) -> None:

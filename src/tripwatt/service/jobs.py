@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, Final, TypeVar, cast
 
 import numpy as np
@@ -437,36 +436,32 @@ def _elevation(value: Any) -> Elevation | None:
         return None
 
 
-JOB_KINDS: Final[Mapping[str, Callable[[Jobs, Mapping[str, Any], bytes], dict[str, Any] | bytes]]] = (
-    MappingProxyType(
-        {
-            "forecast": lambda jobs, job, body: jobs.forecast(body),
-            "need": lambda jobs, job, body: jobs.need(body, job["probability"]),
-            "update": lambda jobs, job, body: jobs.update(body),
-            "route": lambda jobs, job, body: jobs.route(body, job["speed_m_s"]),
-            "plan": lambda jobs, job, body: jobs.plan(body),
-            "reach": lambda jobs, job, body: jobs.reach(body),
-            "distance": lambda jobs, job, body: jobs.distance(body),
-            "range": lambda jobs, job, body: jobs.range(body),
-            "places": lambda jobs, job, body: jobs.journeys.places(job["text"], job["limit"]),
-            "map": lambda jobs, job, body: jobs.journeys.describe(),
-            "tile": lambda jobs, job, body: jobs.journeys.tile(job["zoom"], job["column"], job["row"]),
-            "view": lambda jobs, job, body: jobs.journeys.view(job["bounds_deg"], job["limit"]),
-            "vehicles": lambda jobs, job, body: jobs.vehicles(job.get("search")),
-            "describe": lambda jobs, job, body: jobs.describe(body),
-            "examples": lambda jobs, job, body: example_summaries(),
-            "example": lambda jobs, job, body: example(job["trip"]),
-            "cars": lambda jobs, job, body: jobs.cars.list(),
-            "car": lambda jobs, job, body: jobs.cars.show(job["car"]),
-            "new car": lambda jobs, job, body: jobs.new_car(body),
-            "forget car": lambda jobs, job, body: jobs.cars.forget(job["car"]),
-            "car token": lambda jobs, job, body: jobs.cars.token(job["car"]),
-            "logs": lambda jobs, job, body: jobs.cars.logs(job["car"], job["upload"], logs_request(body)),
-            "learn finished": lambda jobs, job, body: jobs.cars.learn_finished(job["car"]),
-            "learn": lambda jobs, job, body: jobs.cars.learn(job["car"], job["upload"], logs_request(body)),
-        }
-    )
-)
+JOB_KINDS: Final[Mapping[str, Callable[[Jobs, Mapping[str, Any], bytes], dict[str, Any] | bytes]]] = {
+    "forecast": lambda jobs, job, body: jobs.forecast(body),
+    "need": lambda jobs, job, body: jobs.need(body, job["probability"]),
+    "update": lambda jobs, job, body: jobs.update(body),
+    "route": lambda jobs, job, body: jobs.route(body, job["speed_m_s"]),
+    "plan": lambda jobs, job, body: jobs.plan(body),
+    "reach": lambda jobs, job, body: jobs.reach(body),
+    "distance": lambda jobs, job, body: jobs.distance(body),
+    "range": lambda jobs, job, body: jobs.range(body),
+    "places": lambda jobs, job, body: jobs.journeys.places(job["text"], job["limit"]),
+    "map": lambda jobs, job, body: jobs.journeys.describe(),
+    "tile": lambda jobs, job, body: jobs.journeys.tile(job["zoom"], job["column"], job["row"]),
+    "view": lambda jobs, job, body: jobs.journeys.view(job["bounds_deg"], job["limit"]),
+    "vehicles": lambda jobs, job, body: jobs.vehicles(job.get("search")),
+    "describe": lambda jobs, job, body: jobs.describe(body),
+    "examples": lambda jobs, job, body: example_summaries(),
+    "example": lambda jobs, job, body: example(job["trip"]),
+    "cars": lambda jobs, job, body: jobs.cars.list(),
+    "car": lambda jobs, job, body: jobs.cars.show(job["car"]),
+    "new car": lambda jobs, job, body: jobs.new_car(body),
+    "forget car": lambda jobs, job, body: jobs.cars.forget(job["car"]),
+    "car token": lambda jobs, job, body: jobs.cars.token(job["car"]),
+    "logs": lambda jobs, job, body: jobs.cars.logs(job["car"], job["upload"], logs_request(body)),
+    "learn finished": lambda jobs, job, body: jobs.cars.learn_finished(job["car"]),
+    "learn": lambda jobs, job, body: jobs.cars.learn(job["car"], job["upload"], logs_request(body)),
+}
 """Kind of job -> the method of `Jobs` that runs it."""
 
 

@@ -58,45 +58,41 @@ _WATT: Final = {"w": (1.0, 0.0), "kw": (1000.0, 0.0), "hp": (745.699872, 0.0), "
 }
 _SECOND: Final = {"s": (1.0, 0.0), "ms": (1e-3, 0.0), "min": (60.0, 0.0), "h": (SECONDS_PER_HOUR, 0.0)}
 
-TIME_STAMPS: Final = MappingProxyType({"timestamp": math.nan, "epoch_s": 1.0, "epoch_ms": 1e-3})
+TIME_STAMPS: Final = {"timestamp": math.nan, "epoch_s": 1.0, "epoch_ms": 1e-3}
 """Units of a time that include the day: text, or seconds or milliseconds since 1970."""
 
-UNITS: Final[Mapping[str, Mapping[str, tuple[float, float]]]] = MappingProxyType(
-    {
-        "time_s": _SECOND,
-        "speed_m_s": _SPEED,
-        "elevation_m": _LENGTH,
-        "grade": _FRACTION,
-        "speed_limit_m_s": _SPEED,
-        "ambient_temperature_degc": _TEMPERATURE,
-        "cabin_temperature_degc": _TEMPERATURE,
-        "cabin_setpoint_degc": _TEMPERATURE,
-        "battery_temperature_degc": _TEMPERATURE,
-        "voltage_v": {"v": (1.0, 0.0), "mv": (1e-3, 0.0), "kv": (1000.0, 0.0)},
-        "current_a": {"a": (1.0, 0.0), "ma": (1e-3, 0.0), "da": (0.1, 0.0)},
-        "soc": _FRACTION,
-        "displayed_soc": _FRACTION,
-        "motor_torque_nm": {"nm": (1.0, 0.0)},
-        "heating_power_w": _WATT,
-        "requested_heating_power_w": _WATT,
-        "aircon_power_w": _WATT,
-        "climate_power_w": _WATT,
-        POWER: _WATT,
-    }
-)
+UNITS: Final[Mapping[str, Mapping[str, tuple[float, float]]]] = {
+    "time_s": _SECOND,
+    "speed_m_s": _SPEED,
+    "elevation_m": _LENGTH,
+    "grade": _FRACTION,
+    "speed_limit_m_s": _SPEED,
+    "ambient_temperature_degc": _TEMPERATURE,
+    "cabin_temperature_degc": _TEMPERATURE,
+    "cabin_setpoint_degc": _TEMPERATURE,
+    "battery_temperature_degc": _TEMPERATURE,
+    "voltage_v": {"v": (1.0, 0.0), "mv": (1e-3, 0.0), "kv": (1000.0, 0.0)},
+    "current_a": {"a": (1.0, 0.0), "ma": (1e-3, 0.0), "da": (0.1, 0.0)},
+    "soc": _FRACTION,
+    "displayed_soc": _FRACTION,
+    "motor_torque_nm": {"nm": (1.0, 0.0)},
+    "heating_power_w": _WATT,
+    "requested_heating_power_w": _WATT,
+    "aircon_power_w": _WATT,
+    "climate_power_w": _WATT,
+    POWER: _WATT,
+}
 """Unit -> (factor, offset) to ours, for each of our columns. Units are read without regard to case."""
 
-_OWN_UNIT: Final = MappingProxyType({"time_s": "s", "grade": "1", POWER: "W"})
-_TABLES: Final = MappingProxyType(
-    {
-        "columns": None,
-        "current": ("positive",),
-        "trip": ("column", "vehicle"),
-        "battery": ("nominal_voltage_v", "usable_capacity_kwh", "usable_capacity_uncertainty", "vehicle"),
-        "file": ("decimal", "hold_s"),
-        "long": ("name", "value"),
-    }
-)
+_OWN_UNIT: Final = {"time_s": "s", "grade": "1", POWER: "W"}
+_TABLES: Final = {
+    "columns": None,
+    "current": ("positive",),
+    "trip": ("column", "vehicle"),
+    "battery": ("nominal_voltage_v", "usable_capacity_kwh", "usable_capacity_uncertainty", "vehicle"),
+    "file": ("decimal", "hold_s"),
+    "long": ("name", "value"),
+}
 _ENTRY_KEYS: Final = ("column", "date", "unit", "format", "optional")
 
 

@@ -11,7 +11,6 @@ import itertools
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from types import MappingProxyType
 from typing import Final
 
 import pandas as pd
@@ -70,13 +69,11 @@ _TRIP_FILE: Final = re.compile(r"trip([ab]\d{2,3})(?!\d).*\.csv", re.IGNORECASE)
 _PUBLISHED: Final = (*(f"A{i:02d}" for i in range(1, 33)), *(f"B{i:02d}" for i in range(1, 39)))
 _ABSENT_FROM_REFERENCE: Final = tuple(f"B{i:02d}" for i in (1, 2, 4, 7, 8, 9, 10, 12, 14, 15, 34, 36))
 
-REFERENCE_TRIPS: Final[Mapping[str, float | None]] = MappingProxyType(
-    {
-        f"Trip{short}": 1203.9 if short == "B28" else None
-        for short in _PUBLISHED
-        if short not in _ABSENT_FROM_REFERENCE
-    }
-)
+REFERENCE_TRIPS: Final[Mapping[str, float | None]] = {
+    f"Trip{short}": 1203.9 if short == "B28" else None
+    for short in _PUBLISHED
+    if short not in _ABSENT_FROM_REFERENCE
+}
 """The 58 trips on which tripwatt is compared with other systems: id -> time [s] at which the trip ends, None for its own
 end. arXiv:2405.10984 scores 72 trips of the set, which it does not name."""
 

@@ -7,7 +7,6 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, fields, replace
 from functools import wraps
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
 from tripwatt.trips.columns import COLUMNS, DEPARTURE_BOUNDS, QUANTITIES, raise_faults
@@ -383,14 +382,10 @@ def _first_value(samples: Sampled, column: str) -> float | None:
     return None
 
 
-FIELDS: Final[Mapping[str, Field]] = MappingProxyType(
-    {field.name: field.metadata["field"] for field in fields(Departure)}
-)
+FIELDS: Final[Mapping[str, Field]] = {field.name: field.metadata["field"] for field in fields(Departure)}
 """The table: name of a field of a departure -> what it holds and how it is given."""
 
-ASKED: Final[Mapping[str, Field]] = MappingProxyType(
-    {name: field for name, field in FIELDS.items() if field.option}
-)
+ASKED: Final[Mapping[str, Field]] = {name: field for name, field in FIELDS.items() if field.option}
 """Fields that a person gives: options of the command line, fields of a request and of the page."""
 
 EXTRAS: Final = FIELDS["extras"].choices

@@ -25,18 +25,16 @@ CHANGED_BY_TRIPS: Final = (
 )
 """How the source of a value starts that is no longer the published one."""
 
-_OTHER_METHOD: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
-    {
-        "coastdown": ("drag_coefficient", "frontal_area_m2", "rolling_resistance_coefficient"),
-        "coefficients": (
-            "coastdown_a_n",
-            "coastdown_b_n_s_m",
-            "coastdown_c_n_s2_m2",
-            "coastdown_mass_kg",
-            "coastdown_air_density_kg_m3",
-        ),
-    }
-)
+_OTHER_METHOD: Final[Mapping[str, tuple[str, ...]]] = {
+    "coastdown": ("drag_coefficient", "frontal_area_m2", "rolling_resistance_coefficient"),
+    "coefficients": (
+        "coastdown_a_n",
+        "coastdown_b_n_s_m",
+        "coastdown_c_n_s2_m2",
+        "coastdown_mass_kg",
+        "coastdown_air_density_kg_m3",
+    ),
+}
 """Values of a road load that nothing is computed from, by its method."""
 
 
