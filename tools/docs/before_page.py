@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Final
 
-from tripwatt.report.tables import Column, Table, in_percent, markdown, number, span, tabulated
+from tools.docs.tables import markdown
+from tripwatt.report.tables import Column, Table, in_percent, number, span, tabulated
 
 Record = Mapping[str, Any]
 

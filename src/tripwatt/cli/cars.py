@@ -19,7 +19,6 @@ from tripwatt.cli.options import (
     StrictOption,
     TripOption,
     VehicleOption,
-    add_command,
     argument,
     car_of,
     option,
@@ -27,7 +26,7 @@ from tripwatt.cli.options import (
 )
 from tripwatt.cli.output import write_text
 from tripwatt.cli.printing import console, print_json, print_notes, print_table
-from tripwatt.errors import Fault, InvalidInput, raise_faults
+from tripwatt.errors import Fault, InvalidInput, places_named, raise_faults
 
 if TYPE_CHECKING:
     from tripwatt.trips import Fleet, Trip
@@ -40,12 +39,6 @@ PresetOption = Annotated[
         "--preset",
     ),
 ]
-
-
-def add_commands(app: typer.Typer) -> None:
-    """Add the commands of this file."""
-    add_command(app, vehicles)
-    add_command(app, simulate)
 
 
 def vehicles(
@@ -153,13 +146,8 @@ def _new(figures: dict[str, Any], out: Path | None, as_json: bool) -> None:
     from tripwatt.vehicles import render_vehicle
 
     given = {FIGURES[option]: value for option, value in figures.items() if value is not None}
-    try:
+    with places_named({argument: option for option, argument in FIGURES.items()}):
         car = describe_car(**given)
-    except InvalidInput as error:
-        options = {argument: option for option, argument in FIGURES.items()}
-        raise InvalidInput(
-            replace(fault, where=options.get(fault.where, fault.where)) for fault in error.faults
-        ) from error
     certified, text = certified_interval(car), render_vehicle(car)
     if out is not None:
         write_text(text, out)

@@ -18,15 +18,13 @@ from tripwatt.cli.options import (
     SetOption,
     StrictOption,
     VehicleOption,
-    add_command,
     car_of,
-    gather,
     option,
     read_logs,
 )
 from tripwatt.cli.output import check_writable, finished_folds, unfinished_folder, write_whole
 from tripwatt.cli.printing import console, print_json, print_notes, print_table, progress
-from tripwatt.errors import Fault, InvalidInput, raise_faults
+from tripwatt.errors import Check, Fault, InvalidInput, raise_faults
 from tripwatt.files import folder_lock
 
 if TYPE_CHECKING:
@@ -38,11 +36,6 @@ CARS = "cars"
 
 INTERRUPTED = 130
 """Exit code of a run that was stopped from the keyboard."""
-
-
-def add_commands(app: typer.Typer) -> None:
-    """Add the commands of this file."""
-    add_command(app, evaluate)
 
 
 def evaluate(
@@ -124,15 +117,13 @@ def evaluate(
         "vehicle": car,
         "seed": seed,
     }
-    fleet: list[Fleet] = []
-
-    def read() -> None:
+    with Check() as check:
+        check(_check, options, overrides or [], jobs)
+        check(check_writable, out)
         with shown.status("reading trips"):
-            fleet.append(read_logs(data, dataset, mapping, built_in_faults=True, strict=strict))
-            options["test_fleet"] = None if test is None else read_logs(test, dataset, mapping, strict=strict)
-
-    gather(lambda: _check(options, overrides or [], jobs), lambda: check_writable(out), read)
-    trips = replace(fleet[0], notes=(*fleet[0].notes, *note))
+            fleet = check(read_logs, data, dataset, mapping, built_in_faults=True, strict=strict)
+            options["test_fleet"] = test and check(read_logs, test, dataset, mapping, strict=strict)
+    trips = replace(fleet, notes=(*fleet.notes, *note))
     shown.print(f"{len(trips)} trips read ({trips.name})")
     print_notes(note)
     unfinished = unfinished_folder(out)
@@ -152,19 +143,17 @@ def _without_effect(given: dict[str, Any]) -> None:
 
 
 def _evaluate_cars(data: Path | None, out: Path, seed: int, as_json: bool) -> None:
-    from tripwatt.evaluation.cars import CarTrips, evaluate_cars, read_cars
+    from tripwatt.evaluation.cars import evaluate_cars, read_cars
     from tripwatt.report.cars import cars_tables, write_cars
 
     if data is None:
         fix = "see docs/explanation/cars.md"
         raise InvalidInput.of("no cars", "DATA", "nothing", "a TOML file with a table for each car", fix)
-    shown, cars = console(), list[CarTrips]()
-
-    def read() -> None:
+    shown = console()
+    with Check() as check:
         with shown.status("reading trips"):
-            cars.extend(read_cars(data))
-
-    gather(read, lambda: check_writable(out))
+            cars = check(read_cars, data)
+        check(check_writable, out)
     unfinished = unfinished_folder(out)
     with folder_lock(unfinished), progress(shown) as advance:
         run = evaluate_cars(cars, seed=seed, progress=advance)
@@ -210,24 +199,17 @@ def _check(options: dict[str, Any], overrides: list[str], n_jobs: int) -> None:
     from tripwatt.evaluation import CarChoice, choose_models, find_protocol
     from tripwatt.vehicles import parse_overrides
 
-    def models() -> None:
-        names = options["models"]
-        choose_models(find_protocol(options["protocol"]), names)
-        if names == []:
-            raise InvalidInput.of("no models", "--models", "an empty list", "names separated by commas")
-
-    def given() -> None:
-        options["vehicle"] = CarChoice(options["vehicle"], parse_overrides(overrides))
-
-    def car() -> None:
-        chosen = options["vehicle"]
-        (chosen if isinstance(chosen, CarChoice) else CarChoice(chosen)).load()
-
-    def jobs() -> None:
+    with Check() as check:
+        check(lambda: choose_models(find_protocol(options["protocol"]), options["models"]))
+        if options["models"] == []:
+            check(
+                raise_faults, [Fault("no models", "--models", "an empty list", "names separated by commas")]
+            )
+        changes = check(parse_overrides, overrides)
+        options["vehicle"] = CarChoice(options["vehicle"], changes)
+        check(options["vehicle"].load)
         if n_jobs < -1 or n_jobs == 0:
-            raise InvalidInput.of("value out of range", "--jobs", str(n_jobs), "-1, or 1 or more")
-
-    gather(models, given, car, jobs)
+            check(raise_faults, [Fault("value out of range", "--jobs", str(n_jobs), "-1, or 1 or more")])
 
 
 def _run(fleet: Fleet, options: dict[str, Any], jobs: int, unfinished: Path, resume: bool) -> EvaluationRun:

@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Annotated, Final
 import typer
 
 from tripwatt.cli.departing import DepartureOf, departure_options
-from tripwatt.cli.options import EXAMPLES, SetOption, add_command, gather, group_of, option, options_named
+from tripwatt.cli.options import EXAMPLES, SetOption, add_command, group_of, option, options_named
 from tripwatt.cli.output import write_text
 from tripwatt.cli.printing import print_json, print_notes
-from tripwatt.errors import InvalidInput
+from tripwatt.errors import Check, InvalidInput
 
 if TYPE_CHECKING:
     from tripwatt.export import ConsumptionCurve
-    from tripwatt.trips import Departure, Plan
+    from tripwatt.trips import Plan
     from tripwatt.vehicles import Vehicle
 
 ModelOption = Annotated[
@@ -97,12 +97,10 @@ def _curve(
 ) -> tuple[ConsumptionCurve, list[str]]:
     from tripwatt.export import consumption_curve
 
-    cars: list[tuple[Vehicle, Callable[[Plan], float] | None, list[str]]] = []
-    departures: list[Departure] = []
-    with options_named():
-        gather(lambda: cars.append(_car(model, vehicle, overrides)), lambda: departures.append(departure()))
-    car, correction, notes = cars[0]
-    return consumption_curve(car, departures[0], correction=correction), notes
+    with options_named(), Check() as check:
+        described, known = check(_car, model, vehicle, overrides), check(departure)
+    car, correction, notes = described
+    return consumption_curve(car, known, correction=correction), notes
 
 
 def _car(

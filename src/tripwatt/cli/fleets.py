@@ -350,7 +350,7 @@ def evaluate(
     from tripwatt.fleet.features import START
     from tripwatt.fleet.mapping import map_store, read_rows, tasks_of
     from tripwatt.hybrid.groups import fit_scales, group_posterior
-    from tripwatt.report.fleets import report_page
+    from tripwatt.report.fleets import accuracy_table, report_page
 
     source = opened(store, options)
     with progress(console()) as advance, _running(jobs, cluster) as (executor, workers):
@@ -372,9 +372,5 @@ def evaluate(
             }
         )
         return
-    columns = ("trips forecast", "car model", "trips", "mean error [%]", "inside the 90 % interval [%]")
-    shown = [
-        (f"{r[0]}", f"{r[1]}", f"{r[2]}", f"{100.0 * r[3]:.1f}", f"{100.0 * r[4]:.0f}")
-        for r in scores.table("car_model").itertuples(index=False)
-    ]
-    print_table(f"{out}", columns, shown, numbers=columns[2:])
+    table = accuracy_table(scores, "car_model")
+    print_table(f"{out}", table.columns, table.rows, numbers=table.columns[2:])

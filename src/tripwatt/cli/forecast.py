@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import typer
 
 from tripwatt.cli.departing import DepartureOf, departure_options
-from tripwatt.cli.options import JsonOption, add_command, argument, gather, model_of, option, options_named
+from tripwatt.cli.options import JsonOption, add_command, argument, model_of, option, options_named
 from tripwatt.cli.output import write_bytes, write_text
 from tripwatt.cli.printing import print_json, print_notes, print_table
-from tripwatt.errors import Fault, InvalidInput, raise_faults
+from tripwatt.errors import Check, Fault, InvalidInput, raise_faults
 
 if TYPE_CHECKING:
     from tripwatt.forecasting import Forecast
@@ -93,22 +93,19 @@ def forecast(
     from tripwatt.vehicles import load_vehicle
 
     model, trip = _model_and_trip(paths)
-    got: dict[str, Any] = {}
+    speed_m_s = None if speed is None else speed * M_S_PER_KM_H
     with options_named():
-        gather(
-            lambda: _require_options(reserve, plot),
-            lambda: got.update(model=model_of(model)),
-            lambda: got.update(
-                plan=read_route(trip, speed_m_s=None if speed is None else speed * M_S_PER_KM_H)
-            ),
-            lambda: None if observed is None else got.update(observed=_measured(observed)),
-            lambda: got.update(car=None if vehicle is None else load_vehicle(vehicle)),
-            lambda: got.update(departure=departure()),
-        )
-        fitted = for_car(got["model"], got["car"])
-    expected = fitted.forecast(got["plan"], got["departure"])
-    if observed is not None:
-        expected = expected.update(got["observed"])
+        with Check() as check:
+            check(_require_options, reserve, plot)
+            fitted = check(model_of, model)
+            plan = check(read_route, trip, speed_m_s=speed_m_s)
+            measured = None if observed is None else check(_measured, observed)
+            car = None if vehicle is None else check(load_vehicle, vehicle)
+            known = check(departure)
+        fitted = for_car(fitted, car)
+    expected = fitted.forecast(plan, known)
+    if measured is not None:
+        expected = expected.update(measured)
     if plot is not None:
         _draw(expected, plot)
     leaving = LEAVE_PROBABILITY if observed is None else None

@@ -7,13 +7,8 @@ from typing import Annotated, Any
 
 import typer
 
-from tripwatt.cli.options import JsonOption, add_command, argument
+from tripwatt.cli.options import JsonOption, argument
 from tripwatt.cli.printing import change, print_json, print_table
-
-
-def add_commands(app: typer.Typer) -> None:
-    """Add the commands of this file."""
-    add_command(app, inspect)
 
 
 def inspect(

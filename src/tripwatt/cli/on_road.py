@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
-from tripwatt.cli.options import JsonOption, add_command, argument, gather, model_of, option, require_extras
+from tripwatt.cli.options import JsonOption, argument, model_of, option, require_extras
 from tripwatt.cli.printing import print_notes
-from tripwatt.errors import InvalidInput
+from tripwatt.errors import Check, InvalidInput
 
 if TYPE_CHECKING:
     from tripwatt.forecasting import ForecastModel
@@ -21,11 +21,6 @@ if TYPE_CHECKING:
 
 PASSWORD_VARIABLE: Final = "TRIPWATT_MQTT_PASSWORD"
 """Environment variable of the broker's password."""
-
-
-def add_commands(app: typer.Typer) -> None:
-    """Add the commands of this file."""
-    add_command(app, live)
 
 
 def live(
@@ -98,23 +93,21 @@ def live(
     require_extras({"live": "tripwatt live"})
     from tripwatt.live import Broker, Follower, RoadCar, TopicJoiner, is_car
 
-    got: dict[str, Any] = {}
     own = car if is_car(car) else None
-    gather(
-        lambda: got.update(broker=Broker.from_url(mqtt, os.environ.get(PASSWORD_VARIABLE))),
-        lambda: got.update(joiner=TopicJoiner(source, topic)),
-        lambda: _require_topic(publish, discovery),
-        lambda: got.update(plan=None if plan is None else _request(plan)),
-        lambda: got.update(model=_model(model or own, vehicle)),
-    )
+    with Check() as check:
+        broker = check(Broker.from_url, mqtt, os.environ.get(PASSWORD_VARIABLE))
+        joiner = check(TopicJoiner, source, topic)
+        check(_require_topic, publish, discovery)
+        request = None if plan is None else check(_request, plan)
+        known = check(_model, model or own, vehicle)
     days = math.inf if keep_days is None else keep_days
-    with RoadCar(car, lambda _: got["model"], reserve=reserve, keep_days=days) as opened:
-        if got["plan"] is not None:
-            opened.set_plan(got["plan"])
-        _note(waiting(got["joiner"].filter, got["broker"].host, opened.plan is not None))
+    with RoadCar(car, lambda _: known, reserve=reserve, keep_days=days) as opened:
+        if request is not None:
+            opened.set_plan(request)
+        _note(waiting(joiner.filter, broker.host, opened.plan is not None))
         show = _printer(as_json)
-        follower = Follower(opened, got["joiner"], show, every, publish, discovery, _note)
-        asyncio.run(follower.follow(got["broker"]))
+        follower = Follower(opened, joiner, show, every, publish, discovery, _note)
+        asyncio.run(follower.follow(broker))
 
 
 def _require_topic(publish: str, discovery: str) -> None:

@@ -5,13 +5,12 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
-from tripwatt.errors import Fault, InvalidInput, extras_faults, raise_faults
+from tripwatt.errors import Check, Fault, InvalidInput, extras_faults, places_named, raise_faults
 
 if TYPE_CHECKING:
     from tripwatt.forecasting import ForecastModel
@@ -188,29 +187,19 @@ def gather(*checks: Callable[[], object]) -> None:
     --------
     >>> gather(lambda: None)
     """
-    faults: list[Fault] = []
-    for check in checks:
-        try:
-            check()
-        except InvalidInput as error:
-            faults += error.faults
-    raise_faults(faults)
+    with Check() as check:
+        for each in checks:
+            check(each)
 
 
 @contextmanager
 def options_named() -> Iterator[None]:
     """Faults of what options give, under the names of the options."""
-    try:
-        yield
-    except InvalidInput as error:
-        from tripwatt.trips.departure import ASKED
+    from tripwatt.trips.departure import ASKED
 
-        options = {name: field.option for name, field in ASKED.items()} | {
-            name: f"--{name}" for name in ("vehicle", "reserve")
-        }
-        options["speed_m_s"] = "--speed"
-        named = [replace(fault, where=options.get(fault.where, fault.where)) for fault in error.faults]
-        raise InvalidInput(named) from error
+    more = {"vehicle": "--vehicle", "reserve": "--reserve", "speed_m_s": "--speed"}
+    with places_named({name: field.option for name, field in ASKED.items()} | more):
+        yield
 
 
 EXAMPLES: Final = "For example:"

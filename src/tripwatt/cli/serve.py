@@ -10,13 +10,8 @@ from typing import Annotated
 import typer
 
 from tripwatt.cli.journey import MapOption, PlacesOption, StationsOption, WeatherOption
-from tripwatt.cli.options import add_command, argument, gather, option, require_extras
-from tripwatt.errors import Fault, InvalidInput, raise_faults
-
-
-def add_commands(app: typer.Typer) -> None:
-    """Add the commands of this file."""
-    add_command(app, serve)
+from tripwatt.cli.options import argument, option, require_extras
+from tripwatt.errors import Check, Fault, raise_faults, system_errors
 
 
 def serve(
@@ -87,30 +82,21 @@ def serve(
     if cars is not None:
         needed["fleet"] = "--cars"
     atlas = AtlasSettings(map_, places_url, weather, "" if stations is None else str(stations))
-    gather(lambda: require_extras(needed), lambda: open_atlas(atlas) if map_ else None)
+    with Check() as check:
+        check(require_extras, needed)
+        if map_:
+            check(open_atlas, atlas)
     from tripwatt.service.serving import require_safe
     from tripwatt.service.serving import serve as run
     from tripwatt.service.settings import TOKEN_VARIABLE, Limits, Settings, parse_limits
 
-    folders: dict[str, Path] = {}
-    limits = [Limits()]
-    gather(
-        lambda: folders.update(models_of(model or [], models)),
-        lambda: limits.append(parse_limits(limit or [])),
-        lambda: make_cars_folder(cars),
-    )
+    with Check() as check:
+        folders = check(models_of, model or [], models)
+        limits = check(parse_limits, limit) if limit else Limits()
+        check(make_cars_folder, cars)
     token = os.environ.get(TOKEN_VARIABLE, "")
-    settings = Settings(
-        folders,
-        host,
-        port,
-        workers,
-        token,
-        limits[-1],
-        atlas,
-        cars,
-        math.inf if keep_days is None else keep_days,
-    )
+    days = math.inf if keep_days is None else keep_days
+    settings = Settings(folders, host, port, workers, token, limits, atlas, cars, days)
     require_safe(settings)
     run(settings, lambda address: typer.echo(f"tripwatt: {address}"))
 
@@ -125,13 +111,8 @@ def make_cars_folder(folder: Path | None) -> None:
     """
     if folder is None or folder.is_dir():
         return
-    try:
+    with system_errors("cannot make the folder", f"--cars, {folder}", "a folder of cars, or a new one"):
         folder.mkdir()
-    except OSError as error:
-        got = error.strerror or f"{error}"
-        raise InvalidInput.of(
-            "cannot make the folder", f"--cars, {folder}", got, "a folder of cars, or a new one"
-        ) from error
 
 
 def models_of(given: list[Path], folder: Path | None) -> dict[str, Path]:

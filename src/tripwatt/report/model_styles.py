@@ -160,9 +160,6 @@ PAPER_TRIPS: Final = 72
 PAPER_IMPROVED: Final = "over 90 % of the trips"
 """The paper's words on the share of trips that a corrector improves over the physics (its conclusion)."""
 
-PAPER_LONGEST: Final = "gamm"
-"""The corrector that takes longest by the paper (its conclusion)."""
-
 _UNKNOWN_COLOUR: Final = "#7c7c7c"
 
 

@@ -19,7 +19,6 @@ All tables but `[columns]` are optional; see `docs/reference/data.md`.
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from importlib import resources
@@ -27,8 +26,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
 
-from tripwatt.errors import Fault, InvalidInput, did_you_mean, excerpt
-from tripwatt.files import MOST_TEXT_BYTES, read_text_file
+from tripwatt.errors import Fault, did_you_mean, excerpt
+from tripwatt.files import MOST_TEXT_BYTES, parse_toml, read_text_file
 from tripwatt.trips import COLUMNS, raise_faults
 from tripwatt.trips.columns import is_number
 from tripwatt.units import M_PER_FOOT, M_S_PER_KM_H, SECONDS_PER_HOUR, ZERO_CELSIUS_K
@@ -212,26 +211,7 @@ def parse_mapping(text: str, source: str) -> ColumnMapping:
     >>> parse_mapping('[columns]\ntime_s = {column = "t"}\nspeed_m_s = {column = "v", unit = "mph"}', "my.toml").columns["speed_m_s"]
     MappedColumn(column='v', unit='mph', format='', optional=False, date='')
     """
-    return mapping_from_tables(parse_tables(text, source), source)
-
-
-def parse_tables(text: str, source: str) -> dict[str, Any]:
-    r"""The tables of a mapping's TOML, not yet checked.
-
-    Raises
-    ------
-    InvalidInput
-        When the text is no TOML.
-
-    Examples
-    --------
-    >>> parse_tables('[trip]\ncolumn = "id"', "my.toml")
-    {'trip': {'column': 'id'}}
-    """
-    try:
-        return tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise InvalidInput.of("not a TOML file", source, str(error)[:200], "TOML 1.0") from error
+    return mapping_from_tables(parse_toml(text, source), source)
 
 
 def mapping_from_tables(tables: Mapping[str, Any], source: str) -> ColumnMapping:
@@ -240,7 +220,7 @@ def mapping_from_tables(tables: Mapping[str, Any], source: str) -> ColumnMapping
     Parameters
     ----------
     tables : mapping
-        As `parse_tables` returns them.
+        Of its TOML, not yet checked.
     source : str
         File or name that it came from.
 

@@ -15,7 +15,7 @@ from typing import Final
 
 import pandas as pd
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, InvalidInput, system_errors
 from tripwatt.files import file_head
 from tripwatt.sources.columnar import read_all, require_folder
 from tripwatt.sources.delimited import Delimited, RawColumn, column_key, open_delimited, read_numbers
@@ -151,11 +151,8 @@ def trip_files(folder: Path) -> tuple[dict[str, Path], list[Flag]]:
     allowed = "a folder with TripA*.csv and TripB*.csv"
     get_it = "run `tripwatt fetch tum` for the source of the data"
     require_folder(folder, allowed, get_it)
-    try:
+    with system_errors("cannot read the folder", f"{folder}", allowed):
         csv_files = sorted(p for p in folder.iterdir() if p.suffix.lower() == ".csv" and p.is_file())
-    except OSError as error:
-        got = error.strerror or str(error)
-        raise InvalidInput.of("cannot read the folder", f"{folder}", got, allowed) from error
     files: dict[str, Path] = {}
     faults: list[Fault] = []
     for path in csv_files:
