@@ -13,7 +13,7 @@ from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecasting import ForecastModel
 from tripwatt.forecasting.storage import DEFAULT_MODEL
 from tripwatt.service import jobs as room
-from tripwatt.service.jobs import JOB_KINDS, Check, Jobs, require_finite
+from tripwatt.service.jobs import JOB_KINDS, Jobs, require_finite
 from tripwatt.service.problems import Problem
 from tripwatt.service.settings import Limits
 from tripwatt.service.worker import run_job
@@ -280,28 +280,6 @@ def test_every_kind_of_job_is_run(jobs: Jobs) -> None:
     of_cars = ("car", "car token", "cars", "forget car", "learn", "learn finished", "logs", "new car")
     assert sorted(JOB_KINDS) == sorted([*kinds.split(), *of_cars])
     assert jobs.run({"kind": "map"}, b"") == jobs.journeys.describe()
-
-
-def test_checks_collect_their_faults() -> None:
-    check = Check()
-    assert (check(lambda: 3), check.errors) == (3, [])
-    first, second = Fault("a", "b"), Fault("c", "d")
-
-    def fail(*faults: Fault) -> None:
-        raise InvalidInput(faults)
-
-    def together() -> None:
-        with Check() as found:
-            found(lambda: fail(first))
-            found(lambda: fail(second, first))
-
-    assert faults_of(together) == (first, second)
-
-    def without_its_own() -> None:
-        with Check() as found:
-            found(lambda: fail())
-
-    assert faults_of(without_its_own) == ()
 
 
 @pytest.mark.parametrize("name", ["energy_wh", "soc_arrival", "battery_loss_wh"])
