@@ -1,12 +1,18 @@
-/** German. */
+/** German. It is loaded when it is chosen. */
 
-import { NAMES, WORDS } from "../api/flags";
+import { NAMES, WORDS } from "../api/flags-de";
 import type { Text } from "./en";
-import { pluralOf } from "./plural";
+import type { Plural } from "./plural";
 
-const count = pluralOf("de");
+let count: Plural;
 
-export const de: Text = {
+/** The texts; `counting` is a parameter, so that this file shares no code with what a first visit loads. */
+export function german(counting: Plural): Text {
+  count = counting;
+  return de;
+}
+
+const de: Text = {
   document: {
     title: "tripwatt: Ladestand entlang der Strecke",
     description:
@@ -766,7 +772,7 @@ export const de: Text = {
   flags: {
     warnings: "Warnungen",
     notes: "Hinweise",
-    words: WORDS.de,
-    names: NAMES.de,
+    words: WORDS,
+    names: NAMES,
   },
 };

@@ -767,8 +767,8 @@ export const en = {
   flags: {
     warnings: "Warnings",
     notes: "Notes",
-    words: WORDS.en,
-    names: NAMES.en,
+    words: WORDS,
+    names: NAMES,
   },
 };
 
