@@ -213,9 +213,14 @@ class Jobs:
         ).to_dict()
 
     def _model_asked(self, request: RangeQuery) -> ForecastModel:
-        if request.car is not None and (request.model, request.vehicle) != (None, None):
+        given = request.vehicle_figures
+        if request.car is not None and (request.model, request.vehicle, given) != (None, None, None):
             raise InvalidInput.of("two cars", "car", "a model or vehicle too", "one of them")
-        return self.model_of({"model": request.car or request.model, "vehicle": request.vehicle})
+        car: dict[str, Any] = {"model": request.car or request.model, "vehicle": request.vehicle}
+        if given is not None:
+            figures = check_request(parse_json(given.encode(), "vehicle_figures: "), VehicleFigures)
+            car["vehicle_figures"] = figures.model_dump()
+        return self.model_of(car)
 
     def _journey(self, body: bytes, kind: type[RequestModel]) -> tuple[RequestModel, ForecastModel]:
         """The request of a body, and the model for its car."""

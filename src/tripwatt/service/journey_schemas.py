@@ -98,6 +98,8 @@ class RangeQuery(_DepartureQuery):
     """one of /v1/vehicles; default: the car of the model; without a distance or trip, the name of a car on the road"""
     car: str | None = Field(None, max_length=100)
     """one of /v1/cars, in place of model and vehicle"""
+    vehicle_figures: str | None = Field(None, max_length=1000)
+    """a car of your own in place of `vehicle`: figures as in POST /v1/vehicles, as JSON"""
     reserve: float | None = Field(None, ge=0.0, le=1.0)
     """displayed state of charge to keep; default: 0, or that of the plan of a car on the road"""
 

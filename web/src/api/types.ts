@@ -1671,6 +1671,7 @@ export interface operations {
                 model?: string | null;
                 vehicle?: string | null;
                 car?: string | null;
+                vehicle_figures?: string | null;
                 reserve?: number | null;
                 distance_km?: number | null;
                 trip?: string | null;
@@ -1715,6 +1716,7 @@ export interface operations {
                 model?: string | null;
                 vehicle?: string | null;
                 car?: string | null;
+                vehicle_figures?: string | null;
                 reserve?: number | null;
             };
             header?: never;

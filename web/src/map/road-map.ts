@@ -11,12 +11,19 @@ import type {
   Marker,
   StyleSpecification,
 } from "maplibre-gl";
-import type { Bounds, Point } from "../model/road";
+import type { Bounds, Field, Point } from "../model/road";
 
 /** Name of the worker's file; the build fills it in. */
 declare const MAP_WORKER: string;
 
-export type End = "from" | "to";
+/** A pin of the journey that can be dragged: one of its ends, or a place on the way. */
+export interface Mark {
+  field: Field;
+  at: Point;
+  /** What stands in it. */
+  letter: string;
+  label: string;
+}
 
 export interface MapPalette {
   ground: string;
@@ -39,7 +46,7 @@ export interface MapPalette {
 export interface MapHandlers {
   onClick: (at: Point) => void;
   /** `done` is false while the pointer is down. */
-  onDrag: (end: End, to: Point, done: boolean) => void;
+  onDrag: (field: Field, to: Point, done: boolean) => void;
   /** The pointer is on the chosen road; null when it leaves. */
   onRoad: (at: Point | null) => void;
   onOther: (road: number) => void;
@@ -126,10 +133,10 @@ function line(id: string, source: Data, paint: object): LayerSpecification {
   return { id, type: "line", source, layout: { "line-cap": "round", "line-join": "round" }, paint };
 }
 
-/** Where a name stands beside its point, the best place first; the last two are below and above a pin. */
+/** Where a name stands beside its point, the best place first: close to it, clear of a road through it, above a pin. */
 const BESIDE = [
   ...["left", [0.5, 0], "top", [0, 0.4], "right", [-0.5, 0], "bottom", [0, -0.4]],
-  ...["top", [0, 0.9], "bottom", [0, -4.2]],
+  ...["top", [0, 0.9], "bottom", [0, -0.9], "bottom", [0, -4.2]],
 ];
 
 /** Layers of the journey, from below. */
@@ -195,7 +202,19 @@ function journeyLayers(palette: MapPalette, font: string): LayerSpecification[] 
       },
       paint: { "text-color": palette.text, "text-halo-color": palette.halo, "text-halo-width": 1.6 },
     },
-    // What is above is placed first: names keep clear of stations, of stops and of the pins.
+    // What is above is placed first: names keep clear of the road, of stations, of stops and of the pins.
+    {
+      id: "road-room",
+      type: "symbol",
+      source: "roads",
+      layout: {
+        "symbol-placement": "line",
+        "symbol-spacing": ROOMS.station[0],
+        "icon-image": "room-station",
+        "icon-allow-overlap": true,
+        "icon-padding": 0,
+      },
+    },
     {
       id: "station-room",
       type: "symbol",
@@ -271,7 +290,7 @@ function corners([south, west, north, east]: Bounds): [Point, Point] {
 
 export class RoadMap {
   private readonly map: Canvas;
-  private readonly markers = new Map<End, Marker>();
+  private readonly markers = new Map<Field, Marker>();
   private readonly waiting = new Map<Data, Collection>();
   private loaded = false;
 
@@ -297,17 +316,18 @@ export class RoadMap {
     this.listen();
   }
 
-  /** Put a marker on an end of the journey, or remove it. */
-  setEnd(end: End, at: Point | null, label: string): void {
-    const known = this.markers.get(end);
-    if (!at) {
-      known?.remove();
-      this.markers.delete(end);
-    } else if (known) {
-      known.setLngLat(at);
-      known.getElement().setAttribute("aria-label", label);
-    } else {
-      this.markers.set(end, this.marker(end, at, label));
+  /** Put pins on the places of the journey, and on no others. */
+  setMarks(marks: readonly Mark[]): void {
+    for (const [field, known] of this.markers) {
+      if (marks.some((mark) => mark.field === field)) continue;
+      known.remove();
+      this.markers.delete(field);
+    }
+    for (const mark of marks) {
+      const known = this.markers.get(mark.field) ?? this.marker(mark);
+      known.setLngLat(mark.at).addTo(this.map);
+      known.getElement().setAttribute("aria-label", mark.label);
+      this.markers.set(mark.field, known);
     }
     this.setPins();
   }
@@ -347,19 +367,16 @@ export class RoadMap {
     this.map.remove();
   }
 
-  private marker(end: End, at: Point, label: string): Marker {
+  private marker({ field, letter }: Mark): Marker {
     const element = document.createElement("div");
     // eslint-disable-next-line page/text -- classes
-    element.className = `end-mark end-${end}`;
-    element.textContent = end === "from" ? "A" : "B";
+    element.className = `end-mark end-${field.replace(/\d+/, "")}`;
+    element.textContent = letter;
     element.setAttribute("role", "img");
-    element.setAttribute("aria-label", label);
-    const marker = new this.options.library.Marker({ element, draggable: true, anchor: "bottom" })
-      .setLngLat(at)
-      .addTo(this.map);
+    const marker = new this.options.library.Marker({ element, draggable: true, anchor: "bottom" });
     const tell = (done: boolean) => {
       const { lng, lat } = marker.getLngLat();
-      this.options.handlers.onDrag(end, [lng, lat], done);
+      this.options.handlers.onDrag(field, [lng, lat], done);
       this.setPins();
     };
     marker.on("drag", () => tell(false));

@@ -1,6 +1,6 @@
 /** The plan of the page as its link: it survives a reload, goes back and forward, and can be shared. */
 
-import { effect, untracked } from "@preact/signals";
+import { effect } from "@preact/signals";
 import { FIELDS } from "../api/fields";
 import type { Place } from "../api/documents";
 import { notPast } from "../model/clock";
@@ -33,7 +33,7 @@ function kindOf(name: string): "number" | "string" | "boolean" | "list" {
   if (field) return "unit" in field ? "number" : "several" in field ? "list" : "string";
   const usual = USUAL[name as Names];
   if (typeof usual === "boolean") return "boolean";
-  return name === "reserve" || name === "motorwayMS" ? "number" : "string";
+  return typeof usual === "number" || name === "motorwayMS" ? "number" : "string";
 }
 
 const BEFORE: BeforeDeparture[] = ["parked", "garage", "logged", "unknown"];
@@ -142,27 +142,35 @@ let entered: Trip | null = null;
 /** Keep the address of the page, and the link of the next visit, up to date. `open` shows a link of the history. */
 export function keepLink(open: (linked: Linked) => void): void {
   let timer = 0;
+  const write = () => {
+    const now = trip.peek();
+    if (timer === 0 || !now || now.isDraft) return;
+    forget();
+    const link = linkOf(now, conditions.peek(), car.peek());
+    const isNew = entered !== null && JSON.stringify(tripText(entered)) !== JSON.stringify(tripText(now));
+    entered = now;
+    if (link && !isExample.peek()) writeStored(KEY, { link });
+    const address = link || location.pathname + location.search;
+    if (link === location.hash) return;
+    if (isNew) history.pushState(null, "", address);
+    else history.replaceState(null, "", address);
+  };
+  const forget = () => {
+    window.clearTimeout(timer);
+    timer = 0;
+  };
   effect(() => {
     const now = trip.value;
-    const [at, by] = [conditions.value, car.value];
-    if (!now || now.isDraft) return;
-    untracked(() => {
-      window.clearTimeout(timer);
-      timer = window.setTimeout(() => {
-        const link = linkOf(now, at, by);
-        const isNew = entered !== null && JSON.stringify(tripText(entered)) !== JSON.stringify(tripText(now));
-        entered = now;
-        if (link && !isExample.value) writeStored(KEY, { link });
-        const address = link || location.pathname + location.search;
-        if (link === location.hash) return;
-        if (isNew) history.pushState(null, "", address);
-        else history.replaceState(null, "", address);
-      }, REST_MS);
-    });
+    if (!conditions.value || !car.value || !now || now.isDraft) return;
+    forget();
+    timer = window.setTimeout(write, REST_MS);
   });
+  // who leaves the page within the rest finds the last change again
+  window.addEventListener("pagehide", write);
+  document.addEventListener("visibilitychange", write);
   window.addEventListener("popstate", () => {
     const linked = readLink(location.hash);
-    window.clearTimeout(timer);
+    forget();
     entered = null;
     if (linked) open(linked);
   });

@@ -111,6 +111,8 @@ const de: Text = {
     to: "Nach",
     unknown: (words) => `Kein Ort heißt „${words}“.`,
     choose: "Bitte aus der Liste wählen.",
+    alsoCalled: (name) => `auch ${name}`,
+    covers: "Die Karte umfasst",
     kinds: {
       city: "Stadt",
       town: "Stadt",
@@ -202,6 +204,7 @@ const de: Text = {
       rain_mm_h: "Regen",
       pressure_pa: "Luftdruck",
       reserve: "Reserve",
+      stopOverheadS: "Je Ladestopp, außer dem Laden",
       motorwayMS: "Tempo auf der Autobahn",
     },
     choices: {
@@ -225,6 +228,7 @@ const de: Text = {
     cabin: "Innenraum",
     battery: "Batterie",
     forStops: "Batterie, auf dem Weg zum Schnelllader",
+    perStop: (time) => `${time} je Stopp`,
     warmCabin: "Innenraum warm",
     warmBattery: "Batterie warm",
     reserve: (reserve) => `Reserve ${reserve}`,
@@ -304,7 +308,6 @@ const de: Text = {
   verdict: {
     title: "Komme ich an?",
     arrives: "Sie kommen an",
-    likely: "Sie kommen wahrscheinlich an",
     withStops: (stops) => `Sie kommen an, mit ${count(stops, { one: "# Ladestopp", other: "# Ladestopps" })}`,
     belowReserve: "Sie kommen an, aber vielleicht unter der Reserve",
     perhaps: "Sie kommen vielleicht nicht an",
@@ -316,8 +319,8 @@ const de: Text = {
     duration: "Gesamtzeit",
     ofItCharging: (time) => `davon ${time} laden`,
     energy: "Energie",
-    stop: (station, time) => `${station} (${time})`,
-    stops: (stops) => `Laden: ${stops}.`,
+    stops: (stops, time, station, far, soc) =>
+      `${stops} Stopps, zusammen ${time}: zuerst ${station}, nach ${far}, bis ${soc}`,
     sure: "Wie sicher ist das?",
     reasons: (notes) => count(notes, { one: "# Hinweis", other: "# Hinweise" }),
   },
@@ -342,7 +345,6 @@ const de: Text = {
       mixed: "gemischte Straßen",
       motorway: "meist Autobahn",
     },
-    otherCar: "Ein beschriebenes Auto gilt hier nicht, sondern das Auto des Modells.",
     basis: "Von der Straße sind nur Länge und Art bekannt.",
   },
   share: {
@@ -363,7 +365,6 @@ const de: Text = {
       almostImpossible: "Fast ausgeschlossen",
     },
     withReserve: (reserve) => `: Ankunft mit der Reserve von ${reserve} oder mehr`,
-    unlessClimb: (climb) => `nicht ab ${climb} Anstieg`,
     withCharge: ": Ankunft, bevor die Batterie leer ist",
     atAll: (figures) => `Überhaupt ankommen: ${figures}`,
     announced: (word) => `${word}: Ankunft mit der Reserve.`,
@@ -372,6 +373,12 @@ const de: Text = {
       below: (hundredths) => `weniger als ${hundredths} von 100`,
       near: (hundredths) => `${hundredths} von 100`,
     },
+  },
+  climb: {
+    known: (up, down) => `Die Strecke steigt ${up} und fällt ${down}.`,
+    from: "Die Höhen stammen aus",
+    unknown: "Anstieg unbekannt: Die Höhen der Strecke sind nicht bekannt.",
+    changes: (climb) => `Bei einem Anstieg von ${climb} sinkt der Ladestand bei Ankunft auf die Reserve.`,
   },
   compare: {
     or: (first, second) => `${first} oder ${second}`,

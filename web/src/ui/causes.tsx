@@ -3,6 +3,7 @@ import { waterfall } from "../model/causes";
 import { ENERGY } from "../model/units";
 import { isMeasured, model } from "../state/car";
 import { format, text } from "../state/preferences";
+import { Climb } from "./climb";
 
 /** Digits of a kilowatt-hour. */
 const DIGITS = 2;
@@ -77,7 +78,7 @@ export function Causes({ of, other }: { of: Forecast; other: Forecast | null }) 
         </tfoot>
       </table>
       <p class="note">
-        {causes.note(ENERGY.unit, shown(of.battery_loss_wh, ENERGY))}{" "}
+        {causes.note(ENERGY.unit, shown(of.battery_loss_wh, ENERGY))} <Climb of={of} />{" "}
         {isMeasured.value ? causes.learnedOwn : causes.learnedOf(model.value?.model.vehicle_title ?? "")}
       </p>
     </section>
