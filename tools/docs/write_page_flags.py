@@ -1,6 +1,4 @@
-"""Write web/src/api/flags.ts and a file for each other language, the words of flags on the page: ``python -m tools.docs.write_page_flags``,
-a part of `make types`.
-"""
+"""Write web/src/api/flags.ts and one for each other language, the words of flags on the page, as a part of `make types`."""
 
 import json
 from collections.abc import Mapping

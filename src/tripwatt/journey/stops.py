@@ -342,6 +342,8 @@ class ChargingPlan:
             "charging_s": self.charging_s,
             "duration_s": self.duration_s,
             "energy_wh": self.energy_wh,
+            "by_cause_wh": self.by_cause_wh,
+            "battery_loss_wh": sum(leg.forecast.battery_loss_wh for leg in self.legs),
             "course": {
                 "position_m": series["distance_m"].tolist(),
                 "time_s": series["time_s"].tolist(),

@@ -303,6 +303,8 @@ class ChargingDocument(ResponseModel):
     """at stations, with overheads"""
     duration_s: float
     energy_wh: float
+    by_cause_wh: dict[str, float]
+    battery_loss_wh: float
     course: CourseDocument
     line: LineDocument
 

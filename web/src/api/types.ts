@@ -564,6 +564,10 @@ export interface components {
             charging_s: number;
             duration_s: number;
             energy_wh: number;
+            by_cause_wh: {
+                [key: string]: number;
+            };
+            battery_loss_wh: number;
             course: components["schemas"]["CourseDocument"];
             line: components["schemas"]["LineDocument"];
         };

@@ -82,8 +82,8 @@ export type Feature = GeoJSON.Feature;
 
 const EMPTY: Collection = { type: "FeatureCollection", features: [] };
 const TILE_ZOOM = { minzoom: 4, maxzoom: 14 };
-/** Of what is fitted into view [px]: pins stand above their points, buttons at the right. */
-const PADDING = { top: 64, right: 60, bottom: 36, left: 36 };
+/** Of what is fitted into view [px]: pins stand above their points, names reach to both sides, buttons are at the right. */
+const PADDING = { top: 64, right: 60, bottom: 36, left: 60 };
 const MAX_FIT_ZOOM = 14;
 /** Zoom of the whole world, where nothing else is known. */
 const START_ZOOM = 3;
@@ -133,11 +133,13 @@ function line(id: string, source: Data, paint: object): LayerSpecification {
   return { id, type: "line", source, layout: { "line-cap": "round", "line-join": "round" }, paint };
 }
 
-/** Where a name stands beside its point, the best place first: close to it, clear of a road through it, above a pin. */
+/** Where a name stands beside its point, the best place first: close to it, or clear of a road through it. */
 const BESIDE = [
   ...["left", [0.5, 0], "top", [0, 0.4], "right", [-0.5, 0], "bottom", [0, -0.4]],
-  ...["top", [0, 0.9], "bottom", [0, -0.9], "bottom", [0, -4.2]],
+  ...["top", [0, 0.9], "bottom", [0, -0.9], "top", [0, 1.6], "bottom", [0, -1.6]],
 ];
+/** And above a pin on the point. */
+const ABOVE_PIN = ["bottom", [0, -4.2]];
 
 /** Layers of the journey, from below. */
 function journeyLayers(palette: MapPalette, font: string): LayerSpecification[] {
@@ -195,7 +197,12 @@ function journeyLayers(palette: MapPalette, font: string): LayerSpecification[] 
         "text-field": ["get", "name"],
         "text-font": [font],
         "text-size": ["match", ["get", "kind"], "city", 17, "town", 15, 12.5],
-        "text-variable-anchor-offset": BESIDE as never,
+        "text-variable-anchor-offset": [
+          "case",
+          ["get", "pinned"],
+          ["literal", [...BESIDE, ...ABOVE_PIN]],
+          ["literal", BESIDE],
+        ] as never,
         "text-justify": "auto",
         "symbol-sort-key": ["get", "rank"],
         "text-padding": 4,
@@ -324,10 +331,10 @@ export class RoadMap {
       this.markers.delete(field);
     }
     for (const mark of marks) {
-      const known = this.markers.get(mark.field) ?? this.marker(mark);
-      known.setLngLat(mark.at).addTo(this.map);
-      known.getElement().setAttribute("aria-label", mark.label);
-      this.markers.set(mark.field, known);
+      const known = this.markers.get(mark.field);
+      const marker = known ?? this.marker(mark);
+      marker.setLngLat(mark.at).getElement().setAttribute("aria-label", mark.label);
+      if (!known) this.markers.set(mark.field, marker.addTo(this.map)); // adding it again would end a drag
     }
     this.setPins();
   }

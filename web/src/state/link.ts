@@ -1,6 +1,6 @@
 /** The plan of the page as its link: it survives a reload, goes back and forward, and can be shared. */
 
-import { effect } from "@preact/signals";
+import { effect, untracked } from "@preact/signals";
 import { FIELDS } from "../api/fields";
 import type { Place } from "../api/documents";
 import { notPast } from "../model/clock";
@@ -13,7 +13,8 @@ import { readStored, writeStored } from "./preferences";
 import { type Source, type Trip, trip } from "./trip";
 
 const KEY = "tripwatt.last";
-const REST_MS = 250;
+/** Between two writes; browsers allow few in a short time. */
+const REST_MS = 400;
 
 /** What a link has. */
 export interface Linked {
@@ -142,10 +143,11 @@ let entered: Trip | null = null;
 /** Keep the address of the page, and the link of the next visit, up to date. `open` shows a link of the history. */
 export function keepLink(open: (linked: Linked) => void): void {
   let timer = 0;
+  let isDue = false;
   const write = () => {
     const now = trip.peek();
-    if (timer === 0 || !now || now.isDraft) return;
-    forget();
+    if (!isDue || !now || now.isDraft) return;
+    isDue = false;
     const link = linkOf(now, conditions.peek(), car.peek());
     const isNew = entered !== null && JSON.stringify(tripText(entered)) !== JSON.stringify(tripText(now));
     entered = now;
@@ -155,22 +157,24 @@ export function keepLink(open: (linked: Linked) => void): void {
     if (isNew) history.pushState(null, "", address);
     else history.replaceState(null, "", address);
   };
-  const forget = () => {
-    window.clearTimeout(timer);
+  const rest = () => {
     timer = 0;
+    if (isDue) writeAndRest();
+  };
+  const writeAndRest = () => {
+    write();
+    timer = window.setTimeout(rest, REST_MS);
   };
   effect(() => {
-    const now = trip.value;
-    if (!conditions.value || !car.value || !now || now.isDraft) return;
-    forget();
-    timer = window.setTimeout(write, REST_MS);
+    isDue = !!(trip.value && !trip.value.isDraft && conditions.value && car.value);
+    if (isDue && timer === 0) untracked(writeAndRest);
   });
   // who leaves the page within the rest finds the last change again
   window.addEventListener("pagehide", write);
   document.addEventListener("visibilitychange", write);
   window.addEventListener("popstate", () => {
     const linked = readLink(location.hash);
-    forget();
+    isDue = false;
     entered = null;
     if (linked) open(linked);
   });

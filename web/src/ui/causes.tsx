@@ -1,6 +1,7 @@
 import type { Forecast } from "../api/documents";
 import { waterfall } from "../model/causes";
 import { ENERGY } from "../model/units";
+import { chargingPlan } from "../state/answer";
 import { isMeasured, model } from "../state/car";
 import { format, text } from "../state/preferences";
 import { Climb } from "./climb";
@@ -14,8 +15,9 @@ function nameOf(key: string): string {
   return names[key] ?? key;
 }
 
-/** Energy by cause: a table with a waterfall chart in its cells. */
-export function Causes({ of, other }: { of: Forecast; other: Forecast | null }) {
+/** Energy by cause, of the whole journey: a table with a waterfall chart in its cells. */
+export function Causes({ of: road, other }: { of: Forecast; other: Forecast | null }) {
+  const of = chargingPlan.value ?? road;
   const { figure, shown, signed } = format.value;
   const { causes, compare } = text.value;
   const steps = waterfall(of.by_cause_wh, new Set(["correction", "climate"]));
@@ -78,7 +80,7 @@ export function Causes({ of, other }: { of: Forecast; other: Forecast | null }) 
         </tfoot>
       </table>
       <p class="note">
-        {causes.note(ENERGY.unit, shown(of.battery_loss_wh, ENERGY))} <Climb of={of} />{" "}
+        {causes.note(ENERGY.unit, shown(of.battery_loss_wh, ENERGY))} <Climb of={road} />{" "}
         {isMeasured.value ? causes.learnedOwn : causes.learnedOf(model.value?.model.vehicle_title ?? "")}
       </p>
     </section>

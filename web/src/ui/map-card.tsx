@@ -225,11 +225,15 @@ function MapCanvas({
   });
   useSignalEffect(() => {
     const settlements = view.value?.settlements ?? [];
+    const pins = fieldsOfJourney().map(placeOf);
     made.value?.setData(
       "settlements",
-      settlements.map(({ name, kind, longitude_deg, latitude_deg }, rank) =>
-        pointOf([longitude_deg, latitude_deg], { name, kind, rank }),
-      ),
+      settlements.map(({ name, kind, longitude_deg, latitude_deg }, rank) => {
+        const pinned = pins.some(
+          (pin) => pin?.latitude_deg === latitude_deg && pin.longitude_deg === longitude_deg,
+        );
+        return pointOf([longitude_deg, latitude_deg], { name, kind, rank, pinned });
+      }),
     );
   });
   useSignalEffect(() => {

@@ -172,7 +172,7 @@ function Stops({ of }: { of: ChargingPlan }) {
   const name = first.station.name || journey.station;
   const soc = shown(first.soc_leave, PERCENT);
   return (
-    <li>
+    <li class="folded">
       <details>
         <summary>{words.stops(of.stops.length, duration(of.charging_s), name, far, soc)}</summary>
         <ol>
