@@ -141,6 +141,9 @@ const BESIDE = [
 /** And above a pin on the point. */
 const ABOVE_PIN = ["bottom", [0, -4.2]];
 
+/** Zoom from which settlements are shown: those of a whole country would cover its roads. */
+const SHOWN_FROM_ZOOM = [">=", ["zoom"], ["match", ["get", "kind"], "city", 0, "town", 6, 9]];
+
 /** Layers of the journey, from below. */
 function journeyLayers(palette: MapPalette, font: string): LayerSpecification[] {
   const level = ["match", ["get", "level"], "low", palette.low, "high", palette.high, palette.usual];
@@ -168,20 +171,10 @@ function journeyLayers(palette: MapPalette, font: string): LayerSpecification[] 
     line("road", "roads", { "line-color": level, "line-width": width }),
     line("road-hit", "roads", { "line-color": palette.casing, "line-width": 22, "line-opacity": 0 }),
     {
-      id: "station",
-      type: "circle",
-      source: "stations",
-      paint: {
-        "circle-radius": ["case", ["get", "chosen"], 11, 5],
-        "circle-color": palette.station,
-        "circle-stroke-color": palette.casing,
-        "circle-stroke-width": 2,
-      },
-    },
-    {
       id: "settlement-dot",
       type: "circle",
       source: "settlements",
+      filter: SHOWN_FROM_ZOOM as never,
       paint: {
         "circle-radius": ["match", ["get", "kind"], "city", 3.5, "town", 3, 2],
         "circle-color": palette.text,
@@ -190,9 +183,22 @@ function journeyLayers(palette: MapPalette, font: string): LayerSpecification[] 
       },
     },
     {
+      id: "station",
+      type: "circle",
+      source: "stations",
+      layout: { "circle-sort-key": ["case", ["get", "chosen"], 1, 0] },
+      paint: {
+        "circle-radius": ["case", ["get", "chosen"], 11, 5],
+        "circle-color": palette.station,
+        "circle-stroke-color": palette.casing,
+        "circle-stroke-width": 2,
+      },
+    },
+    {
       id: "settlement",
       type: "symbol",
       source: "settlements",
+      filter: SHOWN_FROM_ZOOM as never,
       layout: {
         "text-field": ["get", "name"],
         "text-font": [font],

@@ -308,7 +308,9 @@ const de: Text = {
   verdict: {
     title: "Komme ich an?",
     arrives: "Sie kommen an",
-    withStops: (stops) => `Sie kommen an, mit ${count(stops, { one: "# Ladestopp", other: "# Ladestopps" })}`,
+    arrivesBack: "Sie schaffen es hin und zurück",
+    withStops: (stops, isRound) =>
+      `${isRound ? "Sie schaffen es hin und zurück" : "Sie kommen an"}, mit ${count(stops, { one: "# Ladestopp", other: "# Ladestopps" })}`,
     belowReserve: "Sie kommen an, aber vielleicht unter der Reserve",
     perhaps: "Sie kommen vielleicht nicht an",
     not: "Ohne Laden kommen Sie nicht an",

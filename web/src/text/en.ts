@@ -299,8 +299,9 @@ export const en = {
   verdict: {
     title: "Do I arrive?",
     arrives: "You arrive",
-    withStops: (stops: number) =>
-      `You arrive, with ${count(stops, { one: "# charging stop", other: "# charging stops" })}`,
+    arrivesBack: "You get there and back",
+    withStops: (stops: number, isRound: boolean) =>
+      `${isRound ? "You get there and back" : "You arrive"}, with ${count(stops, { one: "# charging stop", other: "# charging stops" })}`,
     belowReserve: "You arrive, but perhaps below the reserve",
     perhaps: "You may not arrive",
     not: "You do not arrive without charging",

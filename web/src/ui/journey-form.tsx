@@ -263,7 +263,7 @@ export function JourneyForm() {
             checked={isRound.value}
             onChange={(event) => {
               isRound.value = event.currentTarget.checked;
-              chooseJourney();
+              void plan();
             }}
           />
           {words.andBack}

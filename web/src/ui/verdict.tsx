@@ -25,12 +25,17 @@ import { bandOf, chanceInFigures, clockText } from "./wording";
 /** Chances between these are an open question. */
 const OPEN = [0.05, 0.95] as const;
 
+/** What is said of a road without its charging stops. */
+const EMPTY = "battery_empty";
+
 /** The answer in a sentence. */
 function sentence(now: Answer): string {
   const { verdict: words } = text.value;
   if (isLookingForStops.value) return words.looking;
   if (verdictOfAnswer(now) === "good") {
-    return now.charges > 0 ? words.withStops(now.charges) : words.arrives;
+    const isRound = trip.value?.isRound ?? false;
+    if (now.charges > 0) return words.withStops(now.charges, isRound);
+    return isRound ? words.arrivesBack : words.arrives;
   }
   if (now.pArrive >= OPEN[1]) return words.belowReserve;
   return now.pArrive >= 0.5 ? words.perhaps : words.not;
@@ -215,7 +220,8 @@ function HowSure({ of, now }: { of: Forecast; now: Answer }) {
   const isOpen = chance > OPEN[0] && chance < OPEN[1];
   const wording = { text: text.value, format: format.value, units: units.value };
   const { verdict: words, result } = text.value;
-  const flags = [...of.flags, ...(journey.value?.flags ?? [])];
+  const ofRoad = of.flags.filter(({ code }) => !chargingPlan.value || code !== EMPTY);
+  const flags = [...ofRoad, ...(journey.value?.flags ?? [])];
   const count = warningsOf(flags, wording).length;
   const planned = trip.value?.links ?? trip.value?.stops;
   return (
