@@ -112,6 +112,22 @@ def test_the_car_of_the_model_needs_no_transfer(jobs: Jobs) -> None:
     assert len(found.transferred) == 0
 
 
+def test_a_distance_is_answered_for_a_described_car(jobs: Jobs) -> None:
+    def asked(**more: Any) -> bytes:
+        return orjson.dumps({"distance_km": 50, **more})
+
+    heavy = '{"mass_kg": 2600, "usable_battery_kwh": 90, "body": "van"}'
+    described = jobs.distance(asked(vehicle_figures=heavy))
+    assert described["energy_wh"] > 1.2 * jobs.distance(asked())["energy_wh"]
+    far = jobs.range(orjson.dumps({"vehicle_figures": heavy}))
+    assert far["range_m"] > 1.5 * jobs.range(b"{}")["range_m"]
+    assert {f.where for f in faults_of(jobs.distance, asked(vehicle_figures='{"mass_kg": 1}'))} == {"mass_kg"}
+    (fault,) = faults_of(jobs.distance, asked(vehicle_figures=heavy, vehicle="vw_id3"))
+    assert fault.where == "vehicle, vehicle_figures"
+    (fault,) = faults_of(jobs.distance, asked(vehicle_figures=heavy, car="mine"))
+    assert fault.what == "two cars"
+
+
 def test_a_car_or_figures(jobs: Jobs) -> None:
     (fault,) = faults_of(jobs.forecast, body_of(vehicle="vw_id3", vehicle_figures={}))
     assert (fault.what, fault.got) == ("no single car", "both")

@@ -89,7 +89,6 @@ const ALIKE = [
   "/result/reserve",
   "/result/reserveBelow",
   "/result/reserveAbove",
-  "/verdict/stop",
   "/drive/start",
   "/drive/pause",
   "/ownCars/name",
