@@ -452,6 +452,11 @@ def test_a_place_outside_of_the_map_is_told_with_its_region(page: Any, opened: t
     page.route("**/v1/journeys", outside)
     page.get_by_role("slider", name="Outside", exact=True).fill("-3")
     page.locator(".trip .covers").wait_for()
+    assert page.locator(".verdict .number").count() == 1  # the same journey, under other conditions
+    choose(page, "To", "haupt", "Hauptstraße")
+    page.get_by_role("button", name="Plan", exact=True).press("Enter")
+    page.locator(".verdict .number").wait_for(state="detached")
+    assert page.locator(".verdict h2").inner_text() == "Do I arrive?"
     page.unroute("**/v1/journeys")
     opened[1].clear()  # the browser tells of the refusal
 

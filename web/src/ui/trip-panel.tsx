@@ -153,7 +153,7 @@ export function TripPanel() {
       </div>
       <FaultList faults={wrong} />
       {wrong.length > 0 && source.value === "journey" && (
-        <p class="note">
+        <p class="note outside">
           <Covers />
         </p>
       )}
