@@ -1,4 +1,4 @@
-import { useSignal, useSignalEffect } from "@preact/signals";
+import { untracked, useSignal, useSignalEffect } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { tilesUrl, tokenHeaders, viewMap } from "../api/client";
 import type { Journey, MapView, Road, Station } from "../api/documents";
@@ -225,7 +225,7 @@ function MapCanvas({
   });
   useSignalEffect(() => {
     const settlements = view.value?.settlements ?? [];
-    const pins = fieldsOfJourney().map(placeOf);
+    const pins = untracked(() => fieldsOfJourney().map(placeOf)); // names do not follow a pin that is dragged
     made.value?.setData(
       "settlements",
       settlements.map(({ name, kind, longitude_deg, latitude_deg }, rank) => {
