@@ -22,6 +22,7 @@ from PIL import Image
 from tools import DATA, DOCS
 from tools.command import run
 from tools.docs import pages
+from tools.docs.tables import markdown
 
 from benchmarks.measure import Row, report
 from benchmarks.unknown_climb import trips_of
@@ -35,7 +36,7 @@ from tripwatt.physics import simulate_trip
 from tripwatt.population import Adaptation, population
 from tripwatt.report.cars import cars_panels, curves_table, factors_table, means_table, time_table
 from tripwatt.report.html import png_bytes
-from tripwatt.report.tables import Column, markdown, tabulated
+from tripwatt.report.tables import Column, tabulated
 from tripwatt.sources import read_logs
 from tripwatt.trips import Departure, Fleet, Trip, plan_from_trip
 from tripwatt.vehicles import RoadLoad, Vehicle, load_vehicle

@@ -1,19 +1,22 @@
 """The cost of a large map: a synthetic country is written, built, searched, routed in and served.
 
-Run: ``python -m benchmarks.country [--size large] [--json FILE] [--docs]``. Needs TRIPWATT_VALHALLA (`.ci/run` prepares it) or
-pyvalhalla. With ``--docs``, writes docs/results/country.json and the table of docs/decisions/page-03-large-maps.md.
+Run: ``python -m benchmarks.country [--size large] [--write]``. Needs TRIPWATT_VALHALLA (`.ci/run` prepares it) or pyvalhalla. With
+``--write``, renews docs/results/country.json and the table of docs/decisions/page-03-large-maps.md.
 """
 
 from __future__ import annotations
 
 import json
 import math
+import os
+import platform
+import re
 import resource
 import statistics
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
@@ -22,6 +25,7 @@ from tests.support.router_server import valhalla_serving
 from tools import DOCS
 from tools.command import run
 from tools.data.country import write_country
+from tools.docs import pages
 
 import tripwatt as tw
 from benchmarks.measure import Row, not_measured, reference_loop, report
@@ -31,9 +35,7 @@ from tripwatt.routes.maps.engine import valhalla_folder
 
 BYTES_PER_MB: Final = 1e6
 
-RECORD: Final = DOCS / "decisions" / "page-03-large-maps.md"
 PUBLISHED: Final = DOCS / "results" / "country.json"
-FENCE: Final = "<!-- python -m benchmarks.country --docs -->"
 LONG_KM: Final = (20.0, 100.0, 400.0)
 RUNS: Final = 3
 STEPS: Final = ("places", "elevation", "roads")
@@ -182,13 +184,22 @@ def _bytes(path: Path) -> int:
     )
 
 
-def table(published: Sequence[dict[str, Any]]) -> str:
+def machine() -> str:
+    """The machine of the run: its times mean little without it."""
+    about = dict(re.findall(r"^([\w ]+?)\s*:\s*(.+)$", Path("/proc/cpuinfo").read_text("utf-8"), flags=re.M))
+    memory_gb = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") / 1e9
+    cores = len(os.sched_getaffinity(0))
+    return f"{about.get('model name', platform.machine())}, {cores} cores, {memory_gb:.0f} GB of memory, Python {platform.python_version()}"
+
+
+def table(published: Mapping[str, Any]) -> str:
     """The rows as Markdown."""
-    lines = [f"| {row['name']} | {row['value']:,.3g} {row['unit']} |" for row in published]
-    return "\n".join(["| of the synthetic country | measured |", "|---|---:|", *lines])
+    lines = [f"| {row['name']} | {row['value']:,.3g} {row['unit']} |" for row in published["rows"]]
+    head = "| of the synthetic country | measured |"
+    return "\n".join([head, "|---|---:|", *lines, "", f"The machine of the run: {published['machine']}."])
 
 
-def main(size: str = "large", json_file: Path | None = None, docs: bool = False) -> int:
+def main(size: str = "large", write: bool = False) -> int:
     """Print the rows; 1 when a bound is missed."""
     kept: list[Row] = []
 
@@ -198,13 +209,11 @@ def main(size: str = "large", json_file: Path | None = None, docs: bool = False)
             yield row
 
     missed = report(keeping())
-    published = [{"name": row.name, "value": float(f"{row.value:.4g}"), "unit": row.unit} for row in kept]
-    for file in (json_file, PUBLISHED if docs else None):
-        if file is not None:
-            file.write_text(json.dumps({"size": size, "rows": published}, indent=1) + "\n", "utf-8")
-    if docs:
-        before, _, after = RECORD.read_text("utf-8").split(FENCE)
-        RECORD.write_text(f"{before}{FENCE}\n\n{table(published)}\n\n{FENCE}{after}", "utf-8")
+    if write:
+        measured = [{"name": row.name, "value": float(f"{row.value:.4g}"), "unit": row.unit} for row in kept]
+        published = {"size": size, "machine": machine(), "rows": measured}
+        PUBLISHED.write_text(json.dumps(published, indent=1) + "\n", "utf-8")
+        pages.renew("decisions/page-03-large-maps.md", "country", table(published))
     return missed
 
 

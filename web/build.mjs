@@ -47,7 +47,7 @@ async function digestOfSources() {
   return hash.digest("hex");
 }
 
-/** The catalogues of text, by language. */
+/** The texts by language. */
 async function catalogues() {
   const { outputFiles } = await build({
     absWorkingDir: HERE,
@@ -57,7 +57,9 @@ async function catalogues() {
     write: false,
   });
   const module = `data:text/javascript;base64,${Buffer.from(outputFiles[0].contents).toString("base64")}`;
-  return (await import(module)).CATALOGUES;
+  const { LANGUAGES, load } = await import(module);
+  const found = await Promise.all(Object.keys(LANGUAGES).map(load));
+  return Object.fromEntries(found.map(({ language, text }) => [language, text]));
 }
 
 function escaped(text) {

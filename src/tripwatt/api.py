@@ -13,7 +13,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from tripwatt.auditing import audit
-from tripwatt.errors import Fault, InvalidInput, raise_faults
+from tripwatt.errors import Check, Fault, InvalidInput, raise_faults
 from tripwatt.forecasting.fitting import CarOfTrips
 from tripwatt.forecasting.forecast import Forecast
 from tripwatt.forecasting.model import DEFAULT_CORRECTOR, ForecastModel
@@ -385,22 +385,16 @@ def sweep(
     car, names = _car(vehicle), list(values)
     tried = [np.ravel(np.array(given, dtype=object)).tolist() for given in values.values()]
     document, rows = vehicle_document(car), list(itertools.product(*tried))
-    faults: dict[Fault, None] = {}
-    cars = []
-    for row in rows:
-        try:
-            made = vehicle_from_document(
-                document, car.name, car.name, overrides=dict(zip(names, row, strict=True))
-            )
-            cars.append(replace(made, entries=car.entries))
-        except InvalidInput as error:
-            faults |= dict.fromkeys(error.faults)
-    empty = [
-        Fault("no values", name, "none", "at least one")
-        for name, given in zip(names, tried, strict=True)
-        if not given
-    ]
-    raise_faults([*empty, *faults])
+
+    def made(row: Sequence[float | str]) -> Vehicle:
+        overrides = dict(zip(names, row, strict=True))
+        made = vehicle_from_document(document, car.name, car.name, overrides=overrides)
+        return replace(made, entries=car.entries)
+
+    with Check() as check:
+        empty = [name for name, given in zip(names, tried, strict=True) if not given]
+        check(raise_faults, [Fault("no values", name, "none", "at least one") for name in empty])
+        cars = [check(made, row) for row in rows]
     plan = _plan(trip if isinstance(trip, Plan | Trip) else read_route(trip), departure)
     table = _totals_table((made, plan) for made in cars)
     for place, name in enumerate(names):

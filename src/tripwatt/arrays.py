@@ -58,3 +58,16 @@ def eigen(symmetric: FloatArray) -> tuple[FloatArray, FloatArray]:
 
         values, vectors = eigh(symmetric, driver="ev")
     return np.asarray(values), np.asarray(vectors)
+
+
+def held(time: FloatArray, values: FloatArray, hold_s: float) -> FloatArray:
+    """Missing values replaced by the last one while it is not older than `hold_s`.
+
+    Examples
+    --------
+    >>> held(np.array([0.0, 5.0, 20.0]), np.array([1.0, np.nan, np.nan]), 10.0)
+    array([ 1.,  1., nan])
+    """
+    last = np.maximum.accumulate(np.where(np.isfinite(values), np.arange(len(values)), -1))
+    fresh = (last >= 0) & (time - time[np.maximum(last, 0)] <= hold_s)
+    return np.where(fresh, values[np.maximum(last, 0)], np.nan)

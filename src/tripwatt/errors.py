@@ -8,11 +8,14 @@ from __future__ import annotations
 
 import difflib
 import reprlib
-from collections.abc import Iterable, Mapping, Sequence, Sized
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Sized
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, replace
 from importlib.util import find_spec
-from types import MappingProxyType
-from typing import Any, Final, Self
+from typing import Any, Final, ParamSpec, Self, TypeVar, cast
+
+Given = ParamSpec("Given")
+Checked = TypeVar("Checked")
 
 MOST_FAULTS: Final = 50
 """Faults of one kind that are listed one by one; the others are counted."""
@@ -127,14 +130,12 @@ class Fault:
         return f"{text}: {'; '.join(parts)}" if parts else text
 
 
-EXTRAS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
-    {
-        "service": ("fastapi", "pydantic", "uvicorn", "orjson", "prometheus_client"),
-        "fleet": ("deltalake",),
-        "routing": ("httpx",),
-        "live": ("aiomqtt",),
-    }
-)
+EXTRAS: Final[Mapping[str, tuple[str, ...]]] = {
+    "service": ("fastapi", "pydantic", "uvicorn", "orjson", "prometheus_client"),
+    "fleet": ("deltalake",),
+    "routing": ("httpx",),
+    "live": ("aiomqtt",),
+}
 """Extra of the package -> the modules without which none of its commands works."""
 
 
@@ -293,3 +294,116 @@ class RemoteError(InvalidInput):
     >>> print(RemoteError(Fault("the router does not respond", "127.0.0.1:8002", "connection refused")))
     the router does not respond: 127.0.0.1:8002: got connection refused
     """
+
+
+@contextmanager
+def system_errors(what: str, where: str, allowed: str, path: object = "") -> Iterator[None]:
+    """Raise `InvalidInput` for an error of the system, such as a full disk or a missing permission.
+
+    Parameters
+    ----------
+    what, where, allowed : str
+        Of the fault; what is there instead is what the system says.
+    path : object
+        Put before it.
+
+    Examples
+    --------
+    >>> with system_errors("cannot write the file", "--out", "a writable folder", "out.csv"):
+    ...     raise PermissionError(13, "Permission denied")
+    Traceback (most recent call last):
+    ...
+    tripwatt.errors.InvalidInput: cannot write the file: --out: got out.csv: Permission denied; allowed: a writable folder
+    """
+    try:
+        yield
+    except OSError as error:
+        got = f"{path}: {error.strerror or error}" if path else f"{error.strerror or error}"
+        raise InvalidInput.of(what, where, got, allowed) from error
+
+
+def or_none(call: Callable[Given, Checked], *args: Given.args, **more: Given.kwargs) -> Checked | None:
+    """What a call gives; None where its input cannot be used.
+
+    Examples
+    --------
+    >>> or_none(int, "3"), or_none(raise_faults, [Fault("no trips", "data/")])
+    (3, None)
+    """
+    try:
+        return call(*args, **more)
+    except InvalidInput:
+        return None
+
+
+@contextmanager
+def places_named(names: Mapping[str, str]) -> Iterator[None]:
+    """Raise faults under other names of their places.
+
+    Examples
+    --------
+    >>> with places_named({"mass_kg": "--mass"}):
+    ...     raise InvalidInput.of("not a number", "mass_kg")
+    Traceback (most recent call last):
+    ...
+    tripwatt.errors.InvalidInput: not a number: --mass
+    """
+    try:
+        yield
+    except InvalidInput as error:
+        raise InvalidInput(replace(f, where=names.get(f.where, f.where)) for f in error.faults) from error
+
+
+class Check:
+    """Run checks of one input, and raise the faults of all at the end of a `with` block.
+
+    Examples
+    --------
+    >>> with Check() as check:
+    ...     number = check(int, "7")
+    ...     check(raise_faults, [Fault("no trips", "data/")])
+    ...     check(raise_faults, [Fault("no car", "car.toml")])
+    Traceback (most recent call last):
+    ...
+    tripwatt.errors.InvalidInput: no trips: data/
+    no car: car.toml
+    """
+
+    def __init__(self) -> None:
+        self.faults: dict[Fault, None] = {}
+        self.failed = False
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __call__(self, check: Callable[Given, Checked], *args: Given.args, **more: Given.kwargs) -> Checked:
+        """Return the result of a check; where it fails, nothing that the end of the block lets through.
+
+        Parameters
+        ----------
+        check : callable
+            Gives a result or raises `InvalidInput`.
+        *args, **more
+            Of the callable.
+
+        Returns
+        -------
+        object
+            What the check gives.
+
+        Examples
+        --------
+        >>> Check()(len, "abc")
+        3
+        """
+        try:
+            return check(*args, **more)
+        except InvalidInput as error:
+            self.faults |= dict.fromkeys(error.faults)
+            self.failed = True
+            return cast(Checked, None)
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        """Raise `InvalidInput` with the faults of all checks, each once."""
+        if kind is None and self.failed:
+            raise InvalidInput(self.faults)

@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 from typing import Final
 
 import numpy as np
@@ -315,14 +314,12 @@ def _rising_end(speed: IntArray, energy: FloatArray) -> tuple[IntArray, FloatArr
     return speed[:last], energy[:last]
 
 
-EXPORTS: Final[Mapping[str, Callable[[ConsumptionCurve], dict[str, str]]]] = MappingProxyType(
-    {
-        "here": _here,
-        "tomtom": _tomtom,
-        "mapbox": _mapbox,
-        "abrp": lambda c: {"ref_consumption": f"{c.reference_wh_km:.0f}"},
-    }
-)
+EXPORTS: Final[Mapping[str, Callable[[ConsumptionCurve], dict[str, str]]]] = {
+    "here": _here,
+    "tomtom": _tomtom,
+    "mapbox": _mapbox,
+    "abrp": lambda c: {"ref_consumption": f"{c.reference_wh_km:.0f}"},
+}
 """The services that a curve can be exported to."""
 
 

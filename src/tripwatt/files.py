@@ -14,10 +14,11 @@ import os
 import shutil
 import stat
 import sys
+import tomllib
 import zipfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import IO, Final
+from typing import IO, Any, Final
 
 from tripwatt.errors import InvalidInput
 
@@ -121,6 +122,20 @@ def read_text_file(path: Path | str, most_bytes: int, **more: str) -> str:
         raise InvalidInput.of("not a text file", f"{path}", str(error)[:120], "text in UTF-8") from error
 
 
+def parse_toml(text: str, where: str) -> dict[str, Any]:
+    """The document of a TOML text.
+
+    Raises
+    ------
+    InvalidInput
+        When it is none.
+    """
+    try:
+        return tomllib.loads(text)
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise InvalidInput.of("not a TOML file", where, str(error)[:200], "TOML 1.0") from error
+
+
 def require_small_content(
     archive: IO[bytes], where: str, most_bytes: int = MOST_CONTENT_BYTES
 ) -> zipfile.ZipFile:
@@ -160,13 +175,14 @@ def write_file(path: Path, write: Callable[[Path], object]) -> None:
         partial.replace(path)
 
 
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write a file, whole or not at all: see `write_file`."""
+    write_file(path, lambda partial: partial.write_bytes(content))
+
+
 def write_text(path: Path, text: str) -> None:
     """Write a file of text in UTF-8, whole or not at all: see `write_file`."""
-
-    def write(partial: Path) -> None:
-        partial.write_text(text, encoding="utf-8")
-
-    write_file(path, write)
+    write_bytes(path, text.encode())
 
 
 def replace_folder(out: Path, write: Callable[[Path], None]) -> None:

@@ -22,7 +22,7 @@ from typing import Any, Final, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from tripwatt.errors import Fault, InvalidInput, excerpt, raise_faults
+from tripwatt.errors import Check, Fault, InvalidInput, excerpt, system_errors
 from tripwatt.files import read_file, replace_folder, require_small_content
 
 Arrays = Mapping[str, npt.NDArray[Any]]
@@ -249,14 +249,8 @@ def _read_parts(path: Path, listed: Mapping[str, Any]) -> dict[str, Part]:
         name: _bytes(path / name) if Path(name).name == name and Path(name).suffix in _SUFFIXES else None
         for name in listed
     }
-    parts: dict[str, Part] = {}
-    faults: list[Fault] = []
-    for name, raw in content.items():
-        try:
-            parts[name] = _checked_part(path / name, raw, listed[name])
-        except InvalidInput as error:
-            faults += error.faults
-    raise_faults(faults)
+    with Check() as check:
+        parts = {name: check(_checked_part, path / name, raw, listed[name]) for name, raw in content.items()}
     return parts
 
 
@@ -322,8 +316,5 @@ def _place(out: Path, content: Mapping[str, bytes]) -> None:
         for name, raw in content.items():
             (made / name).write_bytes(raw)
 
-    try:
+    with system_errors("cannot write the model", "--out", "a writable folder", out):
         replace_folder(out, write)
-    except OSError as error:
-        got = f"{out}: {error.strerror or error}"
-        raise InvalidInput.of("cannot write the model", "--out", got, "a writable folder") from error

@@ -118,4 +118,4 @@ def test_evaluate_writes_the_page(fleet, tmp_path):
         "new car models",
     }
     assert shown["own_trips"][0]["own_trips"] == 0
-    assert out.read_text("utf-8").startswith("<!doctype html>")
+    assert out.read_text("utf-8").startswith("<!DOCTYPE html>")

@@ -66,7 +66,7 @@ class MadeRouter:
 
 
 def joined(legs):
-    from tripwatt.routes.links import join_routes
+    from tests.support.joined import join_routes
 
     links = join_routes([leg.links for leg in legs])
     starts = np.cumsum([0.0, *(leg.distance_m for leg in legs)])

@@ -26,26 +26,45 @@ def made_problem(seed, stations=None, length_km=None):
 
 
 def exhaustive(problem):
-    """Least time of all sequences of stations and levels; a way is given up only where driving straight on would take longer than a whole plan."""
-    end, best, levels = len(problem.taken) - 1, float("inf"), problem.levels.tolist()
-    taken, need, time = problem.taken.tolist(), problem.need.tolist(), problem.time_s.tolist()
-    charging = problem.charging_s.tolist()
+    """Least time of all sequences of stations and all levels in each; infinity where none arrives.
 
-    def drive(node, level, spent):
+    A way is given up only where no end of it can take less than the best plan so far: what is left takes at least the drive straight on, and
+    what the charge lacks for that at the highest power of all stations ahead, with the overhead of a stop.
+    """
+    require_longer_by_stations(problem)
+    end, best, levels = len(problem.taken) - 1, np.inf, problem.levels
+    least_left = (problem.need - problem.taken)[:-1, end].min()
+    lacks = np.maximum(problem.taken[:-1, end, None] + least_left - levels, 0.0)
+    step = np.diff(problem.charging_s, axis=1).min(axis=1)[:-1] / np.diff(levels).max()
+    fastest = np.append(
+        np.minimum.accumulate(step[::-1])[::-1][1:], 1e9
+    )  # after the last station there is none
+    left_s = problem.time_s[:-1, end, None] + lacks * fastest[:, None] + problem.overhead_s * (lacks > 0.0)
+
+    def drive(node, soc, spent):
         nonlocal best
-        if level >= need[node][end]:
-            best = min(best, spent + time[node][end])
-        for there in range(end - 1, node, -1):
-            if level < need[node][there]:
-                continue
-            arrived = spent + time[node][there]
-            arrival = min(max(level - taken[node][there], 0.0), 1.0)
-            here = float(np.interp(arrival, levels, charging[there]))
-            for k, leave in enumerate(levels):
-                total = arrived + max(charging[there][k] - here, 0.0) + problem.overhead_s
-                if total + time[there][end] >= best:
-                    break
-                drive(there, leave, total)
+        direct = spent[soc >= problem.need[node, end]]
+        best = min(best, direct.min(initial=np.inf) + problem.time_s[node, end])
+        there = np.arange(node + 1, end)
+        arrival = np.clip(soc - problem.taken[node, there, None], 0.0, 1.0)
+        here = np.array(
+            [np.interp(a, levels, problem.charging_s[k]) for a, k in zip(arrival, there, strict=True)]
+        )
+        arrived = spent + problem.time_s[node, there, None] + problem.overhead_s
+        arrived = np.where(soc >= problem.need[node, there, None], arrived, np.inf)
+        charged = np.maximum(problem.charging_s[there][:, None, :] - here.reshape(*arrived.shape, 1), 0.0)
+        total = (arrived[:, :, None] + charged).min(axis=1)
+        for k in reversed(range(len(there))):
+            useful = total[k] + left_s[there[k]] < best
+            if useful.any():
+                drive(int(there[k]), levels[useful], total[k][useful])
 
-    drive(0, problem.start_soc, 0.0)
-    return best
+    drive(0, np.array([problem.start_soc]), np.zeros(1))
+    return float(best)
+
+
+def require_longer_by_stations(problem):
+    """What the bound of `exhaustive` rests on: no station makes a drive shorter, or take less."""
+    for way in (problem.time_s, problem.taken):
+        for k in range(1, len(way) - 1):
+            assert np.all(way[:k, k, None] + way[k, k + 1 :] >= way[:k, k + 1 :] - 1e-9)

@@ -1,5 +1,7 @@
 """Atlases: what opens them and what cannot."""
 
+import json
+
 import pytest
 from tests.support.router_server import write_map
 
@@ -22,6 +24,14 @@ def test_an_atlas_of_a_map_with_the_roads_of_a_server(tmp_path, monkeypatch):
     assert open_atlas().router.name == "valhalla at 127.0.0.1:1"
     server = open_atlas(AtlasSettings("http://127.0.0.1:1", "photon=http://p", "http://w"))
     assert (server.places.client.host, server.weather.client.host, server.bounds_deg) == ("p", "w", None)
+
+
+def test_the_attribution_of_a_map_is_that_of_its_folder(tmp_path):
+    folder = write_map(tmp_path / "map")
+    assert open_atlas(f"{folder}@http://127.0.0.1:1").attribution == "© OpenStreetMap contributors, ODbL 1.0"
+    about = json.loads((folder / "map.json").read_text("utf-8")) | {"attribution": "Invented by us"}
+    (folder / "map.json").write_text(json.dumps(about), "utf-8")
+    assert open_atlas(f"{folder}@http://127.0.0.1:1").attribution == "Invented by us"
 
 
 def test_every_fault_of_an_atlas_is_named(tmp_path, monkeypatch):

@@ -9,8 +9,9 @@ from tests.journey.made import COLD, journey
 from tripwatt.errors import InvalidInput
 from tripwatt.journey import (
     ChargingCurve,
+    Place,
 )
-from tripwatt.journey.charging import EFFICIENCY, cold_factor
+from tripwatt.journey.charging import AMERICAN, EFFICIENCY, EUROPEAN, cold_factor, plugs_of
 from tripwatt.routes.maps import Station
 from tripwatt.vehicles import load_vehicle
 
@@ -18,7 +19,7 @@ from tripwatt.vehicles import load_vehicle
 def test_a_curve_of_ones_own_is_no_class_curve(model):
     curve = ChargingCurve((0.0, 1.0), (60_000.0, 60_000.0))
     found = journey(model, replace(COLD, soc=0.7), charging_curve=curve)
-    assert [flag.code for flag in found.flags] == ["cold_charging_assumed"]
+    assert [flag.code for flag in found.flags] == ["plugs_unknown", "cold_charging_assumed"]
     (stop,) = found.charging.stops
     wh = found.forecast.charge.wh_per_display
     warm_s = (stop.soc_leave - stop.soc_arrival) * wh / (EFFICIENCY * 60_000.0) * 3600.0
@@ -78,3 +79,12 @@ def test_cold_cells_take_less_direct_current_and_no_less_alternating():
     assert seconds(curve, 0.1, 0.8, weak, cell_degc=0.0) == seconds(curve, 0.1, 0.8, weak)
     slow = replace(fast, direct_current=False)
     assert seconds(curve, 0.1, 0.8, slow, cell_degc=-10.0) == seconds(curve, 0.1, 0.8, slow)
+
+
+def test_plugs_are_those_of_the_region_and_of_the_car():
+    vaduz, boston, kyoto = Place(47.0, 9.5), Place(42.4, -71.1), Place(35.0, 135.8)
+    assert plugs_of("vw_id3", vaduz) == EUROPEAN | {"tesla_supercharger_ccs"}
+    assert plugs_of("vw_id4", boston) == AMERICAN | {"tesla_supercharger_ccs"}
+    assert plugs_of("nissan_leaf_40", vaduz) == EUROPEAN - {"type2_combo"} | {"chademo"}
+    assert {"tesla_supercharger", "nacs", "type1_combo"} <= plugs_of("tesla_model_3_lr", boston)
+    assert plugs_of("vw_id3", kyoto) == frozenset()

@@ -18,7 +18,7 @@ from tripwatt.routes.weather import Weather
 
 def test_what_climate_wind_and_speed_cost(model):
     windy = replace(COLD, wind_speed_m_s=8.0, wind_from_deg=90.0)
-    found = journey(model, windy)
+    found = journey(model, windy, charge=False)
     off = journey(model, replace(windy, climate="off"), answers=False)
     calm = journey(model, answers=False)
     assert found.costs_wh["climate"] == pytest.approx(found.forecast.energy_wh - off.forecast.energy_wh)

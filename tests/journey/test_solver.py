@@ -8,7 +8,7 @@ from tests.journey.stop_problems import exhaustive, made_problem
 
 from tripwatt.journey.solver import joint_chance, least_time
 
-SAMPLE = (*range(18), 23)
+SAMPLE = range(40)
 """Seeds of the gate; `python -m benchmarks.stops` tries 500."""
 
 
@@ -72,23 +72,6 @@ def test_faster_stations_and_shorter_stops_are_never_slower():
         problem = made_problem(seed)
         assert best_s(replace(problem, charging_s=0.8 * problem.charging_s)) <= best_s(problem)
         assert best_s(replace(problem, overhead_s=0.0)) <= best_s(problem)
-
-
-def test_an_occupied_station_costs_time_and_is_not_used():
-    compared = 0
-    for seed in range(12):
-        problem = replace(made_problem(seed, stations=25, length_km=250.0), start_soc=0.8)
-        plan = least_time(problem)
-        if plan is None or len(plan.nodes) < 3:
-            continue
-        rest = problem.after(0, 0.8, plan.nodes[1], 120.0, 0.01)
-        other = least_time(rest)
-        assert len(rest.taken) == len(problem.taken) - 1
-        if other is not None:
-            compared += 1
-            assert other.nodes[1] >= plan.nodes[1]
-            assert other.duration_s >= plan.duration_s
-    assert compared >= 3
 
 
 @pytest.mark.parametrize("share", [0.0, 0.4, 0.8, 0.95])

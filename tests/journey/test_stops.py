@@ -51,7 +51,11 @@ def test_a_stop_to_charge_where_the_charge_does_not_suffice(model):
     assert 600.0 < stop.charging_s < 7200.0
     assert plan.duration_s == pytest.approx(plan.driving_s + stop.charging_s + 300.0)
     assert stop.if_full is None
-    assert [flag.code for flag in found.flags] == ["class_charging_curve", "cold_charging_assumed"]
+    assert [flag.code for flag in found.flags] == [
+        "class_charging_curve",
+        "plugs_unknown",
+        "cold_charging_assumed",
+    ]
 
 
 def test_a_slower_station_takes_longer_and_the_better_one_is_taken(model):
@@ -104,6 +108,26 @@ def test_the_course_has_a_jump_for_each_stop(long_journey):
     assert sum(plan.by_cause_wh.values()) == pytest.approx(plan.energy_wh)
 
 
+def test_errors_of_energy_add_up_over_legs_between_independent_and_common_ones(long_journey):
+    plan = long_journey.charging
+    series = plan.series()
+    above = (series["energy_high_wh"] - series["energy_wh"]).to_numpy()
+    legs = np.array([leg.forecast.interval(0.9)[1] - leg.forecast.energy_wh for leg in plan.legs])
+    assert np.sqrt((legs**2).sum()) < above[-1] < legs.sum()
+    assert plan.energy_interval_wh[1] == pytest.approx(plan.energy_wh + above[-1])
+    assert np.all(np.diff(above) > -1e-6)
+
+
+def test_costs_are_those_of_all_legs(model, long_journey):
+    legs = long_journey.charging.legs
+    off = tw.Departure(climate="off")
+    without = sum(model.forecast(leg.forecast.plan, off).energy_wh for leg in legs)
+    driven = sum(leg.forecast.energy_wh for leg in legs)
+    assert long_journey.costs_wh["climate"] == pytest.approx(driven - without)
+    assert long_journey.costs_wh["speed"] > 0.0
+    assert long_journey.costs_wh["wind"] == 0.0
+
+
 def test_alternatives_are_better_in_what_they_are_called(long_journey):
     fastest = long_journey.charging
     for plan in long_journey.charging_alternatives:
@@ -145,6 +169,44 @@ def test_stated_chances_hold_in_a_world_that_gave_them_no_width():
     assert abs(whole) <= 0.02
 
 
+@pytest.mark.parametrize("count", [9, 14, 21])
+def test_the_whole_chance_is_close_to_what_it_has_to_be_where_charge_limits_it(model, count):
+    departure = tw.Departure(soc=0.8, ambient_temperature_degc=12.0)
+    plans = journey(model, departure, (A, FAR), replace(MADE, stations=row(count))).charging_plans
+    for plan in plans:
+        if plan.label != "safest":
+            assert 0.95 <= plan.p_reserve <= 0.97
+    assert plans[0].label == "fastest"
+
+
+def test_a_start_that_reaches_no_station_surely_has_the_plan_that_does_best(model):
+    near, far = (
+        Station(47.0, 9.0 + at, name, 1e5, direct_current=True) for at, name in ((0.4, "Nah"), (0.5, "Fern"))
+    )
+    found = journey(model, replace(COLD, soc=0.55), atlas=replace(MADE, stations=(near, far)))
+    plan = found.charging
+    assert (plan.label, plan.stops[0].station.name, found.charging_alternatives) == ("best effort", "Nah", ())
+    assert found.forecast.p_arrive(0.1) < plan.p_reserve <= plan.stops[0].p_reach < 0.95
+    assert (found.verdict.arrives, found.verdict.p_reserve) == (False, plan.p_reserve)
+    assert found.verdict.advice != "stop"
+    assert found.flags[0].code == "no_stop_found"
+    assert journey(model, replace(COLD, soc=0.2)).charging is None
+
+
+def test_stations_without_a_plug_of_the_car_are_left_out(model):
+    chademo = replace(MADE.stations[0], plugs=("chademo",))
+    beside = replace(
+        MADE.stations[0], longitude_deg=9.41, name="Daneben", power_w=5e4, plugs=("type2_combo",)
+    )
+    found = journey(model, LOW, atlas=replace(MADE, stations=(chademo, beside)))
+    assert [stop.station.name for stop in found.charging.stops] == ["Daneben"]
+    assert found.charging.stops[0].if_full is None
+    codes = [flag.code for flag in found.flags]
+    assert "plugs_assumed" in codes
+    assert "plugs_unknown" not in codes
+    assert journey(model, LOW, atlas=replace(MADE, stations=(chademo,))).charging is None
+
+
 def test_no_stops_are_planned_where_none_are_asked_for(model):
     found = journey(model, LOW, charge=False)
     assert (found.charging, found.charging_alternatives) == (None, ())
@@ -165,5 +227,7 @@ def test_the_journey_shows_its_stops(long_journey):
     plans = (long_journey.charging, *long_journey.charging_alternatives)
     with_stops = frame[frame["charges"] > 0]
     assert with_stops["duration_s"].tolist() == [plan.duration_s for plan in plans]
+    assert (frame["energy_low_wh"] < frame["energy_wh"]).all()
+    assert (frame["energy_wh"] < frame["energy_high_wh"]).all()
     assert "stops to charge" in repr(long_journey)
     assert long_journey.plot().axes[1].lines

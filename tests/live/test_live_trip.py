@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from tests.support import ROOT
 
+from tripwatt.arrays import held
 from tripwatt.live import LiveTrip, Sample, TripFinder, live_trip
 from tripwatt.live.live_trip import (
     BEFORE_S,
@@ -16,7 +17,6 @@ from tripwatt.live.live_trip import (
     PARKED_S,
     SILENCE_S,
     STANDING_S,
-    held,
 )
 from tripwatt.live.ordering import LATE_S
 
@@ -130,7 +130,7 @@ def test_what_waits_counts_up_to_charging() -> None:
 def test_a_speed_is_held_for_ten_seconds() -> None:
     trip = LiveTrip([at(0.0, 10.0), at(HOLD_S, soc=0.4), at(HOLD_S + 1.0, soc=0.4), at(HOLD_S + 2.0, 8.0)])
     assert trip.table()["speed_m_s"].tolist() == [10.0, 10.0, 8.0]
-    assert held(np.array([0.0]), np.array([math.nan])).tolist() != [0.0]
+    assert held(np.array([0.0]), np.array([math.nan]), HOLD_S).tolist() != [0.0]
     assert len(trip.table(since_s=T0 + 100.0)) == 0
 
 

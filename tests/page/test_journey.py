@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from io import BytesIO
 from typing import Any
+from urllib.parse import parse_qsl, urlsplit
 
+import numpy as np
 import pytest
+from PIL import Image
 from tests.support.roads import END, START, encoded, valhalla_answers
 from tests.support.router_server import answering, write_map
 from tests.support.service_process import Service, serving
@@ -158,8 +162,23 @@ def test_a_click_sets_a_then_b_and_dragging_b_gives_the_new_arrival(page: Any) -
     page.locator(".readout").get_by_text("battery").wait_for()
 
 
-def test_the_area_of_reach_follows_the_charge(page: Any) -> None:
+SETTLE_MS = 1500
+"""Time for the map to move, and to ask for what is in view then."""
+
+
+def wider(route: Any) -> None:
+    """An area that reaches farther than the road of the router of these tests."""
+    answer = route.fetch().json()
+    for area in answer["areas"]:
+        area["polygon"]["coordinates"] = [[[8.6, 46.9], [9.4, 46.8], [9.2, 47.2], [8.6, 46.9]]]
+    route.fulfill(json=answer)
+
+
+def test_the_area_of_reach_is_fitted_into_view_and_follows_the_charge(page: Any) -> None:
     page.wait_for_selector(MAP_SHOWN)
+    page.route("**/v1/reachable", wider)
+    views: list[str] = []
+    page.on("request", lambda request: views.append(request.url) if "/v1/map/view" in request.url else None)
     box = page.get_by_label("Show the area of reach from A")
     choose(page, "From", "west", "Westend")
     with page.expect_response(lambda r: r.url.endswith("/v1/reachable")) as found:
@@ -168,11 +187,20 @@ def test_the_area_of_reach_follows_the_charge(page: Any) -> None:
     assert asked["start"]["name"] == "Westend"
     assert [area["probability"] for area in found.value.json()["areas"]] == [0.95, 0.5]
     page.get_by_text("dashed: in 10 of 20 trips").wait_for()
+    rings = [ring for area in found.value.json()["areas"] for ring in area["polygon"]["coordinates"]]
+    (west, south), (east, north) = (limit(np.concatenate(rings), axis=0) for limit in (np.min, np.max))
+    page.wait_for_timeout(SETTLE_MS)
+    view = {name: float(value) for name, value in parse_qsl(urlsplit(views[-1]).query)}
+    assert view["south"] < south <= north < view["north"]
+    assert view["west"] < west < east < view["east"]
+    shares = (east - west) / (view["east"] - view["west"]), (north - south) / (view["north"] - view["south"])
+    assert max(shares) > 0.5  # and little else
     with page.expect_response(lambda r: r.url.endswith("/v1/reachable")) as again:
         page.get_by_role("slider", name="Battery at departure", exact=True).press("Home")
     assert again.value.request.post_data_json["soc"] == pytest.approx(0.0)
     box.uncheck()
     page.get_by_text("dashed: in 10 of 20 trips").wait_for(state="detached")
+    page.unroute("**/v1/reachable")
 
 
 FIRST_PX = 600.0
@@ -245,6 +273,8 @@ def charging(answer: dict[str, Any], label: str, leave: float, minutes: float) -
         "charging_s": stopped,
         "duration_s": driving + stopped,
         "energy_wh": road["forecast"]["energy_wh"] + 40.0,
+        "by_cause_wh": {"rolling": road["forecast"]["energy_wh"], "climate": 40.0},
+        "battery_loss_wh": 30.0,
         "course": {
             "position_m": [0.0, middle, middle, whole],
             "time_s": [0.0, driving / 2.0, driving / 2.0 + stopped, driving + stopped],
@@ -278,12 +308,157 @@ def test_verdict_list_and_chart_speak_of_the_journey_with_its_charging_stop(page
         assert part in stops.inner_text()
     assert page.locator(".mark-arrival").inner_text() == "42\u00a0%"
     assert page.locator(".mark-stop").inner_text() == "1"
+    causes = page.locator(".causes tr")  # of the whole journey too, with what warms the battery for the stop
+    assert causes.filter(has_text="Heating and cooling").locator(".value").inner_text() == "0.04"
+    total = page.locator(".whole dd").last.inner_text().split()[0]
+    assert causes.last.locator(".value").inner_text() == total
     plans = page.get_by_role("group", name="Plans of charging stops").get_by_role("radio")
     plans.first.focus()
     page.keyboard.press("ArrowRight")
     page.wait_for_function("() => document.querySelector('.verdict .number').innerText.startsWith('59')")
     assert page.locator(".mark-arrival").inner_text() == "59\u00a0%"
     page.unroute("**/v1/journeys")
+
+
+@pytest.mark.parametrize("locale", ["en-IE", "de-DE"])
+def test_on_a_phone_the_first_of_several_stops_is_on_the_first_screen(
+    browser: Any, planner: Service, locale: str
+) -> None:
+    def with_stops(route: Any) -> None:
+        answer = route.fetch().json()
+        if route.request.post_data_json.get("answers") is not False:
+            whole = charging(answer, "fastest", 0.45, 12.0)
+            whole["stops"] = [
+                whole["stops"][0] | {"position_m": whole["stops"][0]["position_m"] + k} for k in range(3)
+            ]
+            answer["charging"] = whole | {"charging_s": 3480.0}
+        route.fulfill(json=answer)
+
+    context = context_of(browser, "phone", "light", locale)
+    context.set_default_timeout(60_000)
+    page = context.new_page()
+    page.route("**/v1/journeys", with_stops)
+    page.goto(planner.url)
+    first = page.locator(".todo:not(.old) summary")
+    first.wait_for()
+    for part in ("3 ", "58\u00a0min", "Halbweg", "45\u00a0%"):
+        assert part in first.inner_text()
+    box = first.bounding_box()
+    assert box["y"] + box["height"] <= FIRST_PX
+    each = page.locator(".todo ol li")
+    assert not each.first.is_visible()
+    first.press("Enter")
+    assert each.count() == 3
+    assert "13\u00a0%" in each.last.inner_text()
+    context.close()
+
+
+def test_the_time_at_a_stop_besides_charging_is_a_condition(page: Any) -> None:
+    slider = page.get_by_role("slider", name="Each charging stop, besides charging")
+    assert slider.get_attribute("aria-valuetext") == "5\u00a0min"
+    asked = whole_answer(page, lambda: slider.fill("12")).request.post_data_json
+    assert asked["stop_overhead_s"] == 720.0
+    assert "12\u00a0min per stop" in page.locator(".chips").inner_text()
+    page.wait_for_function("() => location.hash.includes('stopOverheadS=720') || !location.hash")
+
+
+def test_names_on_the_map_keep_clear_of_the_pins_and_of_the_road(page: Any) -> None:
+    """With the pins out of the way, nothing dark is where they stand or along the road: only dots of places."""
+    share = 0.3
+
+    def with_a_place_on_the_road(route: Any) -> None:
+        found = route.fetch().json()
+        place = {
+            "name": "Mittdorf",
+            "kind": "village",
+            "latitude_deg": 47.0,
+            "longitude_deg": 9.0 + 0.1 * share,
+        }
+        found["settlements"].append(found["settlements"][0] | place)
+        route.fulfill(json=found)
+
+    page.route("**/v1/map/view?*", with_a_place_on_the_road)
+    page.reload()
+    page.wait_for_selector(MAP_SHOWN)
+    page.wait_for_timeout(2 * SETTLE_MS)
+    boxes = [page.locator(f".end-{end}").bounding_box() for end in ("from", "to")]
+    page.evaluate("document.querySelectorAll('.end-mark').forEach((e) => { e.style.visibility = 'hidden'; })")
+    picture = np.asarray(Image.open(BytesIO(page.screenshot())).convert("L"), dtype=int)
+    page.unroute("**/v1/map/view?*")
+
+    def darkest(x: float, y: float, width: float, height: float) -> int:
+        return int(picture[round(y) : round(y + height), round(x) : round(x + width)].min())
+
+    for box in boxes:
+        assert darkest(box["x"], box["y"], box["width"], box["height"] - DOT_PX) > TEXT
+    y = boxes[0]["y"] + boxes[0]["height"]
+    west, east = (box["x"] + box["width"] / 2 for box in boxes)
+    for x in (west, west + share * (east - west), east):
+        for side in (x - DOT_PX - 60.0, x + DOT_PX):
+            assert darkest(side, y - 6.0, 60.0, 12.0) > TEXT
+        above, below = (darkest(x - 60.0, start, 120.0, 20.0) for start in (y - 30.0, y + 10.0))
+        assert min(above, below) < TEXT  # the name stands there
+
+
+DOT_PX = 10.0
+TEXT = 80
+"""Grey of names [0 to 255]; the road is lighter."""
+
+
+def test_other_names_the_region_of_the_map_and_the_source_of_heights_are_told(
+    page: Any, planner: Service, opened: tuple[Any, list[str]]
+) -> None:
+    def also(route: Any) -> None:
+        found = route.fetch().json()
+        for place in found["places"]:
+            place["also_called"] = "Vestend"
+        route.fulfill(json=found)
+
+    def with_heights(route: Any) -> None:
+        route.fulfill(
+            json=route.fetch().json() | {"terrain": {"known": True, "source": "SRTM tiles of NASA"}}
+        )
+
+    page.route("**/v1/places?*", also)
+    page.get_by_label("From", exact=True).first.focus()
+    page.keyboard.type("westen")
+    option = page.get_by_role("option", name="Westend").first
+    option.wait_for()
+    assert option.inner_text() == "Westend — also Vestend · town"
+    page.unroute("**/v1/places?*")
+    covers = planner.client.get("/v1/map").json()["covers"]
+    assert "Westend" in covers
+    page.get_by_label("To", exact=True).first.fill("Qqxz")
+    page.get_by_text(f"No place is called “Qqxz”. The map covers {covers}.").wait_for()
+    page.route("**/v1/map", with_heights)
+    page.reload()
+    page.locator(".causes .note").get_by_text("Its heights are from SRTM tiles of NASA.").wait_for()
+    assert "The road climbs " in page.locator(".causes .note").inner_text()
+    page.unroute("**/v1/map")
+    opened[1].clear()
+
+
+def test_a_place_outside_of_the_map_is_told_with_its_region(page: Any, opened: tuple[Any, list[str]]) -> None:
+    def outside(route: Any) -> None:
+        fault = {
+            "what": "place outside of the map",
+            "where": "a to b",
+            "got": "none",
+            "allowed": "near a road",
+        }
+        document = {"type": "/problems/invalid-input", "title": "The input is invalid", "status": 422}
+        route.fulfill(status=422, json=document | {"detail": "", "faults": [fault]})
+
+    page.route("**/v1/journeys", outside)
+    page.get_by_role("slider", name="Outside", exact=True).fill("-3")
+    page.locator(".trip .covers").wait_for()
+    assert page.locator(".verdict .number").count() == 1  # the same journey, under other conditions
+    choose(page, "To", "haupt", "Hauptstraße")
+    page.get_by_role("button", name="Plan", exact=True).press("Enter")
+    page.locator(".verdict .number").wait_for(state="detached")
+    assert page.locator(".verdict h2").inner_text() == "Do I arrive?"
+    page.unroute("**/v1/journeys")
+    opened[1].clear()  # the browser tells of the refusal
 
 
 def test_the_way_back_and_a_place_on_the_way(page: Any, opened: tuple[Any, list[str]]) -> None:
@@ -298,9 +473,36 @@ def test_the_way_back_and_a_place_on_the_way(page: Any, opened: tuple[Any, list[
     assert [stop["name"] for stop in sent["stops"]] == ["Westend", "Hauptstraße, Westend", "Ostheim"]
     assert sent["round_trip"] is True
     page.get_by_text("Westend – Hauptstraße, Westend – Ostheim – Westend").first.wait_for()
+    # it has a pin of its own, which is dragged as A and B are
+    pin = page.get_by_role("img", name="Via 1: Hauptstraße, Westend")
+    assert pin.inner_text() == "V1"
+    choose(page, "Via 1", "47.0, 9.06", "47.0000, 9.0600")
+    page.get_by_role("button", name="Plan", exact=True).press("Enter")
+    page.wait_for_timeout(SETTLE_MS)
+    x, y = centre(page, ".end-via")
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + 30, y)
+    with page.expect_response(lambda r: r.url.endswith("/v1/journeys")) as asked:
+        page.mouse.up()
+    moved = asked.value.request.post_data_json["stops"]
+    page.get_by_role("alert").wait_for()  # the router of these tests has one road
+    assert moved[1]["longitude_deg"] > 9.06
+    assert [moved[0], moved[2]] == [sent["stops"][0], sent["stops"][2]]
     page.get_by_role("button", name="Remove Via 1").press("Enter")
-    assert page.get_by_label("Via 1").count() == 0
+    page.get_by_label("Via 1").first.wait_for(state="detached")
+    assert page.locator(".end-mark").count() == 2
     opened[1].clear()  # the router of this test has one road
+
+
+def test_the_last_change_is_in_the_link_of_who_reloads_at_once(page: Any) -> None:
+    plan(page)
+    page.wait_for_timeout(SETTLE_MS)
+    page.get_by_role("slider", name="Outside", exact=True).fill("-9")
+    page.reload()
+    assert "ambient_temperature_degc=-9" in page.url
+    page.locator(".todo:not(.old)").wait_for()
+    assert page.get_by_role("slider", name="Outside", exact=True).input_value() == "-9"
 
 
 def test_a_plan_is_a_link(page: Any, planner: Service, opened: tuple[Any, list[str]]) -> None:

@@ -54,8 +54,8 @@ def test_the_python_of_the_readme_runs(tmp_path, monkeypatch):
 
 
 def test_the_readme_is_a_screen_and_a_half():
-    assert len(README.splitlines()) < 125
-    assert sum(line.startswith("|") for line in README.splitlines()) <= 13
+    assert len(README.splitlines()) < 110
+    assert sum(line.startswith("|") for line in README.splitlines()) <= 8
 
 
 def test_the_example_is_written_by_the_script():

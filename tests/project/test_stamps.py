@@ -46,7 +46,7 @@ def test_the_stamps_are_of_results_that_there_are() -> None:
 def test_a_file_of_results_is_in_the_table() -> None:
     listed = {place for result in make_results.RESULTS for place in result.files}
     found = {f"docs/results/{file.name}" for file in make_results.PROBE.parent.glob("*.json")}
-    assert found - {f"docs/results/{name}.json" for name in ("probe", "stamps", "country")} <= listed
+    assert found - {f"docs/results/{name}.json" for name in ("probe", "stamps")} <= listed
 
 
 FOLLOWS = {

@@ -4,7 +4,7 @@ import pandas as pd
 import pytest
 
 from tripwatt.evaluation.fleets import FleetEvaluation
-from tripwatt.report.fleets import report_page
+from tripwatt.report.fleets import plot_shares, report_page
 
 pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
 
@@ -35,19 +35,25 @@ def test_the_page_has_every_table_and_escapes_names():
     assert "<b>" not in page
     assert "<script" not in page
     for text in (
-        "21 trips of 2 vehicles",
+        "<dt>Trips</dt><dd>21</dd>",
+        "<dt>Vehicles</dt><dd>2</dd>",
+        "<dt>With a change</dt><dd>1</dd>",
         "10.0 % on later trips",
-        "consumption of 1 vehicles has changed",
         "v&amp;1",
         "+10.0 ± 2.0",
         "+8.0 % since 2024-06-01",
         "By outside temperature",
         "0 to 10 °C",
         "10 to 25 km",
-        "<td class=n>10.0</td><td class=n>75</td>",
-        "<td class=n>5.0</td><td class=n>20.0</td><td class=n>5.0</td>",
+        "<td>10.0</td>\n<td>75</td>",
+        "<td>5.0</td>\n<td>20.0</td>\n<td>5.0</td>",
     ):
         assert text in page, text
-    assert '<rect x="50.0" y="1" width="50.0"' in page
-    assert '<rect x="25.0" y="1" width="25.0"' in page
     assert "v2" not in report_page("F", FleetEvaluation(trips, own), vehicles, most=1)
+
+
+def test_the_bars_are_the_shares_of_the_vehicles():
+    vehicles = pd.DataFrame({"vehicle_id": ["$a", "b"], "share": [0.1, -0.05], "sd": [0.02, 0.01]})
+    (axes,) = plot_shares(vehicles).axes
+    assert [bar.get_width() for bar in axes.patches] == pytest.approx([10.0, -5.0])
+    assert [label.get_text() for label in axes.get_yticklabels()] == ["$a", "b"]

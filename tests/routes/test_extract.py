@@ -205,7 +205,7 @@ def test_places_streets_houses_and_stations_of_an_extract(tmp_path):
     assert list(read_objects(path)) == [
         Named("town", "Westend", 47.0, 9.0),
         Named("house", "7", 47.01, 9.01, "Ring", "Altdorf"),
-        Station(47.02, 9.02, "Strom AG", 150_000.0, direct_current=True),
+        Station(47.02, 9.02, "Strom AG", 150_000.0, direct_current=True, plugs=("type2_combo",)),
         Named("poi", "Café Blau", 47.02, 9.03),
         Named("street", "Ring", 47.02, 9.0),
     ]

@@ -2,6 +2,8 @@
 
 import sqlite3
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from tests.support.router_server import OBJECTS, SETTLEMENTS
 from tripwatt.errors import InvalidInput
 from tripwatt.routes.maps import (
     PlaceIndex,
+    Station,
 )
 from tripwatt.routes.maps.extract import Named
 from tripwatt.routes.maps.index import write_index
@@ -315,3 +318,12 @@ def test_the_work_for_a_word_is_bounded_by_the_index(tmp_path):
     made.database.set_trace_callback(asked.append)
     assert len(near_words(made.database, "neukrch")) == 5
     assert len(asked) == 6  # one question for each key, with a limit
+
+
+def test_an_index_of_an_older_version_has_stations_of_unknown_plugs(tmp_path):
+    station = Station(47.0, 9.0, "A", 5e4, direct_current=True, plugs=("type2", "type2_combo"))
+    made = written(tmp_path, [station])
+    assert made.stations() == (station,)
+    with closing(sqlite3.connect(made.path)) as database, database:
+        database.execute("ALTER TABLE stations DROP COLUMN plugs")
+    assert PlaceIndex(made.path).stations() == (replace(station, plugs=()),)

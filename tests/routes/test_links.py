@@ -10,7 +10,6 @@ from tripwatt.errors import InvalidInput
 from tripwatt.physics import simulate_trip
 from tripwatt.routes import (
     LinkRoute,
-    join_routes,
     links,
     links_of_trip,
     plan_from_links,
@@ -85,16 +84,6 @@ def test_short_links_are_joined_and_their_time_is_kept():
     assert trip.duration_s == pytest.approx(route.duration_s, rel=0.03)
 
 
-def test_joined_routes_follow_each_other():
-    one = route_from_links(
-        [{"length_m": 400.0, "speed_m_s": 10.0, "start_elevation_m": 5.0, "end_elevation_m": 9.0}]
-    )
-    two = join_routes([one, one])
-    assert two.elevation_at([0.0, 400.0, 800.0]).tolist()[::2] == [5.0, 9.0]
-    assert two.distance_m == 800.0
-    assert Flag("no_elevation", "road") in join_routes([one, links_of_trip(driven(np.full(90, 10.0)))]).flags
-
-
 def test_links_of_real_trips_cost_what_the_trips_cost(data_dir):
     """A small sample with wide bounds; `benchmarks/links.py` measures all of them."""
     car = load_vehicle("bmw_i3_60ah")
@@ -137,7 +126,7 @@ def test_nobody_drives_faster_than_the_limit_or_the_mean_speed(links, seed):
     assert np.all(speed <= np.max([allowed[link] for link in near], axis=0) + 0.01)
 
 
-def test_a_speed_limit_changes_the_drive_and_joins():
+def test_a_speed_limit_changes_the_drive():
     free = [{"length_m": 800.0, "speed_m_s": 8.0}] * 4
     limited = [{**link, "speed_limit_m_s": 9.0} for link in free]
     routes = [route_from_links(links) for links in (free, limited)]
@@ -145,10 +134,6 @@ def test_a_speed_limit_changes_the_drive_and_joins():
     assert fast.array("speed_m_s").max() > 12.0
     assert slow.array("speed_m_s").max() <= 9.0 + 1e-9
     assert slow.duration_s == pytest.approx(400.0, rel=0.02)
-    both = join_routes(routes)
-    assert np.isnan(both.speed_limit_m_s[:4]).all()
-    assert both.speed_limit_m_s[4:].tolist() == [9.0] * 4
-    assert join_routes([routes[0]] * 2).speed_limit_m_s is None
 
 
 def test_a_planned_trip_knows_the_length_of_its_links():
@@ -354,24 +339,6 @@ def test_what_is_known_of_joined_links():
     np.testing.assert_array_equal(moving_speeds(made, first), [60.0 / (3.0 + 2.0), NO, NO])
     np.testing.assert_array_equal(highest_limits(made, first), [20.0, NO, NO])
     assert highest_limits(route([30.0], [9.0]), np.array([0])) is None
-
-
-def test_joined_routes_by_hand():
-    one = route([400.0, 100.0], [40.0, 9.0], elevation_position_m=[0.0, 500.0], elevation_m=[5.0, 9.0])
-    two = route(
-        [300.0], [20.0], elevation_position_m=[0.0, 300.0], elevation_m=[9.0, 3.0], speed_limit_m_s=[20.0]
-    )
-    both = join_routes([one, two, one])
-    assert both.elevation_position_m.tolist() == [0.0, 500.0, 500.0, 800.0, 800.0, 1300.0]
-    assert both.elevation_m.tolist() == [5.0, 9.0, 9.0, 3.0, 5.0, 9.0]
-    np.testing.assert_array_equal(both.speed_limit_m_s, [NO, NO, 20.0, NO, NO])
-    assert both.flags == ()
-    flat = join_routes([one, route([300.0], [20.0])])
-    assert flat.elevation_m is None
-    assert flat.elevation_position_m is None
-    assert flat.flags == (Flag("no_elevation", "road"),)
-    told = route([300.0], [20.0], flags=(Flag("no_elevation", "road"),))
-    assert join_routes([told, told]).flags == told.flags
 
 
 def uncut(length, time, **more):

@@ -1,5 +1,7 @@
 """Charging stations: of a file, near a line, inside of bounds."""
 
+from dataclasses import replace
+
 import pytest
 
 from tripwatt.errors import InvalidInput
@@ -118,3 +120,13 @@ def test_every_fault_of_a_file_of_stations_is_named(tmp_path, text, message):
     with pytest.raises(InvalidInput) as caught:
         read_stations(tmp_path / "stations.csv")
     assert message in str(caught.value)
+
+
+def test_a_station_is_used_with_the_plugs_that_fit():
+    rapid = Station(47.0, 9.0, "", 50e3, direct_current=True, plugs=("chademo", "type2"))
+    assert rapid.usable_with({"chademo", "type2"}) == rapid
+    assert rapid.usable_with({"type2_combo", "type2"}) == replace(rapid, direct_current=False)
+    assert rapid.usable_with({"type1", "type1_combo"}) is None
+    assert rapid.usable_with(frozenset()) is rapid
+    unknown = replace(rapid, plugs=())
+    assert unknown.usable_with({"type1"}) is unknown

@@ -292,6 +292,18 @@ def test_what_an_edge_of_valhalla_says():
         walked(bare)
 
 
+def test_a_leg_within_one_edge_has_its_own_length_and_the_speed_of_the_edge():
+    """Valhalla walks no part of an edge, on a line of one point, where a leg begins and ends on it."""
+    line = [(47.0, 9.0), (47.0, 9.001)]
+    trip = {"trip": {"status": 0, "legs": [{"shape": encoded(line)}]}}
+    walk = {"edges": [edge(0, 0, 0.0)], "shape": encoded(line[:1])}
+    heights = {"range_height": [[0, 500.0], [60, 500.0]]}
+    road = router_of(route=trip, trace_attributes=walk, height=heights).roads([A, Place(47.0, 9.001)])[0]
+    metres = 0.001 * 111_195.0 * math.cos(math.radians(47.0))
+    assert road.distance_m == pytest.approx(metres, rel=1e-3)
+    assert road.duration_s == pytest.approx(metres / (50.0 / 3.6), rel=1e-3)
+
+
 def test_the_line_of_the_edges_may_have_a_point_more():
     longer = encoded([(47.0, 9.0), (47.0, 9.02), (47.0, 9.05), (47.0, 9.1)])
     times = [edge(0, 1, 80.0, speed=90), edge(1, 3, 400.0, speed=30)]

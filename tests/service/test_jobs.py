@@ -13,7 +13,7 @@ from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecasting import ForecastModel
 from tripwatt.forecasting.storage import DEFAULT_MODEL
 from tripwatt.service import jobs as room
-from tripwatt.service.jobs import JOB_KINDS, Check, Jobs, require_finite
+from tripwatt.service.jobs import JOB_KINDS, Jobs, require_finite
 from tripwatt.service.problems import Problem
 from tripwatt.service.settings import Limits
 from tripwatt.service.worker import run_job
@@ -110,6 +110,22 @@ def test_the_car_of_the_model_needs_no_transfer(jobs: Jobs) -> None:
     found = limited(jobs)
     assert found.forecast(body_of(vehicle=own)) == found.forecast(body_of())
     assert len(found.transferred) == 0
+
+
+def test_a_distance_is_answered_for_a_described_car(jobs: Jobs) -> None:
+    def asked(**more: Any) -> bytes:
+        return orjson.dumps({"distance_km": 50, **more})
+
+    heavy = '{"mass_kg": 2600, "usable_battery_kwh": 90, "body": "van"}'
+    described = jobs.distance(asked(vehicle_figures=heavy))
+    assert described["energy_wh"] > 1.2 * jobs.distance(asked())["energy_wh"]
+    far = jobs.range(orjson.dumps({"vehicle_figures": heavy}))
+    assert far["range_m"] > 1.5 * jobs.range(b"{}")["range_m"]
+    assert {f.where for f in faults_of(jobs.distance, asked(vehicle_figures='{"mass_kg": 1}'))} == {"mass_kg"}
+    (fault,) = faults_of(jobs.distance, asked(vehicle_figures=heavy, vehicle="vw_id3"))
+    assert fault.where == "vehicle, vehicle_figures"
+    (fault,) = faults_of(jobs.distance, asked(vehicle_figures=heavy, car="mine"))
+    assert fault.what == "two cars"
 
 
 def test_a_car_or_figures(jobs: Jobs) -> None:
@@ -264,28 +280,6 @@ def test_every_kind_of_job_is_run(jobs: Jobs) -> None:
     of_cars = ("car", "car token", "cars", "forget car", "learn", "learn finished", "logs", "new car")
     assert sorted(JOB_KINDS) == sorted([*kinds.split(), *of_cars])
     assert jobs.run({"kind": "map"}, b"") == jobs.journeys.describe()
-
-
-def test_checks_collect_their_faults() -> None:
-    check = Check()
-    assert (check(lambda: 3), check.errors) == (3, [])
-    first, second = Fault("a", "b"), Fault("c", "d")
-
-    def fail(*faults: Fault) -> None:
-        raise InvalidInput(faults)
-
-    def together() -> None:
-        with Check() as found:
-            found(lambda: fail(first))
-            found(lambda: fail(second, first))
-
-    assert faults_of(together) == (first, second)
-
-    def without_its_own() -> None:
-        with Check() as found:
-            found(lambda: fail())
-
-    assert faults_of(without_its_own) == ()
 
 
 @pytest.mark.parametrize("name", ["energy_wh", "soc_arrival", "battery_loss_wh"])

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Final
 
-from tripwatt.report.tables import Column, Table, in_percent, markdown, number, span, tabulated
+from tools.docs.tables import markdown
+from tripwatt.report.tables import Column, Table, in_percent, number, span, tabulated
 
 Record = Mapping[str, Any]
 
@@ -23,17 +24,22 @@ def short(results: Record) -> str:
     """The part of the README."""
     car = results["cars"][0]
     known, n = car["known"], car["trips"]
-    table = tabulated(
-        f"The forecast before departure: {n} trips of a Renault Twizy, planned from speed limits and heights, each by a model without it",
-        [{"label": LABELS[name], **row} for name, row in known.items()],
-        Column("Known of the trip", "label"),
-        in_percent("Mean error of the energy [%]", "mape"),
-        in_percent("95 % interval", "mape_ci95"),
-        in_percent("Mean error of the duration [%]", lambda row: row.get("duration", {}).get("mape")),
-        Column("Inside the 90 % interval", lambda row: row["inside"]["0.9"], digits=0),
-        strong=frozenset({list(known).index(PLANNED)}),
+
+    def energy(name: str) -> str:
+        return f"{number(known[name]['mape'], 100, 1)} % (95 % interval {span(known[name]['mape_ci95'])} %)"
+
+    def duration(name: str) -> str:
+        return f"{number(known[name]['duration']['mape'], 100, 1)} %"
+
+    def inside(name: str) -> str:
+        return f"{known[name]['inside']['0.9']} trips lie inside the 90 % interval"
+
+    return (
+        f"**Before departure**, for {n} trips of a Renault Twizy, planned from speed limits and heights, each by a model without it, the energy errs by "
+        f"{energy(PLANNED)} in the mean, the duration by {duration(PLANNED)}, and {inside(PLANNED)}. With travel times of another car and country the "
+        f"energy errs by {energy(ELSEWHERE)}, the duration by {duration(ELSEWHERE)}, and {inside(ELSEWHERE)}; with the driven trace, the best case, the "
+        f"energy errs by {energy(DRIVEN)}, and {inside(DRIVEN)}."
     )
-    return markdown(table)
 
 
 def text_of(results: Record) -> str:

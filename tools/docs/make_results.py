@@ -189,6 +189,13 @@ RESULTS: Final = (
         minutes=8,
         other_cars=True,
     ),
+    Result(
+        "country",
+        ("-m benchmarks.country --write",),
+        ("docs/results/country.json", "docs/decisions/page-03-large-maps.md#country"),
+        ("tools/data/country.py", "benchmarks/country.py", "src/tripwatt/routes/maps"),
+        8,
+    ),
 )
 """In this order: what changes the cars comes first, and the model of the package before what starts from it."""
 

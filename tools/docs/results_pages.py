@@ -13,9 +13,10 @@ from typing import Any, Final
 
 from tools.docs.links_page import render_links
 from tools.docs.paper_page import render_paper_page
+from tools.docs.tables import markdown
 from tripwatt.errors import InvalidInput
 from tripwatt.evaluation import DEFAULT_PROTOCOL
-from tripwatt.report.html import write_whole
+from tripwatt.files import write_bytes
 from tripwatt.report.intervals import NOTE, OFF
 from tripwatt.report.panels.results_table import (
     on_lowest,
@@ -29,7 +30,7 @@ from tripwatt.report.panels.results_table import (
 from tripwatt.report.panels.uncertainty import coverage_by_set, on_coverage, on_sets
 from tripwatt.report.panels.updates import on_updates, updates_table
 from tripwatt.report.short_table import short_table
-from tripwatt.report.tables import markdown, number
+from tripwatt.report.tables import number
 from tripwatt.report.view import View
 
 _SYNTHETIC: Final = (
@@ -189,4 +190,4 @@ def _between(path: Path, key: str, shown: str) -> None:
         got = f"{text.count(opening)} times begin, {text.count(closing)} times end"
         allowed = f"one {opening} and, after it, one {closing}"
         raise InvalidInput.of("no place for the results", str(path), got, allowed)
-    write_whole(path, f"{before}{opening}\n{shown}\n{closing}{after}".encode())
+    write_bytes(path, f"{before}{opening}\n{shown}\n{closing}{after}".encode())

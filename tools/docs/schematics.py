@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+import functools
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, ParamSpec
 
 from tripwatt.hybrid.trip_table import COVARIATES
 from tripwatt.report.covariates import covariate_words
-from tripwatt.report.style import INK, new_figure, styled
+from tripwatt.report.style import INK, new_figure, style_context
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -15,8 +16,20 @@ if TYPE_CHECKING:
 
     from tripwatt.vehicles import Vehicle
 
+P = ParamSpec("P")
 Box = tuple[float, float, str]
 """Centre of a box and its text."""
+
+
+def styled(plot: Callable[P, Figure]) -> Callable[P, Figure]:
+    """Run a plot function under `STYLE` and leave the process's settings alone."""
+
+    @functools.wraps(plot)
+    def wrapper(*args: P.args, **kwargs: P.kwargs) -> Figure:
+        with style_context():
+            return plot(*args, **kwargs)
+
+    return wrapper
 
 
 @styled

@@ -1,4 +1,4 @@
-"""Write web/src/api/flags.ts, the words of flags on the page: ``python -m tools.docs.write_page_flags``, a part of `make types`."""
+"""Write web/src/api/flags.ts and one for each other language, the words of flags on the page, as a part of `make types`."""
 
 import json
 from collections.abc import Mapping
@@ -7,14 +7,18 @@ from typing import Any, Final
 from tools import ROOT
 from tripwatt.trips.messages import catalogue
 
-FILE: Final = ROOT / "web" / "src" / "api" / "flags.ts"
+FOLDER: Final = ROOT / "web" / "src" / "api"
 LANGUAGES: Final = ("en", "de")
-HEAD: Final = """/** Words of flags, written by `tools/docs/write_page_flags.py` from `trips/flags.toml`. Do not edit. */
+"""The first one is in the file that the page always loads."""
 
+HEAD: Final = "/** Words of flags, written by `tools/docs/write_page_flags.py` from `trips/flags.toml`. Do not edit. */\n"
+TYPES: Final = """
 import type { FieldName } from "../model/fields";
 
 /** One text, or texts by subject, unit, step or plural of a flag. */
 export type Words = string | Readonly<Record<string, string>>;
+export type WordsOfFlags = Readonly<Record<string, Readonly<Record<string, Words>>>>;
+export type NamesOfFields = Readonly<Record<FieldName, string> & Record<string, string>>;
 
 interface Rule {
   severity?: Words;
@@ -22,26 +26,28 @@ interface Rule {
   with?: string;
 }
 """
+IMPORTS: Final = '\nimport type { NamesOfFields, WordsOfFlags } from "./flags";\n'
 
 
-def render(known: Mapping[str, Any]) -> str:
-    """The module for a catalogue: rules of the flags in their order, then words and names of fields by language."""
+def render(known: Mapping[str, Any]) -> dict[str, str]:
+    """The modules for a catalogue by their names: rules of the flags in their order, words and names of fields; then those of other languages."""
     shown = {code: entry for code, entry in known["flags"].items() if "en" in entry}
     rules = {
         code: {key: entry[key] for key in ("severity", "steps", "with") if key in entry}
         for code, entry in shown.items()
     }
-    words = {x: {code: _shared(e[x], known["shared"][x]) for code, e in shown.items()} for x in LANGUAGES}
-    names = {x: {field: name[x] for field, name in known["names"].items()} for x in LANGUAGES}
-    tables = {
-        "FLAGS: Readonly<Record<string, Rule>>": rules,
-        "WORDS: Readonly<Record<Language, Readonly<Record<string, Readonly<Record<string, Words>>>>>>": words,
-        "NAMES: Readonly<Record<Language, Readonly<Record<FieldName, string> & Record<string, string>>>>": names,
-    }
-    language = f"type Language = {' | '.join(map(json.dumps, LANGUAGES))};\n"
-    return "\n".join(
-        [HEAD, language, *(f"export const {name} = {_text(t)};\n" for name, t in tables.items())]
-    )
+    parts = {"flags.ts": [TYPES, f"export const FLAGS: Readonly<Record<string, Rule>> = {_text(rules)};\n"]}
+    for x in LANGUAGES:
+        words = {code: _shared(entry[x], known["shared"][x]) for code, entry in shown.items()}
+        names = {field: name[x] for field, name in known["names"].items()}
+        name = "flags.ts" if x == LANGUAGES[0] else f"flags-{x}.ts"
+        parts.setdefault(name, [IMPORTS]).extend(
+            [
+                f"export const WORDS: WordsOfFlags = {_text(words)};\n",
+                f"export const NAMES: NamesOfFields = {_text(names)};\n",
+            ]
+        )
+    return {name: "\n".join([HEAD.rstrip("\n"), *texts]) for name, texts in parts.items()}
 
 
 def _text(table: Mapping[str, Any]) -> str:
@@ -54,4 +60,5 @@ def _shared(words: Mapping[str, Any], shared: Mapping[str, str]) -> dict[str, An
 
 
 if __name__ == "__main__":
-    FILE.write_text(render(catalogue()))
+    for name, content in render(catalogue()).items():
+        (FOLDER / name).write_text(content)

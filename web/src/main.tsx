@@ -11,9 +11,8 @@ import { keepOnRoad } from "./state/live-drive";
 import { keepLink } from "./state/link";
 import { keepNeed } from "./state/need";
 import { labelOf } from "./state/own-cars";
-import { keepMessages } from "./state/messages";
 import { keepPosition } from "./state/position";
-import { keepPreferences, text } from "./state/preferences";
+import { keepLanguage, keepPreferences, text } from "./state/preferences";
 import { Announcer } from "./ui/announcer";
 import { Chips } from "./ui/chips";
 import { ConditionsPanel } from "./ui/conditions-panel";
@@ -90,8 +89,8 @@ function Page() {
 }
 
 connectTokenDialog();
+await keepLanguage();
 keepPreferences();
-keepMessages();
 keepForecasting();
 keepDriving();
 keepOnRoad();

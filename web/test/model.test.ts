@@ -25,7 +25,7 @@ import { waterfall } from "../src/model/causes";
 import { energySoFarWh, naiveArrival, samplesUntil } from "../src/model/gauge";
 import { interpolate } from "../src/model/interpolate";
 import { atMotorwaySpeed, hasMotorway } from "../src/model/links";
-import { profileFromSamples, withElevationOf } from "../src/model/profile";
+import { climbsOf, profileFromSamples, withElevationOf } from "../src/model/profile";
 import { linksOfDistance, KINDS, SHARES } from "../src/model/distance";
 import { EMPTY_ROW, linksOfRows, rowsOfLinks } from "../src/model/link-rows";
 import { sampleLinks } from "../src/model/sample-links";
@@ -112,6 +112,10 @@ test("distance along a speed trace", () => {
   const { distanceM, elevationM } = profileFromSamples(trace.samples);
   allNear(distanceM, trace.distance_m);
   assert.equal(elevationM, null);
+});
+
+test("a road climbs by all its steps up, and descends by all its steps down", () => {
+  assert.deepEqual(climbsOf(Float64Array.of(0, 10, 4, 4, 6)), [12, 6]);
 });
 
 test("the elevation of a position does not depend on the speed", () => {

@@ -28,27 +28,23 @@ IRON_LOSS_W: Final = 200.0
 IRON_SPEED_M_S: Final = 20.0
 """Speed of the car at which a factor of 2 stands for `IRON_LOSS_W` of iron loss."""
 
-BOUNDS: Final = MappingProxyType(
-    {"motor": (0.0, 2.5), "iron": (1.0, 40.0), "gear": (0.0, 40.0), "road load": (0.3, 4.0)}
-)
+BOUNDS: Final = {"motor": (0.0, 2.5), "iron": (1.0, 40.0), "gear": (0.0, 40.0), "road load": (0.3, 4.0)}
 """Smallest and largest factor of each. The map of a motor has field weakening, which a large factor carries far beyond the speeds of the
 schedules."""
 
 ROAD_LOAD: Final = "road load"
 
-OPEN: Final = MappingProxyType({"rolling": 0.4, "air": 0.2, "gear": 1.0})
+OPEN: Final = {"rolling": 0.4, "air": 0.2, "gear": 1.0}
 """Powers of a factor of the "road load". A gap is closed most probably by changes in proportion to variance times share of the energy:
 cars of a class scatter by 17 % in rolling, 11 % in air drag and 45 % in the losses between wheel and battery (`vehicles.spreads`, without
 tyres and trims), which take 36, 42 and 13 % of the WLTC. A factor of all three parts of the road load alone would put most of the gap
 into the air drag of the motorway."""
 
-UNITS: Final = MappingProxyType(
-    {
-        "drivetrain.motor_loss_factor": "1",
-        "drivetrain.flux_loss_w_s2_rad2": "W s2/rad2",
-        "drivetrain.gearbox_efficiency": "1",
-    }
-)
+UNITS: Final = {
+    "drivetrain.motor_loss_factor": "1",
+    "drivetrain.flux_loss_w_s2_rad2": "W s2/rad2",
+    "drivetrain.gearbox_efficiency": "1",
+}
 """Unit of the entry of each loss."""
 
 
@@ -118,13 +114,11 @@ def road_parts(vehicle: Vehicle) -> dict[str, str]:
     return {"road_load.drag_coefficient": "air", "road_load.rolling_resistance_coefficient": "rolling"}
 
 
-_KEYS: Final = MappingProxyType(
-    {
-        "motor": "drivetrain.motor_loss_factor",
-        "iron": "drivetrain.flux_loss_w_s2_rad2",
-        "gear": "drivetrain.gearbox_efficiency",
-    }
-)
+_KEYS: Final = {
+    "motor": "drivetrain.motor_loss_factor",
+    "iron": "drivetrain.flux_loss_w_s2_rad2",
+    "gear": "drivetrain.gearbox_efficiency",
+}
 
 
 def scaled(vehicle: Vehicle, loss: str, factor: float) -> Vehicle:

@@ -44,7 +44,7 @@ PROCEDURES: Final = ("wltp", "epa")
 LABEL_FACTOR: Final = 0.7
 """Dynamometer over label of the EPA, 40 CFR 600.210-12."""
 
-LABEL_SHARES: Final = MappingProxyType({"udds": 0.55, "hwfet": 0.45})
+LABEL_SHARES: Final = {"udds": 0.55, "hwfet": 0.45}
 """City and highway in the combined label, 40 CFR 600.210-12."""
 
 PROCEDURE_SD: Final = 0.05
@@ -53,43 +53,37 @@ PROCEDURE_SD: Final = 0.05
 VAN_SD: Final = 0.15
 """Scatter of the drag area of vans: the table has no coast-down of one, and they reach from 1.8 to 2.0 m in height."""
 
-TWIZY: Final = MappingProxyType({"mass_kg": 474.0, "usable_battery_kwh": 6.1, "motor_power_kw": 13.0})
+TWIZY: Final = {"mass_kg": 474.0, "usable_battery_kwh": 6.1, "motor_power_kw": 13.0}
 """A quadricycle: Renault, technical data of the Twizy 80. It has no climate control."""
 
 USUAL_PACK_V: Final = 360.0
 """Nominal voltage of a pack of 96 to 100 cells in series."""
 
-BODY_WORDS: Final = MappingProxyType(
-    {
-        "estate": "sedan",
-        "saloon": "sedan",
-        "wagon": "sedan",
-        "compact": "hatchback",
-        "city": "small",
-        "l7e": "quadricycle",
-        "minivan": "van",
-        "truck": "pickup",
-    }
-)
+BODY_WORDS: Final = {
+    "estate": "sedan",
+    "saloon": "sedan",
+    "wagon": "sedan",
+    "compact": "hatchback",
+    "city": "small",
+    "l7e": "quadricycle",
+    "minivan": "van",
+    "truck": "pickup",
+}
 """Other words for a kind of body."""
 
-LIMITS: Final = MappingProxyType(
-    {
-        "mass_kg": (400.0, 6000.0, "kg"),
-        "usable_battery_kwh": (4.0, 300.0, "kWh"),
-        "consumption_kwh_per_100km": (6.0, 60.0, "kWh/100 km"),
-        "motor_power_kw": (5.0, 1500.0, "kW"),
-    }
-)
+LIMITS: Final = {
+    "mass_kg": (400.0, 6000.0, "kg"),
+    "usable_battery_kwh": (4.0, 300.0, "kWh"),
+    "consumption_kwh_per_100km": (6.0, 60.0, "kWh/100 km"),
+    "motor_power_kw": (5.0, 1500.0, "kW"),
+}
 """Smallest and largest value of each figure."""
 
-FOLLOWING: Final = MappingProxyType(
-    {
-        "mass_kg": ("body.curb_mass_kg", "road_load."),
-        "usable_battery_kwh": ("battery.",),
-        "motor_power_kw": ("drivetrain.",),
-    }
-)
+FOLLOWING: Final = {
+    "mass_kg": ("body.curb_mass_kg", "road_load."),
+    "usable_battery_kwh": ("battery.",),
+    "motor_power_kw": ("drivetrain.",),
+}
 """Entries of a described car that follow from each figure."""
 
 

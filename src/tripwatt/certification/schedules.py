@@ -25,7 +25,7 @@ SPEED_STEP_M_S: Final = 0.1
 CYCLES: Final = ("udds", "hwfet", "wltc")
 """City and highway schedule of the EPA (40 CFR 600.111), and the cycle of UN GTR 15 for cars of class 3b."""
 
-ORDERS: Final[Mapping[str, int]] = MappingProxyType({"udds": 76, "hwfet": 28, "wltc": 63})
+ORDERS: Final[Mapping[str, int]] = {"udds": 76, "hwfet": 28, "wltc": 63}
 """Seed of the order of each trace: the one of 100 whose energy is nearest to that of the schedule."""
 
 Transitions = Mapping[tuple[int, int], int]

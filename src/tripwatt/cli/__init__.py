@@ -32,6 +32,7 @@ from tripwatt.cli import (
     serve,
     stores,
 )
+from tripwatt.cli.options import add_command
 from tripwatt.errors import TripwattError
 
 __all__ = ["app", "main"]
@@ -67,22 +68,23 @@ def _main(
     pass
 
 
-evaluate.add_commands(app)
-fit.add_commands(app)
+add_command(app, evaluate.evaluate)
+add_command(app, fit.fit)
 forecast.add_commands(app)
 journey.add_commands(app)
 advise.add_commands(app)
 distances.add_commands(app)
 maps.add_commands(app)
-inspect.add_commands(app)
+add_command(app, inspect.inspect)
 logs.add_commands(app)
-cars.add_commands(app)
+add_command(app, cars.vehicles)
+add_command(app, cars.simulate)
 export.add_commands(app)
-serve.add_commands(app)
+add_command(app, serve.serve)
 stores.add_commands(app)
 fleets.add_commands(app)
 own_cars.add_commands(app)
-on_road.add_commands(app)
+add_command(app, on_road.live)
 
 
 def main() -> None:

@@ -2,35 +2,34 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
 from tripwatt.cli.departing import DepartureOf, departure_options
 from tripwatt.cli.forecast import model_and_trip
-from tripwatt.cli.options import JsonOption, add_command, model_of, options_named
+from tripwatt.cli.options import JsonOption, add_command, argument, model_of, option, options_named
 from tripwatt.cli.printing import print_json, print_notes, print_table
 from tripwatt.cli.sentences import chance
+from tripwatt.errors import Check
 
 if TYPE_CHECKING:
     from tripwatt.advice import Action, Advice, Advised
 
-WORDS: Final = MappingProxyType(
-    {
-        "slower": "drive {km_h:.0f} km/h at most",
-        "calmer": "accelerate and brake gently",
-        "setpoint": "set the cabin to {value:.0f} °C",
-        "seats": "heat the seats in place of the cabin",
-        "climate_off": "switch off climate control",
-        "preheat_cabin": "bring the cabin to {value:.0f} °C on the plug, {before:.0f} min before you leave",
-        "preheat_battery": "warm the battery on the plug",
-        "no_roof_box": "take off the roof box",
-        "summer_tyres": "fit summer tyres",
-        "less_luggage": "leave {value:.0f} kg at home",
-    }
-)
+WORDS: Final[Mapping[str, str]] = {
+    "slower": "drive {km_h:.0f} km/h at most",
+    "calmer": "accelerate and brake gently",
+    "setpoint": "set the cabin to {value:.0f} °C",
+    "seats": "heat the seats in place of the cabin",
+    "climate_off": "switch off climate control",
+    "preheat_cabin": "bring the cabin to {value:.0f} °C on the plug, {before:.0f} min before you leave",
+    "preheat_battery": "warm the battery on the plug",
+    "no_roof_box": "take off the roof box",
+    "summer_tyres": "fit summer tyres",
+    "less_luggage": "leave {value:.0f} kg at home",
+}
 """Actions in words, by code."""
 
 
@@ -43,28 +42,18 @@ def add_commands(app: typer.Typer) -> None:
 def advise(
     paths: Annotated[
         list[Path],
-        typer.Argument(
-            metavar="[MODEL] TRIP",
-            help="Folder of a model (default: the bundled model), and a trip: a speed trace or a planned route, as for `tripwatt forecast`.",
+        argument(
+            "[MODEL] TRIP",
+            "Folder of a model (default: the bundled model), and a trip: a speed trace or a planned route, as for `tripwatt forecast`.",
         ),
     ],
     departure: DepartureOf,
     vehicle: Annotated[
-        str | None,
-        typer.Option(
-            "--vehicle",
-            metavar="NAME|FILE",
-            help="Another car: a name from `tripwatt vehicles`, or a TOML file.",
-        ),
+        str | None, option("NAME|FILE", "Another car: a name from `tripwatt vehicles`, or a TOML file.")
     ] = None,
-    reserve: Annotated[
-        float, typer.Option(metavar="0..1", help="Required state of charge at arrival, as displayed.")
-    ] = 0.1,
+    reserve: Annotated[float, option("0..1", "Required state of charge at arrival, as displayed.")] = 0.1,
     probability: Annotated[
-        float,
-        typer.Option(
-            "--chance", metavar="0.5..1", help="Chance to arrive with the reserve that is asked for."
-        ),
+        float, option("0.5..1", "Chance to arrive with the reserve that is asked for.", "--chance")
     ] = 0.95,
     as_json: JsonOption = False,
 ) -> None:
@@ -85,10 +74,11 @@ def advise(
 
     model, trip = model_and_trip(paths)
     with options_named():
-        car = None if vehicle is None else load_vehicle(vehicle)
-        found = find_advice(
-            read_route(trip), departure(), car, model_of(model), reserve=reserve, chance=probability
-        )
+        with Check() as check:
+            plan, fitted = check(read_route, trip), check(model_of, model)
+            car = None if vehicle is None else check(load_vehicle, vehicle)
+            known = check(departure)
+        found = find_advice(plan, known, car, fitted, reserve=reserve, chance=probability)
     print_json(found.to_dict()) if as_json else _show(found)
 
 

@@ -19,97 +19,66 @@ from tripwatt.cli.options import (
     StrictOption,
     TripOption,
     VehicleOption,
-    add_command,
+    argument,
     car_of,
+    option,
     read_logs,
 )
 from tripwatt.cli.output import write_text
 from tripwatt.cli.printing import console, print_json, print_notes, print_table
-from tripwatt.errors import Fault, InvalidInput, raise_faults
+from tripwatt.errors import Fault, InvalidInput, places_named, raise_faults
 
 if TYPE_CHECKING:
     from tripwatt.trips import Fleet, Trip
 
 PresetOption = Annotated[
     str,
-    typer.Option(
+    option(
+        "NAME",
+        "default, paper (the simplified model of the paper), or a preset of the vehicle file.",
         "--preset",
-        metavar="NAME",
-        help="default, paper (the simplified model of the paper), or a preset of the vehicle file.",
     ),
 ]
-
-
-def add_commands(app: typer.Typer) -> None:
-    """Add the commands of this file."""
-    add_command(app, vehicles)
-    add_command(app, simulate)
 
 
 def vehicles(
     words: Annotated[
         list[str] | None,
-        typer.Argument(
-            metavar="NAME|FILE.toml|WORDS...|new",
-            help="Car to show, words to search for, or `new` to describe a car. Default: the list of all cars.",
+        argument(
+            "NAME|FILE.toml|WORDS...|new",
+            "Car to show, words to search for, or `new` to describe a car. Default: the list of all cars.",
         ),
     ] = None,
     preset: PresetOption = "default",
     overrides: SetOption = None,
-    mass: Annotated[
-        float | None, typer.Option("--mass", metavar="KG", help="With new: curb mass, nobody inside.")
-    ] = None,
-    battery: Annotated[
-        float | None, typer.Option("--battery", metavar="KWH", help="With new: usable energy of the battery.")
-    ] = None,
+    mass: Annotated[float | None, option("KG", "With new: curb mass, nobody inside.")] = None,
+    battery: Annotated[float | None, option("KWH", "With new: usable energy of the battery.")] = None,
     consumption: Annotated[
-        float | None,
-        typer.Option(
-            "--consumption", metavar="KWH", help="With new: published consumption per 100 km, at the wall."
-        ),
+        float | None, option("KWH", "With new: published consumption per 100 km, at the wall.")
     ] = None,
-    power: Annotated[
-        float | None,
-        typer.Option("--power", metavar="KW", help="With new: largest power of all motors together."),
-    ] = None,
+    power: Annotated[float | None, option("KW", "With new: largest power of all motors together.")] = None,
     body: Annotated[
         str | None,
-        typer.Option(
-            "--body",
-            metavar="KIND",
-            help="With new: small, hatchback, sedan, estate, suv, van, pickup or quadricycle.",
-        ),
+        option("KIND", "With new: small, hatchback, sedan, estate, suv, van, pickup or quadricycle."),
     ] = None,
     heat_pump: Annotated[
         bool | None, typer.Option("--heat-pump/--no-heat-pump", help="With new: whether the car has one.")
     ] = None,
     procedure: Annotated[
         str | None,
-        typer.Option(
-            "--procedure",
-            metavar="NAME",
-            help="With new: where the consumption comes from, wltp or epa (combined label). Default: wltp.",
+        option(
+            "NAME", "With new: where the consumption comes from, wltp or epa (combined label). Default: wltp."
         ),
     ] = None,
     import_file: Annotated[
         Path | None,
-        typer.Option(
-            "--import",
-            metavar="FILE",
-            help="Convert a vehicle file of FASTSim or SUMO to TOML for --vehicle.",
-        ),
+        option("FILE", "Convert a vehicle file of FASTSim or SUMO to TOML for --vehicle.", "--import"),
     ] = None,
     row: Annotated[
-        str | None,
-        typer.Option(
-            "--row", metavar="NAME", help="With --import: name of the vehicle in a file with several."
-        ),
+        str | None, option("NAME", "With --import: name of the vehicle in a file with several.")
     ] = None,
     out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out", "-o", metavar="FILE", help="With --import or new: write the TOML to this file."
-        ),
+        Path | None, option("FILE", "With --import or new: write the TOML to this file.", "--out", "-o")
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -153,10 +122,10 @@ def _require_sense(
     allowed = {"--row": (import_file is not None, "--import")}
     allowed["--out"] = (import_file is not None or name == "new", "--import or new")
     allowed |= dict.fromkeys(only_new, (name == "new", "new"))
-    for option, value in (only_import | only_new).items():
-        sensible, partner = allowed[option]
+    for given, value in (only_import | only_new).items():
+        sensible, partner = allowed[given]
         if value is not None and not sensible:
-            faults.append(Fault("option has no effect", option, str(value), f"only together with {partner}"))
+            faults.append(Fault("option has no effect", given, str(value), f"only together with {partner}"))
     raise_faults(faults)
 
 
@@ -177,13 +146,8 @@ def _new(figures: dict[str, Any], out: Path | None, as_json: bool) -> None:
     from tripwatt.vehicles import render_vehicle
 
     given = {FIGURES[option]: value for option, value in figures.items() if value is not None}
-    try:
+    with places_named({argument: option for option, argument in FIGURES.items()}):
         car = describe_car(**given)
-    except InvalidInput as error:
-        options = {argument: option for option, argument in FIGURES.items()}
-        raise InvalidInput(
-            replace(fault, where=options.get(fault.where, fault.where)) for fault in error.faults
-        ) from error
     certified, text = certified_interval(car), render_vehicle(car)
     if out is not None:
         write_text(text, out)

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 
 import typer
 
-from tripwatt.errors import Fault, InvalidInput, raise_faults
+from tripwatt.errors import Check, InvalidInput
 from tripwatt.trips.departure import ASKED, Departure
 from tripwatt.trips.fields import Field
 
@@ -100,19 +100,11 @@ def _annotation(fields: Mapping[str, Field], *, shows_default: bool) -> Any:
 
 def _departure(grouped: Mapping[str, Mapping[str, Field]], asked: Mapping[str, Any]) -> Departure:
     known: dict[str, Any] = {}
-    faults: list[Fault] = []
-    for option, fields in grouped.items():
-        value = asked[option]
-        try:
-            if value is not None:
-                known |= _values(fields, value)
-        except InvalidInput as error:
-            faults += error.faults
-    try:
-        departure = Departure(**known)
-    except InvalidInput as error:
-        faults += error.faults
-    raise_faults(faults)
+    with Check() as check:
+        for option, fields in grouped.items():
+            if asked[option] is not None:
+                known |= check(_values, fields, asked[option]) or {}
+        departure = check(lambda: Departure(**known))
     return departure
 
 

@@ -18,14 +18,13 @@ from tripwatt.cli.options import (
     SetOption,
     StrictOption,
     VehicleOption,
-    add_command,
     car_of,
-    gather,
+    option,
     read_logs,
 )
 from tripwatt.cli.output import check_writable, finished_folds, unfinished_folder, write_whole
 from tripwatt.cli.printing import console, print_json, print_notes, print_table, progress
-from tripwatt.errors import Fault, InvalidInput, raise_faults
+from tripwatt.errors import Check, Fault, InvalidInput, raise_faults
 from tripwatt.files import folder_lock
 
 if TYPE_CHECKING:
@@ -39,54 +38,35 @@ INTERRUPTED = 130
 """Exit code of a run that was stopped from the keyboard."""
 
 
-def add_commands(app: typer.Typer) -> None:
-    """Add the commands of this file."""
-    add_command(app, evaluate)
-
-
 def evaluate(
     data: DataArgument = None,
     out: Annotated[
         Path,
-        typer.Option(
-            "--out",
-            "-o",
-            metavar="FOLDER",
-            help="Folder for the results. It is created when the run is complete.",
-        ),
+        option("FOLDER", "Folder for the results. It is created when the run is complete.", "--out", "-o"),
     ] = Path("out"),
     dataset: DatasetOption = None,
     mapping: MappingOption = None,
     strict: StrictOption = False,
-    protocol: Annotated[
-        str, typer.Option(metavar="NAME", help="Comparison: paper, forecast or cars.")
-    ] = "paper",
+    protocol: Annotated[str, option("NAME", "Comparison: paper, forecast or cars.")] = "paper",
     test: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="DATA", help="Fit on DATA and score on these trips. Only with --protocol forecast."
-        ),
+        Path | None, option("DATA", "Fit on DATA and score on these trips. Only with --protocol forecast.")
     ] = None,
     models: Annotated[
-        str | None,
-        typer.Option(metavar="NAME,NAME", help="Models to evaluate. Default: all models of the protocol."),
+        str | None, option("NAME,NAME", "Models to evaluate. Default: all models of the protocol.")
     ] = None,
     hold_outs: Annotated[
         str | None,
-        typer.Option(
-            metavar="NAME,NAME",
-            help="Hold-outs to run, for example leave_one_trip_out:reference. Default: all of the protocol, and the studies beside it.",
+        option(
+            "NAME,NAME",
+            "Hold-outs to run, for example leave_one_trip_out:reference. Default: all of the protocol, and the studies beside it.",
         ),
     ] = None,
     vehicle: VehicleOption = None,
     overrides: SetOption = None,
     seed: Annotated[
-        int,
-        typer.Option(
-            min=0, metavar="N", help="Seed of the random numbers. The same seed gives the same results."
-        ),
+        int, option("N", "Seed of the random numbers. The same seed gives the same results.", min=0)
     ] = 0,
-    jobs: Annotated[int, typer.Option(metavar="N", help="Number of processes; -1 uses all cores.")] = -1,
+    jobs: Annotated[int, option("N", "Number of processes; -1 uses all cores.")] = -1,
     resume: Annotated[
         bool, typer.Option("--resume", help="Continue an interrupted run; finished folds are reused.")
     ] = False,
@@ -137,15 +117,13 @@ def evaluate(
         "vehicle": car,
         "seed": seed,
     }
-    fleet: list[Fleet] = []
-
-    def read() -> None:
+    with Check() as check:
+        check(_check, options, overrides or [], jobs)
+        check(check_writable, out)
         with shown.status("reading trips"):
-            fleet.append(read_logs(data, dataset, mapping, built_in_faults=True, strict=strict))
-            options["test_fleet"] = None if test is None else read_logs(test, dataset, mapping, strict=strict)
-
-    gather(lambda: _check(options, overrides or [], jobs), lambda: check_writable(out), read)
-    trips = replace(fleet[0], notes=(*fleet[0].notes, *note))
+            fleet = check(read_logs, data, dataset, mapping, built_in_faults=True, strict=strict)
+            options["test_fleet"] = test and check(read_logs, test, dataset, mapping, strict=strict)
+    trips = replace(fleet, notes=(*fleet.notes, *note))
     shown.print(f"{len(trips)} trips read ({trips.name})")
     print_notes(note)
     unfinished = unfinished_folder(out)
@@ -165,19 +143,17 @@ def _without_effect(given: dict[str, Any]) -> None:
 
 
 def _evaluate_cars(data: Path | None, out: Path, seed: int, as_json: bool) -> None:
-    from tripwatt.evaluation.cars import CarTrips, evaluate_cars, read_cars
+    from tripwatt.evaluation.cars import evaluate_cars, read_cars
     from tripwatt.report.cars import cars_tables, write_cars
 
     if data is None:
         fix = "see docs/explanation/cars.md"
         raise InvalidInput.of("no cars", "DATA", "nothing", "a TOML file with a table for each car", fix)
-    shown, cars = console(), list[CarTrips]()
-
-    def read() -> None:
+    shown = console()
+    with Check() as check:
         with shown.status("reading trips"):
-            cars.extend(read_cars(data))
-
-    gather(read, lambda: check_writable(out))
+            cars = check(read_cars, data)
+        check(check_writable, out)
     unfinished = unfinished_folder(out)
     with folder_lock(unfinished), progress(shown) as advance:
         run = evaluate_cars(cars, seed=seed, progress=advance)
@@ -223,24 +199,17 @@ def _check(options: dict[str, Any], overrides: list[str], n_jobs: int) -> None:
     from tripwatt.evaluation import CarChoice, choose_models, find_protocol
     from tripwatt.vehicles import parse_overrides
 
-    def models() -> None:
-        names = options["models"]
-        choose_models(find_protocol(options["protocol"]), names)
-        if names == []:
-            raise InvalidInput.of("no models", "--models", "an empty list", "names separated by commas")
-
-    def given() -> None:
-        options["vehicle"] = CarChoice(options["vehicle"], parse_overrides(overrides))
-
-    def car() -> None:
-        chosen = options["vehicle"]
-        (chosen if isinstance(chosen, CarChoice) else CarChoice(chosen)).load()
-
-    def jobs() -> None:
+    with Check() as check:
+        check(lambda: choose_models(find_protocol(options["protocol"]), options["models"]))
+        if options["models"] == []:
+            check(
+                raise_faults, [Fault("no models", "--models", "an empty list", "names separated by commas")]
+            )
+        changes = check(parse_overrides, overrides)
+        options["vehicle"] = CarChoice(options["vehicle"], changes)
+        check(options["vehicle"].load)
         if n_jobs < -1 or n_jobs == 0:
-            raise InvalidInput.of("value out of range", "--jobs", str(n_jobs), "-1, or 1 or more")
-
-    gather(models, given, car, jobs)
+            check(raise_faults, [Fault("value out of range", "--jobs", str(n_jobs), "-1, or 1 or more")])
 
 
 def _run(fleet: Fleet, options: dict[str, Any], jobs: int, unfinished: Path, resume: bool) -> EvaluationRun:

@@ -10,36 +10,34 @@ from typing import TYPE_CHECKING, Annotated, Final
 import typer
 
 from tripwatt.cli.departing import DepartureOf, departure_options
-from tripwatt.cli.options import EXAMPLES, SetOption, add_command, gather, options_named
+from tripwatt.cli.options import EXAMPLES, SetOption, add_command, group_of, option, options_named
 from tripwatt.cli.output import write_text
 from tripwatt.cli.printing import print_json, print_notes
-from tripwatt.errors import InvalidInput
+from tripwatt.errors import Check, InvalidInput
 
 if TYPE_CHECKING:
     from tripwatt.export import ConsumptionCurve
-    from tripwatt.trips import Departure, Plan
+    from tripwatt.trips import Plan
     from tripwatt.vehicles import Vehicle
 
 ModelOption = Annotated[
     Path | None,
-    typer.Option(
+    option(
+        "MODEL",
+        "Folder of a model, for its car with the correction. Default without --vehicle: the bundled model.",
         "--model",
         "-m",
-        metavar="MODEL",
-        help="Folder of a model, for its car with the correction. Default without --vehicle: the bundled model.",
     ),
 ]
 CarOption = Annotated[
     str | None,
-    typer.Option(
+    option(
+        "NAME|FILE.toml",
+        "Car to simulate without a model: a name from `tripwatt vehicles`, or a TOML file.",
         "--vehicle",
-        metavar="NAME|FILE.toml",
-        help="Car to simulate without a model: a name from `tripwatt vehicles`, or a TOML file.",
     ),
 ]
-OutOption = Annotated[
-    Path | None, typer.Option("--out", "-o", metavar="FILE", help="Also write the JSON to this file.")
-]
+OutOption = Annotated[Path | None, option("FILE", "Also write the JSON to this file.", "--out", "-o")]
 QueryOption = Annotated[bool, typer.Option("--query", help="Print a URL query string instead of JSON.")]
 
 USUAL: Final = {"ambient_temperature_degc": 20.0, "payload_mass_kg": 0.0, "soc": 0.8}
@@ -55,11 +53,7 @@ SERVICES: Final = {
 
 def add_commands(app: typer.Typer) -> None:
     """Add the commands of this file."""
-    group = typer.Typer(
-        help="Print the consumption curve of a car as parameters of a routing service.",
-        no_args_is_help=True,
-        rich_markup_mode=None,
-    )
+    group = group_of("Print the consumption curve of a car as parameters of a routing service.")
     for service, text in SERVICES.items():
         command = _command(service)
         command.__doc__ = f"""{text}
@@ -103,12 +97,10 @@ def _curve(
 ) -> tuple[ConsumptionCurve, list[str]]:
     from tripwatt.export import consumption_curve
 
-    cars: list[tuple[Vehicle, Callable[[Plan], float] | None, list[str]]] = []
-    departures: list[Departure] = []
-    with options_named():
-        gather(lambda: cars.append(_car(model, vehicle, overrides)), lambda: departures.append(departure()))
-    car, correction, notes = cars[0]
-    return consumption_curve(car, departures[0], correction=correction), notes
+    with options_named(), Check() as check:
+        described, known = check(_car, model, vehicle, overrides), check(departure)
+    car, correction, notes = described
+    return consumption_curve(car, known, correction=correction), notes
 
 
 def _car(

@@ -17,34 +17,22 @@ from tripwatt.cli.options import (
     SetOption,
     StrictOption,
     VehicleOption,
-    add_command,
     car_of,
-    gather,
+    option,
     read_logs,
 )
 from tripwatt.cli.printing import console, print_json, print_notes, progress
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Check, Fault, InvalidInput
 
 if TYPE_CHECKING:
     from tripwatt.forecasting import ForecastModel
     from tripwatt.trips import Fleet
 
 
-def add_commands(app: typer.Typer) -> None:
-    """Add the commands of this file."""
-    add_command(app, fit)
-
-
 def fit(
     data: DataArgument = None,
     out: Annotated[
-        Path,
-        typer.Option(
-            "--out",
-            "-o",
-            metavar="MODEL",
-            help="Folder of the model. It is created when the fit is complete.",
-        ),
+        Path, option("MODEL", "Folder of the model. It is created when the fit is complete.", "--out", "-o")
     ] = Path("model"),
     dataset: DatasetOption = None,
     mapping: MappingOption = None,
@@ -52,10 +40,7 @@ def fit(
     vehicle: VehicleOption = None,
     overrides: SetOption = None,
     corrector: Annotated[
-        str,
-        typer.Option(
-            metavar="NAME", help="Statistical model: linear, gp, boosting, forest, ensemble or split."
-        ),
+        str, option("NAME", "Statistical model: linear, gp, boosting, forest, ensemble or split.")
     ] = "split",
     identify: Annotated[
         bool,
@@ -75,17 +60,14 @@ def fit(
     ] = False,
     base: Annotated[
         Path | None,
-        typer.Option(
-            metavar="MODEL",
-            help="Adapt this model of another car to the trips. A few trips are enough. --corrector and --seed are then "
+        option(
+            "MODEL",
+            "Adapt this model of another car to the trips. A few trips are enough. --corrector and --seed are then "
             "taken from this model.",
         ),
     ] = None,
     seed: Annotated[
-        int,
-        typer.Option(
-            min=0, metavar="N", help="Seed of the random numbers. The same seed gives the same model."
-        ),
+        int, option("N", "Seed of the random numbers. The same seed gives the same model.", min=0)
     ] = 0,
     as_json: JsonOption = False,
 ) -> None:
@@ -110,37 +92,29 @@ def fit(
 
     shown = console()
     car, note = car_of(vehicle, data, dataset, mapping)
-    fleets: list[Fleet] = []
-    cars: list[Any] = []
-    bases: list[tuple[ForecastModel, dict[str, Any]]] = []
-
-    def read() -> None:
+    with Check() as check:
+        started = None if base is None else check(_stored, base)
+        check(_require_storable, corrector)
+        check(_require_one_way, base, calibrate)
+        own = check(lambda: load_vehicle(car, overrides=parse_overrides(overrides or [])))
+        check(require_place, out)
         with shown.status("reading trips"):
-            fleets.append(read_logs(data, dataset, mapping, strict=strict))
-
-    gather(
-        lambda: None if base is None else bases.append(_stored(base)),
-        lambda: _require_storable(corrector),
-        lambda: _require_one_way(base, calibrate),
-        lambda: cars.append(load_vehicle(car, overrides=parse_overrides(overrides or []))),
-        lambda: require_place(out),
-        read,
-    )
-    fleet = replace(fleets[0], notes=(*fleets[0].notes, *note))
+            fleet = check(read_logs, data, dataset, mapping, strict=strict)
+    fleet = replace(fleet, notes=(*fleet.notes, *note))
     shown.print(f"{len(fleet.trips)} trips read ({fleet.name})")
     from tripwatt.forecasting.fitting import fit_with_provenance
     from tripwatt.forecasting.storage import save_model
 
-    if bases:
+    if started is not None:
         from tripwatt.population.adapting import adapt_model
 
         with shown.status("adapting the base"):
-            model, provenance, figures = adapt_model(fleet, cars[0], *bases[0])
+            model, provenance, figures = adapt_model(fleet, own, *started)
     else:
         with progress(shown) as advance:
             model, provenance, figures = fit_with_provenance(
                 fleet,
-                cars[0],
+                own,
                 corrector=corrector,
                 seed=seed,
                 identified=identify,

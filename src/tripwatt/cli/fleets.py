@@ -11,7 +11,7 @@ import typer
 
 from tripwatt.cli.departing import DepartureOf, departure_options
 from tripwatt.cli.forecast import forecast_rows
-from tripwatt.cli.options import JsonOption, add_command, options_named
+from tripwatt.cli.options import JsonOption, add_command, argument, group_of, option, options_named
 from tripwatt.cli.output import write_text
 from tripwatt.cli.printing import console, print_json, print_table, progress
 from tripwatt.cli.stores import CarModelOption, SinceOption, StoreArgument, StoreOption, UntilOption, opened
@@ -21,37 +21,27 @@ if TYPE_CHECKING:
 
     from tripwatt.fleet.registry import Comparison, Registry
 
-fleet_app = typer.Typer(
-    help="Many vehicles: one model of a trip store, with the deviations of each car model, vehicle and driver. It needs the "
-    "extra tripwatt[fleet].",
-    no_args_is_help=True,
-    rich_markup_mode=None,
+fleet_app = group_of(
+    "Many vehicles: one model of a trip store, with the deviations of each car model, vehicle and driver. It needs the "
+    "extra tripwatt[fleet]."
 )
 
-RegistryArgument = Annotated[Path, typer.Argument(metavar="REGISTRY", help="Folder of the model's versions.")]
-JobsOption = Annotated[int, typer.Option("--jobs", min=1, metavar="N", help="Processes of this machine.")]
+RegistryArgument = Annotated[Path, argument("REGISTRY", "Folder of the model's versions.")]
+JobsOption = Annotated[int, option("N", "Processes of this machine.", "--jobs", min=1)]
 ClusterOption = Annotated[
     str | None,
-    typer.Option(
-        metavar="ADDRESS",
-        help="Scheduler of a Dask cluster, such as tcp://10.0.0.5:8786, in place of --jobs.",
-    ),
+    option("ADDRESS", "Scheduler of a Dask cluster, such as tcp://10.0.0.5:8786, in place of --jobs."),
 ]
 WorkOption = Annotated[
     Path | None,
-    typer.Option(
-        metavar="FOLDER", help="Folder of finished parts, which every worker reaches. Default: REGISTRY/work."
-    ),
+    option("FOLDER", "Folder of finished parts, which every worker reaches. Default: REGISTRY/work."),
 ]
 
 
 def add_commands(app: typer.Typer) -> None:
     """Add the commands of this file."""
-    add_command(fleet_app, fit)
-    add_command(fleet_app, update)
-    add_command(fleet_app, refit)
-    add_command(fleet_app, versions)
-    add_command(fleet_app, promote)
+    for command in (fit, update, refit, versions, promote):
+        add_command(fleet_app, command)
     add_command(fleet_app, roll_back, name="rollback")
     add_command(fleet_app, forecast)
     add_command(fleet_app, batch)
@@ -111,12 +101,11 @@ def fit(
     first = not any(entry["action"] == "promote" for entry in target.history())
     if first:
         target.promote(version)
-    if as_json:
-        print_json(
-            {"version": version, "in_use": first, "trips": model.trips, "vehicles": len(model.vehicles())}
-        )
-        return
-    typer.echo(f"version {version}: {model!r}" + (", in use" if first else "; promote it to use it"))
+    print_json(
+        {"version": version, "in_use": first, "trips": model.trips, "vehicles": len(model.vehicles())}
+    ) if as_json else typer.echo(
+        f"version {version}: {model!r}" + (", in use" if first else "; promote it to use it")
+    )
 
 
 def update(
@@ -173,9 +162,7 @@ def update(
 def refit(
     store: StoreArgument,
     registry: RegistryArgument,
-    weeks: Annotated[
-        float, typer.Option(min=0.1, metavar="N", help="Newest weeks, on which the new model is compared.")
-    ] = 4.0,
+    weeks: Annotated[float, option("N", "Newest weeks, on which the new model is compared.", min=0.1)] = 4.0,
     jobs: JobsOption = 1,
     cluster: ClusterOption = None,
     work: WorkOption = None,
@@ -207,10 +194,9 @@ def refit(
 def _show_comparison(version: str, comparison: Comparison, promoted: bool, as_json: bool) -> None:
     from dataclasses import asdict
 
-    if as_json:
-        print_json({"version": version, "in_use": promoted, "comparison": asdict(comparison)})
-        return
-    typer.echo(
+    print_json(
+        {"version": version, "in_use": promoted, "comparison": asdict(comparison)}
+    ) if as_json else typer.echo(
         f"version {version}: {'in use' if promoted else 'not in use, because it is worse'}; {comparison}"
     )
 
@@ -235,9 +221,7 @@ def versions(registry: RegistryArgument, as_json: JsonOption = False) -> None:
 
 def promote(
     registry: RegistryArgument,
-    version: Annotated[
-        str, typer.Argument(metavar="VERSION", help="A version of `tripwatt fleet versions`.")
-    ],
+    version: Annotated[str, argument("VERSION", "A version of `tripwatt fleet versions`.")],
     as_json: JsonOption = False,
 ) -> None:
     """Use a version from now on. Programs that follow the registry change without losing a request.
@@ -266,18 +250,12 @@ def roll_back(registry: RegistryArgument, as_json: JsonOption = False) -> None:
 @departure_options(without=("departs_at",))
 def forecast(
     registry: RegistryArgument,
-    trip: Annotated[
-        Path, typer.Argument(metavar="TRIP", help="A route or a speed trace, as for `tripwatt forecast`.")
-    ],
-    vehicle_id: Annotated[str, typer.Option("--vehicle-id", metavar="ID", help="The vehicle.")],
+    trip: Annotated[Path, argument("TRIP", "A route or a speed trace, as for `tripwatt forecast`.")],
+    vehicle_id: Annotated[str, option("ID", "The vehicle.")],
     departure: DepartureOf,
     car_model: CarModelOption = None,
-    driver: Annotated[
-        str | None, typer.Option(metavar="NAME", help="The driver, if trips of his were logged.")
-    ] = None,
-    reserve: Annotated[
-        float, typer.Option(min=0.0, max=1.0, metavar="X", help="Charge to arrive with, 0 to 1.")
-    ] = 0.0,
+    driver: Annotated[str | None, option("NAME", "The driver, if trips of his were logged.")] = None,
+    reserve: Annotated[float, option("X", "Charge to arrive with, 0 to 1.", min=0.0, max=1.0)] = 0.0,
     as_json: JsonOption = False,
 ) -> None:
     """Forecast a trip of one vehicle with the version in use. A vehicle without trips starts from its --car-model.
@@ -303,19 +281,13 @@ def forecast(
 
 def batch(
     registry: RegistryArgument,
-    trips: Annotated[
-        Path, typer.Argument(metavar="TRIPS.parquet", help="One row a link; see docs/howto/fleet.md.")
-    ],
-    out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="Parquet file to write.")] = Path(
-        "forecasts.parquet"
-    ),
+    trips: Annotated[Path, argument("TRIPS.parquet", "One row a link; see docs/howto/fleet.md.")],
+    out: Annotated[Path, option("FILE", "Parquet file to write.", "--out", "-o")] = Path("forecasts.parquet"),
     quantile: Annotated[
         list[float] | None,
-        typer.Option(
-            metavar="Q", help="Quantile of the energy; you can repeat the option. Default: 0.05, 0.5, 0.95."
-        ),
+        option("Q", "Quantile of the energy; you can repeat the option. Default: 0.05, 0.5, 0.95."),
     ] = None,
-    reserve: Annotated[float, typer.Option(metavar="X", help="Charge to arrive with, 0 to 1.")] = 0.0,
+    reserve: Annotated[float, option("X", "Charge to arrive with, 0 to 1.")] = 0.0,
     jobs: JobsOption = 1,
     cluster: ClusterOption = None,
     as_json: JsonOption = False,
@@ -354,14 +326,12 @@ def batch(
 
 def evaluate(
     store: StoreArgument,
-    out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE.html", help="Page to write.")] = Path(
-        "fleet.html"
-    ),
+    out: Annotated[Path, option("FILE.html", "Page to write.", "--out", "-o")] = Path("fleet.html"),
     jobs: JobsOption = 1,
     cluster: ClusterOption = None,
-    work: Annotated[
-        Path, typer.Option(metavar="FOLDER", help="Folder of finished parts, which every worker reaches.")
-    ] = Path("fleet.work"),
+    work: Annotated[Path, option("FOLDER", "Folder of finished parts, which every worker reaches.")] = Path(
+        "fleet.work"
+    ),
     options: StoreOption = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -380,7 +350,7 @@ def evaluate(
     from tripwatt.fleet.features import START
     from tripwatt.fleet.mapping import map_store, read_rows, tasks_of
     from tripwatt.hybrid.groups import fit_scales, group_posterior
-    from tripwatt.report.fleets import report_page
+    from tripwatt.report.fleets import accuracy_table, report_page
 
     source = opened(store, options)
     with progress(console()) as advance, _running(jobs, cluster) as (executor, workers):
@@ -402,9 +372,5 @@ def evaluate(
             }
         )
         return
-    columns = ("trips forecast", "car model", "trips", "mean error [%]", "inside the 90 % interval [%]")
-    shown = [
-        (f"{r[0]}", f"{r[1]}", f"{r[2]}", f"{100.0 * r[3]:.1f}", f"{100.0 * r[4]:.0f}")
-        for r in scores.table("car_model").itertuples(index=False)
-    ]
-    print_table(f"{out}", columns, shown, numbers=columns[2:])
+    table = accuracy_table(scores, "car_model")
+    print_table(f"{out}", table.columns, table.rows, numbers=table.columns[2:])

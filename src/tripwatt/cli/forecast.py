@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import typer
 
 from tripwatt.cli.departing import DepartureOf, departure_options
-from tripwatt.cli.options import JsonOption, add_command, gather, model_of, options_named
+from tripwatt.cli.options import JsonOption, add_command, argument, model_of, option, options_named
 from tripwatt.cli.output import write_bytes, write_text
 from tripwatt.cli.printing import print_json, print_notes, print_table
-from tripwatt.errors import Fault, InvalidInput, raise_faults
+from tripwatt.errors import Check, Fault, InvalidInput, raise_faults
 
 if TYPE_CHECKING:
     from tripwatt.forecasting import Forecast
@@ -32,9 +32,9 @@ def add_commands(app: typer.Typer) -> None:
 def forecast(
     paths: Annotated[
         list[Path],
-        typer.Argument(
-            metavar="[MODEL] TRIP",
-            help="Folder of a model (default: the bundled model), and a trip. The trip is a speed trace or a planned route. "
+        argument(
+            "[MODEL] TRIP",
+            "Folder of a model (default: the bundled model), and a trip. The trip is a speed trace or a planned route. "
             "Speed trace: CSV or Parquet with the columns time_s, speed_m_s, and optionally elevation_m or grade; other "
             "signals give only their first sample. Planned route: GPX, KML, GeoJSON, the saved response of OSRM, Valhalla, "
             "openrouteservice or GraphHopper, or links as CSV or JSON (length_m, speed_m_s or travel_time_s, and optionally "
@@ -44,29 +44,24 @@ def forecast(
     departure: DepartureOf,
     vehicle: Annotated[
         str | None,
-        typer.Option(
-            "--vehicle",
-            metavar="NAME|FILE",
-            help="Forecast for another car: a name from `tripwatt vehicles`, or a TOML file. The model has no trips of "
+        option(
+            "NAME|FILE",
+            "Forecast for another car: a name from `tripwatt vehicles`, or a TOML file. The model has no trips of "
             "this car, so the interval is wider.",
         ),
     ] = None,
-    speed: Annotated[
-        float | None, typer.Option(metavar="KM/H", help="Mean speed on a track without times and speeds.")
-    ] = None,
+    speed: Annotated[float | None, option("KM/H", "Mean speed on a track without times and speeds.")] = None,
     observed: Annotated[
         Path | None,
-        typer.Option(
-            metavar="SAMPLES",
-            help="Samples measured so far, on the clock of the trip: time_s with voltage_v and current_a, or with soc or "
+        option(
+            "SAMPLES",
+            "Samples measured so far, on the clock of the trip: time_s with voltage_v and current_a, or with soc or "
             "displayed_soc. On a planned route, speed_m_s gives the distance driven.",
         ),
     ] = None,
-    reserve: Annotated[
-        float, typer.Option(metavar="0..1", help="Required state of charge at arrival, as displayed.")
-    ] = 0.1,
+    reserve: Annotated[float, option("0..1", "Required state of charge at arrival, as displayed.")] = 0.1,
     plot: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write a figure of the forecast: .png, .svg or .pdf.")
+        Path | None, option("FILE", "Write a figure of the forecast: .png, .svg or .pdf.")
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -98,22 +93,19 @@ def forecast(
     from tripwatt.vehicles import load_vehicle
 
     model, trip = model_and_trip(paths)
-    got: dict[str, Any] = {}
+    speed_m_s = None if speed is None else speed * M_S_PER_KM_H
     with options_named():
-        gather(
-            lambda: _require_options(reserve, plot),
-            lambda: got.update(model=model_of(model)),
-            lambda: got.update(
-                plan=read_route(trip, speed_m_s=None if speed is None else speed * M_S_PER_KM_H)
-            ),
-            lambda: None if observed is None else got.update(observed=_measured(observed)),
-            lambda: got.update(car=None if vehicle is None else load_vehicle(vehicle)),
-            lambda: got.update(departure=departure()),
-        )
-        fitted = for_car(got["model"], got["car"])
-    expected = fitted.forecast(got["plan"], got["departure"])
-    if observed is not None:
-        expected = expected.update(got["observed"])
+        with Check() as check:
+            check(_require_options, reserve, plot)
+            fitted = check(model_of, model)
+            plan = check(read_route, trip, speed_m_s=speed_m_s)
+            measured = None if observed is None else check(_measured, observed)
+            car = None if vehicle is None else check(load_vehicle, vehicle)
+            known = check(departure)
+        fitted = for_car(fitted, car)
+    expected = fitted.forecast(plan, known)
+    if measured is not None:
+        expected = expected.update(measured)
     if plot is not None:
         _draw(expected, plot)
     leaving = LEAVE_PROBABILITY if observed is None else None
@@ -229,12 +221,9 @@ def _show_forecast(forecast: Forecast, reserve: float) -> None:
 
 def example(
     out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out", "-o", metavar="FILE", help="Write the table to this file instead of printing it."
-        ),
+        Path | None, option("FILE", "Write the table to this file instead of printing it.", "--out", "-o")
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, metavar="N", help="Number of the trip.")] = 0,
+    seed: Annotated[int, option("N", "Number of the trip.", min=0)] = 0,
 ) -> None:
     """Print a synthetic trip as a CSV table, as an input for `tripwatt forecast`.
 

@@ -7,19 +7,12 @@ from typing import Annotated, Any
 
 import typer
 
-from tripwatt.cli.options import JsonOption, add_command
+from tripwatt.cli.options import JsonOption, argument
 from tripwatt.cli.printing import change, print_json, print_table
 
 
-def add_commands(app: typer.Typer) -> None:
-    """Add the commands of this file."""
-    add_command(app, inspect)
-
-
 def inspect(
-    model: Annotated[
-        Path | None, typer.Argument(metavar="MODEL", help="Folder of a model. Default: the bundled model.")
-    ] = None,
+    model: Annotated[Path | None, argument("MODEL", "Folder of a model. Default: the bundled model.")] = None,
     upgrade: Annotated[
         bool,
         typer.Option(

@@ -223,7 +223,7 @@ def places(
 
 
 def _show(journey: Journey) -> None:
-    from tripwatt.cli.sentences import chance_to_arrive, journey_in_words
+    from tripwatt.cli.sentences import chance, chance_to_arrive, journey_in_words
     from tripwatt.trips.showing import period
 
     typer.echo(f"From {' to '.join(place.described for place in journey.stops)}.")
@@ -232,31 +232,36 @@ def _show(journey: Journey) -> None:
     typer.echo("")
     if journey.charging is not None:
         _show_stops(journey)
-    rows = []
-    for k, road in enumerate(journey.roads):
-        forecast = road.forecast
-        low, high = forecast.soc_interval(0.9)
-        rows.append(
-            (
-                ", ".join(road.labels) or f"road {k + 1}",
-                f"{road.road.distance_m / 1000.0:.1f} km",
-                period(forecast.plan.duration_s),
-                f"{forecast.energy_wh / 1000.0:.2f} kWh",
-                f"{100.0 * forecast.soc_arrival:.0f} % ({100.0 * low:.0f} to {100.0 * high:.0f} %)",
-                chance_to_arrive(forecast),
-                chance_to_arrive(forecast, journey.reserve),
-            )
+    reserve = journey.reserve
+    words: list[tuple[str, ...]] = [
+        (chance(plan.p_arrive), chance(plan.p_reserve)) for plan in journey.charging_plans
+    ]
+    words += [
+        tuple(chance_to_arrive(road.forecast, least) for least in (0.0, reserve)) for road in journey.roads
+    ]
+    rows = [
+        (
+            way["labels"] or "road",
+            f"{way['distance_m'] / 1000.0:.1f} km",
+            period(way["duration_s"]),
+            str(way["charges"]),
+            f"{way['energy_wh'] / 1000.0:.2f} kWh",
+            f"{100.0 * way['soc_arrival']:.0f} % ({100.0 * way['soc_low']:.0f} to {100.0 * way['soc_high']:.0f} %)",
+            *chances,
         )
+        for way, chances in zip(journey.to_frame().to_dict("records"), words, strict=True)
+    ]
     columns = (
-        "road",
+        "way",
         "length",
         "time",
+        "stops",
         "energy",
         "arrival with",
         "arrives",
         f"{100.0 * journey.reserve:g} % or more",
     )
-    print_table(f"Roads, given {journey.forecast.given}", columns, rows, numbers=columns[1:4])
+    print_table(f"Ways, given {journey.forecast.given}", columns, rows, numbers=columns[1:5])
     costs = [(name, f"{wh / 1000.0:+.2f} kWh") for name, wh in journey.costs_wh.items() if abs(wh) >= 1.0]
     if costs:
         print_table("What it takes less without", ("", "energy"), costs, numbers=("energy",))
@@ -264,7 +269,7 @@ def _show(journey: Journey) -> None:
 
 
 def _show_stops(journey: Journey) -> None:
-    """The stops to charge of the fastest plan, then its alternatives."""
+    """The stops to charge of the fastest plan."""
     from tripwatt.cli.sentences import chance
     from tripwatt.trips.showing import period
 
@@ -296,19 +301,6 @@ def _show_stops(journey: Journey) -> None:
     )
     ends = f", at the end at {_clock(leaves, plan.duration_s)}" if leaves else ""
     print_table(f"Stops to charge, {period(plan.duration_s)} in all{ends}", columns, rows)
-    others = [
-        (
-            other.label,
-            str(len(other.stops)),
-            period(other.duration_s),
-            f"{other.energy_wh / 1000.0:.2f} kWh",
-            f"{100.0 * other.soc_arrival:.0f} %",
-            chance(other.p_reserve),
-        )
-        for other in journey.charging_plans
-    ]
-    names = ("plan", "stops", "time", "energy", "arrival with", f"{100.0 * journey.reserve:g} % everywhere")
-    print_table("Ways to charge", names, others, numbers=names[1:4])
 
 
 def _clock(leaves: dt.datetime, after_s: float) -> str:

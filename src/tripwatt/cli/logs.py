@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -17,23 +18,20 @@ from tripwatt.cli.options import (
     StrictOption,
     TripOption,
     add_command,
+    argument,
+    group_of,
+    option,
     read_logs,
 )
 from tripwatt.cli.output import write_text
 from tripwatt.cli.printing import console, print_findings, print_json, print_notes, print_reading, print_table
 
-mapping_app = typer.Typer(
-    help="Mappings from the columns of your tables to canonical columns: list, show, suggest and apply them.",
-    no_args_is_help=True,
-    rich_markup_mode=None,
+mapping_app = group_of(
+    "Mappings from the columns of your tables to canonical columns: list, show, suggest and apply them."
 )
 
 
-logs_app = typer.Typer(
-    help="Files of loggers: take out of them what tells whose they are.",
-    no_args_is_help=True,
-    rich_markup_mode=None,
-)
+logs_app = group_of("Files of loggers: take out of them what tells whose they are.")
 
 
 def add_commands(app: typer.Typer) -> None:
@@ -79,13 +77,13 @@ def audit(
         from tripwatt.trips.messages import flag_to_dict  # pandas is slow to import
 
         frame = result.frame()
-        records = frame.astype(object).where(frame.notna(), None).to_dict("records")
+        rows = frame.astype(object).where(frame.notna(), None).to_dict("records")
         used = [t.trip_id for t in result.trips]
         print_json(
             {
                 "read": len(fleet.trips),
                 "used": used,
-                "findings": records,
+                "findings": rows,
                 "notes": [flag_to_dict(flag) for flag in fleet.notes],
                 "faults": [fault.texts for fault in (fleet.report.faults if fleet.report else ())],
             }
@@ -100,10 +98,8 @@ def audit(
 
 
 def fetch(
-    dataset: Annotated[
-        str, typer.Argument(metavar="DATASET", help="Data set: tum, ved, twizy or sedan.")
-    ] = "tum",
-    folder: Annotated[Path | None, typer.Argument(metavar="FOLDER", help="Folder to check.")] = None,
+    dataset: Annotated[str, argument("DATASET", "Data set: tum, ved, twizy or sedan.")] = "tum",
+    folder: Annotated[Path | None, argument("FOLDER", "Folder to check.")] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Show where to download a data set, and check that FOLDER holds all of the TUM set.
@@ -131,8 +127,8 @@ def fetch(
 
 
 def anonymise(
-    data: Annotated[Path, typer.Argument(metavar="DATA", help="Folder or file of logs to hand on.")],
-    out: Annotated[Path, typer.Option("--out", "-o", metavar="FOLDER", help="New or empty folder to write.")],
+    data: Annotated[Path, argument("DATA", "Folder or file of logs to hand on.")],
+    out: Annotated[Path, option("FOLDER", "New or empty folder to write.", "--out", "-o")],
     mapping: MappingOption = None,
     positions: Annotated[bool, typer.Option("--positions", help="Keep latitude and longitude.")] = False,
     as_json: JsonOption = False,
@@ -175,7 +171,7 @@ def list_mappings(as_json: JsonOption = False) -> None:
 
 
 def show_mapping(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="A name from `tripwatt mapping list`.")],
+    name: Annotated[str, argument("NAME", "A name from `tripwatt mapping list`.")],
     as_json: JsonOption = False,
 ) -> None:
     """Print a bundled mapping as TOML.
@@ -196,16 +192,10 @@ def show_mapping(
 
 def suggest(
     file: Annotated[
-        Path,
-        typer.Argument(
-            metavar="FILE", help="A CSV or Parquet file of trips, or a folder; its largest file is used."
-        ),
+        Path, argument("FILE", "A CSV or Parquet file of trips, or a folder; its largest file is used.")
     ],
     out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out", "-o", metavar="FILE", help="Write the TOML to this file instead of printing it."
-        ),
+        Path | None, option("FILE", "Write the TOML to this file instead of printing it.", "--out", "-o")
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -247,12 +237,10 @@ def suggest(
 
 
 def apply(
-    data: Annotated[Path, typer.Argument(metavar="DATA", help="A table of trips, or a folder of tables.")],
+    data: Annotated[Path, argument("DATA", "A table of trips, or a folder of tables.")],
     mapping: MappingOption = None,
     trip: TripOption = None,
-    out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="CSV file to write.")] = Path(
-        "trip.csv"
-    ),
+    out: Annotated[Path, option("FILE", "CSV file to write.", "--out", "-o")] = Path("trip.csv"),
     as_json: JsonOption = False,
 ) -> None:
     """Audit one trip of a table and write it with canonical columns and units, as input for `tripwatt forecast`.
@@ -295,9 +283,5 @@ def apply(
 
 def _comment(text: str) -> str:
     """The comment at the head of a TOML text, in one line."""
-    head = []
-    for line in text.splitlines():
-        if not line.startswith("#"):
-            break
-        head.append(line.lstrip("# "))
-    return " ".join(head)
+    head = itertools.takewhile(lambda line: line.startswith("#"), text.splitlines())
+    return " ".join(line.lstrip("# ") for line in head)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tripwatt.cli.options import JsonOption, add_command
+from tripwatt.cli.options import JsonOption, add_command, argument, group_of, option
 from tripwatt.cli.printing import print_json, print_notes, print_table
 
 if TYPE_CHECKING:
@@ -16,22 +16,20 @@ if TYPE_CHECKING:
 
 def add_commands(app: typer.Typer) -> None:
     """Add the commands of this file."""
-    group = typer.Typer(help="Maps of a region on this machine.", no_args_is_help=True, rich_markup_mode=None)
+    group = group_of("Maps of a region on this machine.")
     add_command(group, build)
     add_command(group, info)
     app.add_typer(group, name="map")
 
 
 def build(
-    extract: Annotated[Path, typer.Argument(metavar="REGION.osm.pbf", help="An OpenStreetMap extract.")],
-    out: Annotated[Path, typer.Option("--out", "-o", metavar="FOLDER", help="Folder of the map.")] = Path(
-        "map"
-    ),
+    extract: Annotated[Path, argument("REGION.osm.pbf", "An OpenStreetMap extract.")],
+    out: Annotated[Path, option("FOLDER", "Folder of the map.", "--out", "-o")] = Path("map"),
     elevation: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FOLDER",
-            help="Elevation tiles: of SRTM (N47E009.hgt, also .gz or .zip), or GeoTIFF. Without them the climb of roads is unknown.",
+        option(
+            "FOLDER",
+            "Elevation tiles: of SRTM (N47E009.hgt, also .gz or .zip), or GeoTIFF. Without them the climb of roads is unknown.",
         ),
     ] = None,
     as_json: JsonOption = False,
@@ -56,7 +54,7 @@ def build(
 
 
 def info(
-    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder of the map.")],
+    folder: Annotated[Path, argument("FOLDER", "Folder of the map.")],
     as_json: JsonOption = False,
 ) -> None:
     """Show what a map holds.

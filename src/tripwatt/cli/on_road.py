@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
-from tripwatt.cli.options import JsonOption, add_command, gather, model_of, require_extras
+from tripwatt.cli.options import JsonOption, argument, model_of, option, require_extras
 from tripwatt.cli.printing import print_notes
-from tripwatt.errors import InvalidInput
+from tripwatt.errors import Check, InvalidInput
 
 if TYPE_CHECKING:
     from tripwatt.forecasting import ForecastModel
@@ -23,73 +23,57 @@ PASSWORD_VARIABLE: Final = "TRIPWATT_MQTT_PASSWORD"
 """Environment variable of the broker's password."""
 
 
-def add_commands(app: typer.Typer) -> None:
-    """Add the commands of this file."""
-    add_command(app, live)
-
-
 def live(
     car: Annotated[
         Path,
-        typer.Argument(
-            metavar="CAR",
-            help="Folder of the car; made where it is missing. A car of `tripwatt car new` is forecast with what it learned.",
+        argument(
+            "CAR",
+            "Folder of the car; made where it is missing. A car of `tripwatt car new` is forecast with what it learned.",
         ),
     ],
-    mqtt: Annotated[
-        str,
-        typer.Option(
-            "--mqtt", metavar="URL", help="Broker: mqtt://[NAME@]HOST[:PORT], or mqtts:// encrypted."
-        ),
-    ],
-    source: Annotated[str, typer.Option(metavar="NAME", help="What sends: ovms, teslamate or abrp.")],
+    mqtt: Annotated[str, option("URL", "Broker: mqtt://[NAME@]HOST[:PORT], or mqtts:// encrypted.")],
+    source: Annotated[str, option("NAME", "What sends: ovms, teslamate or abrp.")],
     topic: Annotated[
         str,
-        typer.Option(
-            metavar="TOPIC",
-            help="Topic below which the metrics of the car are: ovms/USER/CAR/metric, teslamate/cars/1. Of abrp, the topic "
+        option(
+            "TOPIC",
+            "Topic below which the metrics of the car are: ovms/USER/CAR/metric, teslamate/cars/1. Of abrp, the topic "
             "of the messages.",
         ),
     ],
     plan: Annotated[
         Path | None,
-        typer.Option(
-            metavar="TRIP",
-            help="The road, as for `tripwatt forecast`: a planned route. Default: that of an earlier trip which began at "
+        option(
+            "TRIP",
+            "The road, as for `tripwatt forecast`: a planned route. Default: that of an earlier trip which began at "
             "about the same time of day.",
         ),
     ] = None,
-    model: Annotated[
-        Path | None, typer.Option(metavar="MODEL", help="Folder of a model. Default: the bundled model.")
-    ] = None,
+    model: Annotated[Path | None, option("MODEL", "Folder of a model. Default: the bundled model.")] = None,
     vehicle: Annotated[
-        str | None,
-        typer.Option(metavar="NAME|FILE", help="A car other than that of the model, or a TOML file."),
+        str | None, option("NAME|FILE", "A car other than that of the model, or a TOML file.")
     ] = None,
     reserve: Annotated[
-        float, typer.Option(min=0.0, max=1.0, metavar="0..1", help="State of charge to keep, as displayed.")
+        float, option("0..1", "State of charge to keep, as displayed.", min=0.0, max=1.0)
     ] = 0.1,
     every: Annotated[
-        float, typer.Option(min=0.1, max=3600.0, metavar="S", help="Shortest time between two forecasts [s].")
+        float, option("S", "Shortest time between two forecasts [s].", min=0.1, max=3600.0)
     ] = 5.0,
-    publish: Annotated[
-        str, typer.Option(metavar="TOPIC", help="Also publish each forecast as JSON to this topic.")
-    ] = "",
+    publish: Annotated[str, option("TOPIC", "Also publish each forecast as JSON to this topic.")] = "",
     discovery: Annotated[
         str,
-        typer.Option(
-            metavar="PREFIX",
-            help="Let Home Assistant find what --publish sends, below this prefix of topics: usually homeassistant.",
+        option(
+            "PREFIX",
+            "Let Home Assistant find what --publish sends, below this prefix of topics: usually homeassistant.",
         ),
     ] = "",
     keep_days: Annotated[
         float | None,
-        typer.Option(
-            "--keep-days",
+        option(
+            "DAYS",
+            "Erase what the car sent after so many days. Default: keep it until the car is forgotten.",
             min=0.01,
             max=36_500.0,
-            metavar="DAYS",
-            help="Erase what the car sent after so many days. Default: keep it until the car is forgotten.",
         ),
     ] = None,
     as_json: JsonOption = False,
@@ -109,23 +93,21 @@ def live(
     require_extras({"live": "tripwatt live"})
     from tripwatt.live import Broker, Follower, RoadCar, TopicJoiner, is_car
 
-    got: dict[str, Any] = {}
     own = car if is_car(car) else None
-    gather(
-        lambda: got.update(broker=Broker.from_url(mqtt, os.environ.get(PASSWORD_VARIABLE))),
-        lambda: got.update(joiner=TopicJoiner(source, topic)),
-        lambda: _require_topic(publish, discovery),
-        lambda: got.update(plan=None if plan is None else _request(plan)),
-        lambda: got.update(model=_model(model or own, vehicle)),
-    )
+    with Check() as check:
+        broker = check(Broker.from_url, mqtt, os.environ.get(PASSWORD_VARIABLE))
+        joiner = check(TopicJoiner, source, topic)
+        check(_require_topic, publish, discovery)
+        request = None if plan is None else check(_request, plan)
+        known = check(_model, model or own, vehicle)
     days = math.inf if keep_days is None else keep_days
-    with RoadCar(car, lambda _: got["model"], reserve=reserve, keep_days=days) as opened:
-        if got["plan"] is not None:
-            opened.set_plan(got["plan"])
-        _note(waiting(got["joiner"].filter, got["broker"].host, opened.plan is not None))
+    with RoadCar(car, lambda _: known, reserve=reserve, keep_days=days) as opened:
+        if request is not None:
+            opened.set_plan(request)
+        _note(waiting(joiner.filter, broker.host, opened.plan is not None))
         show = _printer(as_json)
-        follower = Follower(opened, got["joiner"], show, every, publish, discovery, _note)
-        asyncio.run(follower.follow(got["broker"]))
+        follower = Follower(opened, joiner, show, every, publish, discovery, _note)
+        asyncio.run(follower.follow(broker))
 
 
 def _require_topic(publish: str, discovery: str) -> None:

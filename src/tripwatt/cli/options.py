@@ -5,58 +5,64 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
-from tripwatt.errors import Fault, InvalidInput, extras_faults, raise_faults
+from tripwatt.errors import Check, Fault, InvalidInput, extras_faults, places_named, raise_faults
 
 if TYPE_CHECKING:
     from tripwatt.forecasting import ForecastModel
     from tripwatt.trips import Flag, Fleet
 
+
+def option(metavar: str, help: str, *names: str, **more: Any) -> Any:
+    """An option of a command that takes a value; its name is that of the parameter where none is given."""
+    return typer.Option(*names, metavar=metavar, help=help, **more)
+
+
+def argument(metavar: str, help: str) -> Any:
+    """An argument of a command."""
+    return typer.Argument(metavar=metavar, help=help)
+
+
 DataArgument = Annotated[
-    Path | None,
-    typer.Argument(
-        metavar="DATA", help="Folder or file of logged trips. Default: the built-in synthetic fleet."
-    ),
+    Path | None, argument("DATA", "Folder or file of logged trips. Default: the built-in synthetic fleet.")
 ]
 DatasetOption = Annotated[
     str | None,
-    typer.Option(
-        "--dataset",
-        metavar="NAME",
-        help="Format of DATA: tum, ved or table. Default: table with --mapping or if DATA is a single file that is not "
+    option(
+        "NAME",
+        "Format of DATA: tum, ved or table. Default: table with --mapping or if DATA is a single file that is not "
         "a TUM trip, otherwise tum.",
+        "--dataset",
     ),
 ]
 MappingOption = Annotated[
     str | None,
-    typer.Option(
+    option(
+        "FILE.toml|NAME",
+        "Columns and units of a table: a TOML file, or a name from `tripwatt mapping list`.",
         "--mapping",
-        metavar="FILE.toml|NAME",
-        help="Columns and units of a table: a TOML file, or a name from `tripwatt mapping list`.",
     ),
 ]
 VehicleOption = Annotated[
     str | None,
-    typer.Option(
-        "--vehicle",
-        metavar="NAME|FILE.toml",
-        help="The car: a name from `tripwatt vehicles`, or a TOML file. Default: the car of the data set; for a table, "
+    option(
+        "NAME|FILE.toml",
+        "The car: a name from `tripwatt vehicles`, or a TOML file. Default: the car of the data set; for a table, "
         "the BMW i3.",
+        "--vehicle",
     ),
 ]
 SetOption = Annotated[
     list[str] | None,
-    typer.Option(
-        "--set",
-        metavar="KEY=VALUE",
-        help="Replace one value of the car, for example mass=1300. You can repeat the option. Keys: those that "
+    option(
+        "KEY=VALUE",
+        "Replace one value of the car, for example mass=1300. You can repeat the option. Keys: those that "
         "`tripwatt vehicles NAME` lists, or short names such as mass, payload, c_d, c_rr, base_load, setpoint.",
+        "--set",
     ),
 ]
 StrictOption = Annotated[
@@ -70,14 +76,10 @@ NotesOption = Annotated[
     bool,
     typer.Option("--notes", help="List every fault and note one by one. Default: one line for each kind."),
 ]
-TripOption = Annotated[
-    str | None, typer.Option("--trip", metavar="ID", help="Trip to use if DATA contains several.")
-]
+TripOption = Annotated[str | None, option("ID", "Trip to use if DATA contains several.", "--trip")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")]
 
-CARS: Final[Mapping[str, str]] = MappingProxyType(
-    {"synthetic": "bmw_i3_60ah", "tum": "bmw_i3_60ah", "ved": "nissan_leaf_24"}
-)
+CARS: Final[Mapping[str, str]] = {"synthetic": "bmw_i3_60ah", "tum": "bmw_i3_60ah", "ved": "nissan_leaf_24"}
 """Data set -> the car that drove it."""
 
 BUILT_IN_TRIPS: Final = 24
@@ -185,29 +187,19 @@ def gather(*checks: Callable[[], object]) -> None:
     --------
     >>> gather(lambda: None)
     """
-    faults: list[Fault] = []
-    for check in checks:
-        try:
-            check()
-        except InvalidInput as error:
-            faults += error.faults
-    raise_faults(faults)
+    with Check() as check:
+        for each in checks:
+            check(each)
 
 
 @contextmanager
 def options_named() -> Iterator[None]:
     """Faults of what options give, under the names of the options."""
-    try:
-        yield
-    except InvalidInput as error:
-        from tripwatt.trips.departure import ASKED
+    from tripwatt.trips.departure import ASKED
 
-        options = {name: field.option for name, field in ASKED.items()} | {
-            name: f"--{name}" for name in ("vehicle", "reserve")
-        }
-        options["speed_m_s"] = "--speed"
-        named = [replace(fault, where=options.get(fault.where, fault.where)) for fault in error.faults]
-        raise InvalidInput(named) from error
+    more = {"vehicle": "--vehicle", "reserve": "--reserve", "speed_m_s": "--speed"}
+    with places_named({name: field.option for name, field in ASKED.items()} | more):
+        yield
 
 
 EXAMPLES: Final = "For example:"
@@ -238,6 +230,11 @@ def add_command(app: typer.Typer, command: Callable[..., None], name: str | None
     text, _, shown = inspect.getdoc(command).partition(f"\n\n{EXAMPLES}\n\n")  # type: ignore[union-attr]
     epilog = f"\b\nExamples:\n{shown}" if shown else None  # \b: click keeps the lines of the paragraph
     app.command(name or command.__name__.replace("_", "-"), help=text, epilog=epilog, **more)(command)
+
+
+def group_of(help: str) -> typer.Typer:
+    """A group of commands."""
+    return typer.Typer(help=help, no_args_is_help=True, rich_markup_mode=None)
 
 
 def model_of(folder: Path | None) -> ForecastModel:

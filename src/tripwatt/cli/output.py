@@ -9,9 +9,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput, system_errors
 from tripwatt.files import replace_folder, restore_folder, write_file
 
+UNWRITABLE: Final = ("cannot write the results", "--out", "a writable folder")
 LAST: Final = "results.json"
 """The file that comes last: where it stands, everything beside it belongs to it."""
 
@@ -32,10 +33,11 @@ def check_writable(out: Path) -> None:
     if out.exists() and not out.is_dir():
         raise InvalidInput.of("output is not a folder", "--out", str(out), "a new or existing folder")
     nearest = next(place for place in (out, *out.absolute().parents) if place.exists())
-    if not nearest.is_dir():
-        raise InvalidInput(_unwritable(out, f"{nearest} is not a folder"))
-    if not os.access(nearest, os.W_OK | os.X_OK):
-        raise InvalidInput(_unwritable(out, f"no permission to write into {nearest}"))
+    with system_errors(*UNWRITABLE, out):
+        if not nearest.is_dir():
+            raise NotADirectoryError(f"{nearest} is not a folder")
+        if not os.access(nearest, os.W_OK | os.X_OK):
+            raise PermissionError(f"no permission to write into {nearest}")
 
 
 def unfinished_folder(out: Path) -> Path:
@@ -48,11 +50,9 @@ def unfinished_folder(out: Path) -> Path:
     """
     beside = out.absolute().parent / f"{out.absolute().name}.unfinished"
     folder = out / ".unfinished" if out.is_dir() and not beside.exists() else beside
-    try:
+    with system_errors(*UNWRITABLE, out):
         restore_folder(out)
         folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InvalidInput(_unwritable(out, error.strerror or str(error))) from error
     return folder
 
 
@@ -73,13 +73,11 @@ def write_whole(write: Callable[[Path], None], out: Path, unfinished: Path) -> N
     InvalidInput
         When something cannot be written; `out` is then as it was.
     """
-    try:
+    with system_errors(*UNWRITABLE, out):
         if _can_be_exchanged(out):
             replace_folder(out, lambda made: _fill(made, out, write))
         else:
             _fill_in_place(write, out, unfinished)
-    except OSError as error:
-        raise InvalidInput(_unwritable(out, error.strerror or str(error))) from error
     shutil.rmtree(unfinished, ignore_errors=True)
 
 
@@ -169,13 +167,10 @@ def write_bytes(content: bytes, path: Path, option: str = "--out") -> None:
     InvalidInput
         When it cannot be written; a file that was there is as before.
     """
-    try:
+    with system_errors("cannot write the file", option, "", path):
         if path.exists() and not path.is_file():
             raise OSError(f"{'a folder' if path.is_dir() else 'no regular file'}")
         write_file(path, lambda partial: partial.write_bytes(content))
-    except OSError as error:
-        got = error.strerror or str(error)
-        raise InvalidInput.of("cannot write the file", option, f"{path}: {got}") from error
 
 
 def _replace(made: Path, out: Path, older: Path) -> None:
@@ -196,7 +191,3 @@ def _replace(made: Path, out: Path, older: Path) -> None:
         for name in reversed(away):
             (older / name).rename(out / name)
         raise
-
-
-def _unwritable(out: Path, why: str) -> Fault:
-    return Fault("cannot write the results", "--out", f"{out}: {why}", "a writable folder")

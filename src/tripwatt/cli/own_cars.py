@@ -15,6 +15,9 @@ from tripwatt.cli.options import (
     NotesOption,
     StrictOption,
     add_command,
+    argument,
+    group_of,
+    option,
     read_logs,
 )
 from tripwatt.cli.printing import (
@@ -32,15 +35,11 @@ if TYPE_CHECKING:
 
     from tripwatt.live import Car, Learned
 
-car_app = typer.Typer(
-    help="Your own car: its trips, the model that is adapted to them, and its diary. Needs the extra tripwatt[fleet].",
-    no_args_is_help=True,
-    rich_markup_mode=None,
+car_app = group_of(
+    "Your own car: its trips, the model that is adapted to them, and its diary. Needs the extra tripwatt[fleet]."
 )
 
-CarArgument = Annotated[
-    Path, typer.Argument(metavar="CAR", help="Folder of the car, made by `tripwatt car new`.")
-]
+CarArgument = Annotated[Path, argument("CAR", "Folder of the car, made by `tripwatt car new`.")]
 
 WORDS = {
     "everything": "the whole consumption",
@@ -63,26 +62,15 @@ WORDS = {
 
 def add_commands(app: typer.Typer) -> None:
     """Add the commands of this file."""
-    add_command(car_app, new)
-    add_command(car_app, add)
-    add_command(car_app, learn)
-    add_command(car_app, show)
-    add_command(car_app, token)
-    add_command(car_app, forget)
+    for command in (new, add, learn, show, token, forget):
+        add_command(car_app, command)
     app.add_typer(car_app, name="car")
 
 
 def new(
-    car: Annotated[Path, typer.Argument(metavar="CAR", help="New folder. Its name is that of the car.")],
-    vehicle: Annotated[
-        str,
-        typer.Option(
-            "--vehicle", metavar="NAME|FILE", help="A name from `tripwatt vehicles`, or a TOML file."
-        ),
-    ],
-    base: Annotated[
-        Path | None, typer.Option(metavar="MODEL", help="Model to adapt. Default: the bundled model.")
-    ] = None,
+    car: Annotated[Path, argument("CAR", "New folder. Its name is that of the car.")],
+    vehicle: Annotated[str, option("NAME|FILE", "A name from `tripwatt vehicles`, or a TOML file.")],
+    base: Annotated[Path | None, option("MODEL", "Model to adapt. Default: the bundled model.")] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Make the folder of a car that learns from its trips.
@@ -97,19 +85,15 @@ def new(
     from tripwatt.live import create_car
 
     made = create_car(car, vehicle, base=base)
-    if as_json:
-        print_json(made.about())
-        return
-    typer.echo(f"{made.folder}: {made.label}, {made.vehicle.title}, no trips yet")
+    print_json(made.about()) if as_json else typer.echo(
+        f"{made.folder}: {made.label}, {made.vehicle.title}, no trips yet"
+    )
 
 
 def add(
     car: CarArgument,
     data: Annotated[
-        Path,
-        typer.Argument(
-            metavar="DATA", help="Folder or file of logged trips: tables, workbooks, ZIP archives."
-        ),
+        Path, argument("DATA", "Folder or file of logged trips: tables, workbooks, ZIP archives.")
     ],
     dataset: DatasetOption = None,
     mapping: MappingOption = None,
@@ -164,7 +148,7 @@ def learn(car: CarArgument, as_json: JsonOption = False) -> None:
 
 def show(
     car: CarArgument,
-    trips: Annotated[int, typer.Option(min=0, metavar="N", help="Last trips of the diary to list.")] = 10,
+    trips: Annotated[int, option("N", "Last trips of the diary to list.", min=0)] = 10,
     as_json: JsonOption = False,
 ) -> None:
     """Show what a car learned, how good its forecasts are, where its energy went, and the last trips of its diary.
@@ -210,7 +194,7 @@ def show(
 
 
 def token(
-    car: Annotated[Path, typer.Argument(metavar="CAR", help="Folder of the car; made where it is missing.")],
+    car: Annotated[Path, argument("CAR", "Folder of the car; made where it is missing.")],
     as_json: JsonOption = False,
 ) -> None:
     """Print a new token with which a car sends its messages to `tripwatt serve --cars`.

@@ -174,24 +174,10 @@ def progress(shown: Console, what: str = "folds") -> Iterator[Callable[[int, int
     if not shown.is_terminal:
         yield progress_lines(shown.print, what)
         return
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
+    from rich import progress as bars
 
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns, console=shown) as bar:
+    done, times = bars.MofNCompleteColumn(), (bars.TimeElapsedColumn(), "left", bars.TimeRemainingColumn())
+    with bars.Progress("{task.description}", bars.BarColumn(), done, *times, console=shown) as bar:
         task = bar.add_task(what, total=None)
 
         def advance(finished: int, total: int) -> None:

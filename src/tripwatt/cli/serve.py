@@ -10,65 +10,51 @@ from typing import Annotated
 import typer
 
 from tripwatt.cli.journey import MapOption, PlacesOption, StationsOption, WeatherOption
-from tripwatt.cli.options import add_command, gather, require_extras
-from tripwatt.errors import Fault, InvalidInput, raise_faults
-
-
-def add_commands(app: typer.Typer) -> None:
-    """Add the commands of this file."""
-    add_command(app, serve)
+from tripwatt.cli.options import argument, option, require_extras
+from tripwatt.errors import Check, Fault, raise_faults, system_errors
 
 
 def serve(
     model: Annotated[
         list[Path] | None,
-        typer.Argument(
-            metavar="[MODEL ...]",
-            help="Folders of models; the folder name is the model name. Default: the bundled model.",
+        argument(
+            "[MODEL ...]", "Folders of models; the folder name is the model name. Default: the bundled model."
         ),
     ] = None,
-    models: Annotated[
-        Path | None, typer.Option("--models", metavar="DIR", help="Also serve every model in this folder.")
-    ] = None,
+    models: Annotated[Path | None, option("DIR", "Also serve every model in this folder.")] = None,
     host: Annotated[
-        str,
-        typer.Option(
-            metavar="ADDRESS", help="Address to listen on. Addresses other than loopback require a token."
-        ),
+        str, option("ADDRESS", "Address to listen on. Addresses other than loopback require a token.")
     ] = "127.0.0.1",
     port: Annotated[
-        int, typer.Option(min=0, max=65535, metavar="PORT", help="Port to listen on; 0 selects a free port.")
+        int, option("PORT", "Port to listen on; 0 selects a free port.", min=0, max=65535)
     ] = 8000,
-    workers: Annotated[int, typer.Option(min=1, metavar="N", help="Number of worker processes.")] = 2,
+    workers: Annotated[int, option("N", "Number of worker processes.", min=1)] = 2,
     map_: MapOption = "",
     places_url: PlacesOption = "",
     weather: WeatherOption = "",
     stations: StationsOption = None,
     cars: Annotated[
         Path | None,
-        typer.Option(
-            "--cars",
-            metavar="DIR",
-            help="Also keep cars that learn from their trips, and follow those with a token on the road: a folder of "
+        option(
+            "DIR",
+            "Also keep cars that learn from their trips, and follow those with a token on the road: a folder of "
             "cars, which may be empty (see `tripwatt car`).",
         ),
     ] = None,
     keep_days: Annotated[
         float | None,
-        typer.Option(
-            "--keep-days",
+        option(
+            "DAYS",
+            "Erase what cars sent on the road after so many days. Default: keep it until the car is forgotten.",
             min=0.01,
             max=36_500.0,
-            metavar="DAYS",
-            help="Erase what cars sent on the road after so many days. Default: keep it until the car is forgotten.",
         ),
     ] = None,
     limit: Annotated[
         list[str] | None,
-        typer.Option(
-            "--limit",
-            metavar="KEY=VALUE",
-            help="Change a limit, for example timeout_s=5. You can repeat the option. docs/reference/service.md lists the limits.",
+        option(
+            "KEY=VALUE",
+            "Change a limit, for example timeout_s=5. You can repeat the option. docs/reference/service.md lists the limits.",
         ),
     ] = None,
 ) -> None:
@@ -96,30 +82,21 @@ def serve(
     if cars is not None:
         needed["fleet"] = "--cars"
     atlas = AtlasSettings(map_, places_url, weather, "" if stations is None else str(stations))
-    gather(lambda: require_extras(needed), lambda: open_atlas(atlas) if map_ else None)
+    with Check() as check:
+        check(require_extras, needed)
+        if map_:
+            check(open_atlas, atlas)
     from tripwatt.service.serving import require_safe
     from tripwatt.service.serving import serve as run
     from tripwatt.service.settings import TOKEN_VARIABLE, Limits, Settings, parse_limits
 
-    folders: dict[str, Path] = {}
-    limits = [Limits()]
-    gather(
-        lambda: folders.update(models_of(model or [], models)),
-        lambda: limits.append(parse_limits(limit or [])),
-        lambda: make_cars_folder(cars),
-    )
+    with Check() as check:
+        folders = check(models_of, model or [], models)
+        limits = check(parse_limits, limit) if limit else Limits()
+        check(make_cars_folder, cars)
     token = os.environ.get(TOKEN_VARIABLE, "")
-    settings = Settings(
-        folders,
-        host,
-        port,
-        workers,
-        token,
-        limits[-1],
-        atlas,
-        cars,
-        math.inf if keep_days is None else keep_days,
-    )
+    days = math.inf if keep_days is None else keep_days
+    settings = Settings(folders, host, port, workers, token, limits, atlas, cars, days)
     require_safe(settings)
     run(settings, lambda address: typer.echo(f"tripwatt: {address}"))
 
@@ -134,13 +111,8 @@ def make_cars_folder(folder: Path | None) -> None:
     """
     if folder is None or folder.is_dir():
         return
-    try:
+    with system_errors("cannot make the folder", f"--cars, {folder}", "a folder of cars, or a new one"):
         folder.mkdir()
-    except OSError as error:
-        got = error.strerror or f"{error}"
-        raise InvalidInput.of(
-            "cannot make the folder", f"--cars, {folder}", got, "a folder of cars, or a new one"
-        ) from error
 
 
 def models_of(given: list[Path], folder: Path | None) -> dict[str, Path]:

@@ -7,41 +7,41 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tripwatt.cli.options import DatasetOption, JsonOption, MappingOption, add_command
+from tripwatt.cli.options import (
+    DatasetOption,
+    JsonOption,
+    MappingOption,
+    add_command,
+    argument,
+    group_of,
+    option,
+)
 from tripwatt.cli.printing import console, print_findings, print_json, print_notes, print_table
 
 if TYPE_CHECKING:
     from tripwatt.store import TripStore
 
-store_app = typer.Typer(
-    help="Trip stores: logs of many vehicles in Delta tables, in a folder or an object store. They need the extra "
-    "tripwatt[fleet].",
-    no_args_is_help=True,
-    rich_markup_mode=None,
+store_app = group_of(
+    "Trip stores: logs of many vehicles in Delta tables, in a folder or an object store. They need the extra "
+    "tripwatt[fleet]."
 )
 
 StoreArgument = Annotated[
-    str, typer.Argument(metavar="STORE", help="Folder of the store, or its URL, such as s3://bucket/fleet.")
+    str, argument("STORE", "Folder of the store, or its URL, such as s3://bucket/fleet.")
 ]
 StoreOption = Annotated[
     list[str] | None,
-    typer.Option(
-        "--store-option",
-        metavar="KEY=VALUE",
-        help="What an object store needs, such as AWS_REGION=eu-central-1. You can repeat the option. Variables of the "
+    option(
+        "KEY=VALUE",
+        "What an object store needs, such as AWS_REGION=eu-central-1. You can repeat the option. Variables of the "
         "environment count as well.",
+        "--store-option",
     ),
 ]
-VehicleIdOption = Annotated[
-    str | None, typer.Option("--vehicle-id", metavar="ID", help="Trips of this vehicle only.")
-]
-CarModelOption = Annotated[
-    str | None, typer.Option("--car-model", metavar="NAME", help="Trips of this car model only.")
-]
-SinceOption = Annotated[
-    str | None, typer.Option(metavar="DATE", help="Trips that began on this day or later.")
-]
-UntilOption = Annotated[str | None, typer.Option(metavar="DATE", help="Trips that began before this day.")]
+VehicleIdOption = Annotated[str | None, option("ID", "Trips of this vehicle only.", "--vehicle-id")]
+CarModelOption = Annotated[str | None, option("NAME", "Trips of this car model only.", "--car-model")]
+SinceOption = Annotated[str | None, option("DATE", "Trips that began on this day or later.")]
+UntilOption = Annotated[str | None, option("DATE", "Trips that began before this day.")]
 
 
 def add_commands(app: typer.Typer) -> None:
@@ -49,10 +49,8 @@ def add_commands(app: typer.Typer) -> None:
     add_command(store_app, create)
     add_command(store_app, add)
     add_command(store_app, list_trips, name="list")
-    add_command(store_app, show)
-    add_command(store_app, audit)
-    add_command(store_app, compact)
-    add_command(store_app, forget)
+    for command in (show, audit, compact, forget):
+        add_command(store_app, command)
     app.add_typer(store_app, name="store")
 
 
@@ -86,8 +84,7 @@ def store_options(options: list[str] | None) -> dict[str, str]:
 def create(
     store: StoreArgument,
     buckets: Annotated[
-        int,
-        typer.Option(metavar="N", help="Parts by vehicle. Some hundred vehicles a part are a good number."),
+        int, option("N", "Parts by vehicle. Some hundred vehicles a part are a good number.")
     ] = 16,
     options: StoreOption = None,
     as_json: JsonOption = False,
@@ -107,17 +104,10 @@ def create(
 
 def add(
     store: StoreArgument,
-    data: Annotated[Path, typer.Argument(metavar="DATA", help="Folder or file of logged trips.")],
-    vehicle: Annotated[
-        str, typer.Option("--vehicle", metavar="NAME", help="The car model: a name from `tripwatt vehicles`.")
-    ],
+    data: Annotated[Path, argument("DATA", "Folder or file of logged trips.")],
+    vehicle: Annotated[str, option("NAME", "The car model: a name from `tripwatt vehicles`.")],
     vehicle_id: Annotated[
-        str | None,
-        typer.Option(
-            "--vehicle-id",
-            metavar="ID",
-            help="The vehicle of logs whose mapping has no column of the vehicle.",
-        ),
+        str | None, option("ID", "The vehicle of logs whose mapping has no column of the vehicle.")
     ] = None,
     dataset: DatasetOption = None,
     mapping: MappingOption = None,
@@ -167,7 +157,7 @@ def list_trips(
     car_model: CarModelOption = None,
     since: SinceOption = None,
     until: UntilOption = None,
-    limit: Annotated[int, typer.Option(min=1, metavar="N", help="Most trips to list.")] = 50,
+    limit: Annotated[int, option("N", "Most trips to list.", min=1)] = 50,
     options: StoreOption = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -262,7 +252,7 @@ def audit(
 def compact(
     store: StoreArgument,
     keep_hours: Annotated[
-        int, typer.Option(min=0, metavar="H", help="Keep files of older versions for readers at work [h].")
+        int, option("H", "Keep files of older versions for readers at work [h].", min=0)
     ] = 168,
     options: StoreOption = None,
     as_json: JsonOption = False,
@@ -275,10 +265,7 @@ def compact(
       tripwatt store compact fleet
     """
     done = opened(store, options).compact(keep_hours=keep_hours)
-    if as_json:
-        print_json(done)
-        return
-    typer.echo(
+    print_json(done) if as_json else typer.echo(
         f"{store}: {done['merged']} files merged into {done['made']}, {done['orphans']} samples without a trip dropped, "
         f"{done['removed']} old files removed"
     )
@@ -286,7 +273,7 @@ def compact(
 
 def forget(
     store: StoreArgument,
-    vehicle_id: Annotated[str, typer.Option("--vehicle-id", metavar="ID", help="The vehicle to erase.")],
+    vehicle_id: Annotated[str, option("ID", "The vehicle to erase.")],
     options: StoreOption = None,
     as_json: JsonOption = False,
 ) -> None:

@@ -7,7 +7,6 @@ with few trips scores all that were not drawn. Beside that the trips are forecas
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -19,8 +18,8 @@ import pandas as pd
 
 from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.auditing import audit
-from tripwatt.errors import Fault, InvalidInput, raise_faults
-from tripwatt.files import MOST_TEXT_BYTES, read_text_file
+from tripwatt.errors import Check, Fault, InvalidInput, raise_faults
+from tripwatt.files import MOST_TEXT_BYTES, parse_toml, read_text_file
 from tripwatt.forecasting import ForecastModel, load_model
 from tripwatt.forecasting.fitting import versions
 from tripwatt.forecasting.model import MIN_TRIPS
@@ -174,20 +173,11 @@ def read_cars(path: Path) -> list[CarTrips]:
     InvalidInput
         With every fault of the file, or of the logs.
     """
-    try:
-        document = tomllib.loads(read_text_file(path, MOST_TEXT_BYTES))
-    except tomllib.TOMLDecodeError as error:
-        raise InvalidInput.of("not a TOML file", f"{path}", f"{error}"[:200], "TOML 1.0") from error
+    document = parse_toml(read_text_file(path, MOST_TEXT_BYTES), f"{path}")
     raise_faults(_file_faults(document, f"{path}"))
-    found: list[CarTrips] = []
-    faults: list[Fault] = []
-    for name, about in document.items():
-        try:
-            found += _cars_of(name, about, path.parent)
-        except InvalidInput as error:
-            faults += error.faults
-    raise_faults(faults)
-    return found
+    with Check() as check:
+        cars = [check(list, _cars_of(name, about, path.parent)) for name, about in document.items()]
+    return [car for some in cars for car in some]
 
 
 def _cars_of(name: str, about: Mapping[str, str], place: Path) -> Iterator[CarTrips]:

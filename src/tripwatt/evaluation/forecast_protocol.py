@@ -66,18 +66,16 @@ CURVE_LEAST_TEST: Final = 8
 PHYSICS_IDENTIFIED: Final = "physics-identified"
 PUBLISHED_ONLY: Final = "hybrid-published"
 
-_TITLES: Final[Mapping[str, str]] = MappingProxyType(
-    {
-        "linear": "default physics, each cause scaled",
-        "gp": "default physics + additive Gaussian process on power",
-        "boosting": "default physics + boosting on power",
-        "forest": "default physics + forest on power",
-        "gamm": "default physics + GAMM on power",
-        "ensemble": "default physics + mean of Gaussian process and boosting on power",
-        "split": "default physics + climate and driving corrected separately, by Gaussian processes and boosting",
-    }
-)
-_NAMES: Final[Mapping[str, str]] = MappingProxyType({"gp": "power-kriging", "split": "power-channels"})
+_TITLES: Final[Mapping[str, str]] = {
+    "linear": "default physics, each cause scaled",
+    "gp": "default physics + additive Gaussian process on power",
+    "boosting": "default physics + boosting on power",
+    "forest": "default physics + forest on power",
+    "gamm": "default physics + GAMM on power",
+    "ensemble": "default physics + mean of Gaussian process and boosting on power",
+    "split": "default physics + climate and driving corrected separately, by Gaussian processes and boosting",
+}
+_NAMES: Final[Mapping[str, str]] = {"gp": "power-kriging", "split": "power-channels"}
 """Corrector -> its name in the files where it is not power-CORRECTOR."""
 
 

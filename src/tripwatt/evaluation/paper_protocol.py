@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import partial
-from types import MappingProxyType
 from typing import Any, Final
 
 import numpy as np
@@ -54,12 +53,15 @@ from tripwatt.vehicles import Vehicle
 
 MIN_FOLDS: Final = 3
 
-PRESETS: Final[Mapping[str, str]] = MappingProxyType({"physics-paper": "paper", "physics": "default"})
+PRESETS: Final[Mapping[str, str]] = {"physics-paper": "paper", "physics": "default"}
 """Name of the simulated energy -> preset of the vehicle."""
 
-PUBLISHED: Final[Mapping[str, float]] = MappingProxyType(
-    {"physics-paper": 0.379, "gamm": 0.115, "forest": 0.106, "boosting": 0.103}
-)
+PUBLISHED: Final[Mapping[str, float]] = {
+    "physics-paper": 0.379,
+    "gamm": 0.115,
+    "forest": 0.106,
+    "boosting": 0.103,
+}
 """Mean errors from leave-one-trip-out in the paper's Table 3, by our names of the models."""
 
 

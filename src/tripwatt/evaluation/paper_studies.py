@@ -9,7 +9,6 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from types import MappingProxyType
 from typing import Any, Final
 
 import numpy as np
@@ -27,28 +26,24 @@ from tripwatt.vehicles import Vehicle
 PAPER_CAR: Final = "bmw_i3_60ah"
 """The car for which the forms of the simulation have values."""
 
-BROCHURE: Final[Mapping[str, float | str]] = MappingProxyType(
-    {"road_load.method": "coefficients", "body.curb_mass_kg": 1195.0}
-)
+BROCHURE: Final[Mapping[str, float | str]] = {"road_load.method": "coefficients", "body.curb_mass_kg": 1195.0}
 """Drag, rolling resistance and mass as published for the i3 in place of the measured coast-down and the test weight:
 c_d 0.29 and 2.38 m² (BMW, technical data i3), c_r 0.0065 (TUM simulation of the i3), 1195 kg (BMW, without driver)."""
 
-NO_AUXILIARIES: Final[Mapping[str, float | str]] = MappingProxyType({"auxiliaries.base_load_w": 0.0})
+NO_AUXILIARIES: Final[Mapping[str, float | str]] = {"auxiliaries.base_load_w": 0.0}
 
 EFFICIENCY: Final = 0.9
 """Of motor, inverter and gearbox together in the quasi-static form, a round number that no source states for this car."""
 
-CONSTANT_EFFICIENCY: Final[Mapping[str, float | str]] = MappingProxyType(
-    {
-        "drivetrain.gearbox_efficiency": EFFICIENCY,
-        "drivetrain.phase_resistance_ohm": 0.0,
-        "drivetrain.iron_loss_linear": 0.0,
-        "drivetrain.iron_loss_quadratic": 0.0,
-        "drivetrain.inverter_fixed_loss_w": 0.0,
-        "drivetrain.inverter_voltage_drop_v": 0.0,
-        "drivetrain.inverter_resistance_ohm": 0.0,
-    }
-)
+CONSTANT_EFFICIENCY: Final[Mapping[str, float | str]] = {
+    "drivetrain.gearbox_efficiency": EFFICIENCY,
+    "drivetrain.phase_resistance_ohm": 0.0,
+    "drivetrain.iron_loss_linear": 0.0,
+    "drivetrain.iron_loss_quadratic": 0.0,
+    "drivetrain.inverter_fixed_loss_w": 0.0,
+    "drivetrain.inverter_voltage_drop_v": 0.0,
+    "drivetrain.inverter_resistance_ohm": 0.0,
+}
 """The quasi-static model of a textbook (Guzzella and Sciarretta, Vehicle Propulsion Systems): one efficiency from battery
 to wheel and its reciprocal for braking, in place of the loss maps."""
 
@@ -119,20 +114,16 @@ GAMM_ERRORS: Final = (
     _studied("gamm-ar1", "GAMM with normal AR(1) errors within a trip", correctors.gamm, errors="ar1"),
 )
 
-CHOICES: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
-    {
-        "gamm-chosen": ("gamm", *(model.name for model in GAMM_ERRORS)),
-        "boosting-chosen": ("boosting", *(model.name for model in CORRELATIONS)),
-    }
-)
+CHOICES: Final[Mapping[str, tuple[str, ...]]] = {
+    "gamm-chosen": ("gamm", *(model.name for model in GAMM_ERRORS)),
+    "boosting-chosen": ("boosting", *(model.name for model in CORRELATIONS)),
+}
 """Name in the results -> models among which each fold chooses by errors of its own training trips."""
 
-CHOSEN_TITLES: Final[Mapping[str, str]] = MappingProxyType(
-    {
-        "gamm-chosen": "GAMM, errors chosen inside the fold",
-        "boosting-chosen": "clustered boosting, working correlation chosen inside the fold",
-    }
-)
+CHOSEN_TITLES: Final[Mapping[str, str]] = {
+    "gamm-chosen": "GAMM, errors chosen inside the fold",
+    "boosting-chosen": "clustered boosting, working correlation chosen inside the fold",
+}
 
 SIZES: Final = (3, 6, 12, 24, 48)
 """Numbers of training trips of the learning curve."""

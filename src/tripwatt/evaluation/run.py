@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from types import MappingProxyType
 from typing import Final
 
 from tripwatt.errors import Fault, InvalidInput
@@ -23,9 +22,9 @@ from tripwatt.sources import read_logs
 from tripwatt.trips import Fleet, Recorded, Trip
 from tripwatt.vehicles import Vehicle
 
-PROTOCOLS: Final[Mapping[str, EvaluationProtocol]] = MappingProxyType(
-    {protocol.name: protocol for protocol in (PaperProtocol(), ForecastProtocol())}
-)
+PROTOCOLS: Final[Mapping[str, EvaluationProtocol]] = {
+    protocol.name: protocol for protocol in (PaperProtocol(), ForecastProtocol())
+}
 """Protocols by name."""
 
 DEFAULT_PROTOCOL: Final = "paper"

@@ -6,10 +6,10 @@ import multiprocessing
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from contextlib import contextmanager
-from importlib import import_module
 from typing import Any, Final, TypeVar
 
-from tripwatt.errors import InvalidInput, install
+from tripwatt.errors import InvalidInput
+from tripwatt.store.delta import imported
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
@@ -76,12 +76,7 @@ def executor_for(n_jobs: int = 1, cluster: str | None = None) -> Iterator[tuple[
 
 @contextmanager
 def _dask(cluster: str) -> Iterator[tuple[Executor, int]]:
-    try:
-        distributed: Any = import_module("distributed")
-    except ImportError as error:
-        raise InvalidInput.of(
-            "package is missing", "distributed", "", "for clusters", install("fleet")
-        ) from error
+    distributed = imported("distributed", "for clusters", "fleet")
     try:
         client = distributed.Client(cluster, timeout=CLUSTER_WAIT_S, set_as_default=False)
     except (OSError, TimeoutError, ValueError) as error:

@@ -25,7 +25,7 @@ from typing import Any, Final
 import numpy as np
 
 from tripwatt.arrays import FloatArray
-from tripwatt.errors import InvalidInput
+from tripwatt.errors import InvalidInput, system_errors
 from tripwatt.fleet.features import trip_features
 from tripwatt.fleet.mapping import SampledTrips
 from tripwatt.fleet.model import FleetModel
@@ -150,13 +150,8 @@ class Registry:
             The version.
         """
         versions = self.folder / "versions"
-        try:
+        with system_errors("registry cannot be written", f"{self.folder}", "a writable folder"):
             versions.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            got = error.strerror or str(error)
-            raise InvalidInput.of(
-                "registry cannot be written", f"{self.folder}", got, "a writable folder"
-            ) from error
         made = versions / f".{uuid.uuid4().hex}"
         save_fleet(model, made)
         number = int(self.versions()[-1]) + 1 if self.versions() else 1

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
 from typing import Final
 
 import numpy as np
@@ -21,14 +20,12 @@ WATCHED: Final = (*TEMPERATURES, "trip_speed_m_s", "duration_s")
 """Quantities of a trip that are compared with the training trips."""
 
 
-UNKNOWN_SD_K: Final[Mapping[str, float]] = MappingProxyType(
-    {
-        "ambient_temperature_degc": 8.0,
-        "cabin_setpoint_degc": 1.5,
-        "cabin_temperature_degc": 6.0,
-        "battery_temperature_degc": 6.0,
-    }
-)
+UNKNOWN_SD_K: Final[Mapping[str, float]] = {
+    "ambient_temperature_degc": 8.0,
+    "cabin_setpoint_degc": 1.5,
+    "cabin_temperature_degc": 6.0,
+    "battery_temperature_degc": 6.0,
+}
 """Standard deviation of each temperature around what is assumed where it is unknown [K]. Outside air: that of the hours
 of a year in central Europe. Set-point: drivers choose 20 to 23 °C. Cabin and battery: between those of a car that
 stood outside and one from a garage or from a drive."""

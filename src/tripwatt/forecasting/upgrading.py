@@ -6,7 +6,6 @@ The tables below hold the names of that version. What a model of tripwatt 0.1 la
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from types import MappingProxyType
 from typing import Any, Final
 
 import numpy as np
@@ -15,15 +14,18 @@ from tripwatt.errors import InvalidInput
 from tripwatt.hybrid.familiarity import FADING
 from tripwatt.modelfile import Part
 
-_NAMES: Final = MappingProxyType(
-    {"apart": "split", "whole": "joint", "apart_spread": "split_sd_factor", "whole_spread": "joint_sd_factor"}
-)
+_NAMES: Final = {
+    "apart": "split",
+    "whole": "joint",
+    "apart_spread": "split_sd_factor",
+    "whole_spread": "joint_sd_factor",
+}
 """Name in version 1 -> name of the field."""
 
-_CORRECTORS: Final = MappingProxyType({"kriging": "gp", "channels": "split"})
+_CORRECTORS: Final = {"kriging": "gp", "channels": "split"}
 """Name of a corrector in version 1 -> its name."""
 
-_COLUMNS: Final = MappingProxyType({"hvac_w": "climate_w"})
+_COLUMNS: Final = {"hvac_w": "climate_w"}
 """Name of a feature in version 1 -> its name."""
 
 ADAPT_AGAIN: Final = "adapt the base again with this version of tripwatt"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from types import MappingProxyType
 from typing import Final
 
 from tripwatt.errors import Fault, InvalidInput
@@ -19,17 +18,15 @@ from tripwatt.hybrid.power import (
 )
 from tripwatt.hybrid.split import SplitCorrector, split_corrector
 
-POWER_CORRECTORS: Final[Mapping[str, Callable[[int], PowerCorrector]]] = MappingProxyType(
-    {
-        "linear": lambda seed: GPCorrector(LINES),
-        "gp": lambda seed: GPCorrector(),
-        "boosting": boosting_corrector,
-        "forest": forest_corrector,
-        "gamm": lambda seed: GammCorrector(),
-        "split": split_corrector,
-        "ensemble": lambda seed: EnsembleCorrector([GPCorrector(), boosting_corrector(seed)]),
-    }
-)
+POWER_CORRECTORS: Final[Mapping[str, Callable[[int], PowerCorrector]]] = {
+    "linear": lambda seed: GPCorrector(LINES),
+    "gp": lambda seed: GPCorrector(),
+    "boosting": boosting_corrector,
+    "forest": forest_corrector,
+    "gamm": lambda seed: GammCorrector(),
+    "split": split_corrector,
+    "ensemble": lambda seed: EnsembleCorrector([GPCorrector(), boosting_corrector(seed)]),
+}
 """Name -> a fresh corrector, made from a seed."""
 
 STORABLE: Final = ("linear", "gp", "boosting", "forest", "split", "ensemble")

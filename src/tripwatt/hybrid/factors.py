@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from types import MappingProxyType
 from typing import ClassVar, Final
 
 import numpy as np
@@ -46,9 +45,7 @@ class Factor:
     source: str
 
 
-SEASONS: Final = MappingProxyType(
-    {"near_minus_8": -8.0, "near_2": 2.0, "near_12": 12.0, "near_22": 22.0, "near_32": 32.0}
-)
+SEASONS: Final = {"near_minus_8": -8.0, "near_2": 2.0, "near_12": 12.0, "near_22": 22.0, "near_32": 32.0}
 """Shares of the consumption around an outside temperature [°C]: what trips at 20 °C show is not shown for -10 °C."""
 
 _SEASON: Final = "half of the spread of the whole consumption; an assumption"
@@ -69,9 +66,7 @@ FACTORS: Final = (
 )  # fmt: skip
 """The factors, and how much cars differ in each as far as is published."""
 
-ACTS_DEGC: Final = MappingProxyType(
-    {"heating": (-60.0, 19.0), "cooling": (19.0, 60.0), "cold": (-60.0, 15.0), "frost": (-60.0, 0.0), "warm_up": (-60.0, 15.0)}
-)  # fmt: skip
+ACTS_DEGC: Final = {"heating": (-60.0, 19.0), "cooling": (19.0, 60.0), "cold": (-60.0, 15.0), "frost": (-60.0, 0.0), "warm_up": (-60.0, 15.0)}  # fmt: skip
 """Outside temperatures [°C] between which a factor acts; those of a season act within `_NEAR_K` of theirs, the others always."""
 
 NAMES: Final = tuple(factor.name for factor in FACTORS)

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final, TypeVar, get_args, get_origin
 
 import numpy as np
@@ -102,15 +101,13 @@ class StoredTrees(PowerCorrector):
         return np.asarray(power * self.familiarity.share(table.features))
 
 
-KINDS: Final[Mapping[str, type]] = MappingProxyType(
-    {
-        "gp": GPCorrector,
-        "ensemble": EnsembleCorrector,
-        "split": SplitCorrector,
-        "factors": FactorCorrector,
-        "trees": StoredTrees,
-    }
-)
+KINDS: Final[Mapping[str, type]] = {
+    "gp": GPCorrector,
+    "ensemble": EnsembleCorrector,
+    "split": SplitCorrector,
+    "factors": FactorCorrector,
+    "trees": StoredTrees,
+}
 """Name of each kind of corrector in a stored model."""
 
 

@@ -252,6 +252,7 @@ def open_atlas(settings: AtlasSettings | Path | str | None = None) -> Atlas:
         places,
         stations,
         weather,
+        attribution=ATTRIBUTION if folder is None else folder.info.get("attribution", ATTRIBUTION),
         bounds_deg=None if bounds is None else (bounds[0], bounds[1], bounds[2], bounds[3]),
         folder=folder,
         is_local=folder is not None and not is_server(named),

@@ -10,6 +10,7 @@ import numpy as np
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import InvalidInput
 from tripwatt.routes.maps import Station
+from tripwatt.routes.places import Place
 from tripwatt.units import SECONDS_PER_HOUR
 from tripwatt.vehicles import Vehicle
 
@@ -26,6 +27,14 @@ EFFICIENCY: Final = 0.92
 
 OVERHEAD_S: Final = 300.0
 """Parking, plugging in and paying."""
+
+EUROPEAN: Final = frozenset({"type2", "type2_cable", "schuko", "tesla_destination", "type2_combo"})
+AMERICAN: Final = frozenset({"type1", "tesla_destination", "type1_combo"})
+"""Plugs of cars that are sold there, by their names on OpenStreetMap."""
+REGIONS: Final = ((34.0, -50.0, 84.0, 45.0, EUROPEAN), (7.0, -170.0, 84.0, -50.0, AMERICAN))
+"""South, west, north and east of Europe and of North America [°]; elsewhere, plugs differ from country to country."""
+CHADEMO_CAR: Final = "nissan_leaf"
+"""Beginning of the names of the library's cars that charge with CHAdeMO."""
 
 WARM_DEGC: Final = 25.0
 COLD_LOSS_1_K: Final = 0.36 / 25.0
@@ -176,6 +185,23 @@ class ChargingCurve:
         middle = 0.5 * (levels[1:] + levels[:-1])
         seconds = np.diff(levels) * display_wh / self.power_at(middle, station, cell_degc) * SECONDS_PER_HOUR
         return np.concatenate(([0.0], np.cumsum(seconds)))
+
+
+def plugs_of(car: str, place: Place) -> frozenset[str]:
+    """Plugs that a car is assumed to have, by its name and the region of a place; empty where they are not known.
+
+    Examples
+    --------
+    >>> sorted(plugs_of("nissan_leaf_40", Place(47.0, 9.0)) - plugs_of("vw_id3", Place(47.0, 9.0)))
+    ['chademo']
+    """
+    tesla = {"tesla_supercharger", "nacs"} if car.startswith("tesla") else set[str]()
+    for south, west, north, east, usual in REGIONS:
+        if south <= place.latitude_deg < north and west <= place.longitude_deg < east:
+            if car.startswith(CHADEMO_CAR):
+                return usual - {"type1_combo", "type2_combo"} | {"chademo"}
+            return usual | tesla | {"tesla_supercharger_ccs"}
+    return frozenset()
 
 
 def cold_factor(cell_degc: float) -> float:

@@ -7,11 +7,10 @@ evaluation of edges, as in Dellin and Srinivasa 2016). So the router is asked ab
 from __future__ import annotations
 
 import datetime as dt
-from collections.abc import Callable, Iterator, Mapping
+import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
-from types import MappingProxyType
 from typing import Final
 
 import numpy as np
@@ -23,7 +22,7 @@ from tripwatt.journey.atlas import Atlas
 from tripwatt.journey.charging import WARM_DEGC, ChargingCurve
 from tripwatt.journey.forecasting import RoadForecaster
 from tripwatt.journey.solver import LEVELS, StopPlan, StopProblem, least_time
-from tripwatt.journey.stops import ChargingPlan, ChargingStop, Leg, NextStation, variance_along
+from tripwatt.journey.stops import Leg, variance_along
 from tripwatt.routes.maps import Station, near
 from tripwatt.routes.places import Place
 from tripwatt.routes.routers import Road
@@ -31,13 +30,6 @@ from tripwatt.units import SECONDS_PER_HOUR
 
 CERTAIN: Final = 0.95
 """Chance to have the reserve at every stop and at the end: "19 of 20 journeys"."""
-CHANCES: Final = (0.95, 0.96, 0.97, 0.975, 0.98, 0.99, 0.995, 0.999)
-SURELY: Final = tuple((chance, CHANCES[-1]) for chance in reversed(CHANCES))
-RISING: Final = (*((chance, chance) for chance in CHANCES), *SURELY[1:])
-"""Chances of the first leg and of every other that are tried until the chance of the whole journey is `CERTAIN`. The first leg alone has a given
-charge: where that does not suffice for more, the others make up for it."""
-IF_FULL: Final = (CERTAIN, 0.9, 0.8)
-"""Chances to reach another station from an occupied one that are tried, one after the other."""
 DETOUR_M: Final = 3000.0
 """Stations farther from the road than this are not looked at."""
 POINT_EVERY_M: Final = 500.0
@@ -47,12 +39,15 @@ DETOUR_FACTOR: Final = 1.3
 DETOUR_M_S: Final = 12.0
 MOST_ROUNDS: Final = 12
 """Optima whose legs are routed; then only routed legs count."""
-FEWEST_S: Final = 1e6
-CHEAPEST_S: Final = 1e7
-"""Costs of a stop, and of a full display, beside which the time counts little."""
-OBJECTIVES: Final = {"fewest stops": (FEWEST_S, 0.0), "cheapest": (0.0, CHEAPEST_S)}
-SAFEST_TIME: Final = 1.25
-"""The safest plan takes at most this over the time of the fastest."""
+NEARLY: Final = 0.001
+CLOSE: Final = {"cheapest": 0.01}
+"""Routed legs alone are good enough where they cost at most this share more than the optimum with estimates; some labels have their own."""
+FEWEST_S: Final = 2e4
+CHEAPEST_S: Final = 1e6
+SHORT_S: Final = 1e8
+"""Costs of a stop, of a full display, and of a full display that the charge at the start lacks; the time counts little beside them."""
+OF_LEG: Final = ("soc", "bms_soc", "follows_trip", "battery_temperature_degc", "departs_at")
+"""Fields of a departure that differ between legs."""
 SPAN: Final = np.array([0.1, 0.8])
 """Charge by which it is decided whether heating the battery is worth its energy."""
 
@@ -70,12 +65,15 @@ class StopRules:
         Of each stop [s].
     preheat : bool
         Whether the battery may be heated for a stop.
+    plugs : frozenset of str
+        Of the car; empty where they are not known.
     """
 
     curve: ChargingCurve
     reserve: float
     overhead_s: float
     preheat: bool = False
+    plugs: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,9 +113,10 @@ class Corridor:
         for start, end in pairwise((0.0, *self.road.stop_position_m, self.road.distance_m)):
             position = np.append(np.arange(start, end, POINT_EVERY_M), end)
             points = [self.road.place_at(float(at)) for at in position]
-            pairs += [
-                (float(position[at]), stations[index]) for index, at in near(stations, points, DETOUR_M)
-            ]
+            for index, point in near(stations, points, DETOUR_M):
+                usable = stations[index].usable_with(self.rules.plugs)
+                if usable is not None:
+                    pairs.append((float(position[point]), usable))
         if len(pairs) <= MOST_STATIONS:
             return pairs
         stretch_m = 2.0 * self.road.distance_m / MOST_STATIONS
@@ -197,34 +196,49 @@ class Corridor:
         leg_s[np.tril_indices(len(leg_s))] = np.inf
         return leg, leg_s
 
-    def problem(self, first: float, chance: float, start: int = 0) -> StopProblem:
-        """The problem in which the leg from a node and every other have a chance to be driven with the reserve at their ends."""
-        taken, time = (values.copy() for values in self._estimates)
-        need = taken + self.rules.reserve + self._width(chance)
-        need[start] = taken[start] + self.rules.reserve + self._width(first)[start]
+    def problem(self, first: float, chance: float) -> StopProblem:
+        """The problem in which the leg from the start and every other have a chance to be driven with the reserve at their ends."""
+        more, more_s = self._standing_starts
+        taken, time = self._estimates[0] + more, self._estimates[1] + more_s
+        need = taken + self.rules.reserve + self.width(chance)
+        need[0] = taken[0] + self.rules.reserve + self.width(first)[0]
         for (i, j), leg in self.routed.items():
             if leg is None:
                 time[i, j] = np.inf
                 continue
-            taken[i, j], need[i, j] = self._of_leg(leg, first if i == start else chance)
+            taken[i, j], need[i, j] = self._of_leg(leg, chance if i else first)
             time[i, j] = leg.forecast.plan.duration_s
         soc = float(self.forecast.soc_along(0.5)[0])
         return StopProblem(soc, taken, need, time, self.charging_s, self.rules.overhead_s)
 
+    @property
+    def _standing_starts(self) -> tuple[float, float]:
+        """What routed legs take of the display beyond their estimates, and their time [s]: they start and end at rest."""
+        of_legs = [
+            (
+                self._of_leg(leg, 0.5)[0] - self._estimates[0][pair],
+                leg.forecast.plan.duration_s - self._estimates[1][pair],
+            )
+            for pair, leg in self.routed.items()
+            if leg is not None
+        ]
+        more, more_s = np.mean(of_legs or [(0.0, 0.0)], axis=0).tolist()
+        return more, more_s
+
     def _of_leg(self, leg: Leg, chance: float) -> tuple[float, float]:
         """What a routed leg takes of the display and what it needs."""
         if (leg, chance) not in self._legs:
-            along, sure = leg.forecast.soc_along(0.5), leg.forecast.soc_along(chance)
+            sure = leg.forecast.soc_along(chance)
             least = min(float(sure[-1]) - self.rules.reserve - leg.preheat_soc, float(sure.min()))
-            taken = float(along[0] - along[-1]) + leg.preheat_soc
-            self._legs[leg, chance] = taken, float(along[0]) - least
+            along = leg.forecast.soc_along(0.5)
+            self._legs[leg, chance] = float(along[0] - along[-1]) + leg.preheat_soc, float(along[0]) - least
         return self._legs[leg, chance]
 
-    def _width(self, chance: float) -> FloatArray:
+    def width(self, chance: float) -> FloatArray:
         """What the error of each leg may take of the display: common parts in full, drifts and readings as independent ones."""
         if chance in self._widths:
             return self._widths[chance]
-        factor, wh = self._factor(chance), self.forecast.charge.wh_per_display
+        factor, wh = self.factor(chance), self.forecast.charge.wh_per_display
         scale = (factor / wh) ** 2
         width2 = self._at(self.forecast.soc_along(0.5) - self.forecast.soc_along(chance)) ** 2
         common2, own2 = (scale * self._at(part) for part in variance_along(self.forecast))
@@ -235,47 +249,38 @@ class Corridor:
         self._widths[chance] = np.sqrt((common - common[:, None]) ** 2 + own + reading)
         return self._widths[chance]
 
-    def _factor(self, chance: float) -> float:
+    def factor(self, chance: float) -> float:
+        """Standard deviations that an error stays below with a chance."""
         return self.forecast.uncertainty.scores.factor(2.0 * chance - 1.0)
 
-    def fastest(self, label: str = "fastest", most_s: float = np.inf) -> ChargingPlan | None:
-        """The plan with the least of what a label names, whose whole chance is `CERTAIN` and that takes at most a time [s]; None where there is none."""
-        for chances in SURELY if label == "safest" else RISING:
-            found = self._optimum(chances, *OBJECTIVES.get(label, (0.0, 0.0)))
-            if found is None or found.duration_s > most_s or self._rough(found).p_reserve < CERTAIN:
-                continue
-            plan = self._plan(found, chances, label)
-            if plan.p_reserve >= CERTAIN:
-                return plan
-        return None
+    def detour(self, before: int, node: int) -> tuple[float, float]:
+        """What a way from a node to a station in vain takes of the display, and its time [s]."""
+        taken, _ = self._estimates
+        more = float(taken[before, node] + taken[node, -1] - taken[before, -1])
+        return max(more, 0.0), 2.0 * float(self._off_m[node]) / DETOUR_M_S
 
-    def _rough(self, found: StopPlan) -> ChargingPlan:
-        """A plan with the energies that its legs were forecast with, for its chance."""
-        legs = [leg.shifted(level) if pair[0] else leg for pair, leg, level in self._driven(found)]
-        return ChargingPlan("", (), tuple(legs), self.rules.reserve)
-
-    def _driven(self, found: StopPlan) -> Iterator[tuple[tuple[int, int], Leg, float]]:
-        for pair, level in zip(pairwise(found.nodes), found.levels, strict=True):
-            leg = self.routed[pair]
-            assert leg is not None  # `_optimum` has no other legs
-            yield pair, leg, level
-
-    def _optimum(self, chances: tuple[float, float], stop_s: float, display_s: float) -> StopPlan | None:
+    def optimum(self, chances: tuple[float, float], label: str) -> StopPlan | None:
+        """The plan with the least of what a label names, of legs that are routed; None where there is none."""
         for k in range(MOST_ROUNDS + 1):
             problem = self.problem(*chances)
-            time = problem.time_s + display_s * np.maximum(problem.taken, 0.0)
-            if k == MOST_ROUNDS:
-                known = np.full(time.shape, np.inf)
-                for (i, j), leg in self.routed.items():
-                    known[i, j] = np.inf if leg is None else 0.0
-                time = time + known
-            found = least_time(replace(problem, time_s=time, overhead_s=problem.overhead_s + stop_s))
-            if found is not None:
-                found = replace(found, duration_s=problem.duration_s(found.nodes, found.levels))
-            if found is None or all(pair in self.routed for pair in pairwise(found.nodes)):
-                return found
+            aim = _aimed(problem, label)
+            found, known = least_time(aim), self._known(aim)
+            if found is None:
+                return None
+            cost_s = math.inf if known is None else known.duration_s
+            if cost_s <= (1.0 + CLOSE.get(label, NEARLY)) * found.duration_s or k == MOST_ROUNDS:
+                break
             self._route(problem, found)
-        return None
+        return known and replace(known, duration_s=problem.duration_s(known.nodes, known.levels))
+
+    def _known(self, problem: StopProblem) -> StopPlan | None:
+        """The optimum of routed legs alone."""
+        pairs = np.array([pair for pair, leg in self.routed.items() if leg is not None], dtype=np.int64)
+        nodes = np.union1d(pairs, [0, len(problem.taken) - 1])
+        routed = np.full(problem.time_s.shape, np.inf)
+        routed[tuple(pairs.reshape(-1, 2).T)] = 0.0
+        found = least_time(replace(problem, time_s=problem.time_s + routed).among(nodes))
+        return found and replace(found, nodes=tuple(nodes[list(found.nodes)].tolist()))
 
     def _route(self, problem: StopProblem, plan: StopPlan) -> None:
         """Route and forecast the legs of a plan that were estimated."""
@@ -294,110 +299,46 @@ class Corridor:
             raise
         except InvalidInput:  # no road to this station
             return None
-        if i == 0:
-            return Leg(road, self.forecaster.forecast(road, "leg 1"), float(self.preheat_soc[j]))
-        leaves = self.forecaster.departs_at + dt.timedelta(seconds=elapsed_s)
-        departure = replace(
-            self.forecaster.departure,
-            soc=level,
-            bms_soc=None,
-            follows_trip=True,
-            battery_temperature_degc=float(self.cell_degc[i]),
-            departs_at=leaves if self.forecaster.departure.departs_at else None,
-        )
-        return Leg(
-            road, replace(self.forecaster, departure=departure).forecast(road), float(self.preheat_soc[j])
-        )
+        forecaster = self.forecaster
+        if i:
+            leaves = forecaster.departs_at + dt.timedelta(seconds=elapsed_s)
+            departure = replace(
+                forecaster.departure,
+                soc=level,
+                bms_soc=None,
+                follows_trip=True,
+                battery_temperature_degc=float(self.cell_degc[i]),
+                departs_at=leaves if forecaster.departure.departs_at else None,
+            )
+            forecaster = replace(forecaster, departure=departure)
+        forecast = forecaster.forecast(road, f"leg from {self._place(i).title}"[:100])
+        return Leg(road, forecast, float(self.preheat_soc[j]))
 
     def _place(self, node: int) -> Place:
         if 0 < node <= len(self.stations):
             return self.stations[node - 1].place
         return self.road.place_at(float(self._position_m[node]))
 
-    def _plan(self, found: StopPlan, chances: tuple[float, float], label: str) -> ChargingPlan:
-        legs = [leg.leaving_with(level) if pair[0] else leg for pair, leg, level in self._driven(found)]
-        self.routed.update(zip(pairwise(found.nodes), legs, strict=True))
-        return ChargingPlan(label, tuple(self._stops(found, chances, legs)), tuple(legs), self.rules.reserve)
-
-    def _stops(
-        self, found: StopPlan, chances: tuple[float, float], legs: list[Leg]
-    ) -> Iterator[ChargingStop]:
-        elapsed = position = 0.0
-        problem = self.problem(*chances)
-        wh, overhead = self.forecast.charge.wh_per_display, self.rules.overhead_s
-        for k, node in enumerate(found.nodes[1:-1]):
-            leg, leave = legs[k], found.levels[k + 1]
-            elapsed += leg.forecast.plan.duration_s
-            position += leg.road.distance_m
-            arrival = leg.soc_arrival
-            charging_s = problem.charge_s(node, arrival, leave)
-            yield ChargingStop(
-                self.stations[node - 1],
-                position,
-                arrival,
-                leave,
-                leg.soc_interval,
-                max(leave - arrival, 0.0) * wh,
-                charging_s,
-                overhead,
-                elapsed,
-                leg.chance(self.rules.reserve),
-                bool(leg.preheat_soc > 0.0),
-                self._if_full(found, chances, k),
-            )
-            elapsed += charging_s + overhead
-
-    def _if_full(self, found: StopPlan, chances: tuple[float, float], k: int) -> NextStation | None:
-        """The station that takes the place of an occupied one, with the highest of `IF_FULL` to reach it; the reserve may be used on the way."""
-        here, level, node = found.nodes[k], found.levels[k], found.nodes[k + 1]
-        detour_s = 2.0 * float(self._off_m[node]) / DETOUR_M_S
-        taken, _ = self._estimates
-        detour = float(taken[here, node] + taken[node, -1] - taken[here, -1])
-        for chance in IF_FULL:
-            problem = self.problem(chance, chances[1], here)
-            rest = problem.after(here, level, node, detour_s, max(detour, 0.0))
-            rest.need[0] -= self.rules.reserve
-            again = least_time(rest)
-            if again is not None:
-                break
-        if again is None or len(again.nodes) < 3:
-            return None
-        other = again.nodes[1]
-        arrival = level - float(rest.taken[0, other])
-        width = float(rest.need[0, other] - rest.taken[0, other])
-        spare = arrival / max(width, 1e-9) * self._factor(chance)
-        original = problem.duration_s(found.nodes[k:], found.levels[k:])
-        index = here + other + (here + other >= node)
-        p_reach = self.forecast.uncertainty.scores.probability(spare)
-        return NextStation(self.stations[index - 1], arrival, p_reach, max(again.duration_s - original, 0.0))
+    def driven(self, found: StopPlan) -> tuple[Leg, ...]:
+        """The legs of a plan of routed legs, from the charges that they are left with."""
+        legs = []
+        for pair, level in zip(pairwise(found.nodes), found.levels, strict=True):
+            leg = self.routed[pair]
+            assert leg is not None  # `optimum` has no other legs
+            legs.append(leg.leaving_with(level) if pair[0] else leg)
+            self.routed[pair] = legs[-1]
+        return tuple(legs)
 
 
-def find_plans(corridor: Corridor) -> tuple[ChargingPlan, ...]:
-    """The fastest plan, and those that are better in something: fewest stops, safest, cheapest by energy; empty where no stations help."""
-    first = corridor.fastest()
-    if first is None:
-        return ()
-    most_s = SAFEST_TIME * first.duration_s
-    found = [corridor.fastest(label, most_s if label == "safest" else np.inf) for label in GAINS]
-    others = [plan for plan in found if plan is not None]
-    # legs that are routed for another aim may show a way that the estimates had hidden
-    plans = [replace(min((first, *others), key=lambda plan: plan.duration_s), label="fastest")]
-    for plan in others:
-        better = GAINS[plan.label](plan) > GAINS[plan.label](plans[0])
-        if better and _charges(plan) not in map(_charges, plans):
-            plans.append(plan)
-    return tuple(plans)
-
-
-def _charges(plan: ChargingPlan) -> list[tuple[Station, float]]:
-    return [(stop.station, stop.soc_leave) for stop in plan.stops]
-
-
-GAINS: Final[Mapping[str, Callable[[ChargingPlan], float]]] = MappingProxyType(
-    {
-        "fewest stops": lambda plan: -len(plan.stops),
-        "safest": lambda plan: plan.p_reserve,
-        "cheapest": lambda plan: -plan.energy_wh,
-    }
-)
-"""What each alternative has more of than the fastest plan."""
+def _aimed(problem: StopProblem, label: str) -> StopProblem:
+    """The problem with the costs that a label names beside the time."""
+    if label == "fewest stops":
+        return replace(problem, overhead_s=problem.overhead_s + FEWEST_S)
+    if label == "cheapest":
+        return replace(problem, time_s=problem.time_s + CHEAPEST_S * np.maximum(problem.taken, 0.0))
+    if label == "best effort":
+        need, time = problem.need.copy(), problem.time_s.copy()
+        time[0] += SHORT_S * np.maximum(need[0] - problem.start_soc, 0.0)
+        need[0] = np.minimum(need[0], problem.start_soc)
+        return replace(problem, need=need, time_s=time)
+    return problem

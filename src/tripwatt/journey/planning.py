@@ -13,10 +13,11 @@ import pandas as pd
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecasting import Forecast, ForecastModel
 from tripwatt.journey.atlas import Atlas, AtlasSettings, open_atlas
-from tripwatt.journey.charging import OVERHEAD_S, WARM_DEGC, ChargingCurve
-from tripwatt.journey.corridor import CERTAIN, Corridor, StopRules, find_plans
+from tripwatt.journey.charging import OVERHEAD_S, WARM_DEGC, ChargingCurve, plugs_of
+from tripwatt.journey.corridor import CERTAIN, OF_LEG, Corridor, StopRules
 from tripwatt.journey.forecasting import RoadForecaster, capped, on_motorway
-from tripwatt.journey.stops import ChargingPlan
+from tripwatt.journey.plans import BEST_EFFORT, find_plans
+from tripwatt.journey.stops import ENERGY_BAND, ChargingPlan, Leg
 from tripwatt.journey.verdict import Verdict
 from tripwatt.population import for_car
 from tripwatt.routes.places import Place
@@ -40,18 +41,6 @@ CHEAPER_KM_H: Final = 100.0
 """The cost of speed is that over this speed on motorways."""
 
 LEAST_MOTORWAY_M: Final = 1000.0
-WAYS: Final = (
-    "labels",
-    "distance_m",
-    "duration_s",
-    "charges",
-    "energy_wh",
-    "energy_low_wh",
-    "energy_high_wh",
-    "soc_arrival",
-    "p_arrive",
-)
-"""Columns of `Journey.to_frame`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,6 +140,28 @@ class RoadForecast:
         scale = series["distance_m"].iloc[-1] / self.road.distance_m
         return float(np.interp(position_m * scale, series["distance_m"], series["displayed_soc"]))
 
+    def without_stops(self, reserve: float) -> ChargingPlan:
+        """The whole journey on this road.
+
+        Parameters
+        ----------
+        reserve : float
+            Displayed state of charge to arrive with.
+
+        Returns
+        -------
+        ChargingPlan
+            Of one leg.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> journey = tw.plan_journey(["Vaduz", "Malbun"], tw.Departure(soc=0.6), atlas="map")  # doctest: +SKIP
+        >>> journey.roads[0].without_stops(0.1).stops  # doctest: +SKIP
+        ()
+        """
+        return ChargingPlan(", ".join(self.labels), (), (Leg(self.road, self.forecast),), reserve)
+
     def to_dict(self, reserve: float | None = None) -> dict[str, Any]:
         """Convert the forecast to plain values: the line on the map, the kinds of road, the forecast.
 
@@ -220,7 +231,7 @@ class Journey:
         Displayed charge to leave with, to arrive with the reserve in 19 of 20 trips; above 1 where a full battery does not
         suffice, and 0 where any charge does.
     costs_wh : dict
-        Energy of `climate`, `wind` and `speed` (above 100 km/h on motorways): what the journey takes less without it.
+        Energy of `climate`, `wind` and `speed` (above 100 km/h on motorways): what the journey, with its stops, takes less without it.
     speed : SpeedAdvice or None
         None where the journey arrives as it is, or has no motorway.
     charging : ChargingPlan or None
@@ -261,7 +272,7 @@ class Journey:
         """Of the whole journey: with its stops to charge, where they are needed and help."""
         slower = "none" if self.speed is None or self.speed.speed_m_s is None else "slower"
         else_ = "charge_before" if self.soc_needed <= 1.0 else slower
-        return Verdict.of(self.forecast, self.charging, self.reserve, else_)
+        return Verdict.from_plan(self.charging or self.roads[0].without_stops(self.reserve), else_)
 
     @property
     def arrives(self) -> bool:
@@ -314,8 +325,8 @@ class Journey:
         Returns
         -------
         DataFrame
-            Length, time with charging, number of charges, energy [Wh] with its 90 % interval (NaN for a plan with stops), charge at arrival
-            (0 to 1), probability to have the reserve at every stop and at the end.
+            Length, time with charging, number of charges, energy [Wh] and charge at arrival (0 to 1) with their 90 % intervals, probability to
+            have the reserve at every stop and at the end.
 
         Examples
         --------
@@ -323,34 +334,23 @@ class Journey:
         >>> journey = tw.plan_journey(["Vaduz", "Malbun"], tw.Departure(soc=0.6), atlas="map")  # doctest: +SKIP
         >>> journey.to_frame()  # doctest: +SKIP
         """
+        ways = (*self.charging_plans, *(road.without_stops(self.reserve) for road in self.roads))
         rows = [
-            (
-                plan.label,
-                plan.distance_m,
-                plan.duration_s,
-                len(plan.stops),
-                plan.energy_wh,
-                np.nan,
-                np.nan,
-                plan.soc_arrival,
-                plan.p_reserve,
-            )
-            for plan in self.charging_plans
+            {
+                "labels": plan.label,
+                "distance_m": plan.distance_m,
+                "duration_s": plan.duration_s,
+                "charges": len(plan.stops),
+                "energy_wh": plan.energy_wh,
+                **dict(zip(ENERGY_BAND, plan.energy_interval_wh, strict=True)),
+                "soc_arrival": plan.soc_arrival,
+                "soc_low": plan.soc_interval[0],
+                "soc_high": plan.soc_interval[1],
+                "p_arrive": plan.p_reserve,
+            }
+            for plan in ways
         ]
-        rows += [
-            (
-                ", ".join(road.labels),
-                road.road.distance_m,
-                road.forecast.plan.duration_s,
-                0,
-                road.forecast.energy_wh,
-                *road.forecast.interval(0.9),
-                road.forecast.soc_arrival,
-                road.forecast.p_arrive(self.reserve),
-            )
-            for road in self.roads
-        ]
-        return pd.DataFrame(rows, columns=list(WAYS))
+        return pd.DataFrame(rows)
 
     def plot(self, ax: Axes | None = None) -> Figure:
         """Energy and state of charge along the journey, with the jumps of its stops to charge.
@@ -544,12 +544,10 @@ def journey_with(
     journey = Journey(stops, forecasts, options.reserve, needed, attribution=atlas.attribution)
     if not options.answers:
         return journey
-    journey = replace(
-        journey, costs_wh=_costs(forecaster, first), speed=_speed(forecaster, first, options.reserve)
-    )
-    if journey.arrives or not options.charge:
-        return journey
-    return _with_stops(journey, forecaster, atlas, options)
+    journey = replace(journey, speed=_speed(forecaster, first, options.reserve))
+    if options.charge and not journey.arrives:
+        journey = _with_stops(journey, forecaster, atlas, options)
+    return replace(journey, costs_wh=_costs(journey, forecaster))
 
 
 def _with_stops(
@@ -562,14 +560,20 @@ def _with_stops(
     )
     if not atlas.stations:
         return replace(journey, flags=(*journey.flags, Flag("no_stations", "charging")))
-    rules = StopRules(curve, options.reserve, options.stop_overhead_s, options.preheat_battery)
+    plugs = plugs_of(forecaster.model.vehicle.name, first.road.place_at(0.0))
+    rules = StopRules(curve, options.reserve, options.stop_overhead_s, options.preheat_battery, plugs)
     corridor = Corridor(forecaster, first.road, first.forecast, atlas, rules, journey.stops[1:-1])
     plans = find_plans(corridor)
-    if not plans:
-        return replace(journey, flags=(*journey.flags, Flag("no_stop_found", "charging")))
     flags = list(journey.flags)
+    if not plans or plans[0].label == BEST_EFFORT:
+        flags.append(Flag("no_stop_found", "charging"))
+    if not plans:
+        return replace(journey, flags=tuple(flags))
     if curve.is_class:
         flags.append(Flag("class_charging_curve", "charging"))
+    known = {bool(plugs and stop.station.plugs) for stop in plans[0].stops}
+    codes = {True: "plugs_assumed", False: "plugs_unknown"}
+    flags += [Flag(code, "charging") for is_known, code in codes.items() if is_known in known]
     if float(corridor.cell_degc.min()) < WARM_DEGC and any(s.station.direct_current for s in plans[0].stops):
         flags.append(Flag("cold_charging_assumed", "charging"))
     return replace(journey, charging=plans[0], charging_alternatives=plans[1:], flags=tuple(flags))
@@ -589,9 +593,17 @@ def _labelled(roads: list[RoadForecast]) -> tuple[RoadForecast, ...]:
     )
 
 
-def _costs(forecaster: RoadForecaster, first: RoadForecast) -> dict[str, float]:
-    """What climate control, wind and speed take [Wh]."""
-    forecast, plan = first.forecast, first.forecast.plan
+def _costs(journey: Journey, forecaster: RoadForecaster) -> dict[str, float]:
+    """What climate control, wind and speed take on the whole journey [Wh]."""
+    whole = journey.charging or journey.roads[0].without_stops(journey.reserve)
+    parts = [_leg_costs(leg, forecaster) for leg in whole.legs]
+    return {cause: sum(part[cause] for part in parts) for cause in parts[0]}
+
+
+def _leg_costs(leg: Leg, forecaster: RoadForecaster) -> dict[str, float]:
+    forecast, plan = leg.forecast, leg.forecast.plan
+    own = {name: getattr(plan.departure, name) for name in OF_LEG}
+    forecaster = replace(forecaster, departure=replace(forecaster.departure, **own))
     off = replace(plan, departure=replace(plan.departure, climate="off"))
     costs = {
         "climate": forecast.energy_wh - forecaster.forecast_plan(off).energy_wh,
@@ -601,8 +613,8 @@ def _costs(forecaster: RoadForecaster, first: RoadForecast) -> dict[str, float]:
     if plan.air is not None and bool(plan.air.headwind_m_s.any()):
         calm = plan.with_weather(plan.air.calm())
         costs["wind"] = forecast.energy_wh - forecaster.forecast_plan(calm).energy_wh
-    slower = capped(first.road, CHEAPER_KM_H * M_S_PER_KM_H)
-    if slower.duration_s > first.road.duration_s:
+    slower = capped(leg.road, CHEAPER_KM_H * M_S_PER_KM_H)
+    if slower.duration_s > leg.road.duration_s:
         costs["speed"] = forecast.energy_wh - forecaster.forecast(slower).energy_wh
     return costs
 

@@ -76,18 +76,11 @@ class StopProblem:
             total += self.charge_s(nodes[k], min(max(arrival, 0.0), 1.0), levels[k]) + self.overhead_s
         return total
 
-    def after(self, node: int, level: float, without: int, detour_s: float, detour: float) -> StopProblem:
-        """The problem from a node on, where one station was visited in vain: the detour to it comes on top."""
-        keep = [k for k in range(node, len(self.taken)) if k != without]
-        square = np.ix_(keep, keep)
-        taken, need, time = self.taken[square].copy(), self.need[square].copy(), self.time_s[square].copy()
-        taken[0] += detour
-        need[0] += detour
-        time[0] += detour_s
-        time[0, : without - node] = np.inf  # these lie before it
-        return replace(
-            self, start_soc=level, taken=taken, need=need, time_s=time, charging_s=self.charging_s[keep]
-        )
+    def among(self, nodes: IntArray) -> StopProblem:
+        """The problem with some of its nodes, ascending; the first becomes the start, the last the destination."""
+        square = np.ix_(nodes, nodes)
+        taken, need, time = self.taken[square], self.need[square], self.time_s[square]
+        return replace(self, taken=taken, need=need, time_s=time, charging_s=self.charging_s[nodes])
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,20 +122,21 @@ def least_time(problem: StopProblem) -> StopPlan | None:
     soc = np.tile(levels, (n, 1))
     soc[0] = problem.start_soc
     before = np.zeros((n, count), dtype=np.int64)
+    top = max(problem.start_soc, 1.0)
     for node in range(1, n):
-        reached = cost[:node] + problem.time_s[:node, node, None]
-        reached[soc[:node] < problem.need[:node, node, None]] = np.inf
+        near = np.flatnonzero((problem.need[:node, node] <= top) & (problem.time_s[:node, node] < np.inf))
+        reached = cost[near] + problem.time_s[near, node, None]
+        reached[soc[near] < problem.need[near, node, None]] = np.inf
         ways = np.flatnonzero(np.isfinite(reached))
         if not len(ways):
             continue
-        total = reached.ravel()[ways]
+        total, way = reached.ravel()[ways], count * near[ways // count] + ways % count
         if node == n - 1:
-            best = int(np.argmin(total))
-            return _traced(problem, before, int(ways[best]))
-        arrival = np.clip((soc[:node] - problem.taken[:node, node, None]).ravel()[ways], 0.0, 1.0)
+            return _traced(problem, before, int(way[np.argmin(total)]))
+        arrival = np.clip((soc[near] - problem.taken[near, node, None]).ravel()[ways], 0.0, 1.0)
         cost[node], chosen = _charged(arrival, total, levels, problem.charging_s[node])
         cost[node] += problem.overhead_s
-        before[node] = ways[chosen]
+        before[node] = way[chosen]
     return None
 
 
@@ -205,6 +199,8 @@ def joint_chance(chances: FloatArray, shared: FloatArray) -> float:
     """
     from scipy.special import ndtr, ndtri
 
+    if len(chances) == 1:
+        return float(chances[0])
     common = np.clip(shared, 0.0, 0.999)[:, None]
     limit = ndtri(np.clip(chances, 1e-12, 1.0 - 1e-12))[:, None]
     given = ndtr((limit - common * _Z) / np.sqrt(1.0 - common**2)).prod(axis=0)

@@ -18,6 +18,8 @@ from tripwatt.trips import Departure
 BAND: Final = 0.9
 CLOSE_SOC: Final = 0.05
 """A leg is not forecast again for a charge at departure that differs by this or less."""
+ENERGY_BAND: Final = ("energy_low_wh", "energy_high_wh")
+BELOW_ABOVE: Final = np.array([-1.0, 1.0])
 SHOWN: Final = ("displayed_soc", "displayed_soc_low", "displayed_soc_high")
 
 
@@ -189,12 +191,12 @@ def variance_along(forecast: Forecast) -> tuple[FloatArray, FloatArray]:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ChargingPlan:
-    """A journey with stops to charge, the whole of it.
+    """A whole journey with its stops to charge, or on one road without a stop.
 
     Attributes
     ----------
     label : str
-        "fastest", "fewest stops", "safest" or "cheapest".
+        "fastest", "fewest stops", "safest" or "cheapest"; "best effort" where no first station is reached with the chance of a journey.
     stops : tuple of ChargingStop
         In the order of the journey.
     legs : tuple of Leg
@@ -274,13 +276,25 @@ class ChargingPlan:
         parts["climate"] += self.energy_wh - sum(leg.forecast.energy_wh for leg in self.legs)
         return parts
 
+    @property
+    def battery_loss_wh(self) -> float:
+        """Heat in the battery on the road [Wh], beside the energy at its terminals."""
+        return sum(leg.forecast.battery_loss_wh for leg in self.legs)
+
+    @property
+    def energy_interval_wh(self) -> tuple[float, float]:
+        """90 % interval of the energy of all legs [Wh]."""
+        low, high = self.series()[list(ENERGY_BAND)].iloc[-1].tolist()
+        return low, high
+
     def series(self) -> pd.DataFrame:
         """Along the journey, as `Forecast.series`; a stop has a row before and one after charging.
 
         Returns
         -------
         DataFrame
-            Time since departure with charging, distance with detours; the bands of energy are those of each leg.
+            Time since departure with charging, distance with detours. What legs share of their errors of energy adds up in the band, the
+            rest as independent parts.
 
         Examples
         --------
@@ -288,12 +302,19 @@ class ChargingPlan:
         0.14
         """
         tables, time_s, distance_m, energy_wh = [], 0.0, 0.0, 0.0
+        shared_wh, own_wh2 = np.zeros((1, 2)), np.zeros((1, 2))
         for k, leg in enumerate(self.legs):
             table = leg.forecast.series()
             table["distance_m"] *= leg.road.distance_m / float(table["distance_m"].iloc[-1])
             table["distance_m"] += distance_m
             table["time_s"] += time_s
-            table[["energy_wh", "energy_low_wh", "energy_high_wh"]] += energy_wh
+            half_wh = np.abs(table[list(ENERGY_BAND)].to_numpy() - table[["energy_wh"]].to_numpy())
+            shared_wh = shared_wh[-1] + leg.shared * half_wh
+            own_wh2 = own_wh2[-1] + (1.0 - leg.shared**2) * half_wh**2
+            table["energy_wh"] += energy_wh
+            table[list(ENERGY_BAND)] = table[["energy_wh"]].to_numpy() + BELOW_ABOVE * np.sqrt(
+                shared_wh**2 + own_wh2
+            )
             last = table.index[-1]
             table.loc[last, list(SHOWN)] = (table.loc[last, list(SHOWN)] - leg.preheat_soc).clip(lower=0.0)
             tables.append(table)
@@ -342,6 +363,9 @@ class ChargingPlan:
             "charging_s": self.charging_s,
             "duration_s": self.duration_s,
             "energy_wh": self.energy_wh,
+            "energy_interval_wh": series[list(ENERGY_BAND)].iloc[-1].tolist(),
+            "by_cause_wh": self.by_cause_wh,
+            "battery_loss_wh": self.battery_loss_wh,
             "course": {
                 "position_m": series["distance_m"].tolist(),
                 "time_s": series["time_s"].tolist(),

@@ -6,9 +6,8 @@ import datetime as dt
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from tripwatt.forecasting import Forecast
 from tripwatt.journey.corridor import CERTAIN
-from tripwatt.journey.stops import BAND, ChargingPlan
+from tripwatt.journey.stops import ChargingPlan
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,31 +58,23 @@ class Verdict:
     advice: str
 
     @classmethod
-    def of(cls, forecast: Forecast, plan: ChargingPlan | None, reserve: float, else_: str) -> Verdict:
-        """Of a road without stops and a plan with stops, if there is one; `else_` is the advice where neither arrives."""
-        leaves = forecast.plan.departure.departs_at
-        if plan is None:
-            driving_s = forecast.plan.duration_s
-            chances = (forecast.p_arrive(), forecast.p_arrive(reserve))
-            charge = (forecast.soc_arrival, forecast.soc_interval(BAND))
-            charging_s, energy_wh, stops = 0.0, forecast.energy_wh, 0
-        else:
-            driving_s, charging_s = plan.driving_s, plan.charging_s
-            chances, charge = (plan.p_arrive, plan.p_reserve), (plan.soc_arrival, plan.soc_interval)
-            energy_wh, stops = plan.energy_wh, len(plan.stops)
-        duration_s, arrives = driving_s + charging_s, chances[1] >= CERTAIN
-        advice = else_ if not arrives else "go" if plan is None else "stop"
+    def from_plan(cls, plan: ChargingPlan, else_: str) -> Verdict:
+        """Of a whole journey; `else_` is the advice where it does not arrive."""
+        leaves, arrives = plan.legs[0].forecast.plan.departure.departs_at, plan.p_reserve >= CERTAIN
+        advice = else_ if not arrives else "stop" if plan.stops else "go"
         return cls(
             arrives,
-            *chances,
-            *charge,
-            driving_s,
-            charging_s,
-            duration_s,
+            plan.p_arrive,
+            plan.p_reserve,
+            plan.soc_arrival,
+            plan.soc_interval,
+            plan.driving_s,
+            plan.charging_s,
+            plan.duration_s,
             leaves,
-            None if leaves is None else leaves + dt.timedelta(seconds=duration_s),
-            energy_wh,
-            stops,
+            None if leaves is None else leaves + dt.timedelta(seconds=plan.duration_s),
+            plan.energy_wh,
+            len(plan.stops),
             advice,
         )
 

@@ -10,7 +10,7 @@ from typing import Final
 
 import pandas as pd
 
-from tripwatt.errors import InvalidInput
+from tripwatt.errors import InvalidInput, system_errors
 from tripwatt.files import write_file
 from tripwatt.live.on_the_way import MadeForecast, read_forecasts, write_forecasts
 from tripwatt.live.own_car import LIVE, VALID_NAME
@@ -36,11 +36,8 @@ def live_folder(place: Path) -> Path:
     if VALID_NAME.fullmatch(place.name) is None:
         allowed = "up to 64 letters, digits, '.', '_' and '-'"
         raise InvalidInput.of("name cannot be used", f"{place}", place.name, allowed)
-    try:
+    with system_errors("cannot write the folder", f"{place}", "a writable folder"):
         (place / LIVE).mkdir(mode=0o700, parents=True, exist_ok=True)
-    except OSError as error:
-        got = error.strerror or f"{error}"
-        raise InvalidInput.of("cannot write the folder", f"{place}", got, "a writable folder") from error
     return place / LIVE
 
 

@@ -14,7 +14,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Final
 
-from tripwatt.errors import InvalidInput
+from tripwatt.errors import InvalidInput, system_errors
 from tripwatt.files import write_file
 from tripwatt.live.telemetry import FIRST_TIME_S, LAST_TIME_S, Sample
 
@@ -80,16 +80,12 @@ class Journal:
         self._open()
 
     def _open(self) -> None:
-        try:
+        with system_errors("cannot open the journal", f"{self.path}", "a writable file"):
             self._descriptor = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o600)
             self._size = _whole_bytes(self._descriptor)
             if self._size < os.fstat(self._descriptor).st_size:
                 os.ftruncate(self._descriptor, self._size)
             self.after_s = _after_s(os.pread(self._descriptor, MOST_LINE_BYTES, 0).partition(b"\n")[0])
-        except OSError as error:
-            raise InvalidInput.of(
-                "cannot open the journal", f"{self.path}", error.strerror or f"{error}", "a writable file"
-            ) from error
 
     def read(self) -> Iterator[Sample]:
         """All samples in the order of their arrival; damaged lines are left out. O(bytes)."""

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
-from tripwatt.arrays import FloatArray
+from tripwatt.arrays import FloatArray, held
 from tripwatt.live.telemetry import Sample
 from tripwatt.trips import MOST_DURATION_S, table_of
 
@@ -147,7 +147,7 @@ class LiveTrip:
         columns = self._with_more(more)
         since_s = self.start_s if since_s is None else since_s
         time = columns["time_s"]
-        columns["speed_m_s"] = held(time, columns["speed_m_s"])
+        columns["speed_m_s"] = held(time, columns["speed_m_s"], HOLD_S)
         kept = np.isfinite(columns["speed_m_s"]) & (time >= since_s) & (time <= until_s)
         return table_of(
             {"time_s": time[kept] - (since_s - start_s)}
@@ -166,20 +166,6 @@ class LiveTrip:
             )
             for name, own in columns.items()
         }
-
-
-def held(time_s: FloatArray, speed_m_s: FloatArray) -> FloatArray:
-    """Speeds, a missing one as the last one before it for up to `HOLD_S`; NaN after that.
-
-    Examples
-    --------
-    >>> held(np.array([0.0, 5.0, 11.0, 12.0]), np.array([3.0, np.nan, np.nan, 4.0])).tolist()
-    [3.0, 3.0, nan, 4.0]
-    """
-    rows = np.arange(len(speed_m_s))
-    last = np.maximum.accumulate(np.where(np.isfinite(speed_m_s), rows, -1))
-    young = (last >= 0) & (time_s - time_s[last] <= HOLD_S)
-    return np.where(young, speed_m_s[last], np.nan)
 
 
 class TripFinder:

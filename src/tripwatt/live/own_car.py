@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, cast
 
 from tripwatt.auditing import Audit, audit
-from tripwatt.errors import InvalidInput
+from tripwatt.errors import InvalidInput, system_errors
 from tripwatt.files import folder_lock, read_text_file, replace_folder, restore_folder
 from tripwatt.forecasting import ForecastModel, load_metadata, load_model, save_model
 from tripwatt.forecasting.fitting import held_out_figures, provenance_of
@@ -381,12 +381,8 @@ def create_car(
         }
         (made / ABOUT).write_text(json.dumps(about, indent=2) + "\n", encoding="utf-8")
 
-    try:
+    with system_errors("cannot write the folder", f"{place}", "a writable folder"):
         replace_folder(place, write)
-    except OSError as error:
-        raise InvalidInput.of(
-            "cannot write the folder", f"{place}", error.strerror or f"{error}", "a writable folder"
-        ) from error
     return open_car(place)
 
 

@@ -12,7 +12,7 @@ from typing import Any, Final, Self
 
 import pandas as pd
 
-from tripwatt.errors import InvalidInput
+from tripwatt.errors import InvalidInput, or_none
 from tripwatt.files import folder_lock
 from tripwatt.live.documents import LiveMessages
 from tripwatt.live.folder import (
@@ -333,10 +333,8 @@ class Recorder:
         """
         names = {started_at(name).timestamp(): name for name in finished_names(self.folder)}
         usual = usual_departure((other for other in names if other < start_s), start_s)
-        try:
-            return None if usual is None else finished_logs(self.folder, [names[usual]])[0]
-        except InvalidInput:  # somebody changed the file
-            return None
+        logs = None if usual is None else or_none(finished_logs, self.folder, [names[usual]])
+        return None if logs is None else logs[0]
 
     def plan_at(self, departure_s: float) -> LivePlan | None:
         """The plan of a trip that departs at a time [s since 1970]: the one that was given, else the road of the usual trip."""

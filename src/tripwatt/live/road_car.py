@@ -12,7 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import Forecast, ForecastModel
 from tripwatt.live.documents import HIGH, LOW, LiveDocument, LiveForecastDocument, live_forecast
 from tripwatt.live.on_the_way import MadeForecast
@@ -178,7 +178,7 @@ class RoadCar(Recorder):
             departing = self.at_departure()
             self._forecast = None if departing is None else self._live(self.update(departing))
         except InvalidInput as error:
-            self._faults = [fault_fields(fault) for fault in error.faults]
+            self._faults = [fault.texts for fault in error.faults]
             if of[1:] != self._of[1:]:  # the forecast before is of another trip or plan
                 self._forecast = None if departing is None else self._live(departing)
             return
@@ -247,8 +247,3 @@ class RoadCar(Recorder):
     def __repr__(self) -> str:
         trip = self.trip
         return f"<RoadCar {self.name}: {'on no trip' if trip is None else f'{trip.distance_m / 1000.0:.1f} km driven'}>"
-
-
-def fault_fields(fault: Fault) -> dict[str, str]:
-    """The fields of a fault that are not empty."""
-    return fault.texts

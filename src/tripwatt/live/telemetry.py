@@ -9,7 +9,6 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from types import MappingProxyType
 from typing import Any, Final
 
 from tripwatt.errors import Fault, InvalidInput, excerpt, raise_faults
@@ -151,21 +150,19 @@ class MessageFormat:
 
 
 _TRUE: Final = ("1", "1.0", "true")
-FORMATS: Final[Mapping[str, MessageFormat]] = MappingProxyType(
-    {
-        "ovms": MessageFormat("ovms", charging={"v.c.charging": ("yes",)}, parked={"v.e.on": ("no",)}),
-        "teslamate": MessageFormat(
-            "teslamate", charging={"state": ("charging",)}, parked={"shift_state": ("p",)}
-        ),
-        "abrp": MessageFormat(
-            "abrp",
-            whole=True,
-            charging={"is_charging": _TRUE, "is_dcfc": _TRUE},
-            parked={"is_parked": _TRUE},
-            more={"hvac_setpoint": "cabin_setpoint_degc", "current": "current_a"},
-        ),
-    }
-)
+FORMATS: Final[Mapping[str, MessageFormat]] = {
+    "ovms": MessageFormat("ovms", charging={"v.c.charging": ("yes",)}, parked={"v.e.on": ("no",)}),
+    "teslamate": MessageFormat(
+        "teslamate", charging={"state": ("charging",)}, parked={"shift_state": ("p",)}
+    ),
+    "abrp": MessageFormat(
+        "abrp",
+        whole=True,
+        charging={"is_charging": _TRUE, "is_dcfc": _TRUE},
+        parked={"is_parked": _TRUE},
+        more={"hvac_setpoint": "cabin_setpoint_degc", "current": "current_a"},
+    ),
+}
 """Name of a sender -> what it writes. A new one is an entry, and a mapping where there is none for its tables.
 
 The metrics of OVMS; the values of TeslaMate (https://docs.teslamate.org/docs/integrations/mqtt), whose power is in whole

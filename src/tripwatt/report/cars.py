@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 from matplotlib.figure import Figure
 
-from tripwatt.report.html import write_page, write_whole
+from tripwatt.files import write_text
+from tripwatt.report.html import write_page
 from tripwatt.report.panel import Panel
 from tripwatt.report.style import legend_below, new_figure, style_context
 from tripwatt.report.tables import Column, Table, in_percent, in_words, tabulated
@@ -47,9 +48,10 @@ def write_cars(run: CarsRun, out: Path) -> None:
         ("Draws, seed", f"{results['draws']}, {results['seed']}"),
     ]
     versions = ", ".join(f"{name} {version}" for name, version in results["versions"].items())
-    write_page(out, "cars.html.jinja", cars_panels(results), facts=facts, versions=versions)
+    title, panels = "cars that nobody has seen, each from all others", cars_panels(results)
+    write_page(out, "cars.html.jinja", panels, title=title, facts=facts, versions=versions)
     run.trips.to_csv(out / "trips.csv", index=False, lineterminator="\n")
-    write_whole(out / "results.json", json.dumps(results, indent=1, allow_nan=False).encode("utf-8"))
+    write_text(out / "results.json", json.dumps(results, indent=1, allow_nan=False))
 
 
 def cars_panels(results: Record) -> list[Panel]:

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from types import MappingProxyType
 from typing import Final
 
 from tripwatt.report.view import plain
 from tripwatt.units import M_S_PER_KM_H, SECONDS_PER_MINUTE
 
-COVARIATES: Final[Mapping[str, tuple[str, str, float]]] = MappingProxyType(
-    {
-        "time_s": ("time", "min", 1.0 / SECONDS_PER_MINUTE),
-        "speed_m_s": ("speed", "km/h", 1.0 / M_S_PER_KM_H),
-        "ambient_temperature_degc": ("ambient temperature", "°C", 1.0),
-        "elevation_difference_m": ("elevation difference", "m", 1.0),
-    }
-)
+COVARIATES: Final[Mapping[str, tuple[str, str, float]]] = {
+    "time_s": ("time", "min", 1.0 / SECONDS_PER_MINUTE),
+    "speed_m_s": ("speed", "km/h", 1.0 / M_S_PER_KM_H),
+    "ambient_temperature_degc": ("ambient temperature", "°C", 1.0),
+    "elevation_difference_m": ("elevation difference", "m", 1.0),
+}
 """Column of a covariate -> words, unit that is shown, factor from SI."""
 
 

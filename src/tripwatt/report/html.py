@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import io
-import os
 import re
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from tripwatt.files import write_bytes
 from tripwatt.report.panel import Panel
 from tripwatt.report.panels import build_sections, figure_keys
 from tripwatt.report.style import INK, PAPER_COLOUR, RULE, style_context
@@ -41,7 +41,12 @@ def render_report(run: object) -> str:
     >>> html = render_report(tw.evaluate(tw.read_logs("logs")))  # doctest: +SKIP
     """
     panels, context = _evaluation_page(View.from_run(run))
-    return _render("report.html.jinja", panels, _drawings(panels), context)
+    return page_text("report.html.jinja", panels, **context)
+
+
+def page_text(template: str, panels: Sequence[Panel], **context: Any) -> str:
+    """A page with panels as HTML text."""
+    return _render(template, panels, _drawings(panels), context)
 
 
 def write_report(run: object, out: Path) -> None:
@@ -84,21 +89,14 @@ def write_page(out: Path, template: str, panels: Sequence[Panel], **context: Any
     folder.mkdir(parents=True, exist_ok=True)
     for panel in panels:
         if panel.figure is not None:
-            write_whole(folder / f"{panel.key}.svg", svgs[panel.key].encode("utf-8"))
-            write_whole(folder / f"{panel.key}.png", png_bytes(panel.figure))
-    write_whole(out / "report.html", page.encode("utf-8"))
+            write_bytes(folder / f"{panel.key}.svg", svgs[panel.key].encode("utf-8"))
+            write_bytes(folder / f"{panel.key}.png", png_bytes(panel.figure))
+    write_bytes(out / "report.html", page.encode("utf-8"))
 
 
 def _drawings(panels: Iterable[Panel]) -> dict[str, str]:
     """SVG text of every figure."""
     return {panel.key: svg_text(panel.figure) for panel in panels if panel.figure is not None}
-
-
-def write_whole(path: Path, content: bytes) -> None:
-    """Write a file that appears whole or not at all."""
-    partial = path.with_name(f"{path.name}.partial")
-    partial.write_bytes(content)
-    os.replace(partial, path)
 
 
 def svg_text(figure: Figure) -> str:

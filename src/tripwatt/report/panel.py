@@ -104,15 +104,7 @@ class PanelSpec:
         return Panel(self.key, self.title, sentence, shown.figure, shown.tables, self.folded, self.wide)
 
 
-def panel(
-    key: str,
-    title: str,
-    *,
-    draws: bool = False,
-    folded: bool = False,
-    wide: bool = False,
-    errors: bool = True,
-) -> Callable[[Callable[[View], Content | None]], PanelSpec]:
+def panel(key: str, title: str, **how: bool) -> Callable[[Callable[[View], Content | None]], PanelSpec]:
     """Make a function from a `View` to a `Content` a `PanelSpec`; the parameters are its attributes."""
 
     def specified(content: Callable[[View], Content | None]) -> PanelSpec:
@@ -121,6 +113,6 @@ def panel(
             with style_context():
                 return content(view)
 
-        return PanelSpec(key, title, drawn, draws, folded, wide, errors)
+        return PanelSpec(key, title, drawn, **how)
 
     return specified

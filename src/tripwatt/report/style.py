@@ -6,10 +6,9 @@ and `PAPER_COLOUR` alone, which the page exchanges for its own, so that a figure
 
 from __future__ import annotations
 
-import functools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
-from typing import TYPE_CHECKING, Any, Final, ParamSpec
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import pandas as pd
@@ -22,7 +21,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-P = ParamSpec("P")
 
 INK: Final = "#1f2328"
 RULE: Final = "#d0d7de"
@@ -72,17 +70,6 @@ def style_context() -> AbstractContextManager[None]:
 
     settings: Any = dict(STYLE)  # matplotlib types the keys as a literal of its own version's names
     return matplotlib.rc_context(settings)
-
-
-def styled(plot: Callable[P, Figure]) -> Callable[P, Figure]:
-    """Run a plot function under `STYLE` and leave the process's settings alone."""
-
-    @functools.wraps(plot)
-    def wrapper(*args: P.args, **kwargs: P.kwargs) -> Figure:
-        with style_context():
-            return plot(*args, **kwargs)
-
-    return wrapper
 
 
 def new_figure(height_in: float, title: str, note: str, synthetic: bool) -> Figure:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import unicodedata
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -59,17 +60,8 @@ def natural_key(name: object) -> tuple[tuple[int, int, str], ...]:
     >>> sorted(["B10", "B2", "A1"], key=natural_key)
     ['A1', 'B2', 'B10']
     """
-    parts: list[tuple[int, int, str]] = []
-    digits = ""
-    for char in [*str(name), ""]:
-        if char.isascii() and char.isdigit():
-            digits += char
-            continue
-        if digits:
-            parts.append((0, int(digits), ""))
-            digits = ""
-        parts.append((1, 0, char))
-    return tuple(parts)
+    parts = re.findall(r"[0-9]+|[^0-9]", str(name))
+    return (*((0, int(part), "") if part[0] in "0123456789" else (1, 0, part) for part in parts), (1, 0, ""))
 
 
 def of_evaluation(evaluation: Record) -> str:

@@ -8,7 +8,6 @@ from tripwatt.routes.link_objects import route_from_links
 from tripwatt.routes.link_table import is_links_table, route_from_table
 from tripwatt.routes.links import (
     LinkRoute,
-    join_routes,
     links_of_trip,
     plan_from_links,
 )
@@ -31,7 +30,6 @@ __all__ = [
     "calibrate_style",
     "is_links_table",
     "is_route",
-    "join_routes",
     "link_profile",
     "links_of_trip",
     "needs_speed",

@@ -6,7 +6,6 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from types import MappingProxyType
 from typing import Final
 
 import numpy as np
@@ -20,27 +19,25 @@ from tripwatt.routes.tracks import TIME_ALLOWED, Track, times_of
 from tripwatt.trips import Flag
 from tripwatt.units import M_S_PER_KM_H
 
-ROAD_SPEED_M_S: Final[Mapping[str, float]] = MappingProxyType(
-    {
-        road: kilometres_per_hour * M_S_PER_KM_H
-        for road, kilometres_per_hour in {
-            "motorway": 90.0,
-            "motorway_link": 45.0,
-            "trunk": 85.0,
-            "trunk_link": 40.0,
-            "primary": 65.0,
-            "primary_link": 30.0,
-            "secondary": 55.0,
-            "secondary_link": 25.0,
-            "tertiary": 40.0,
-            "tertiary_link": 20.0,
-            "unclassified": 25.0,
-            "residential": 25.0,
-            "living_street": 10.0,
-            "service": 15.0,
-        }.items()
-    }
-)
+ROAD_SPEED_M_S: Final[Mapping[str, float]] = {
+    road: kilometres_per_hour * M_S_PER_KM_H
+    for road, kilometres_per_hour in {
+        "motorway": 90.0,
+        "motorway_link": 45.0,
+        "trunk": 85.0,
+        "trunk_link": 40.0,
+        "primary": 65.0,
+        "primary_link": 30.0,
+        "secondary": 55.0,
+        "secondary_link": 25.0,
+        "tertiary": 40.0,
+        "tertiary_link": 20.0,
+        "unclassified": 25.0,
+        "residential": 25.0,
+        "living_street": 10.0,
+        "service": 15.0,
+    }.items()
+}
 """Mean speed [m/s] by OpenStreetMap's class of road where nothing better is known: the values of OSRM's car profile."""
 
 DEEPEST: Final = 64

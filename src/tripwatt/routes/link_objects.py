@@ -25,22 +25,12 @@ from tripwatt.errors import (
     raise_faults,
 )
 from tripwatt.routes.links import FLAT_ROAD, MOST_LINKS, LinkRoute
-from tripwatt.trips import STEEPEST_GRADE, Flag
+from tripwatt.trips import LINK_COLUMNS, STEEPEST_GRADE, Flag
 from tripwatt.trips.headers import header_faults, same_quantity
 
 RELATIVE_ELEVATION: Final = Flag("elevation_relative", "road")
 
-LINK_KEYS: Final = (
-    "end_elevation_m",
-    "grade",
-    "length_m",
-    "moving_speed_m_s",
-    "speed_limit_m_s",
-    "speed_m_s",
-    "start_elevation_m",
-    "stop_s",
-    "travel_time_s",
-)
+LINK_KEYS: Final = tuple(sorted(LINK_COLUMNS))
 """Keys of a link, see `route_from_links`."""
 
 _KNOWN: Final = frozenset(LINK_KEYS)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -355,52 +355,3 @@ def highest_limits(route: LinkRoute, first: IntArray) -> FloatArray | None:
     """Highest speed limit of each stretch, unknown where it is unknown on one of its links."""
     limit = route.speed_limit_m_s
     return None if limit is None else np.asarray(np.maximum.reduceat(limit, first))
-
-
-def join_routes(routes: Sequence[LinkRoute]) -> LinkRoute:
-    """Join routes one after the other. O(links).
-
-    Parameters
-    ----------
-    routes : sequence of LinkRoute
-        In the order of travel, at least one.
-
-    Returns
-    -------
-    LinkRoute
-        Its flags are those of all routes; heights are known only where all of them have heights.
-
-    Examples
-    --------
-    >>> from tripwatt.routes import route_from_links
-    >>> one = route_from_links([{"length_m": 500.0, "speed_m_s": 10.0}])
-    >>> join_routes([one, one]).distance_m
-    1000.0
-    """
-    starts = np.cumsum([0.0, *(route.distance_m for route in routes[:-1])])
-    heights = [
-        (start + route.elevation_position_m, route.elevation_m)
-        for start, route in zip(starts.tolist(), routes, strict=True)
-        if route.elevation_position_m is not None and route.elevation_m is not None
-    ]
-    position, height = (
-        map(np.concatenate, zip(*heights, strict=True)) if len(heights) == len(routes) else (None, None)
-    )
-    flags = tuple(dict.fromkeys(flag for route in routes for flag in route.flags))
-    unknown = [np.full(len(route), np.nan) for route in routes]
-    limits = [route.speed_limit_m_s for route in routes]
-    return LinkRoute(
-        np.concatenate([route.length_m for route in routes]),
-        np.concatenate([route.travel_time_s for route in routes]),
-        np.concatenate([route.stop_s for route in routes]),
-        np.concatenate([route.moving_speed_m_s for route in routes]),
-        position,
-        height,
-        flags if height is not None or FLAT_ROAD in flags else (*flags, FLAT_ROAD),
-        None
-        if all(limit is None for limit in limits)
-        else np.concatenate(
-            [other if limit is None else limit for limit, other in zip(limits, unknown, strict=True)]
-        ),
-        any(route.free_flow for route in routes),
-    )

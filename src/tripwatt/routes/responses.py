@@ -11,7 +11,6 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, Final
 
 import numpy as np
@@ -34,7 +33,7 @@ from tripwatt.routes.xml_events import root_of
 from tripwatt.trips import Flag
 from tripwatt.units import M_PER_FOOT, M_PER_MILE
 
-ORS_UNITS_M: Final[Mapping[str, float]] = MappingProxyType({"m": 1.0, "km": 1000.0, "mi": M_PER_MILE})
+ORS_UNITS_M: Final[Mapping[str, float]] = {"m": 1.0, "km": 1000.0, "mi": M_PER_MILE}
 ZIP: Final = b"PK\x03\x04"
 """First bytes of a ZIP archive."""
 
@@ -271,14 +270,12 @@ def _graphhopper_polyline(text: str, path: Node, precision: float, where: str) -
     )
 
 
-ROUTERS: Final[Mapping[str, Callable[[Mapping[str, Any], str], LinkRoute]]] = MappingProxyType(
-    {
-        "osrm": route_from_osrm,
-        "valhalla": route_from_valhalla,
-        "openrouteservice": route_from_openrouteservice,
-        "graphhopper": route_from_graphhopper,
-    }
-)
+ROUTERS: Final[Mapping[str, Callable[[Mapping[str, Any], str], LinkRoute]]] = {
+    "osrm": route_from_osrm,
+    "valhalla": route_from_valhalla,
+    "openrouteservice": route_from_openrouteservice,
+    "graphhopper": route_from_graphhopper,
+}
 """Reader of each router's response."""
 
 

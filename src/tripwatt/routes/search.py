@@ -121,9 +121,10 @@ def _text_number(text: Node) -> float:
         raise InvalidInput.of("not a number", text.where, repr(text.value)[:40], "a number") from error
 
 
-SEARCH_KINDS: Final[Mapping[str, Callable[[str], PlaceSearch]]] = MappingProxyType(
-    {"photon": PhotonSearch.from_url, "nominatim": NominatimSearch.from_url}
-)
+SEARCH_KINDS: Final[Mapping[str, Callable[[str], PlaceSearch]]] = {
+    "photon": PhotonSearch.from_url,
+    "nominatim": NominatimSearch.from_url,
+}
 """Kind of a server that finds places -> what opens one by its URL."""
 
 

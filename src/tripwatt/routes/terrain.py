@@ -12,7 +12,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from statistics import NormalDist
-from types import MappingProxyType
 from typing import Final
 
 import numpy as np
@@ -26,7 +25,7 @@ STEEPEST: Final = 0.2
 """Mean grade that no road keeps over its length: the steepest streets have up to 0.35, over some hundred metres."""
 LOCAL_M: Final = 500.0
 """Length of the hills that a road goes up and down between its ends [m]."""
-REGION_SCALE_M: Final[Mapping[str, float]] = MappingProxyType({"tum": 22.0, "twizy": 84.7})
+REGION_SCALE_M: Final[Mapping[str, float]] = {"tum": 22.0, "twizy": 84.7}
 """Scale of the net climb over 10 km of logs with heights [m]: around Munich (TUM data set) and around Rabat (RSK Twizy data set), from
 ``python -m benchmarks.climb``."""
 USUAL_SCALE_M: Final = 20.0

@@ -23,6 +23,7 @@ from starlette.staticfiles import StaticFiles
 from starlette.types import Receive, Scope, Send
 
 import tripwatt
+from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import load_metadata, load_model
 from tripwatt.forecasting.document import ForecastResponse
 from tripwatt.forecasting.storage import DEFAULT_MODEL
@@ -432,6 +433,10 @@ def add_handlers(app: FastAPI) -> None:
         assert isinstance(error, Problem)
         return error.response(request_id(request))
 
+    async def on_invalid(request: Request, error: Exception) -> Response:
+        assert isinstance(error, InvalidInput)
+        return invalid_input(error.faults).response(request_id(request))
+
     async def on_http(request: Request, error: Exception) -> Response:
         assert isinstance(error, HTTPException)
         kind = PROBLEM_KINDS.get(error.status_code, "internal" if error.status_code >= 500 else "bad-request")
@@ -447,6 +452,7 @@ def add_handlers(app: FastAPI) -> None:
         return invalid_input(faults).response(request_id(request))
 
     app.add_exception_handler(Problem, on_problem)
+    app.add_exception_handler(InvalidInput, on_invalid)
     app.add_exception_handler(HTTPException, on_http)
     app.add_exception_handler(RequestValidationError, on_parameters)
 

@@ -11,10 +11,11 @@ from typing import Any, Final
 
 import orjson
 from cachetools import LRUCache
+from pydantic import BaseModel
 
 from tripwatt.auditing import audit
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.files import write_file
+from tripwatt.files import write_bytes
 from tripwatt.forecasting import ForecastModel
 from tripwatt.live import (
     Car,
@@ -30,7 +31,7 @@ from tripwatt.live import (
 from tripwatt.live.diary import CAUSE
 from tripwatt.live.folder import forecasts_of
 from tripwatt.live.own_car import UPLOADS, VALID_NAME, folder_name, state_of
-from tripwatt.service.car_schemas import LogsRequest, plain
+from tripwatt.service.car_schemas import CarResponse, CarSummary, LogsRequest, plain
 from tripwatt.service.problems import MAX_FAULTS, Problem, fault_document
 from tripwatt.sources.kinds import Changes, Kind, proposed_kinds
 from tripwatt.sources.mapping import TIME_STAMPS, UNITS
@@ -49,18 +50,6 @@ SHOWN_TRIPS: Final = 200
 SHOWN_REASONS: Final = 20
 MOST_KEPT_MODELS: Final = 16
 """Models of cars that a worker keeps in memory; the one that was used least recently goes first."""
-
-ABOUT: Final = (
-    "learned",
-    "experts",
-    "score",
-    "latest",
-    "latest_by_book",
-    "by_temperature",
-    "by_season",
-    "by_cause_wh",
-)
-"""What a car says of itself and its diary that a response passes on."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +95,7 @@ class CarJobs:
         """Return the cars, as `CarsResponse`."""
         if self.folder is None:
             return {"cars": None}
-        return {"cars": [_summary(own, own.about()) for own in map(self.car, self.names())]}
+        return {"cars": [_summary(own, own.about(), CarSummary) for own in map(self.car, self.names())]}
 
     def show(self, name: str) -> dict[str, Any]:
         """Return a car and its diary, as `CarResponse` without `learning`."""
@@ -115,8 +104,7 @@ class CarJobs:
         about = own.about(diary)
         rows = diary.table.tail(SHOWN_TRIPS).iloc[::-1].to_dict("records")
         return {
-            **_summary(own, about),
-            **{key: about[key] for key in ABOUT},
+            **_summary(own, about, CarResponse),
             "diary": [_entry(row, own.folder) for row in rows],
         }
 
@@ -287,8 +275,7 @@ def read_progress(folder: Path, upload: str) -> tuple[int, int | None]:
 
 
 def _write_progress(path: Path, done: int, total: int) -> None:
-    content = orjson.dumps({"done": done, "total": total})
-    write_file(path, lambda partial: partial.write_bytes(content))
+    write_bytes(path, orjson.dumps({"done": done, "total": total}))
 
 
 def _by_file(error: InvalidInput, tables: Path) -> InvalidInput:
@@ -332,14 +319,20 @@ def _files(
     kinds: Sequence[Kind], report: ReadingReport | None, ignored: Sequence[str], tables: Path
 ) -> list[dict[str, Any]]:
     """The files of an upload, as `FileDocument`."""
-    if report is None:
-        read = [
-            FileReading(f.name, kind=n, faults=kind.faults)
-            for n, kind in enumerate(kinds)
-            for f in kind.files
-        ]
-    else:
-        read = [*report.files]
+    unread = (
+        FileReading(f.name, kind=n, faults=kind.faults) for n, kind in enumerate(kinds) for f in kind.files
+    )
+    names = ("name", "state", "rows", "rows_used", "logs")
+    shown = [
+        {
+            **{name: getattr(file, name) for name in names},
+            "kind": file.kind if kinds[file.kind].tables else None,
+            "faults": [
+                *map(fault_document, _by_file(InvalidInput(file.faults), tables).faults[:SHOWN_FAULTS])
+            ],
+        }
+        for file in (unread if report is None else report.files)
+    ]
     nothing: dict[str, Any] = {
         "kind": None,
         "state": "ignored",
@@ -348,28 +341,7 @@ def _files(
         "logs": 0,
         "faults": [],
     }
-    return [
-        *(
-            {
-                "name": file.name,
-                "kind": file.kind if kinds[file.kind].tables else None,
-                "state": file.state,
-                "rows": file.rows,
-                "rows_used": file.rows_used,
-                "logs": file.logs,
-                "faults": [
-                    fault_document(fault)
-                    for fault in (
-                        _by_file(InvalidInput(file.faults), tables).faults[:SHOWN_FAULTS]
-                        if file.faults
-                        else ()
-                    )
-                ],
-            }
-            for file in read
-        ),
-        *({"name": name, **nothing} for name in ignored),
-    ]
+    return [*shown, *({"name": name, **nothing} for name in ignored)]
 
 
 def _alike(group: Alike, tables: Path) -> dict[str, Any]:
@@ -395,13 +367,7 @@ def _learned(done: Learned) -> dict[str, Any]:
     return {**asdict(done), "left_out": list(done.left_out[:SHOWN_REASONS])}
 
 
-def _summary(own: Car, about: Mapping[str, Any]) -> dict[str, Any]:
-    return {
-        "name": own.name,
-        "label": own.label,
-        "vehicle": own.vehicle.name,
-        "title": own.vehicle.title,
-        "trips": about["trips"],
-        "in_diary": about["in_diary"],
-        "has_token": has_token(own.folder),
-    }
+def _summary(own: Car, about: Mapping[str, Any], model: type[BaseModel]) -> dict[str, Any]:
+    """What a car says of itself, as far as a response has it."""
+    known = {key: about[key] for key in model.model_fields if key in about}
+    return {"name": own.name, "has_token": has_token(own.folder), **known}

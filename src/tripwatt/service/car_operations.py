@@ -20,7 +20,7 @@ from fastapi import Path as PathValue
 from starlette.requests import Request
 from starlette.responses import Response
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault
 from tripwatt.live.own_car import UPLOADS
 from tripwatt.service.answering import Answering, json_response
 from tripwatt.service.car_jobs import TABLES, car_folder, read_progress, require_folder
@@ -240,8 +240,6 @@ class CarOperations:
         try:
             tables.mkdir(parents=True, exist_ok=True)
             made = unpack(name, tables, content=content)
-        except InvalidInput as error:
-            raise invalid_input(error.faults) from error
         except OSError as error:
             raise Problem("busy", f"the file cannot be stored: {error.strerror}") from error
         sizes = _sizes(tables)

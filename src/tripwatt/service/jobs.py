@@ -6,8 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from types import MappingProxyType
-from typing import Any, Final, TypeVar, cast
+from typing import Any, Final, TypeVar
 
 import numpy as np
 import pandas as pd
@@ -16,7 +15,7 @@ from pydantic import ValidationError
 
 from tripwatt.advice import advise
 from tripwatt.certification import describe_car
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Check, Fault, InvalidInput
 from tripwatt.forecasting import (
     Forecast,
     ForecastModel,
@@ -230,16 +229,21 @@ class Jobs:
         ).to_dict()
 
     def _model_asked(self, request: RangeQuery) -> ForecastModel:
-        if request.car is not None and (request.model, request.vehicle) != (None, None):
+        given = request.vehicle_figures
+        if request.car is not None and (request.model, request.vehicle, given) != (None, None, None):
             raise InvalidInput.of("two cars", "car", "a model or vehicle too", "one of them")
-        return self.model_of({"model": request.car or request.model, "vehicle": request.vehicle})
+        car: dict[str, Any] = {"model": request.car or request.model, "vehicle": request.vehicle}
+        if given is not None:
+            figures = check_request(parse_json(given.encode(), "vehicle_figures: "), VehicleFigures)
+            car["vehicle_figures"] = figures.model_dump()
+        return self.model_of(car)
 
     def _journey(self, body: bytes, kind: type[RequestModel]) -> tuple[RequestModel, ForecastModel]:
         """The request of a body, and the model for its car."""
         document = parse_json(body)
         with Check() as check:
-            request = check(lambda: check_request(document, kind))
-            model = check(lambda: self._model(document if isinstance(document, dict) else {}))
+            request = check(check_request, document, kind)
+            model = check(self._model, document if isinstance(document, dict) else {})
         return request, model()
 
     def _forecast(self, body: bytes, kind: type[Forecasting]) -> tuple[Forecasting, Forecast]:
@@ -250,12 +254,12 @@ class Jobs:
         document = parse_json(body)
         plan = model = observed = None
         with Check() as check:
-            request = check(lambda: check_request(document, kind))
+            request = check(check_request, document, kind)
             if isinstance(document, dict):
-                plan = check(lambda: self._plan(document))
-                model = check(lambda: self._model(document))
+                plan = check(self._plan, document)
+                model = check(self._model, document)
                 if "observed" in kind.model_fields and "observed" in document:
-                    observed = check(lambda: parse_observed(document["observed"], self.limits))
+                    observed = check(parse_observed, document["observed"], self.limits)
         assert plan is not None
         assert model is not None
         forecast = model().forecast(replace(plan, trip_id=request.trip), departure_of(request))
@@ -393,43 +397,6 @@ class Jobs:
         }
 
 
-Checked = TypeVar("Checked")
-
-
-class Check:
-    """Run checks of one input, and raise the faults of all at the end of a `with` block.
-
-    Examples
-    --------
-    >>> with Check() as check:
-    ...     check(lambda: parse_links(1, None, Limits()))
-    ...     check(lambda: parse_links(2, None, Limits()))
-    Traceback (most recent call last):
-    ...
-    tripwatt.errors.InvalidInput: not a list: links: got 1; allowed: a list of objects
-    not a list: links: got 2; allowed: a list of objects
-    """
-
-    def __init__(self) -> None:
-        self.errors: list[InvalidInput] = []
-
-    def __enter__(self) -> Check:
-        return self
-
-    def __call__(self, check: Callable[[], Checked]) -> Checked:
-        """Return the result of a check; where it fails, nothing that the end of the block lets through."""
-        try:
-            return check()
-        except InvalidInput as error:
-            self.errors.append(error)
-            return cast(Checked, None)
-
-    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        """Raise `InvalidInput` with the faults of all checks, each once."""
-        if self.errors and kind is None:
-            raise InvalidInput(dict.fromkeys(fault for error in self.errors for fault in error.faults))
-
-
 def _no_single_car(got: str) -> InvalidInput:
     return InvalidInput.of("no single car", "vehicle, vehicle_figures", got, "one of the two")
 
@@ -454,38 +421,34 @@ def _elevation(value: Any) -> Elevation | None:
         return None
 
 
-JOB_KINDS: Final[Mapping[str, Callable[[Jobs, Mapping[str, Any], bytes], dict[str, Any] | bytes]]] = (
-    MappingProxyType(
-        {
-            "forecast": lambda jobs, job, body: jobs.forecast(body),
-            "advice": lambda jobs, job, body: jobs.advice(body),
-            "need": lambda jobs, job, body: jobs.need(body, job["probability"]),
-            "update": lambda jobs, job, body: jobs.update(body),
-            "route": lambda jobs, job, body: jobs.route(body, job["speed_m_s"]),
-            "plan": lambda jobs, job, body: jobs.plan(body),
-            "journey advice": lambda jobs, job, body: jobs.journey_advice(body),
-            "reach": lambda jobs, job, body: jobs.reach(body),
-            "distance": lambda jobs, job, body: jobs.distance(body),
-            "range": lambda jobs, job, body: jobs.range(body),
-            "places": lambda jobs, job, body: jobs.journeys.places(job["text"], job["limit"]),
-            "map": lambda jobs, job, body: jobs.journeys.describe(),
-            "tile": lambda jobs, job, body: jobs.journeys.tile(job["zoom"], job["column"], job["row"]),
-            "view": lambda jobs, job, body: jobs.journeys.view(job["bounds_deg"], job["limit"]),
-            "vehicles": lambda jobs, job, body: jobs.vehicles(job.get("search")),
-            "describe": lambda jobs, job, body: jobs.describe(body),
-            "examples": lambda jobs, job, body: example_summaries(),
-            "example": lambda jobs, job, body: example(job["trip"]),
-            "cars": lambda jobs, job, body: jobs.cars.list(),
-            "car": lambda jobs, job, body: jobs.cars.show(job["car"]),
-            "new car": lambda jobs, job, body: jobs.new_car(body),
-            "forget car": lambda jobs, job, body: jobs.cars.forget(job["car"]),
-            "car token": lambda jobs, job, body: jobs.cars.token(job["car"]),
-            "logs": lambda jobs, job, body: jobs.cars.logs(job["car"], job["upload"], logs_request(body)),
-            "learn finished": lambda jobs, job, body: jobs.cars.learn_finished(job["car"]),
-            "learn": lambda jobs, job, body: jobs.cars.learn(job["car"], job["upload"], logs_request(body)),
-        }
-    )
-)
+JOB_KINDS: Final[Mapping[str, Callable[[Jobs, Mapping[str, Any], bytes], dict[str, Any] | bytes]]] = {
+    "forecast": lambda jobs, job, body: jobs.forecast(body),
+    "advice": lambda jobs, job, body: jobs.advice(body),
+    "need": lambda jobs, job, body: jobs.need(body, job["probability"]),
+    "update": lambda jobs, job, body: jobs.update(body),
+    "route": lambda jobs, job, body: jobs.route(body, job["speed_m_s"]),
+    "plan": lambda jobs, job, body: jobs.plan(body),
+    "journey advice": lambda jobs, job, body: jobs.journey_advice(body),
+    "reach": lambda jobs, job, body: jobs.reach(body),
+    "distance": lambda jobs, job, body: jobs.distance(body),
+    "range": lambda jobs, job, body: jobs.range(body),
+    "places": lambda jobs, job, body: jobs.journeys.places(job["text"], job["limit"]),
+    "map": lambda jobs, job, body: jobs.journeys.describe(),
+    "tile": lambda jobs, job, body: jobs.journeys.tile(job["zoom"], job["column"], job["row"]),
+    "view": lambda jobs, job, body: jobs.journeys.view(job["bounds_deg"], job["limit"]),
+    "vehicles": lambda jobs, job, body: jobs.vehicles(job.get("search")),
+    "describe": lambda jobs, job, body: jobs.describe(body),
+    "examples": lambda jobs, job, body: example_summaries(),
+    "example": lambda jobs, job, body: example(job["trip"]),
+    "cars": lambda jobs, job, body: jobs.cars.list(),
+    "car": lambda jobs, job, body: jobs.cars.show(job["car"]),
+    "new car": lambda jobs, job, body: jobs.new_car(body),
+    "forget car": lambda jobs, job, body: jobs.cars.forget(job["car"]),
+    "car token": lambda jobs, job, body: jobs.cars.token(job["car"]),
+    "logs": lambda jobs, job, body: jobs.cars.logs(job["car"], job["upload"], logs_request(body)),
+    "learn finished": lambda jobs, job, body: jobs.cars.learn_finished(job["car"]),
+    "learn": lambda jobs, job, body: jobs.cars.learn(job["car"], job["upload"], logs_request(body)),
+}
 """Kind of job -> the method of `Jobs` that runs it."""
 
 

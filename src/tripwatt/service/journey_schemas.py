@@ -105,6 +105,8 @@ class RangeQuery(_DepartureQuery):
     """one of /v1/vehicles; default: the car of the model; without a distance or trip, the name of a car on the road"""
     car: str | None = Field(None, max_length=100)
     """one of /v1/cars, in place of model and vehicle"""
+    vehicle_figures: str | None = Field(None, max_length=1000)
+    """a car of your own in place of `vehicle`: figures as in POST /v1/vehicles, as JSON"""
     reserve: float | None = Field(None, ge=0.0, le=1.0)
     """displayed state of charge to keep; default: 0, or that of the plan of a car on the road"""
 
@@ -242,6 +244,8 @@ class StationDocument(ResponseModel):
     direct_current: bool
     power_known: bool
     """whether the map gives the power; else it is assumed"""
+    plugs: list[str]
+    """sockets by their names on OpenStreetMap; empty: not known"""
 
 
 class NextStationDocument(ResponseModel):
@@ -292,31 +296,9 @@ class CourseDocument(ResponseModel):
     high: list[float]
 
 
-class ChargingDocument(ResponseModel):
-    """A journey with its stops to charge, the whole of it."""
+class WholeDocument(ResponseModel):
+    """The whole of a journey, with its stops to charge."""
 
-    label: str = Field(description='"fastest", "fewest stops", "safest" or "cheapest"')
-    stops: list[ChargingStopDocument]
-    p_arrive: float
-    """probability that the battery is empty nowhere"""
-    p_reserve: float
-    """probability to have the reserve at every stop and at the end"""
-    soc_arrival: float
-    soc_interval: list[float]
-    driving_s: float
-    charging_s: float
-    """at stations, with overheads"""
-    duration_s: float
-    energy_wh: float
-    course: CourseDocument
-    line: LineDocument
-
-
-class VerdictDocument(ResponseModel):
-    """What the whole journey comes to, with its stops to charge."""
-
-    arrives: bool
-    """whether at least 19 of 20 such journeys have the reserve at every stop and at the end"""
     p_arrive: float
     """probability that the battery is empty nowhere"""
     p_reserve: float
@@ -328,10 +310,32 @@ class VerdictDocument(ResponseModel):
     charging_s: float
     """at stations, with overheads"""
     duration_s: float
+    energy_wh: float
+
+
+class ChargingDocument(WholeDocument):
+    """A plan with stops to charge."""
+
+    label: str = Field(description='"fastest", "fewest stops", "safest", "cheapest" or "best effort"')
+    stops: list[ChargingStopDocument]
+    energy_interval_wh: list[float]
+    """90 % interval"""
+    by_cause_wh: dict[str, float]
+    """parts that add up to the energy"""
+    battery_loss_wh: float
+    """heat in the battery on the road"""
+    course: CourseDocument
+    line: LineDocument
+
+
+class VerdictDocument(WholeDocument):
+    """What the whole journey comes to, with its stops to charge."""
+
+    arrives: bool
+    """whether at least 19 of 20 such journeys have the reserve at every stop and at the end"""
     departs_at: str | None
     """local time; null where the departure has none"""
     arrives_at: str | None
-    energy_wh: float
     charges: int
     """number of stops to charge"""
     advice: Literal["go", "stop", "charge_before", "slower", "none"]

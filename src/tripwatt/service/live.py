@@ -28,7 +28,7 @@ from tripwatt.live.tokens import digest_of, token_digest
 from tripwatt.service.car_jobs import CarJobs
 from tripwatt.service.jobs import Jobs
 from tripwatt.service.pool import JobResult, WorkerPool
-from tripwatt.service.problems import Problem, fault_document, invalid_input
+from tripwatt.service.problems import Problem, fault_document
 from tripwatt.service.settings import Settings
 
 SILENCE_CHECK_S: Final = 30.0
@@ -151,13 +151,13 @@ class LiveCars:
 
         Raises
         ------
+        InvalidInput
+            For a time in the future.
         Problem
-            `invalid-input` for a time in the future, `busy` where it cannot be stored.
+            `busy` where it cannot be stored.
         """
         try:
             arrival = await self.run(car.add, sample)
-        except InvalidInput as error:
-            raise invalid_input(error.faults) from error
         except OSError as error:
             raise self._not_stored("message", car, error) from error
         ignored = [fault_document(fault) for fault in sample.faults]

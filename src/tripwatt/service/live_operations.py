@@ -14,7 +14,7 @@ from fastapi import Query
 from starlette.requests import Request
 from starlette.responses import Response
 
-from tripwatt.errors import Fault, InvalidInput, excerpt
+from tripwatt.errors import Fault, excerpt
 from tripwatt.live import sample_from_abrp
 from tripwatt.live.own_car import VALID_NAME
 from tripwatt.service.answering import json_response
@@ -111,11 +111,7 @@ class LiveOperations:
         body = await self.read_body(request, (JSON, FORM), MOST_MESSAGE_BYTES)
         message = message_of(body, media_type(request))
         car = cars.by_token(given_token(message, request))
-        try:
-            sample = sample_from_abrp(telemetry_of(message))
-        except InvalidInput as error:
-            raise invalid_input(error.faults) from error
-        return json_response(await cars.take(car, sample))
+        return json_response(await cars.take(car, sample_from_abrp(telemetry_of(message))))
 
     @operation("GET /v1/live", "live", LiveCarsResponse, only=(*COMMON_PROBLEMS, "not-acceptable", "no-live"))
     async def list_live(self, request: Request) -> Response:
@@ -134,10 +130,7 @@ class LiveOperations:
         """Give the plan of the trip that a car is on, or of its next one; it is kept until that trip has ended."""
         car = self.cars.by_name(vehicle)
         plan = _parsed(await self.read_body(request, (JSON,)))
-        try:
-            check_request({"departure_utc": plan.get("departure_utc")}, LiveDeparture)
-        except InvalidInput as error:
-            raise invalid_input(error.faults) from error
+        check_request({"departure_utc": plan.get("departure_utc")}, LiveDeparture)
         result = await self.cars.set_plan(car, plan)
         if result.status == 200:
             return json_response(await self.cars.document(car))

@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable
 from typing import Any, Final
 
-from tripwatt.errors import Fault, InvalidInput, raise_faults
+from tripwatt.errors import Fault, InvalidInput, raise_faults, system_errors
 from tripwatt.service.settings import MIN_TOKEN_LENGTH, TOKEN_VARIABLE, Settings, is_loopback
 
 KEEP_ALIVE_S: Final = 75
@@ -71,7 +71,8 @@ def open_socket(settings: Settings) -> socket.socket:
     InvalidInput
         When the address is not one of this machine or the port is in use.
     """
-    try:
+    allowed, place = "an address of this machine and a free port", f"{settings.host} port {settings.port}"
+    with system_errors("cannot listen", "--host, --port", allowed, place):
         addresses = socket.getaddrinfo(
             settings.host, settings.port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
         )
@@ -84,11 +85,6 @@ def open_socket(settings: Settings) -> socket.socket:
         except OSError:
             listener.close()
             raise
-    except OSError as error:
-        got = f"{settings.host} port {settings.port}: {error.strerror or error}"
-        raise InvalidInput.of(
-            "cannot listen", "--host, --port", got, "an address of this machine and a free port"
-        ) from error
     return listener
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from importlib import import_module
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Final, cast
 
 from tripwatt.errors import Fault, InvalidInput
@@ -15,13 +14,11 @@ if TYPE_CHECKING:
     from tripwatt.sources.tum_fetch import FolderReport
     from tripwatt.vehicles import Vehicle
 
-DATASETS: Final[Mapping[str, str]] = MappingProxyType(
-    {
-        "tum": "tripwatt.sources.tum:read_tum",
-        "ved": "tripwatt.sources.ved:read_ved",
-        "table": "tripwatt.sources.table:read_table",
-    }
-)
+DATASETS: Final[Mapping[str, str]] = {
+    "tum": "tripwatt.sources.tum:read_tum",
+    "ved": "tripwatt.sources.ved:read_ved",
+    "table": "tripwatt.sources.table:read_table",
+}
 """Name of a data set -> its reader, imported when it is used."""
 
 

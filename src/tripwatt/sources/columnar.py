@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, Protocol, TypeVar
+from typing import TYPE_CHECKING, Final, TypeVar
 
 import numpy as np
 import pandas as pd
@@ -44,31 +44,6 @@ INDEX: Final = re.compile(r"__index_level_\d+__")
 
 PROSE: Final = ".txt"
 """In a folder with other tables a file of this suffix is a note about them."""
-
-
-class TableFile(Protocol):
-    """A file of columns, by name."""
-
-    @property
-    def path(self) -> Path:
-        """Where the file is."""
-
-    @property
-    def names(self) -> Sequence[str]:
-        """Columns as the file names them."""
-
-    @property
-    def units(self) -> Mapping[str, str]:
-        """Units of columns that stand beside their names."""
-
-    def numbers(self, names: Sequence[str]) -> list[FloatArray]:
-        """Columns as float64."""
-
-    def texts(self, name: str) -> list[str]:
-        """One column as text."""
-
-    def row(self, index: int) -> int:
-        """Row of a sample as the user counts them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,6 +185,10 @@ class ParquetTable:
     def row(self, index: int) -> int:
         """1-based row."""
         return index + 1
+
+
+TableFile = CsvTable | ParquetTable
+"""A file of columns, by name."""
 
 
 def open_table(

@@ -22,6 +22,7 @@ import pyarrow.csv as pa_csv
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import Fault, InvalidInput, and_more
 from tripwatt.files import read_file
+from tripwatt.sources.mapping import UNITS
 from tripwatt.trips.headers import DELIMITERS
 
 LARGEST_NUMBER: Final = 1e15
@@ -40,31 +41,7 @@ SHOWN_ROWS: Final = 5
 """Rows named for one kind of fault in one column; the others are counted."""
 NULL_TEXTS: Final = ("", "NaN", "nan", "NAN", "NA", "N/A", "n/a", "null", "NULL", "None", "-nan", "#N/A", "-")
 _DECIMAL_COMMA: Final = re.compile(r"[+-]?\d+,\d+")
-_UNITS: Final = frozenset(
-    [
-        "km/h",
-        "m/s",
-        "mph",
-        "v",
-        "a",
-        "w",
-        "kw",
-        "%",
-        "°c",
-        "c",
-        "degc",
-        "°f",
-        "f",
-        "degf",
-        "s",
-        "h",
-        "m",
-        "km",
-        "ft",
-        "ppm",
-        "nm",
-    ]
-)
+_UNITS: Final = frozenset().union(*UNITS.values())
 _VALUE: Final = re.compile(r"[-+]?[.,]?\d[-+\d.,:/ eETZ]*")
 """A cell that is no name of a column: a number, a date, a time."""
 

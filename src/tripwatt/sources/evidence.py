@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Final
 
 import numpy as np
@@ -40,7 +39,7 @@ SINCE_1970: Final = 1e8
 PPM_FROM: Final = 1e4
 """No state of charge in percent is so large; Leaf Spy writes percent times 10,000."""
 
-SPEED_UNITS: Final = MappingProxyType({"m/s": 1.0, "km/h": M_S_PER_KM_H, "mph": M_S_PER_MPH})
+SPEED_UNITS: Final = {"m/s": 1.0, "km/h": M_S_PER_KM_H, "mph": M_S_PER_MPH}
 
 STAMP_FORMATS: Final = (
     "%d.%m.%Y %H:%M:%S",

@@ -11,11 +11,11 @@ from typing import Any, Final
 import numpy as np
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.files import file_head
+from tripwatt.files import file_head, parse_toml
 from tripwatt.physics.battery import open_circuit_voltage, usable_energy_wh
 from tripwatt.sources.columnar import open_table, table_files
 from tripwatt.sources.delimited import column_key, first_row, open_delimited
-from tripwatt.sources.mapping import POWER, ColumnMapping, load_mapping, mapping_from_tables, parse_tables
+from tripwatt.sources.mapping import POWER, ColumnMapping, load_mapping, mapping_from_tables
 from tripwatt.sources.raw_files import NEEDED
 from tripwatt.sources.suggest import Suggestion, suggest_mapping
 from tripwatt.trips import COLUMNS
@@ -145,7 +145,7 @@ def _with_mapping(kind: Kind, files: Sequence[Path], vehicle: Vehicle | None, ch
         tables = (
             {"columns": {n: {"column": n} for n in own}}
             if proposal is None
-            else parse_tables(proposal.toml, "mapping")
+            else parse_toml(proposal.toml, "mapping")
         )
         tables, assumed = _changed(tables, changes, vehicle)
         kind = replace(kind, tables=tables, proposal=proposal, assumed=assumed)

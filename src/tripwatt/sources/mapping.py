@@ -19,7 +19,6 @@ All tables but `[columns]` are optional; see `docs/reference/data.md`.
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from importlib import resources
@@ -27,8 +26,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
 
-from tripwatt.errors import Fault, InvalidInput, did_you_mean, excerpt
-from tripwatt.files import MOST_TEXT_BYTES, read_text_file
+from tripwatt.errors import Fault, did_you_mean, excerpt
+from tripwatt.files import MOST_TEXT_BYTES, parse_toml, read_text_file
 from tripwatt.trips import COLUMNS, raise_faults
 from tripwatt.trips.columns import is_number
 from tripwatt.units import M_PER_FOOT, M_S_PER_KM_H, SECONDS_PER_HOUR, ZERO_CELSIUS_K
@@ -58,45 +57,41 @@ _WATT: Final = {"w": (1.0, 0.0), "kw": (1000.0, 0.0), "hp": (745.699872, 0.0), "
 }
 _SECOND: Final = {"s": (1.0, 0.0), "ms": (1e-3, 0.0), "min": (60.0, 0.0), "h": (SECONDS_PER_HOUR, 0.0)}
 
-TIME_STAMPS: Final = MappingProxyType({"timestamp": math.nan, "epoch_s": 1.0, "epoch_ms": 1e-3})
+TIME_STAMPS: Final = {"timestamp": math.nan, "epoch_s": 1.0, "epoch_ms": 1e-3}
 """Units of a time that include the day: text, or seconds or milliseconds since 1970."""
 
-UNITS: Final[Mapping[str, Mapping[str, tuple[float, float]]]] = MappingProxyType(
-    {
-        "time_s": _SECOND,
-        "speed_m_s": _SPEED,
-        "elevation_m": _LENGTH,
-        "grade": _FRACTION,
-        "speed_limit_m_s": _SPEED,
-        "ambient_temperature_degc": _TEMPERATURE,
-        "cabin_temperature_degc": _TEMPERATURE,
-        "cabin_setpoint_degc": _TEMPERATURE,
-        "battery_temperature_degc": _TEMPERATURE,
-        "voltage_v": {"v": (1.0, 0.0), "mv": (1e-3, 0.0), "kv": (1000.0, 0.0)},
-        "current_a": {"a": (1.0, 0.0), "ma": (1e-3, 0.0), "da": (0.1, 0.0)},
-        "soc": _FRACTION,
-        "displayed_soc": _FRACTION,
-        "motor_torque_nm": {"nm": (1.0, 0.0)},
-        "heating_power_w": _WATT,
-        "requested_heating_power_w": _WATT,
-        "aircon_power_w": _WATT,
-        "climate_power_w": _WATT,
-        POWER: _WATT,
-    }
-)
+UNITS: Final[Mapping[str, Mapping[str, tuple[float, float]]]] = {
+    "time_s": _SECOND,
+    "speed_m_s": _SPEED,
+    "elevation_m": _LENGTH,
+    "grade": _FRACTION,
+    "speed_limit_m_s": _SPEED,
+    "ambient_temperature_degc": _TEMPERATURE,
+    "cabin_temperature_degc": _TEMPERATURE,
+    "cabin_setpoint_degc": _TEMPERATURE,
+    "battery_temperature_degc": _TEMPERATURE,
+    "voltage_v": {"v": (1.0, 0.0), "mv": (1e-3, 0.0), "kv": (1000.0, 0.0)},
+    "current_a": {"a": (1.0, 0.0), "ma": (1e-3, 0.0), "da": (0.1, 0.0)},
+    "soc": _FRACTION,
+    "displayed_soc": _FRACTION,
+    "motor_torque_nm": {"nm": (1.0, 0.0)},
+    "heating_power_w": _WATT,
+    "requested_heating_power_w": _WATT,
+    "aircon_power_w": _WATT,
+    "climate_power_w": _WATT,
+    POWER: _WATT,
+}
 """Unit -> (factor, offset) to ours, for each of our columns. Units are read without regard to case."""
 
-_OWN_UNIT: Final = MappingProxyType({"time_s": "s", "grade": "1", POWER: "W"})
-_TABLES: Final = MappingProxyType(
-    {
-        "columns": None,
-        "current": ("positive",),
-        "trip": ("column", "vehicle"),
-        "battery": ("nominal_voltage_v", "usable_capacity_kwh", "usable_capacity_uncertainty", "vehicle"),
-        "file": ("decimal", "hold_s"),
-        "long": ("name", "value"),
-    }
-)
+_OWN_UNIT: Final = {"time_s": "s", "grade": "1", POWER: "W"}
+_TABLES: Final = {
+    "columns": None,
+    "current": ("positive",),
+    "trip": ("column", "vehicle"),
+    "battery": ("nominal_voltage_v", "usable_capacity_kwh", "usable_capacity_uncertainty", "vehicle"),
+    "file": ("decimal", "hold_s"),
+    "long": ("name", "value"),
+}
 _ENTRY_KEYS: Final = ("column", "date", "unit", "format", "optional")
 
 
@@ -216,26 +211,7 @@ def parse_mapping(text: str, source: str) -> ColumnMapping:
     >>> parse_mapping('[columns]\ntime_s = {column = "t"}\nspeed_m_s = {column = "v", unit = "mph"}', "my.toml").columns["speed_m_s"]
     MappedColumn(column='v', unit='mph', format='', optional=False, date='')
     """
-    return mapping_from_tables(parse_tables(text, source), source)
-
-
-def parse_tables(text: str, source: str) -> dict[str, Any]:
-    r"""The tables of a mapping's TOML, not yet checked.
-
-    Raises
-    ------
-    InvalidInput
-        When the text is no TOML.
-
-    Examples
-    --------
-    >>> parse_tables('[trip]\ncolumn = "id"', "my.toml")
-    {'trip': {'column': 'id'}}
-    """
-    try:
-        return tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise InvalidInput.of("not a TOML file", source, str(error)[:200], "TOML 1.0") from error
+    return mapping_from_tables(parse_toml(text, source), source)
 
 
 def mapping_from_tables(tables: Mapping[str, Any], source: str) -> ColumnMapping:
@@ -244,7 +220,7 @@ def mapping_from_tables(tables: Mapping[str, Any], source: str) -> ColumnMapping
     Parameters
     ----------
     tables : mapping
-        As `parse_tables` returns them.
+        Of its TOML, not yet checked.
     source : str
         File or name that it came from.
 

@@ -5,89 +5,86 @@ from __future__ import annotations
 import re
 import unicodedata
 from collections.abc import Mapping, Sequence
-from types import MappingProxyType
 from typing import Final
 
 from tripwatt.sources.mapping import POWER, UNITS
 
 _PACK: Final = r"\b(hv|pack|traction|batt?(ery|erie)?|bms|akku|dc)\b.*"
 
-NAMES: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
-    {
-        "time_s": (
-            r"^(unix )?(time ?stamp|date ?time|zeitstempel|epoch|utc)\b",
-            r"^(elapsed |unix |gps |device |local |log )?(time|zeit|temps|tiempo|tijd)\b",
-            r"\b(time|timestamp|zeit|uhrzeit|date|datum)\b|^elapsed",
-            r"^(t|ts|sec|secs|seconds|sekunden|date|clock)$",
-        ),
-        "speed_m_s": (
-            r"\b(vehicle|veh|car|wheel|fahrzeug) ?(speed|spd|velocity|geschwindigkeit)\b",
-            r"^(speed|spd|velocity|velo|geschwindigkeit|vitesse|velocidad|snelheid|v)$",
-            r"\b(speed|spd|velocity|geschwindigkeit|vitesse|velocidad|snelheid)\b",
-            r"^v veh\b|^v fzg\b|^veh v\b",
-            r"^(kmh|kph|mph)$",
-        ),
-        "voltage_v": (
-            _PACK + r"\b(voltage|volts?|spannung|tension|u|v)\b",
-            r"\b(u|v) ?(hv|pack|batt?(ery)?|bms|dc)\b",
-            r"\b(voltage|spannung|tension)\b",
-            r"^(volts?|u|vbat|vbatt|ubat|ubatt)$",
-        ),
-        "current_a": (
-            _PACK + r"\b(current|amps?|amperes?|strom|courant|i|a)\b",
-            r"\bi ?(hv|pack|batt?(ery)?|bms|dc)\b",
-            r"\b(current|strom|courant)\b",
-            r"^(amps?|amperes?|i|ibat|ibatt)$",
-        ),
-        POWER: (_PACK + r"\b(power|leistung|puissance|p)\b", r"^(power|leistung|puissance|p)$"),
-        "displayed_soc": (
-            r"\bdisplay(ed)?\b.*\b(soc|state of charge)\b",
-            r"\busable\b.*\b(level|soc)\b",
-            r"\b(soc|state of charge)\b.*\bdisplay(ed)?\b",
-            r"\b(soc|state of charge)\b.*\bdash(board)?\b",
-            r"\b(soc|ladezustand)\b.*\banzeige\b|\banzeige\b.*\b(soc|ladezustand)\b",
-        ),
-        "soc": (
-            r"\bsoc\b",
-            r"\bstate of charge\b",
-            r"\b(battery|charge) ?level\b",
-            r"\bladezustand\b",
-        ),
-        "elevation_m": (
-            r"\b(elevation|elev|elv|altitude|alt|height|hohe|hoehe|hoogte|altitud)\b",
-            r"^z$",
-        ),
-        "grade": (r"\b(grade|slope|inclination|steigung|pente)\b",),
-        "ambient_temperature_degc": (
-            r"\b(ambient|outside|outdoor|oat|aussentemperatur|aussen|exterieure?|exterior|external|umgebung\w*)\b",
-            r"\b(t|temp|temperature) ?(amb|ambient|out|outside|ext|env|air)\b",
-            r"\b(amb|out|ext|env|air) ?(t|temp|temperature)\b",
-            r"^tamb$|^tout$|^text$|^weather temp|^v e temp$",
-            r"^(t|temp|temperature|temperatur)$",
-        ),
-        "cabin_temperature_degc": (
-            r"\b(cabin|interior|innenraum|habitacle)\b",
-            r"\binnentemp\w*\b|\bcabintemp\b",
-            r"\binside ?temp",
-            r"\b(t|temp) ?(cabin|in|inside)\b",
-        ),
-        "battery_temperature_degc": (
-            r"\bbatt?(ery|erie)?\b.*\b(temp|temperature|temperatur|t)\b",
-            r"\b(t|temp|temperature)\b.*\bbatt?(ery|erie)?\b",
-            r"^v b temp$",
-            r"^pack t\d? c$",
-        ),
-        "motor_torque_nm": (r"\b(torque|drehmoment|couple)\b",),
-        "heating_power_w": (
-            r"\bheat(er|ing)? ?power\b",
-            r"\bheizleistung\b",
-            r"\bptc ?power\b",
-            r"\bpwr htr\b",
-        ),
-        "aircon_power_w": (r"\b(air ?con\w*|a c|ac) ?power\b", r"\bpwr a c\b"),
-        "climate_power_w": (r"\b(climate|hvac) ?(control )?power\b",),
-    }
-)
+NAMES: Final[Mapping[str, tuple[str, ...]]] = {
+    "time_s": (
+        r"^(unix )?(time ?stamp|date ?time|zeitstempel|epoch|utc)\b",
+        r"^(elapsed |unix |gps |device |local |log )?(time|zeit|temps|tiempo|tijd)\b",
+        r"\b(time|timestamp|zeit|uhrzeit|date|datum)\b|^elapsed",
+        r"^(t|ts|sec|secs|seconds|sekunden|date|clock)$",
+    ),
+    "speed_m_s": (
+        r"\b(vehicle|veh|car|wheel|fahrzeug) ?(speed|spd|velocity|geschwindigkeit)\b",
+        r"^(speed|spd|velocity|velo|geschwindigkeit|vitesse|velocidad|snelheid|v)$",
+        r"\b(speed|spd|velocity|geschwindigkeit|vitesse|velocidad|snelheid)\b",
+        r"^v veh\b|^v fzg\b|^veh v\b",
+        r"^(kmh|kph|mph)$",
+    ),
+    "voltage_v": (
+        _PACK + r"\b(voltage|volts?|spannung|tension|u|v)\b",
+        r"\b(u|v) ?(hv|pack|batt?(ery)?|bms|dc)\b",
+        r"\b(voltage|spannung|tension)\b",
+        r"^(volts?|u|vbat|vbatt|ubat|ubatt)$",
+    ),
+    "current_a": (
+        _PACK + r"\b(current|amps?|amperes?|strom|courant|i|a)\b",
+        r"\bi ?(hv|pack|batt?(ery)?|bms|dc)\b",
+        r"\b(current|strom|courant)\b",
+        r"^(amps?|amperes?|i|ibat|ibatt)$",
+    ),
+    POWER: (_PACK + r"\b(power|leistung|puissance|p)\b", r"^(power|leistung|puissance|p)$"),
+    "displayed_soc": (
+        r"\bdisplay(ed)?\b.*\b(soc|state of charge)\b",
+        r"\busable\b.*\b(level|soc)\b",
+        r"\b(soc|state of charge)\b.*\bdisplay(ed)?\b",
+        r"\b(soc|state of charge)\b.*\bdash(board)?\b",
+        r"\b(soc|ladezustand)\b.*\banzeige\b|\banzeige\b.*\b(soc|ladezustand)\b",
+    ),
+    "soc": (
+        r"\bsoc\b",
+        r"\bstate of charge\b",
+        r"\b(battery|charge) ?level\b",
+        r"\bladezustand\b",
+    ),
+    "elevation_m": (
+        r"\b(elevation|elev|elv|altitude|alt|height|hohe|hoehe|hoogte|altitud)\b",
+        r"^z$",
+    ),
+    "grade": (r"\b(grade|slope|inclination|steigung|pente)\b",),
+    "ambient_temperature_degc": (
+        r"\b(ambient|outside|outdoor|oat|aussentemperatur|aussen|exterieure?|exterior|external|umgebung\w*)\b",
+        r"\b(t|temp|temperature) ?(amb|ambient|out|outside|ext|env|air)\b",
+        r"\b(amb|out|ext|env|air) ?(t|temp|temperature)\b",
+        r"^tamb$|^tout$|^text$|^weather temp|^v e temp$",
+        r"^(t|temp|temperature|temperatur)$",
+    ),
+    "cabin_temperature_degc": (
+        r"\b(cabin|interior|innenraum|habitacle)\b",
+        r"\binnentemp\w*\b|\bcabintemp\b",
+        r"\binside ?temp",
+        r"\b(t|temp) ?(cabin|in|inside)\b",
+    ),
+    "battery_temperature_degc": (
+        r"\bbatt?(ery|erie)?\b.*\b(temp|temperature|temperatur|t)\b",
+        r"\b(t|temp|temperature)\b.*\bbatt?(ery|erie)?\b",
+        r"^v b temp$",
+        r"^pack t\d? c$",
+    ),
+    "motor_torque_nm": (r"\b(torque|drehmoment|couple)\b",),
+    "heating_power_w": (
+        r"\bheat(er|ing)? ?power\b",
+        r"\bheizleistung\b",
+        r"\bptc ?power\b",
+        r"\bpwr htr\b",
+    ),
+    "aircon_power_w": (r"\b(air ?con\w*|a c|ac) ?power\b", r"\bpwr a c\b"),
+    "climate_power_w": (r"\b(climate|hvac) ?(control )?power\b",),
+}
 """What loggers call our columns, the likeliest first; matched on `words`."""
 
 _OTHER: Final = re.compile(
@@ -100,19 +97,17 @@ _NEVER: Final = (
     r"\b(12 ?v|lv|aux\w*|modul\w*|cell|cells|zelle\w*|min|max|avg|charger|obd|adapter|requested|request|target|"
     r"set ?point|limit|lim|soll)\b"
 )
-_NOT: Final[Mapping[str, str]] = MappingProxyType(
-    {
-        "time_s": r"\b(remaining|duration|step|delta|zone|to)\b",
-        "speed_m_s": r"\b(motor|engine|rpm|wind|fan|compressor|pump|gps accuracy)\b",
-        "voltage_v": r"\b(motor|inverter|ac|phase|outlet|temp\w*)\b",
-        "current_a": r"\b(motor|inverter|ac|phase|outlet|temp\w*|speed|trip|drive)\b",
-        POWER: r"\b(motor|inverter|ac|heat\w*|air|climate|hvac)\b",
-        "soc": r"\b(charging)\b",
-        "ambient_temperature_degc": r"\b(batt\w*|motor|inverter|coolant|cabin|pressure|brightness|humidity)\b",
-        "cabin_temperature_degc": r"\b(batt\w*|motor|humidity)\b",
-        "battery_temperature_degc": r"\b(ambient|outside)\b",
-    }
-)
+_NOT: Final[Mapping[str, str]] = {
+    "time_s": r"\b(remaining|duration|step|delta|zone|to)\b",
+    "speed_m_s": r"\b(motor|engine|rpm|wind|fan|compressor|pump|gps accuracy)\b",
+    "voltage_v": r"\b(motor|inverter|ac|phase|outlet|temp\w*)\b",
+    "current_a": r"\b(motor|inverter|ac|phase|outlet|temp\w*|speed|trip|drive)\b",
+    POWER: r"\b(motor|inverter|ac|heat\w*|air|climate|hvac)\b",
+    "soc": r"\b(charging)\b",
+    "ambient_temperature_degc": r"\b(batt\w*|motor|inverter|coolant|cabin|pressure|brightness|humidity)\b",
+    "cabin_temperature_degc": r"\b(batt\w*|motor|humidity)\b",
+    "battery_temperature_degc": r"\b(ambient|outside)\b",
+}
 """Words of columns that share a name with ours but are something else."""
 
 _SHOWN: Final = re.compile(r"[(\[]\s*display(ed)?\s*[)\]]", re.IGNORECASE)

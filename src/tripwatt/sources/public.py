@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from types import MappingProxyType
 from typing import Final
 
 from tripwatt.sources.tum_fetch import where_to_get_tum
@@ -43,7 +42,10 @@ Licence: the repository names MIT, its page non-commercial, educational and rese
 Yuan et al., Patterns 5(4), 2024, https://doi.org/10.1016/j.patter.2024.100950
 """
 
-PUBLIC_SETS: Final[Mapping[str, str]] = MappingProxyType(
-    {"tum": where_to_get_tum(), "ved": _VED, "twizy": _TWIZY, "sedan": _SEDAN}
-)
+PUBLIC_SETS: Final[Mapping[str, str]] = {
+    "tum": where_to_get_tum(),
+    "ved": _VED,
+    "twizy": _TWIZY,
+    "sedan": _SEDAN,
+}
 """Name of a set -> where it can be had."""

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
-from tripwatt.arrays import FloatArray, IntArray
+from tripwatt.arrays import FloatArray, IntArray, held
 from tripwatt.errors import Fault, InvalidInput, and_more
 from tripwatt.sources.clocks import GAP_S, steady_clock
 from tripwatt.sources.mapping import POWER, UNITS, ColumnMapping
@@ -265,7 +265,11 @@ def log_of(drive: RawDrive) -> Log:
     if file.stamped:
         time = time - time[0]
     signals = {c: np.asarray(samples[c], dtype=np.float64) for c in samples.columns if c != "time_s"}
-    columns = {"time_s": time, **{c: _held(time, x, mapping.hold_s) for c, x in signals.items()}}
+    hold_s = mapping.hold_s
+    columns = {
+        "time_s": time,
+        **{c: held(time, x, hold_s) if hold_s > 0.0 else x for c, x in signals.items()},
+    }
     rebuilt = rebuild_speed(time, signals["speed_m_s"], columns["speed_m_s"])
     columns["speed_m_s"] = rebuilt.speed_m_s
     steps = (rebuilt.held_s, "s"), (round(rebuilt.step_m_s, 3), "m_s")
@@ -289,16 +293,6 @@ def log_of(drive: RawDrive) -> Log:
     if energy_std is None:
         return log
     return replace(log, observed_energy_std_wh=energy_std, observed_energy_common_std=common_std)
-
-
-def _held(time: FloatArray, values: FloatArray, hold_s: float) -> FloatArray:
-    """Missing values replaced by the last one while it is not older than `hold_s`."""
-    known = np.isfinite(values)
-    if hold_s <= 0.0 or known.all() or not known.any():
-        return values
-    last = np.maximum.accumulate(np.where(known, np.arange(len(values)), -1))
-    fresh = (last >= 0) & (time - time[np.maximum(last, 0)] <= hold_s)
-    return np.where(fresh, values[np.maximum(last, 0)], np.nan)
 
 
 def _energy_from_soc(columns: Mapping[str, FloatArray], mapping: ColumnMapping) -> tuple[FloatArray, float]:

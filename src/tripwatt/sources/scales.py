@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 
 from tripwatt.arrays import FloatArray
-from tripwatt.errors import InvalidInput
+from tripwatt.errors import or_none
 from tripwatt.sources.columnar import TableFile
 from tripwatt.sources.evidence import SPEED_UNITS
 from tripwatt.sources.mapping import M_S_PER_MPH
@@ -146,9 +146,8 @@ def is_stated(ours: str, column: str) -> bool:
 
 def _degrees(table: TableFile, name: str) -> FloatArray | None:
     """A column of numbers; of degrees and minutes as in "48 12.345"."""
-    try:
-        texts = table.texts(name)
-    except InvalidInput:
+    texts = or_none(table.texts, name)
+    if texts is None:
         return None
     if not any(" " in text.strip() for text in texts[:50]):
         return table.numbers([name])[0]

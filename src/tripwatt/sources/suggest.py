@@ -11,7 +11,6 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import MappingProxyType
 from typing import Final
 
 import numpy as np
@@ -71,13 +70,10 @@ AS_SHIPPED: Final = "as in the shipped mapping"
 _TRIP_NAME: Final = re.compile(
     r"^(trip|drive|journey|fahrt|ride|route|session|segment|track)( ?(id|no|nr|num|number|name|uid|uuid|index|idx))?$"
 )
-SPELLED: Final[Mapping[str, str]] = MappingProxyType(
-    {
-        unit.lower(): unit
-        for unit in ("V", "mV", "kV", "A", "mA", "dA", "W", "kW", "PS", "degC", "degF", "K", "Nm")
-    }
-    | {"c": "degC", "f": "degF", "kmh": "km/h", "kph": "km/h"}
-)
+SPELLED: Final[Mapping[str, str]] = {
+    unit.lower(): unit
+    for unit in ("V", "mV", "kV", "A", "mA", "dA", "W", "kW", "PS", "degC", "degF", "K", "Nm")
+} | {"c": "degC", "f": "degF", "kmh": "km/h", "kph": "km/h"}
 """Units of a mapping as people write them."""
 
 

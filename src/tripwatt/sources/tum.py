@@ -11,12 +11,11 @@ import itertools
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from types import MappingProxyType
 from typing import Final
 
 import pandas as pd
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, InvalidInput, system_errors
 from tripwatt.files import file_head
 from tripwatt.sources.columnar import read_all, require_folder
 from tripwatt.sources.delimited import Delimited, RawColumn, column_key, open_delimited, read_numbers
@@ -70,13 +69,11 @@ _TRIP_FILE: Final = re.compile(r"trip([ab]\d{2,3})(?!\d).*\.csv", re.IGNORECASE)
 _PUBLISHED: Final = (*(f"A{i:02d}" for i in range(1, 33)), *(f"B{i:02d}" for i in range(1, 39)))
 _ABSENT_FROM_REFERENCE: Final = tuple(f"B{i:02d}" for i in (1, 2, 4, 7, 8, 9, 10, 12, 14, 15, 34, 36))
 
-REFERENCE_TRIPS: Final[Mapping[str, float | None]] = MappingProxyType(
-    {
-        f"Trip{short}": 1203.9 if short == "B28" else None
-        for short in _PUBLISHED
-        if short not in _ABSENT_FROM_REFERENCE
-    }
-)
+REFERENCE_TRIPS: Final[Mapping[str, float | None]] = {
+    f"Trip{short}": 1203.9 if short == "B28" else None
+    for short in _PUBLISHED
+    if short not in _ABSENT_FROM_REFERENCE
+}
 """The 58 trips on which tripwatt is compared with other systems: id -> time [s] at which the trip ends, None for its own
 end. arXiv:2405.10984 scores 72 trips of the set, which it does not name."""
 
@@ -154,11 +151,8 @@ def trip_files(folder: Path) -> tuple[dict[str, Path], list[Flag]]:
     allowed = "a folder with TripA*.csv and TripB*.csv"
     get_it = "run `tripwatt fetch tum` for the source of the data"
     require_folder(folder, allowed, get_it)
-    try:
+    with system_errors("cannot read the folder", f"{folder}", allowed):
         csv_files = sorted(p for p in folder.iterdir() if p.suffix.lower() == ".csv" and p.is_file())
-    except OSError as error:
-        got = error.strerror or str(error)
-        raise InvalidInput.of("cannot read the folder", f"{folder}", got, allowed) from error
     files: dict[str, Path] = {}
     faults: list[Fault] = []
     for path in csv_files:

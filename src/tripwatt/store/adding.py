@@ -6,11 +6,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
-from tripwatt.errors import Fault, InvalidInput, raise_faults
+from tripwatt.errors import Check
 from tripwatt.sources import read_logs
 from tripwatt.sources.columnar import table_files
 from tripwatt.store.store import Added, TripStore
-from tripwatt.trips import Recorded
 
 FILES_AT_ONCE: Final = 64
 """Tables of a folder that are read before their logs are committed together."""
@@ -72,23 +71,17 @@ def add_files(
         logs = read_logs(path, dataset, mapping, strict=True)
         return store.add(logs, car_model=car_model, vehicle_id=vehicle_id, progress=progress)
     total = Added()
-    faults: list[Fault] = []
 
     def report(now: Added) -> None:
         if progress is not None:
             progress(total + now)
 
     files = table_files(Path(path))
-    for first in range(0, len(files), FILES_AT_ONCE):
-        logs_of_files: list[Recorded] = []
-        for file in files[first : first + FILES_AT_ONCE]:
-            try:
-                logs_of_files += read_logs(file, "table", mapping, strict=True).logs
-            except InvalidInput as error:
-                faults += error.faults
-        try:
-            total += store.add(logs_of_files, car_model=car_model, vehicle_id=vehicle_id, progress=report)
-        except InvalidInput as error:
-            faults += error.faults
-    raise_faults(faults)
+    with Check() as check:
+        for first in range(0, len(files), FILES_AT_ONCE):
+            some = files[first : first + FILES_AT_ONCE]
+            fleets = [check(read_logs, file, "table", mapping, strict=True) for file in some]
+            found = [log for fleet in fleets if fleet is not None for log in fleet.logs]
+            done = check(store.add, found, car_model=car_model, vehicle_id=vehicle_id, progress=report)
+            total += done or Added()
     return total

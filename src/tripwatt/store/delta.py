@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
@@ -28,6 +29,14 @@ ROW_GROUP: Final = 65_536
 """Rows of a group in a data file: some fifty drives at 1 Hz."""
 
 
+def imported(module: str, what: str, extra: str) -> Any:
+    """A module of an extra; `InvalidInput` with what installs it where it is missing."""
+    try:
+        return import_module(module)
+    except ImportError as error:
+        raise InvalidInput.of("package is missing", module, "", what, install(extra)) from error
+
+
 def require_deltalake() -> Any:
     """The package `deltalake`.
 
@@ -36,13 +45,7 @@ def require_deltalake() -> Any:
     InvalidInput
         When it is not installed.
     """
-    try:
-        import deltalake
-    except ImportError as error:
-        raise InvalidInput.of(
-            "package is missing", "deltalake", "", "for trip stores", install("fleet")
-        ) from error
-    return deltalake
+    return imported("deltalake", "for trip stores", "fleet")
 
 
 def is_url(place: str) -> bool:

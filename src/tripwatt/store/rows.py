@@ -7,7 +7,7 @@ import hashlib
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, Final
 
 import numpy as np
@@ -66,17 +66,6 @@ TRIPS: Final = pa.schema(
 )
 """One row a log. `findings`, `context` and `columns` are JSON; `started_at` is ISO 8601, so that text sorts as time.
 `as_logged` is true where the audit found one drive and changed nothing in it."""
-
-_CONTEXT: Final = (
-    "season",
-    "weather",
-    "route",
-    "cabin_setpoint_degc",
-    "payload_mass_kg",
-    "follows_trip",
-    "remarks",
-    "car",
-)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -230,9 +219,9 @@ def findings_text(findings: Sequence[Finding]) -> str:
 
 
 def _context_values(log: Recorded) -> dict[str, Any]:
-    empty = Context()
-    values = {name: getattr(log.context, name) for name in _CONTEXT}
-    known = {name: value for name, value in values.items() if value != getattr(empty, name)}
+    values = {field: getattr(log.context, field.name) for field in fields(Context)}
+    of_columns = ("started_at", "driver")
+    known = {f.name: value for f, value in values.items() if f.name not in of_columns and value != f.default}
     if log.observed_energy_std_wh is not None:
         known["energy_std_wh"] = log.observed_energy_std_wh
     if log.observed_energy_common_std:

@@ -7,7 +7,6 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, fields, replace
 from functools import wraps
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
 from tripwatt.trips.columns import COLUMNS, DEPARTURE_BOUNDS, QUANTITIES, raise_faults
@@ -32,12 +31,7 @@ SIGNALS: Final[Mapping[str, str]] = {
 }
 """Field of a departure -> the column of a log whose first sample it is. A log's `soc` is the battery management's."""
 
-TEMPERATURES: Final = (
-    "ambient_temperature_degc",
-    "cabin_temperature_degc",
-    "cabin_setpoint_degc",
-    "battery_temperature_degc",
-)
+TEMPERATURES: Final = tuple(name for name in SIGNALS if name.endswith("_degc"))
 """Fields among the features of the correctors, which a forecast compares with its training."""
 
 FIRST_S: Final = 60.0
@@ -83,35 +77,30 @@ class Departure:
         label="outside temperature",
         column=DEPARTURE_BOUNDS["ambient_temperature_degc"],
         option="--ambient",
-        metavar="°C",
     )
     cabin_setpoint_degc: float | None = entry(
         "Set-point of the cabin temperature.",
         label="cabin set-point",
         column=COLUMNS["cabin_setpoint_degc"],
         option="--setpoint",
-        metavar="°C",
     )
     cabin_temperature_degc: float | None = entry(
         "Cabin temperature at departure.",
         label="cabin temperature at departure",
         column=COLUMNS["cabin_temperature_degc"],
         option="--cabin-temperature",
-        metavar="°C",
     )
     battery_temperature_degc: float | None = entry(
         "Battery temperature at departure.",
         label="battery temperature at departure",
         column=COLUMNS["battery_temperature_degc"],
         option="--battery-temperature",
-        metavar="°C",
     )
     payload_mass_kg: float | None = entry(
         "Mass of passengers and luggage, without the driver.",
         label="payload",
         column=QUANTITIES["payload_mass_kg"],
         option="--payload",
-        metavar="KG",
     )
     bms_soc: float | None = entry(
         "State of charge of the battery management; it counts before `soc` where a log has both.",
@@ -162,7 +151,6 @@ class Departure:
         label="wind",
         column=QUANTITIES["wind_speed_m_s"],
         option="--wind",
-        metavar="M/S",
     )
     wind_from_deg: float | None = entry(
         "Direction from which the wind blows, clockwise from north: 270 is the west. Where it is unknown, the interval has a head wind "
@@ -172,15 +160,12 @@ class Departure:
         option="--wind",
         metavar="DEGREES",
     )
-    rain_mm_h: float | None = entry(
-        "Rain.", label="rain", column=QUANTITIES["rain_mm_h"], option="--rain", metavar="MM/H"
-    )
+    rain_mm_h: float | None = entry("Rain.", label="rain", column=QUANTITIES["rain_mm_h"], option="--rain")
     pressure_pa: float | None = entry(
         "Air pressure at the ground.",
         label="air pressure",
         column=QUANTITIES["pressure_pa"],
         option="--pressure",
-        metavar="PA",
     )
 
     def __post_init__(self) -> None:
@@ -383,14 +368,10 @@ def _first_value(samples: Sampled, column: str) -> float | None:
     return None
 
 
-FIELDS: Final[Mapping[str, Field]] = MappingProxyType(
-    {field.name: field.metadata["field"] for field in fields(Departure)}
-)
+FIELDS: Final[Mapping[str, Field]] = {field.name: field.metadata["field"] for field in fields(Departure)}
 """The table: name of a field of a departure -> what it holds and how it is given."""
 
-ASKED: Final[Mapping[str, Field]] = MappingProxyType(
-    {name: field for name, field in FIELDS.items() if field.option}
-)
+ASKED: Final[Mapping[str, Field]] = {name: field for name, field in FIELDS.items() if field.option}
 """Fields that a person gives: options of the command line, fields of a request and of the page."""
 
 EXTRAS: Final = FIELDS["extras"].choices

@@ -153,4 +153,6 @@ def entry(help: str, **how: Any) -> Any:
     dataclasses.Field
         With a `Field` in its metadata under "field".
     """
+    if how.get("column") is not None:
+        how.setdefault("metavar", how["column"].unit.upper())
     return dataclasses.field(default=None, metadata={"field": Field(help, **how)})

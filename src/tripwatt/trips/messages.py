@@ -9,7 +9,6 @@ from collections.abc import Callable, Mapping
 from fractions import Fraction
 from functools import cache
 from importlib.resources import files
-from types import MappingProxyType
 from typing import Any, Final
 
 from tripwatt.trips.departure import ASKED
@@ -31,26 +30,24 @@ def name_of(field: str) -> str:
     return str(catalogue()["names"].get(field, {}).get("cli", field.replace("_", " ")))
 
 
-SIGNALS: Final[Mapping[str, str]] = MappingProxyType(
-    {
-        "speed_m_s": "speed",
-        "elevation_m": "elevation",
-        "speed_limit_m_s": "speed limit",
-        "ambient_temperature_degc": "outside temperature",
-        "cabin_temperature_degc": "cabin temperature",
-        "cabin_setpoint_degc": "cabin set-point",
-        "battery_temperature_degc": "battery temperature",
-        "voltage_v": "battery voltage",
-        "current_a": "battery current",
-        "soc": "state of charge",
-        "displayed_soc": "displayed state of charge",
-        "motor_torque_nm": "motor torque",
-        "heating_power_w": "heating power",
-        "requested_heating_power_w": "requested heating power",
-        "aircon_power_w": "power of the air conditioner",
-        "climate_power_w": "power of climate control",
-    }
-)
+SIGNALS: Final[Mapping[str, str]] = {
+    "speed_m_s": "speed",
+    "elevation_m": "elevation",
+    "speed_limit_m_s": "speed limit",
+    "ambient_temperature_degc": "outside temperature",
+    "cabin_temperature_degc": "cabin temperature",
+    "cabin_setpoint_degc": "cabin set-point",
+    "battery_temperature_degc": "battery temperature",
+    "voltage_v": "battery voltage",
+    "current_a": "battery current",
+    "soc": "state of charge",
+    "displayed_soc": "displayed state of charge",
+    "motor_torque_nm": "motor torque",
+    "heating_power_w": "heating power",
+    "requested_heating_power_w": "requested heating power",
+    "aircon_power_w": "power of the air conditioner",
+    "climate_power_w": "power of climate control",
+}
 """Names for people of the signals of a log."""
 
 
@@ -81,25 +78,23 @@ def _changed(flag: Flag, k: int) -> str:
     return f"{str(flag.value).split(' -> ')[k]}{unit}"
 
 
-FORMS: Final[Mapping[str, Callable[[Flag], str]]] = MappingProxyType(
-    {
-        "subject": lambda f: f.subject,
-        "name": lambda f: name_of(f.subject),
-        "signal": lambda f: signal_name(f.subject),
-        "value": lambda f: str(f.value),
-        "quoted": lambda f: repr(f.value),
-        "old": lambda f: _changed(f, 0),
-        "new": lambda f: _changed(f, -1),
-        "number": lambda f: f"{_number(f):.0f}",
-        "general": lambda f: f"{_number(f):g}",
-        "percent": lambda f: f"{_number(f):.0%}",
-        "points": lambda f: f"{100.0 * _number(f):.1f}",
-        "temperature": lambda f: f"{_number(f):.0f} °C",
-        "speed": lambda f: f"{_number(f) / M_S_PER_KM_H:.0f} km/h",
-        "kwh": _kwh,
-        "span": lambda f: period(_number(f)),
-    }
-)
+FORMS: Final[Mapping[str, Callable[[Flag], str]]] = {
+    "subject": lambda f: f.subject,
+    "name": lambda f: name_of(f.subject),
+    "signal": lambda f: signal_name(f.subject),
+    "value": lambda f: str(f.value),
+    "quoted": lambda f: repr(f.value),
+    "old": lambda f: _changed(f, 0),
+    "new": lambda f: _changed(f, -1),
+    "number": lambda f: f"{_number(f):.0f}",
+    "general": lambda f: f"{_number(f):g}",
+    "percent": lambda f: f"{_number(f):.0%}",
+    "points": lambda f: f"{100.0 * _number(f):.1f}",
+    "temperature": lambda f: f"{_number(f):.0f} °C",
+    "speed": lambda f: f"{_number(f) / M_S_PER_KM_H:.0f} km/h",
+    "kwh": _kwh,
+    "span": lambda f: period(_number(f)),
+}
 """What stands in braces in the words of a flag; the page has its own in the units of the reader."""
 
 

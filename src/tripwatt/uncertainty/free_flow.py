@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 
 from tripwatt.arrays import FloatArray, IntArray
-from tripwatt.errors import InvalidInput
+from tripwatt.errors import or_none
 from tripwatt.hybrid import PowerCorrector, SegmentTable, segment_table
 from tripwatt.physics import simulate_trip
 from tripwatt.routes.free_flow import TravelTimeFactors, free_flow_links, moving_share, share_energy
@@ -98,7 +98,7 @@ class FreeFlowTrips:
     @classmethod
     def from_trips(cls, trips: Sequence[Trip], vehicle: Vehicle) -> FreeFlowTrips:
         """Cut trips into free-flow links. O(samples)."""
-        links = tuple(map(_links, trips))
+        links = tuple(or_none(free_flow_links, trip) for trip in trips)  # None where a log cannot be cut
 
         def energy(plan: Plan) -> float:
             table = segment_table(plan, simulate_trip(vehicle, plan))
@@ -172,13 +172,6 @@ class FreeFlowTrips:
             return None
         distance = np.array([np.nan if f is None else f[0].distance_m for f in self.links])
         return FreeFlowUncertainty.from_differences(factors, differences, distance)
-
-
-def _links(trip: Trip) -> tuple[LinkRoute, FloatArray] | None:
-    try:
-        return free_flow_links(trip)
-    except InvalidInput:  # a log that cannot be cut into links has no free-flow links
-        return None
 
 
 def _energy(corrector: PowerCorrector, table: SegmentTable) -> float:

@@ -6,7 +6,6 @@ The curves are simplified from public charts of charging sessions; cars without 
 
 from __future__ import annotations
 
-import types
 from collections.abc import Mapping
 from functools import cache
 from typing import Any, Final
@@ -46,8 +45,7 @@ def _sections() -> Mapping[str, Mapping[str, Any]]:
     rows: dict[str, list[dict[str, str]]] = {}
     for row in records("charging.csv"):
         rows.setdefault(row["car"], []).append(row)
-    sections = {car: _section(points, sources[points[0]["source"]]) for car, points in rows.items()}
-    return types.MappingProxyType(sections)
+    return {car: _section(points, sources[points[0]["source"]]) for car, points in rows.items()}
 
 
 def _section(points: list[dict[str, str]], source: Mapping[str, str]) -> Mapping[str, Any]:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, Final
 
-from tripwatt.errors import InvalidInput
+from tripwatt.errors import or_none
 from tripwatt.vehicles.loading import load_vehicle, vehicle_names
 from tripwatt.vehicles.vehicle import SECTIONS, Value, Vehicle
 
@@ -25,18 +25,16 @@ CHANGED_BY_TRIPS: Final = (
 )
 """How the source of a value starts that is no longer the published one."""
 
-_OTHER_METHOD: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
-    {
-        "coastdown": ("drag_coefficient", "frontal_area_m2", "rolling_resistance_coefficient"),
-        "coefficients": (
-            "coastdown_a_n",
-            "coastdown_b_n_s_m",
-            "coastdown_c_n_s2_m2",
-            "coastdown_mass_kg",
-            "coastdown_air_density_kg_m3",
-        ),
-    }
-)
+_OTHER_METHOD: Final[Mapping[str, tuple[str, ...]]] = {
+    "coastdown": ("drag_coefficient", "frontal_area_m2", "rolling_resistance_coefficient"),
+    "coefficients": (
+        "coastdown_a_n",
+        "coastdown_b_n_s_m",
+        "coastdown_c_n_s2_m2",
+        "coastdown_mass_kg",
+        "coastdown_air_density_kg_m3",
+    ),
+}
 """Values of a road load that nothing is computed from, by its method."""
 
 
@@ -155,15 +153,9 @@ def _is_published(value: Value | None, key: str, other: Vehicle) -> bool:
     if not entry.source.startswith(CHANGED_BY_TRIPS):
         return False
     # models of older versions do not hold the published value: the library has it, if the car is one of it
-    published = _library_car(other.name, other.preset)
+    is_bundled = other.name in vehicle_names()
+    published = or_none(load_vehicle, other.name, other.preset) if is_bundled else None
     return published is None or _same(value, published.value(key))
-
-
-def _library_car(name: str, preset: str) -> Vehicle | None:
-    try:
-        return load_vehicle(name, preset) if name in vehicle_names() else None
-    except InvalidInput:  # a preset that the library no longer has
-        return None
 
 
 def _same(one: Value | None, two: Value | None) -> bool:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Final
 
 from tripwatt.trips import EXTRAS
@@ -34,30 +33,28 @@ class Extra:
     source: str = ""
 
 
-EFFECTS: Final[Mapping[str, Extra]] = MappingProxyType(
-    {
-        "winter_tyres": Extra(
-            rolling=1.10,
-            source="two thirds of a class of the EU tyre label (Regulation (EU) 2020/740: classes lie 15 % apart); winter tyres are "
-            "mostly one class worse than summer tyres of their maker",
-        ),
-        "roof_box": Extra(
-            drag_area_m2=0.12,
-            mass_kg=20.0,
-            source="a box of 0.8 m by 0.4 m with a drag coefficient near 0.4; its load counts as payload",
-        ),
-        "trailer": Extra(
-            drag_area_m2=0.60,
-            mass_kg=500.0,
-            source="a laden single-axle trailer of 500 kg with a flat tarpaulin, partly in the wake of the car; more load counts as payload",
-        ),
-        "headlights": Extra(
-            load_w=100.0,
-            source="two dipped beams of 35 W (light-emitting diodes) to 55 W (H7, UN Regulation 37) and six lamps of 5 W for position and "
-            "number plate, less the daytime lights",
-        ),
-    }
-)
+EFFECTS: Final[Mapping[str, Extra]] = {
+    "winter_tyres": Extra(
+        rolling=1.10,
+        source="two thirds of a class of the EU tyre label (Regulation (EU) 2020/740: classes lie 15 % apart); winter tyres are "
+        "mostly one class worse than summer tyres of their maker",
+    ),
+    "roof_box": Extra(
+        drag_area_m2=0.12,
+        mass_kg=20.0,
+        source="a box of 0.8 m by 0.4 m with a drag coefficient near 0.4; its load counts as payload",
+    ),
+    "trailer": Extra(
+        drag_area_m2=0.60,
+        mass_kg=500.0,
+        source="a laden single-axle trailer of 500 kg with a flat tarpaulin, partly in the wake of the car; more load counts as payload",
+    ),
+    "headlights": Extra(
+        load_w=100.0,
+        source="two dipped beams of 35 W (light-emitting diodes) to 55 W (H7, UN Regulation 37) and six lamps of 5 W for position and "
+        "number plate, less the daytime lights",
+    ),
+}
 """Effect of each extra. Estimates of the tripwatt authors from the figures that are named."""
 
 

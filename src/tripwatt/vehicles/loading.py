@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import re
-import tomllib
 import types
 import unicodedata
 from collections.abc import Mapping
@@ -14,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from tripwatt.errors import InvalidInput, excerpt
-from tripwatt.files import MOST_TEXT_BYTES, read_text_file
+from tripwatt.files import MOST_TEXT_BYTES, parse_toml, read_text_file
 from tripwatt.vehicles.anchors import anchored_document
 from tripwatt.vehicles.catalogue import catalogue, class_values, table_names
 from tripwatt.vehicles.charging import charging_section
@@ -80,10 +79,7 @@ def load_vehicle(
             return _from_library(name, preset, overrides)
         vehicle = _unchanged(name, preset)
         return dataclasses.replace(vehicle, entries=dict(vehicle.entries))
-    try:
-        document = tomllib.loads(_read(path))
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise InvalidInput.of("not a TOML file", str(path), str(error)[:200], "TOML 1.0") from error
+    document = parse_toml(_read(path), str(path))
     # what a user gives for an own car is the user's, and held against no test unless the file says so
     document = {"licence": "user", "anchor": "class", **document}
     return vehicle_from_document(document, path.stem, str(path), preset, overrides or {})
@@ -139,7 +135,7 @@ def vehicle_titles() -> Mapping[str, str]:
     >>> vehicle_titles()["vw_id3"]
     'Volkswagen ID.3 58 kWh'
     """
-    titles = {name: str(tomllib.loads(bundled_text(name) or "")["name"]) for name in file_names()}
+    titles = {name: str(parse_toml(bundled_text(name) or "", name)["name"]) for name in file_names()}
     titles |= {name: catalogue()[name]["title"][0].value for name in table_names()}
     return types.MappingProxyType({name: titles[name] for name in vehicle_names()})
 
@@ -202,7 +198,7 @@ def library_document(name: str) -> dict[str, Any]:
         One of `vehicle_names()`.
     """
     if name in file_names():
-        return {**tomllib.loads(bundled_text(name) or ""), **charging_section(name)}
+        return {**parse_toml(bundled_text(name) or "", name), **charging_section(name)}
     return {**similar_document(figures_of_row(catalogue()[name]), class_values()), **charging_section(name)}
 
 

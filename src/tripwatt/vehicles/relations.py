@@ -9,7 +9,6 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 from typing import Any, Final
 
 import numpy as np
@@ -47,7 +46,7 @@ ROLLING_AT_M_S: Final = 25.0
 COAST_DOWN_MASSES: Final = (0.25, 4.0)
 """Mass of the coast-down over that of the car. It is made with the car; the rest is load."""
 
-LEAST_EFFICIENCY: Final = MappingProxyType({10.0: 0.25, 25.0: 0.5})
+LEAST_EFFICIENCY: Final = {10.0: 0.25, 25.0: 0.5}
 """Least efficiency of motor and inverter on a level road, by speed [m/s]. The least of the library are 0.66 and 0.79."""
 
 LEAST_PEAK_EFFICIENCY: Final = 0.5
@@ -367,23 +366,21 @@ def _loss(shaft_w: float, speed_rad_s: float, drivetrain: Drivetrain) -> float:
     return float(motor_loss(np.array([shaft_w / speed_rad_s]), np.array([speed_rad_s]), drivetrain)[0])
 
 
-_LOSSES: Final = MappingProxyType(
-    {
-        "torque_constant_nm_a": 100.0,
-        "phase_resistance_ohm": 0.0,
-        "field_weakening_speed_rad_s": 1e9,
-        "characteristic_current_a": 0.0,
-        "iron_loss_linear": 0.0,
-        "iron_loss_quadratic": 0.0,
-        "iron_loss_torque_exponent": 0.0,
-        "inverter_fixed_loss_w": 0.0,
-        "inverter_voltage_drop_v": 0.0,
-        "inverter_resistance_ohm": 0.0,
-        "motor_loss_factor": 1.0,
-        "flux_loss_w_s2_rad2": 0.0,
-        "field_loss_w": 0.0,
-    }
-)
+_LOSSES: Final = {
+    "torque_constant_nm_a": 100.0,
+    "phase_resistance_ohm": 0.0,
+    "field_weakening_speed_rad_s": 1e9,
+    "characteristic_current_a": 0.0,
+    "iron_loss_linear": 0.0,
+    "iron_loss_quadratic": 0.0,
+    "iron_loss_torque_exponent": 0.0,
+    "inverter_fixed_loss_w": 0.0,
+    "inverter_voltage_drop_v": 0.0,
+    "inverter_resistance_ohm": 0.0,
+    "motor_loss_factor": 1.0,
+    "flux_loss_w_s2_rad2": 0.0,
+    "field_loss_w": 0.0,
+}
 """Entries of the loss map, and the value with which each loses least."""
 
 

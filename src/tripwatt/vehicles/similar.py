@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Any, Final
 
 from tripwatt.units import GRAVITY_M_S2, KG_PER_LB
@@ -23,17 +22,15 @@ from tripwatt.vehicles.catalogue import (
     Row,
 )
 
-WHEEL_RADIUS_M: Final = MappingProxyType(
-    {
-        "quadricycle": 0.265,
-        "small": 0.295,
-        "hatchback": 0.315,
-        "sedan": 0.335,
-        "suv": 0.345,
-        "van": 0.345,
-        "pickup": 0.390,
-    }
-)
+WHEEL_RADIUS_M: Final = {
+    "quadricycle": 0.265,
+    "small": 0.295,
+    "hatchback": 0.315,
+    "sedan": 0.335,
+    "suv": 0.345,
+    "van": 0.345,
+    "pickup": 0.390,
+}
 """Rolling radius of usual tyres of a kind of body: 125/80 R13, 185/55 R16, 205/55 R17, 235/45 R19, 235/50 R19, 235/50 R19, 275/60 R20."""
 
 GEAR_RATIO: Final = 9.5
@@ -71,14 +68,14 @@ class Cells:
     nominal_v: float
 
 
-CHEMISTRIES: Final = MappingProxyType(
-    {"nmc": Cells("nmc_cells", 3.72, 3.65), "lfp": Cells("lfp_cells", 3.28, 3.20)}
-)
+CHEMISTRIES: Final = {"nmc": Cells("nmc_cells", 3.72, 3.65), "lfp": Cells("lfp_cells", 3.28, 3.20)}
 """Cathodes: layered oxides (NMC, NCA), and iron phosphate. Nominal voltages are general figures of their cells."""
 
-MACHINES: Final = MappingProxyType(
-    {"psm": "permanent_magnet_motor", "asm": "induction_motor", "eesm": "externally_excited_motor"}
-)
+MACHINES: Final = {
+    "psm": "permanent_magnet_motor",
+    "asm": "induction_motor",
+    "eesm": "externally_excited_motor",
+}
 """Shared file of each type of motor, by its word in the table."""
 
 DISPLAY: Final = (0.03, 0.97)

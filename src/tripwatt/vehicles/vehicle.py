@@ -22,19 +22,17 @@ from tripwatt.vehicles.parts import (
 
 Value = float | str | tuple[float, ...]
 
-SECTIONS: Final[Mapping[str, type]] = types.MappingProxyType(
-    {
-        "body": Body,
-        "road_load": RoadLoad,
-        "tyres": Tyres,
-        "drivetrain": Drivetrain,
-        "regeneration": Regeneration,
-        "battery": Battery,
-        "auxiliaries": Auxiliaries,
-        "climate": Climate,
-        "charging": Charging,
-    }
-)
+SECTIONS: Final[Mapping[str, type]] = {
+    "body": Body,
+    "road_load": RoadLoad,
+    "tyres": Tyres,
+    "drivetrain": Drivetrain,
+    "regeneration": Regeneration,
+    "battery": Battery,
+    "auxiliaries": Auxiliaries,
+    "climate": Climate,
+    "charging": Charging,
+}
 """Sections of a car's TOML and the part that each describes."""
 
 OPTIONAL_SECTIONS: Final[frozenset[str]] = frozenset({"tyres", "climate", "charging"})

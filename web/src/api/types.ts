@@ -554,8 +554,6 @@ export interface components {
             cars: components["schemas"]["CarSummary"][] | null;
         };
         ChargingDocument: {
-            label: string;
-            stops: components["schemas"]["ChargingStopDocument"][];
             p_arrive: number;
             p_reserve: number;
             soc_arrival: number;
@@ -564,6 +562,13 @@ export interface components {
             charging_s: number;
             duration_s: number;
             energy_wh: number;
+            label: string;
+            stops: components["schemas"]["ChargingStopDocument"][];
+            energy_interval_wh: number[];
+            by_cause_wh: {
+                [key: string]: number;
+            };
+            battery_loss_wh: number;
             course: components["schemas"]["CourseDocument"];
             line: components["schemas"]["LineDocument"];
         };
@@ -1232,6 +1237,7 @@ export interface components {
             power_w: number;
             direct_current: boolean;
             power_known: boolean;
+            plugs: string[];
         };
         StopDocument: {
             position_m: number;
@@ -1358,7 +1364,6 @@ export interface components {
             vehicles: components["schemas"]["VehicleSummary"][];
         };
         VerdictDocument: {
-            arrives: boolean;
             p_arrive: number;
             p_reserve: number;
             soc_arrival: number;
@@ -1366,9 +1371,10 @@ export interface components {
             driving_s: number;
             charging_s: number;
             duration_s: number;
+            energy_wh: number;
+            arrives: boolean;
             departs_at: string | null;
             arrives_at: string | null;
-            energy_wh: number;
             charges: number;
             /** @enum {string} */
             advice: "go" | "stop" | "charge_before" | "slower" | "none";
@@ -1671,6 +1677,7 @@ export interface operations {
                 model?: string | null;
                 vehicle?: string | null;
                 car?: string | null;
+                vehicle_figures?: string | null;
                 reserve?: number | null;
                 distance_km?: number | null;
                 trip?: string | null;
@@ -1715,6 +1722,7 @@ export interface operations {
                 model?: string | null;
                 vehicle?: string | null;
                 car?: string | null;
+                vehicle_figures?: string | null;
                 reserve?: number | null;
             };
             header?: never;

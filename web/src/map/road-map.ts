@@ -11,12 +11,19 @@ import type {
   Marker,
   StyleSpecification,
 } from "maplibre-gl";
-import type { Bounds, Point } from "../model/road";
+import type { Bounds, Field, Point } from "../model/road";
 
 /** Name of the worker's file; the build fills it in. */
 declare const MAP_WORKER: string;
 
-export type End = "from" | "to";
+/** A pin of the journey that can be dragged: one of its ends, or a place on the way. */
+export interface Mark {
+  field: Field;
+  at: Point;
+  /** What stands in it. */
+  letter: string;
+  label: string;
+}
 
 export interface MapPalette {
   ground: string;
@@ -39,7 +46,7 @@ export interface MapPalette {
 export interface MapHandlers {
   onClick: (at: Point) => void;
   /** `done` is false while the pointer is down. */
-  onDrag: (end: End, to: Point, done: boolean) => void;
+  onDrag: (field: Field, to: Point, done: boolean) => void;
   /** The pointer is on the chosen road; null when it leaves. */
   onRoad: (at: Point | null) => void;
   onOther: (road: number) => void;
@@ -75,8 +82,8 @@ export type Feature = GeoJSON.Feature;
 
 const EMPTY: Collection = { type: "FeatureCollection", features: [] };
 const TILE_ZOOM = { minzoom: 4, maxzoom: 14 };
-/** Of what is fitted into view [px]: pins stand above their points, buttons at the right. */
-const PADDING = { top: 64, right: 60, bottom: 36, left: 36 };
+/** Of what is fitted into view [px]: pins stand above their points, names reach to both sides, buttons are at the right. */
+const PADDING = { top: 64, right: 60, bottom: 36, left: 60 };
 const MAX_FIT_ZOOM = 14;
 /** Zoom of the whole world, where nothing else is known. */
 const START_ZOOM = 3;
@@ -126,11 +133,16 @@ function line(id: string, source: Data, paint: object): LayerSpecification {
   return { id, type: "line", source, layout: { "line-cap": "round", "line-join": "round" }, paint };
 }
 
-/** Where a name stands beside its point, the best place first; the last two are below and above a pin. */
+/** Where a name stands beside its point, the best place first: close to it, or clear of a road through it. */
 const BESIDE = [
   ...["left", [0.5, 0], "top", [0, 0.4], "right", [-0.5, 0], "bottom", [0, -0.4]],
-  ...["top", [0, 0.9], "bottom", [0, -4.2]],
+  ...["top", [0, 0.9], "bottom", [0, -0.9], "top", [0, 1.6], "bottom", [0, -1.6]],
 ];
+/** And above a pin on the point. */
+const ABOVE_PIN = ["bottom", [0, -4.2]];
+
+/** Zoom from which settlements are shown: those of a whole country would cover its roads. */
+const SHOWN_FROM_ZOOM = [">=", ["zoom"], ["match", ["get", "kind"], "city", 0, "town", 6, 9]];
 
 /** Layers of the journey, from below. */
 function journeyLayers(palette: MapPalette, font: string): LayerSpecification[] {
@@ -159,20 +171,10 @@ function journeyLayers(palette: MapPalette, font: string): LayerSpecification[] 
     line("road", "roads", { "line-color": level, "line-width": width }),
     line("road-hit", "roads", { "line-color": palette.casing, "line-width": 22, "line-opacity": 0 }),
     {
-      id: "station",
-      type: "circle",
-      source: "stations",
-      paint: {
-        "circle-radius": ["case", ["get", "chosen"], 11, 5],
-        "circle-color": palette.station,
-        "circle-stroke-color": palette.casing,
-        "circle-stroke-width": 2,
-      },
-    },
-    {
       id: "settlement-dot",
       type: "circle",
       source: "settlements",
+      filter: SHOWN_FROM_ZOOM as never,
       paint: {
         "circle-radius": ["match", ["get", "kind"], "city", 3.5, "town", 3, 2],
         "circle-color": palette.text,
@@ -181,21 +183,51 @@ function journeyLayers(palette: MapPalette, font: string): LayerSpecification[] 
       },
     },
     {
+      id: "station",
+      type: "circle",
+      source: "stations",
+      layout: { "circle-sort-key": ["case", ["get", "chosen"], 1, 0] },
+      paint: {
+        "circle-radius": ["case", ["get", "chosen"], 11, 5],
+        "circle-color": palette.station,
+        "circle-stroke-color": palette.casing,
+        "circle-stroke-width": 2,
+      },
+    },
+    {
       id: "settlement",
       type: "symbol",
       source: "settlements",
+      filter: SHOWN_FROM_ZOOM as never,
       layout: {
         "text-field": ["get", "name"],
         "text-font": [font],
         "text-size": ["match", ["get", "kind"], "city", 17, "town", 15, 12.5],
-        "text-variable-anchor-offset": BESIDE as never,
+        "text-variable-anchor-offset": [
+          "case",
+          ["get", "pinned"],
+          ["literal", [...BESIDE, ...ABOVE_PIN]],
+          ["literal", BESIDE],
+        ] as never,
         "text-justify": "auto",
         "symbol-sort-key": ["get", "rank"],
         "text-padding": 4,
       },
       paint: { "text-color": palette.text, "text-halo-color": palette.halo, "text-halo-width": 1.6 },
     },
-    // What is above is placed first: names keep clear of stations, of stops and of the pins.
+    // What is above is placed first: names keep clear of the road, of stations, of stops and of the pins.
+    {
+      id: "road-room",
+      type: "symbol",
+      source: "roads",
+      layout: {
+        "symbol-placement": "line",
+        "symbol-spacing": ROOMS.station[0],
+        "icon-image": "room-station",
+        "icon-allow-overlap": true,
+        "icon-padding": 0,
+      },
+    },
     {
       id: "station-room",
       type: "symbol",
@@ -271,7 +303,7 @@ function corners([south, west, north, east]: Bounds): [Point, Point] {
 
 export class RoadMap {
   private readonly map: Canvas;
-  private readonly markers = new Map<End, Marker>();
+  private readonly markers = new Map<Field, Marker>();
   private readonly waiting = new Map<Data, Collection>();
   private loaded = false;
 
@@ -297,17 +329,18 @@ export class RoadMap {
     this.listen();
   }
 
-  /** Put a marker on an end of the journey, or remove it. */
-  setEnd(end: End, at: Point | null, label: string): void {
-    const known = this.markers.get(end);
-    if (!at) {
-      known?.remove();
-      this.markers.delete(end);
-    } else if (known) {
-      known.setLngLat(at);
-      known.getElement().setAttribute("aria-label", label);
-    } else {
-      this.markers.set(end, this.marker(end, at, label));
+  /** Put pins on the places of the journey, and on no others. */
+  setMarks(marks: readonly Mark[]): void {
+    for (const [field, known] of this.markers) {
+      if (marks.some((mark) => mark.field === field)) continue;
+      known.remove();
+      this.markers.delete(field);
+    }
+    for (const mark of marks) {
+      const known = this.markers.get(mark.field);
+      const marker = known ?? this.marker(mark);
+      marker.setLngLat(mark.at).getElement().setAttribute("aria-label", mark.label);
+      if (!known) this.markers.set(mark.field, marker.addTo(this.map)); // adding it again would end a drag
     }
     this.setPins();
   }
@@ -347,19 +380,16 @@ export class RoadMap {
     this.map.remove();
   }
 
-  private marker(end: End, at: Point, label: string): Marker {
+  private marker({ field, letter }: Mark): Marker {
     const element = document.createElement("div");
     // eslint-disable-next-line page/text -- classes
-    element.className = `end-mark end-${end}`;
-    element.textContent = end === "from" ? "A" : "B";
+    element.className = `end-mark end-${field.replace(/\d+/, "")}`;
+    element.textContent = letter;
     element.setAttribute("role", "img");
-    element.setAttribute("aria-label", label);
-    const marker = new this.options.library.Marker({ element, draggable: true, anchor: "bottom" })
-      .setLngLat(at)
-      .addTo(this.map);
+    const marker = new this.options.library.Marker({ element, draggable: true, anchor: "bottom" });
     const tell = (done: boolean) => {
       const { lng, lat } = marker.getLngLat();
-      this.options.handlers.onDrag(end, [lng, lat], done);
+      this.options.handlers.onDrag(field, [lng, lat], done);
       this.setPins();
     };
     marker.on("drag", () => tell(false));

@@ -45,14 +45,9 @@ export function chanceOf(forecast: Forecast, reserve: number): number | null {
 
 export type Verdict = "good" | "open" | "bad";
 
-/** Mean grade that no road keeps up from its start to its end. */
-const STEEPEST = 0.08;
-
-/** Climb of an unknown road with which the expected charge on arrival falls to the reserve [m]; null where no road has it. */
-export function decisiveClimbM({ climb, series }: Forecast, reserve: number): number | null {
-  const changesM = valueAt(climb?.changes_at_m ?? {}, reserve);
-  const mostM = STEEPEST * (series.distance_m.at(-1) as number);
-  return changesM !== null && changesM <= mostM ? changesM : null;
+/** Climb of an unknown road with which the expected charge on arrival falls to the reserve [m]; null where none does. */
+export function climbToReserveM({ climb }: Forecast, reserve: number): number | null {
+  return valueAt(climb?.changes_at_m ?? {}, reserve);
 }
 
 export function verdictOf(chance: number): Verdict {

@@ -29,6 +29,17 @@ export function profileFromSamples(samples: Columns): Profile {
   return { timeS, distanceM, speedMS, elevationM: elevation && known ? numbers(elevation) : null };
 }
 
+/** What a road climbs and descends in all [m]. */
+export function climbsOf(elevationM: Float64Array): [number, number] {
+  let [upM, downM] = [0, 0];
+  for (let k = 1; k < elevationM.length; k++) {
+    const stepM = (elevationM[k] as number) - (elevationM[k - 1] as number);
+    upM += Math.max(stepM, 0);
+    downM += Math.max(-stepM, 0);
+  }
+  return [upM, downM];
+}
+
 /** A profile of the same route at another speed, with the elevation of the first profile. */
 export function withElevationOf({ distanceM, elevationM }: Profile, driven: Profile): Profile {
   if (!elevationM) return driven;

@@ -5,6 +5,10 @@ import { interpolate } from "./interpolate";
 
 export type Level = "low" | "usual" | "high";
 
+export type End = "from" | "to";
+/** A place of a journey: an end, or one of the places on the way by its number. */
+export type Field = End | `via${number}`;
+
 /** Longitude and latitude [°], in the order of GeoJSON. */
 export type Point = [number, number];
 

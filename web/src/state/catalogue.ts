@@ -4,14 +4,13 @@ import { batch, signal } from "@preact/signals";
 import { listExamples, listModels, listVehicles, loadExample, readRoute, viewMap } from "../api/client";
 import type { ExampleSummary, Place } from "../api/documents";
 import type { Kind } from "../model/distance";
-import { metresBetween } from "../model/road";
+import { type Field, metresBetween } from "../model/road";
 import { chooseFirst, models, vehicles } from "./car";
 import { type Conditions, conditions, resetTo, USUAL } from "./conditions";
 import { reportProblem, problem } from "./forecast";
 import { loadOwnCars, ownCars } from "./own-cars";
 import {
   answersAreOld,
-  type End,
   ends,
   isExample,
   isRound,
@@ -19,7 +18,7 @@ import {
   map,
   nextEnd,
   placesOfJourney,
-  setEnd,
+  setPlace,
   vias,
   wantsFit,
 } from "./journey";
@@ -81,9 +80,9 @@ export function chooseJourney(isDraft = false): void {
   else show(next);
 }
 
-/** Set an end on the map, and plan as soon as there are two; the first click replaces an example. */
-export function moveEnd(end: End, place: Place, isDraft = false): void {
-  setEnd(end, place);
+/** Set a place of the journey on the map, and plan as soon as there are all. */
+export function move(field: Field, place: Place, isDraft = false): void {
+  setPlace(field, place);
   chooseJourney(isDraft);
 }
 

@@ -40,6 +40,8 @@ export interface Conditions extends Given {
   weatherOfHour: boolean;
   /** Whether the battery is warmed on the way to a charging stop. */
   preheatForStops: boolean;
+  /** Parking, plugging in and paying at each charging stop. */
+  stopOverheadS: number;
   /** Speed on the motorway of a planned route; null as planned. */
   motorwayMS: number | null;
 }
@@ -67,6 +69,7 @@ export const USUAL: Conditions = {
   departsAt: null,
   weatherOfHour: false,
   preheatForStops: false,
+  stopOverheadS: 300,
   motorwayMS: null,
 };
 
@@ -121,7 +124,7 @@ function startTemperaturesOf(at: Conditions, logged: StartTemperatures): StartTe
 }
 
 /** What a weather server gives where the form does not. */
-const WEATHER: string[] = [
+export const WEATHER: string[] = [
   "ambient_temperature_degc",
   "wind_speed_m_s",
   "wind_from_deg",
@@ -136,7 +139,7 @@ export function fieldsOf(at: Conditions, logged: StartTemperatures) {
 }
 
 /** And of a request for a journey, which also has a time of departure, and the weather of its hour. */
-export function fieldsOfJourney(at: Conditions) {
+export function conditionsOfJourney(at: Conditions) {
   const all = Object.entries(fieldsOf(at, {}));
   const asked = all.filter(([name]) => !at.weatherOfHour || !WEATHER.includes(name));
   const fields = Object.fromEntries(asked) as Partial<ReturnType<typeof fieldsOf>>;

@@ -144,7 +144,14 @@ const runner = new Latest<ForecastJob>(async (job, signal) => {
     });
   } catch (error) {
     const failure = problemFrom(error);
-    if (failure) problem.value = failure;
+    if (!failure) return;
+    batch(() => {
+      problem.value = failure;
+      // nothing of another journey stays up, but while an end is dragged over what has no road
+      if (job.trip.stops && !job.trip.isDraft && whole?.of !== job.trip) {
+        journey.value = departure.value = profile.value = null;
+      }
+    });
   }
 }, MIN_INTERVAL_MS);
 

@@ -4,13 +4,10 @@ import { computed, effect, signal, untracked } from "@preact/signals";
 import { findReach, getMap, planJourney } from "../api/client";
 import { Latest } from "../api/latest";
 import type { ChargingPlan, Journey, JourneyRequest, MapInfo, Place, Reach } from "../api/documents";
+import type { End, Field } from "../model/road";
 import { car } from "./car";
-import { type Conditions, conditions, fieldsOfJourney } from "./conditions";
+import { type Conditions, conditions, conditionsOfJourney } from "./conditions";
 import { fieldsOfCar, stopOf, type Trip } from "./trip";
-
-export type End = "from" | "to";
-/** A field for a place: an end, or one of the places on the way by its number. */
-export type Field = End | `via${number}`;
 
 const ALTERNATIVES = 2;
 const MIN_INTERVAL_MS = 200;
@@ -61,6 +58,11 @@ export function setEnd(end: End, place: Place | null): void {
   else nextEnd.value = next.to ? null : "to";
 }
 
+/** The fields of the journey in their order. */
+export function fieldsOfJourney(): Field[] {
+  return ["from", ...vias.value.map((_, k): Field => `via${k}`), "to"];
+}
+
 /** The place of a field. */
 export function placeOf(field: Field): Place | null {
   if (field === "from" || field === "to") return ends.value[field];
@@ -76,7 +78,7 @@ export function setPlace(field: Field, place: Place | null): void {
 
 /** The places of the journey in their order; null while one is missing. */
 export function placesOfJourney(): Place[] | null {
-  const all = [ends.value.from, ...vias.value, ends.value.to];
+  const all = fieldsOfJourney().map(placeOf);
   return all.every((place) => place !== null) ? all : null;
 }
 
@@ -127,7 +129,7 @@ interface ReachJob {
 const runner = new Latest<ReachJob>(async ({ from, at }, signal) => {
   isFindingReach.value = true;
   try {
-    const body = { start: stopOf(from), ...fieldsOfCar(car.value), ...fieldsOfJourney(at) };
+    const body = { start: stopOf(from), ...fieldsOfCar(car.value), ...conditionsOfJourney(at) };
     reach.value = await findReach(body, signal);
   } catch {
     reach.value = null; // the forecast has the same faults, and shows them

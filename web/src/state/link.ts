@@ -13,7 +13,8 @@ import { readStored, writeStored } from "./preferences";
 import { type Source, type Trip, trip } from "./trip";
 
 const KEY = "tripwatt.last";
-const REST_MS = 250;
+/** Between two writes; browsers allow few in a short time. */
+const REST_MS = 400;
 
 /** What a link has. */
 export interface Linked {
@@ -33,7 +34,7 @@ function kindOf(name: string): "number" | "string" | "boolean" | "list" {
   if (field) return "unit" in field ? "number" : "several" in field ? "list" : "string";
   const usual = USUAL[name as Names];
   if (typeof usual === "boolean") return "boolean";
-  return name === "reserve" || name === "motorwayMS" ? "number" : "string";
+  return typeof usual === "number" || name === "motorwayMS" ? "number" : "string";
 }
 
 const BEFORE: BeforeDeparture[] = ["parked", "garage", "logged", "unknown"];
@@ -142,27 +143,38 @@ let entered: Trip | null = null;
 /** Keep the address of the page, and the link of the next visit, up to date. `open` shows a link of the history. */
 export function keepLink(open: (linked: Linked) => void): void {
   let timer = 0;
+  let isDue = false;
+  const write = () => {
+    const now = trip.peek();
+    if (!isDue || !now || now.isDraft) return;
+    isDue = false;
+    const link = linkOf(now, conditions.peek(), car.peek());
+    const isNew = entered !== null && JSON.stringify(tripText(entered)) !== JSON.stringify(tripText(now));
+    entered = now;
+    if (link && !isExample.peek()) writeStored(KEY, { link });
+    const address = link || location.pathname + location.search;
+    if (link === location.hash) return;
+    if (isNew) history.pushState(null, "", address);
+    else history.replaceState(null, "", address);
+  };
+  const rest = () => {
+    timer = 0;
+    if (isDue) writeAndRest();
+  };
+  const writeAndRest = () => {
+    write();
+    timer = window.setTimeout(rest, REST_MS);
+  };
   effect(() => {
-    const now = trip.value;
-    const [at, by] = [conditions.value, car.value];
-    if (!now || now.isDraft) return;
-    untracked(() => {
-      window.clearTimeout(timer);
-      timer = window.setTimeout(() => {
-        const link = linkOf(now, at, by);
-        const isNew = entered !== null && JSON.stringify(tripText(entered)) !== JSON.stringify(tripText(now));
-        entered = now;
-        if (link && !isExample.value) writeStored(KEY, { link });
-        const address = link || location.pathname + location.search;
-        if (link === location.hash) return;
-        if (isNew) history.pushState(null, "", address);
-        else history.replaceState(null, "", address);
-      }, REST_MS);
-    });
+    isDue = !!(trip.value && !trip.value.isDraft && conditions.value && car.value);
+    if (isDue && timer === 0) untracked(writeAndRest);
   });
+  // who leaves the page within the rest finds the last change again
+  window.addEventListener("pagehide", write);
+  document.addEventListener("visibilitychange", write);
   window.addEventListener("popstate", () => {
     const linked = readLink(location.hash);
-    window.clearTimeout(timer);
+    isDue = false;
     entered = null;
     if (linked) open(linked);
   });

@@ -1,21 +1,10 @@
-/** Messages of the service in the language of the page. Their German is loaded when German is chosen. */
+/** Messages of the service in the language of the page. */
 
-import { computed, effect, signal } from "@preact/signals";
+import { computed } from "@preact/signals";
 import { Translator } from "../model/messages";
-import { language } from "./preferences";
+import { language, messages } from "./preferences";
 
-const german = signal<Translator | null>(null);
-const translator = computed(() => (language.value === "de" ? german.value : null));
-
-/** Load what the language of the page needs. */
-export function keepMessages(): void {
-  effect(() => {
-    if (language.value !== "de" || german.peek()) return;
-    void import("../text/messages-de.json").then(({ default: messages }) => {
-      german.value = new Translator(messages);
-    });
-  });
-}
+const translator = computed(() => messages.value && new Translator(messages.value));
 
 export interface Said {
   text: string;

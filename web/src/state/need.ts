@@ -35,9 +35,9 @@ const KIND_NAMES = {
 
 function carQuery(of: Car | null): object {
   if (!of) return {};
-  const { vehicle, model, own } = of;
+  const { vehicle, model, own, figures } = of;
   if (own) return { car: own };
-  return vehicle ? { vehicle, model } : { model };
+  return figures ? { vehicle_figures: JSON.stringify(figures), model } : { vehicle, model };
 }
 
 const runner = new Latest<NeedJob>(async ({ distanceM, kind, at, car: by }, signal) => {

@@ -3,7 +3,7 @@
 import { computed, effect, signal } from "@preact/signals";
 import { formatFor } from "../model/format";
 import { type System, systemOf, unitsOf } from "../model/units";
-import { CATALOGUES, type Language, languageOf, localeOf } from "../text";
+import { ENGLISH, type Language, languageOf, load, localeOf } from "../text";
 
 const KEY = "tripwatt.preferences";
 
@@ -42,8 +42,12 @@ export const theme = signal<Theme>(stored.theme ?? "system");
 export const wholeBattery = signal(stored.wholeBattery ?? false);
 /** Null for the language of the browser. */
 export const chosenLanguage = signal<Language | null>(stored.language ?? null);
-export const language = computed(() => languageOf(chosenLanguage.value, navigator.languages));
-export const text = computed(() => CATALOGUES[language.value]);
+const askedLanguage = computed(() => languageOf(chosenLanguage.value, navigator.languages));
+const catalogue = signal(ENGLISH);
+/** The language that is shown. */
+export const language = computed(() => catalogue.value.language);
+export const text = computed(() => catalogue.value.text);
+export const messages = computed(() => catalogue.value.messages);
 export const format = computed(() => formatFor(localeOf(language.value, navigator.languages)));
 export const units = computed(() => unitsOf(system.value));
 
@@ -51,6 +55,21 @@ export const units = computed(() => unitsOf(system.value));
 const prefersDark = matchMedia("(prefers-color-scheme: dark)");
 const systemDark = signal(prefersDark.matches);
 export const dark = computed(() => (theme.value === "system" ? systemDark.value : theme.value === "dark"));
+
+/** Show the language that is asked for, from when it is loaded; done with the first one. What cannot be loaded changes nothing. */
+export function keepLanguage(): Promise<void> {
+  let isShown = Promise.resolve();
+  effect(() => {
+    const asked = askedLanguage.value;
+    isShown = load(asked).then(
+      (found) => {
+        if (asked === askedLanguage.peek()) catalogue.value = found;
+      },
+      () => undefined,
+    );
+  });
+  return isShown;
+}
 
 /** Apply the preferences to the document and store them whenever they change. */
 export function keepPreferences(): void {

@@ -20,8 +20,8 @@ import {
   type Conditions,
   conditions,
   conditionsFrom,
+  conditionsOfJourney,
   fieldsOf,
-  fieldsOfJourney,
   type StartTemperatures,
   startTemperaturesFrom,
   USUAL,
@@ -185,6 +185,7 @@ export function journeyRequest({ stops, isRound }: Trip, at: Conditions, car: Ca
     ...(isRound && { round_trip: true }),
     ...(at.preheatForStops && { preheat_battery: true }),
     ...fieldsOfCar(car),
-    ...fieldsOfJourney(at),
+    stop_overhead_s: at.stopOverheadS,
+    ...conditionsOfJourney(at),
   };
 }

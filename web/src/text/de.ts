@@ -1,12 +1,18 @@
-/** German. */
+/** German. It is loaded when it is chosen. */
 
-import { NAMES, WORDS } from "../api/flags";
+import { NAMES, WORDS } from "../api/flags-de";
 import type { Text } from "./en";
-import { pluralOf } from "./plural";
+import type { Plural } from "./plural";
 
-const count = pluralOf("de");
+let count: Plural;
 
-export const de: Text = {
+/** The texts; `counting` is a parameter, so that this file shares no code with what a first visit loads. */
+export function german(counting: Plural): Text {
+  count = counting;
+  return de;
+}
+
+const de: Text = {
   document: {
     title: "tripwatt: Ladestand entlang der Strecke",
     description:
@@ -105,6 +111,8 @@ export const de: Text = {
     to: "Nach",
     unknown: (words) => `Kein Ort heißt „${words}“.`,
     choose: "Bitte aus der Liste wählen.",
+    alsoCalled: (name) => `auch ${name}`,
+    covers: "Die Karte umfasst",
     kinds: {
       city: "Stadt",
       town: "Stadt",
@@ -138,6 +146,7 @@ export const de: Text = {
       "fewest stops": "Wenigste Stopps",
       safest: "Am sichersten",
       cheapest: "Wenigste Energie",
+      "best effort": "Bestmöglich",
     },
     stops: (stops) => count(stops, { one: "# Stopp", other: "# Stopps" }),
     chargeFor: (arrival, leave, time) => `${arrival} bis ${leave} in ${time}`,
@@ -196,6 +205,7 @@ export const de: Text = {
       rain_mm_h: "Regen",
       pressure_pa: "Luftdruck",
       reserve: "Reserve",
+      stopOverheadS: "Je Ladestopp, außer dem Laden",
       motorwayMS: "Tempo auf der Autobahn",
     },
     choices: {
@@ -219,6 +229,7 @@ export const de: Text = {
     cabin: "Innenraum",
     battery: "Batterie",
     forStops: "Batterie, auf dem Weg zum Schnelllader",
+    perStop: (time) => `${time} je Stopp`,
     warmCabin: "Innenraum warm",
     warmBattery: "Batterie warm",
     reserve: (reserve) => `Reserve ${reserve}`,
@@ -298,8 +309,9 @@ export const de: Text = {
   verdict: {
     title: "Komme ich an?",
     arrives: "Sie kommen an",
-    likely: "Sie kommen wahrscheinlich an",
-    withStops: (stops) => `Sie kommen an, mit ${count(stops, { one: "# Ladestopp", other: "# Ladestopps" })}`,
+    arrivesBack: "Sie schaffen es hin und zurück",
+    withStops: (stops, isRound) =>
+      `${isRound ? "Sie schaffen es hin und zurück" : "Sie kommen an"}, mit ${count(stops, { one: "# Ladestopp", other: "# Ladestopps" })}`,
     belowReserve: "Sie kommen an, aber vielleicht unter der Reserve",
     perhaps: "Sie kommen vielleicht nicht an",
     not: "Ohne Laden kommen Sie nicht an",
@@ -310,8 +322,8 @@ export const de: Text = {
     duration: "Gesamtzeit",
     ofItCharging: (time) => `davon ${time} laden`,
     energy: "Energie",
-    stop: (station, time) => `${station} (${time})`,
-    stops: (stops) => `Laden: ${stops}.`,
+    stops: (stops, time, station, far, soc) =>
+      `${stops} Stopps, zusammen ${time}: zuerst ${station}, nach ${far}, bis ${soc}`,
     sure: "Wie sicher ist das?",
     reasons: (notes) => count(notes, { one: "# Hinweis", other: "# Hinweise" }),
   },
@@ -336,7 +348,6 @@ export const de: Text = {
       mixed: "gemischte Straßen",
       motorway: "meist Autobahn",
     },
-    otherCar: "Ein beschriebenes Auto gilt hier nicht, sondern das Auto des Modells.",
     basis: "Von der Straße sind nur Länge und Art bekannt.",
   },
   share: {
@@ -357,7 +368,6 @@ export const de: Text = {
       almostImpossible: "Fast ausgeschlossen",
     },
     withReserve: (reserve) => `: Ankunft mit der Reserve von ${reserve} oder mehr`,
-    unlessClimb: (climb) => `nicht ab ${climb} Anstieg`,
     withCharge: ": Ankunft, bevor die Batterie leer ist",
     atAll: (figures) => `Überhaupt ankommen: ${figures}`,
     announced: (word) => `${word}: Ankunft mit der Reserve.`,
@@ -366,6 +376,12 @@ export const de: Text = {
       below: (hundredths) => `weniger als ${hundredths} von 100`,
       near: (hundredths) => `${hundredths} von 100`,
     },
+  },
+  climb: {
+    known: (up, down) => `Die Strecke steigt ${up} und fällt ${down}.`,
+    from: "Die Höhen stammen aus",
+    unknown: "Anstieg unbekannt: Die Höhen der Strecke sind nicht bekannt.",
+    changes: (climb) => `Bei einem Anstieg von ${climb} sinkt der Ladestand bei Ankunft auf die Reserve.`,
   },
   compare: {
     or: (first, second) => `${first} oder ${second}`,
@@ -766,7 +782,7 @@ export const de: Text = {
   flags: {
     warnings: "Warnungen",
     notes: "Hinweise",
-    words: WORDS.de,
-    names: NAMES.de,
+    words: WORDS,
+    names: NAMES,
   },
 };

@@ -105,6 +105,8 @@ export const en = {
     hint: "Place, street or house",
     unknown: (words: string) => `No place is called “${words}”.`,
     choose: "Choose one of the list.",
+    alsoCalled: (name: string) => `also ${name}`,
+    covers: "The map covers",
     kinds: {
       city: "city",
       town: "town",
@@ -137,6 +139,7 @@ export const en = {
       "fewest stops": "Fewest stops",
       safest: "Safest",
       cheapest: "Least energy",
+      "best effort": "Best effort",
     },
     stops: (stops: number) => count(stops, { one: "# stop", other: "# stops" }),
     chargeFor: (arrival: string, leave: string, time: string) => `${arrival} to ${leave} in ${time}`,
@@ -194,8 +197,9 @@ export const en = {
       rain_mm_h: "Rain",
       pressure_pa: "Air pressure",
       reserve: "Reserve to keep",
+      stopOverheadS: "Each charging stop, besides charging",
       motorwayMS: "Motorway speed",
-    } satisfies Record<AskedName | "reserve" | "motorwayMS", string>,
+    } satisfies Record<AskedName | "reserve" | "stopOverheadS" | "motorwayMS", string>,
     choices: {
       climate: { auto: "Automatic", off: "Off", heat: "Heating only", cool: "Cooling only" },
       extras: {
@@ -217,6 +221,7 @@ export const en = {
     cabin: "Cabin",
     battery: "Battery",
     forStops: "Battery, on the way to a fast charger",
+    perStop: (time: string) => `${time} per stop`,
     warmCabin: "warm cabin",
     warmBattery: "warm battery",
     reserve: (reserve: string) => `reserve ${reserve}`,
@@ -295,9 +300,9 @@ export const en = {
   verdict: {
     title: "Do I arrive?",
     arrives: "You arrive",
-    likely: "You probably arrive",
-    withStops: (stops: number) =>
-      `You arrive, with ${count(stops, { one: "# charging stop", other: "# charging stops" })}`,
+    arrivesBack: "You get there and back",
+    withStops: (stops: number, isRound: boolean) =>
+      `${isRound ? "You get there and back" : "You arrive"}, with ${count(stops, { one: "# charging stop", other: "# charging stops" })}`,
     belowReserve: "You arrive, but perhaps below the reserve",
     perhaps: "You may not arrive",
     not: "You do not arrive without charging",
@@ -308,8 +313,8 @@ export const en = {
     duration: "Total time",
     ofItCharging: (time: string) => `${time} of it charging`,
     energy: "Energy",
-    stop: (station: string, time: string) => `${station} (${time})`,
-    stops: (stops: string) => `Charge at ${stops}.`,
+    stops: (stops: number, time: string, station: string, far: string, soc: string) =>
+      `${stops} stops, ${time} in all: first ${station}, after ${far}, up to ${soc}`,
     sure: "How sure is this?",
     reasons: (notes: number) => count(notes, { one: "# note", other: "# notes" }),
   },
@@ -334,7 +339,6 @@ export const en = {
       mixed: "mixed roads",
       motorway: "mostly motorway",
     },
-    otherCar: "A car that you described is not used here, but the car of the model.",
     basis: "Of the road, only length and kind are known.",
   },
   share: {
@@ -356,7 +360,6 @@ export const en = {
     },
     /** Appended to one of the words. */
     withReserve: (reserve: string) => ` to arrive with the reserve of ${reserve} or more`,
-    unlessClimb: (climb: string) => `not with a climb of ${climb} or more`,
     withCharge: " to arrive before the battery is empty",
     atAll: (figures: string) => `To arrive at all: ${figures}`,
     announced: (word: string) => `${word} to keep the reserve.`,
@@ -365,6 +368,12 @@ export const en = {
       below: (hundredths: number) => `fewer than ${hundredths} in 100`,
       near: (hundredths: number) => `${hundredths} in 100`,
     },
+  },
+  climb: {
+    known: (up: string, down: string) => `The road climbs ${up} and descends ${down}.`,
+    from: "Its heights are from",
+    unknown: "Climb unknown: the heights of the road are not known.",
+    changes: (climb: string) => `With a climb of ${climb}, the charge on arrival falls to the reserve.`,
   },
   compare: {
     or: (first: string, second: string) => `${first} or ${second}`,
@@ -767,8 +776,8 @@ export const en = {
   flags: {
     warnings: "Warnings",
     notes: "Notes",
-    words: WORDS.en,
-    names: NAMES.en,
+    words: WORDS,
+    names: NAMES,
   },
 };
 

@@ -1,7 +1,8 @@
-/** The texts of the page in all languages. */
+/** The texts of the page in all languages. English is a part of the page; another language is loaded when it is chosen. */
 
-import { de } from "./de";
+import type { Messages } from "../model/messages";
 import { en, type Text } from "./en";
+import { pluralOf } from "./plural";
 
 export type { Text };
 
@@ -10,7 +11,23 @@ export const LANGUAGES = { en: "English", de: "Deutsch" } as const;
 
 export type Language = keyof typeof LANGUAGES;
 
-export const CATALOGUES: Record<Language, Text> = { en, de };
+export interface Catalogue {
+  language: Language;
+  text: Text;
+  /** Its words for the messages of the service, which are in English. */
+  messages: Messages | null;
+}
+
+export const ENGLISH: Catalogue = { language: "en", text: en, messages: null };
+
+export async function load(language: Language): Promise<Catalogue> {
+  if (language === "en") return ENGLISH;
+  const [{ german }, { default: messages }] = await Promise.all([
+    import("./de"),
+    import("./messages-de.json"),
+  ]);
+  return { language, text: german(pluralOf(language)), messages };
+}
 
 function languageIn(tag: string): string {
   return tag.split("-", 1)[0]?.toLowerCase() ?? "";

@@ -5,8 +5,10 @@ interface Forms {
   other: string;
 }
 
-/** A function that picks the form for a count and puts the count in place of "#". */
-export function pluralOf(language: string): (count: number, forms: Forms) => string {
+/** Picks the form for a count and puts the count in place of "#". */
+export type Plural = (count: number, forms: Forms) => string;
+
+export function pluralOf(language: string): Plural {
   const rules = new Intl.PluralRules(language);
   const numbers = new Intl.NumberFormat(language);
   return (count, forms) =>

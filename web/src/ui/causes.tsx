@@ -3,6 +3,7 @@ import { waterfall } from "../model/causes";
 import { ENERGY } from "../model/units";
 import { isMeasured, model } from "../state/car";
 import { format, text } from "../state/preferences";
+import { Climb } from "./climb";
 
 /** Digits of a kilowatt-hour. */
 const DIGITS = 2;
@@ -13,8 +14,10 @@ function nameOf(key: string): string {
   return names[key] ?? key;
 }
 
+type Caused = Pick<Forecast, "by_cause_wh" | "energy_wh" | "battery_loss_wh">;
+
 /** Energy by cause: a table with a waterfall chart in its cells. */
-export function Causes({ of, other }: { of: Forecast; other: Forecast | null }) {
+export function Causes({ of, road, other }: { of: Caused; road: Forecast; other: Caused | null }) {
   const { figure, shown, signed } = format.value;
   const { causes, compare } = text.value;
   const steps = waterfall(of.by_cause_wh, new Set(["correction", "climate"]));
@@ -77,7 +80,7 @@ export function Causes({ of, other }: { of: Forecast; other: Forecast | null }) 
         </tfoot>
       </table>
       <p class="note">
-        {causes.note(ENERGY.unit, shown(of.battery_loss_wh, ENERGY))}{" "}
+        {causes.note(ENERGY.unit, shown(of.battery_loss_wh, ENERGY))} <Climb of={road} />{" "}
         {isMeasured.value ? causes.learnedOwn : causes.learnedOf(model.value?.model.vehicle_title ?? "")}
       </p>
     </section>

@@ -1,8 +1,8 @@
 /** The conditions in a line that stays in view; it opens their panel. */
 
 import { signal } from "@preact/signals";
-import { PERCENT } from "../model/units";
-import { conditions } from "../state/conditions";
+import { MINUTES, PERCENT } from "../model/units";
+import { conditions, USUAL } from "../state/conditions";
 import { shownForecast } from "../state/drive";
 import { format, text, units } from "../state/preferences";
 import { source } from "../state/catalogue";
@@ -34,6 +34,9 @@ function parts(): string[] {
     ...(now.warmCabin ? [words.warmCabin] : []),
     ...(now.warmBattery ? [words.warmBattery] : []),
     ...(now.payload_mass_kg > 0 ? [`+${shown(now.payload_mass_kg, mass)}`] : []),
+    ...(isJourney && now.stopOverheadS !== USUAL.stopOverheadS
+      ? [words.perStop(shown(now.stopOverheadS, MINUTES))]
+      : []),
     words.reserve(shown(now.reserve, PERCENT)),
   ];
 }

@@ -2,7 +2,14 @@ import type { ComponentChildren } from "preact";
 import { useId } from "preact/hooks";
 import { FIELDS } from "../api/fields";
 import { localOf } from "../model/clock";
-import { type ChoiceName, CHOICES, NUMBERS, SEVERAL, type SeveralName } from "../model/fields";
+import {
+  type ChoiceName,
+  CHOICES,
+  type NumberName,
+  NUMBERS,
+  SEVERAL,
+  type SeveralName,
+} from "../model/fields";
 import { hasMotorway, MOTORWAY_M_S } from "../model/links";
 import {
   ASKED,
@@ -13,6 +20,7 @@ import {
   GARAGE_DEGC,
   isUsual,
   resetTo,
+  WEATHER,
 } from "../state/conditions";
 import { source } from "../state/catalogue";
 import { departure, faults, mode, other } from "../state/forecast";
@@ -50,8 +58,9 @@ const BEFORE_DEPARTURE: BeforeDeparture[] = ["parked", "garage", "logged", "unkn
 
 function firstValue(name: SettingName): number {
   const first = FIRST_VALUES[name];
-  if (first !== undefined || name === "motorwayMS" || name === "reserve") return first ?? 0;
-  return (FIELDS[name].minimum + FIELDS[name].maximum) / 2;
+  if (first !== undefined || !(name in FIELDS)) return first ?? 0;
+  const { minimum, maximum } = FIELDS[name as NumberName];
+  return (minimum + maximum) / 2;
 }
 
 function faultsOf(name: string) {
@@ -221,21 +230,13 @@ function Departs() {
   );
 }
 
-/** What the weather server gives. */
-const OF_WEATHER = [
-  "ambient_temperature_degc",
-  "wind_speed_m_s",
-  "wind_from_deg",
-  "rain_mm_h",
-  "pressure_pa",
-];
-
 export function ConditionsPanel() {
   const now = conditions.value;
   const { conditions: words, settings } = text.value;
   const start = trip.value?.start;
+  const charges = source.value === "journey" && (map.value?.stations ?? 0) > 0;
   const byServer = now.weatherOfHour && source.value === "journey";
-  const isGiven = (name: string) => byServer && OF_WEATHER.includes(name);
+  const isGiven = (name: string) => byServer && WEATHER.includes(name);
   const changed = start && JSON.stringify({ ...start, reserve: now.reserve }) !== JSON.stringify(now);
   return (
     <section
@@ -287,10 +288,16 @@ export function ConditionsPanel() {
         <legend>{words.warmed}</legend>
         <Tick name="warmCabin" label={words.cabin} />
         <Tick name="warmBattery" label={words.battery} />
-        {source.value === "journey" && (map.value?.stations ?? 0) > 0 && (
-          <Tick name="preheatForStops" label={words.forStops} />
-        )}
+        {charges && <Tick name="preheatForStops" label={words.forStops} />}
       </fieldset>
+      {charges && (
+        <Slider
+          setting="stopOverheadS"
+          label={words.fields.stopOverheadS}
+          value={now.stopOverheadS}
+          onChange={(stopOverheadS) => change({ stopOverheadS })}
+        />
+      )}
       <More>
         {OPTIONAL.filter(
           (name) => !isGiven(name) && (name !== "wind_from_deg" || now.wind_speed_m_s !== null),

@@ -62,7 +62,7 @@ export function Details() {
   return (
     <div class="details">
       {driving.value && <DriveCard />}
-      <Causes of={now} other={other} />
+      <Causes of={chargingPlan.value ?? now} road={now} other={chargingPlan.value ? null : other} />
       {hasArrival && <Arrival of={now} other={other} />}
     </div>
   );

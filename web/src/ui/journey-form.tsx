@@ -3,13 +3,12 @@ import { useId, useRef, useState } from "preact/hooks";
 import { findPlaces } from "../api/client";
 import type { Place } from "../api/documents";
 import { placeCalled } from "../model/places";
-import { readCoordinates } from "../model/road";
+import { type End, type Field, readCoordinates } from "../model/road";
 import { chooseJourney } from "../state/catalogue";
 import { faults, forgetStop, MOST_STOPS, reportProblem, stopField } from "../state/forecast";
 import {
   answersAreOld,
-  type End,
-  type Field,
+  fieldsOfJourney,
   isExample,
   isRound,
   journey,
@@ -24,6 +23,7 @@ import {
 } from "../state/journey";
 import { osmKind } from "../state/messages";
 import { text } from "../state/preferences";
+import { Covers } from "./covers";
 import { FaultList } from "./faults";
 import { Icon } from "./icons";
 
@@ -46,11 +46,6 @@ const unknown = signal<ByField<string>>({});
 /** Places to choose from. */
 const suggested = signal<ByField<Place[]>>({});
 
-/** The fields in the order of the journey. */
-function fieldsOfForm(): Field[] {
-  return ["from", ...vias.value.map((_, k): Field => `via${k}`), "to"];
-}
-
 function suggest(end: Field, places: Place[]): void {
   suggested.value = { ...suggested.value, [end]: places };
 }
@@ -58,7 +53,7 @@ function suggest(end: Field, places: Place[]): void {
 function write(end: Field, words: string): void {
   typed.value = { ...typed.value, [end]: words };
   unknown.value = { ...unknown.value, [end]: "" };
-  forgetStop(fieldsOfForm().indexOf(end));
+  forgetStop(fieldsOfJourney().indexOf(end));
 }
 
 /** Take the place whose whole name is written where none was taken; ask back where there is none, or several. */
@@ -84,15 +79,9 @@ function kindOf({ kind }: Place): string {
   return kinds[kind] ?? osmKind(kind);
 }
 
-/** What tells places of one name apart, such as the town of a street. */
-function contextOf(place: Place): string {
-  const { context } = place as Place & { context?: string };
-  return context ?? "";
-}
-
 async function plan(): Promise<void> {
   try {
-    await Promise.all(fieldsOfForm().map(resolve));
+    await Promise.all(fieldsOfJourney().map(resolve));
   } catch (error) {
     return reportProblem(error);
   }
@@ -112,7 +101,7 @@ function PlaceField({ label, end, onRemove }: { label: string; end: Field; onRem
   const setFound = (places: Place[]) => {
     suggest(end, places);
   };
-  const wrong = faults.value.get(stopField(fieldsOfForm().indexOf(end))) ?? [];
+  const wrong = faults.value.get(stopField(fieldsOfJourney().indexOf(end))) ?? [];
   const [active, setActive] = useState(0);
   const pending = useRef<{ timer: number; request: AbortController } | null>(null);
   const open = places.length > 0;
@@ -200,7 +189,7 @@ function PlaceField({ label, end, onRemove }: { label: string; end: Field; onRem
       />
       <p class="faults" role="status">
         {lacks && words.unknown(lacks)}
-        {lacks && open && ` ${words.choose}`}
+        {lacks && (open ? ` ${words.choose}` : <Covers />)}
         {!lacks && chosen?.kind && <span class="kind">{kindOf(chosen)}</span>}
       </p>
       <FaultList faults={wrong} />
@@ -217,7 +206,8 @@ function PlaceField({ label, end, onRemove }: { label: string; end: Field; onRem
             }}
           >
             {place.name}
-            {contextOf(place) && <span class="kind">{`, ${contextOf(place)}`}</span>}
+            {place.also_called && <span class="kind">{` — ${words.alsoCalled(place.also_called)}`}</span>}
+            {place.context && <span class="kind">{`, ${place.context}`}</span>}
             {place.kind && <span class="kind">{` · ${kindOf(place)}`}</span>}
           </li>
         ))}
@@ -252,7 +242,7 @@ function removeVia(at: number): void {
 /** From and To, with places on the way and the way back; a service without a map has none. */
 export function JourneyForm() {
   const { journey: words } = text.value;
-  const isEmpty = fieldsOfForm().some((field) => !placeOf(field) && !typed.value[field]?.trim());
+  const isEmpty = fieldsOfJourney().some((field) => !placeOf(field) && !typed.value[field]?.trim());
   return (
     <form
       class="journey"
@@ -273,7 +263,7 @@ export function JourneyForm() {
             checked={isRound.value}
             onChange={(event) => {
               isRound.value = event.currentTarget.checked;
-              chooseJourney();
+              void plan();
             }}
           />
           {words.andBack}

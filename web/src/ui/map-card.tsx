@@ -1,12 +1,13 @@
-import { useSignal, useSignalEffect } from "@preact/signals";
+import { untracked, useSignal, useSignalEffect } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { tilesUrl, tokenHeaders, viewMap } from "../api/client";
 import type { Journey, MapView, Road, Station } from "../api/documents";
-import type { Feature, MapPalette, RoadMap, StationMark } from "../map/road-map";
+import type { Feature, MapPalette, Mark, RoadMap, StationMark } from "../map/road-map";
 import {
   boundsOf,
   type Bounds,
   distanceNear,
+  type Field,
   piecesOf,
   type Point,
   pointAlong,
@@ -14,19 +15,20 @@ import {
   pointsOf,
 } from "../model/road";
 import { POWER } from "../model/units";
-import { beginAt, source, moveEnd } from "../state/catalogue";
+import { beginAt, move, source } from "../state/catalogue";
 import { chargingPlan } from "../state/answer";
 import { chooseRoad } from "../state/forecast";
 import {
   chosenRoad,
-  type End,
   ends,
+  fieldsOfJourney,
   isExample,
   isFindingReach,
   journey,
   map,
   nextEnd,
   placeAt,
+  placeOf,
   wantsFit,
   wantsReachFit,
   reach,
@@ -37,7 +39,6 @@ import { dark, format, text } from "../state/preferences";
 import { trip } from "../state/trip";
 
 const VIEW_PAUSE_MS = 150;
-const ENDS: End[] = ["from", "to"];
 // eslint-disable-next-line page/text -- a font
 const FONT = "Inter Variable";
 
@@ -102,6 +103,18 @@ function stationFeatures(known: readonly Station[], stops: readonly Station[]): 
   ];
 }
 
+/** The pin of a place of the journey: A and B, and V1 and so on between them. */
+function markOf(field: Field): Mark[] {
+  const place = placeOf(field);
+  if (!place) return [];
+  const { journey: words } = text.value;
+  const isEnd = field === "from" || field === "to";
+  const number = isEnd ? 0 : Number(field.slice(3)) + 1;
+  const name = isEnd ? words[field] : words.via(number);
+  const letter = isEnd ? (field === "from" ? "A" : "B") : `${name.charAt(0)}${number}`;
+  return [{ field, letter, at: [place.longitude_deg, place.latitude_deg], label: `${name}: ${place.name}` }];
+}
+
 /** Of the journey on the page; null where another trip is shown. */
 function shownJourney(): Journey | null {
   return trip.value?.stops ? journey.value : null;
@@ -160,9 +173,9 @@ function MapCanvas({
           handlers: {
             onClick: ([longitude, latitude]) => {
               if (isExample.value) beginAt(placeAt(longitude, latitude));
-              else if (nextEnd.value) moveEnd(nextEnd.value, placeAt(longitude, latitude));
+              else if (nextEnd.value) move(nextEnd.value, placeAt(longitude, latitude));
             },
-            onDrag: (end, [longitude, latitude], done) => moveEnd(end, placeAt(longitude, latitude), !done),
+            onDrag: (field, [longitude, latitude], done) => move(field, placeAt(longitude, latitude), !done),
             onRoad: (at) => {
               const road = chosenOf(shownJourney());
               selectedM.value = at && road ? distanceNear(road, at) : null;
@@ -185,15 +198,7 @@ function MapCanvas({
   }, []);
 
   useSignalEffect(() => {
-    const { journey: words } = text.value;
-    for (const end of ENDS) {
-      const place = ends.value[end];
-      made.value?.setEnd(
-        end,
-        place && [place.longitude_deg, place.latitude_deg],
-        `${words[end]}: ${place?.name}`,
-      );
-    }
+    made.value?.setMarks(fieldsOfJourney().flatMap(markOf));
   });
   useSignalEffect(() => {
     const now = shownJourney();
@@ -220,11 +225,15 @@ function MapCanvas({
   });
   useSignalEffect(() => {
     const settlements = view.value?.settlements ?? [];
+    const pins = untracked(() => fieldsOfJourney().map(placeOf)); // names do not follow a pin that is dragged
     made.value?.setData(
       "settlements",
-      settlements.map(({ name, kind, longitude_deg, latitude_deg }, rank) =>
-        pointOf([longitude_deg, latitude_deg], { name, kind, rank }),
-      ),
+      settlements.map(({ name, kind, longitude_deg, latitude_deg }, rank) => {
+        const pinned = pins.some(
+          (pin) => pin?.latitude_deg === latitude_deg && pin.longitude_deg === longitude_deg,
+        );
+        return pointOf([longitude_deg, latitude_deg], { name, kind, rank, pinned });
+      }),
     );
   });
   useSignalEffect(() => {

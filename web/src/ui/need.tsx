@@ -3,7 +3,6 @@
 import type { RangeOfKind } from "../api/documents";
 import type { Verdict } from "../model/arrival";
 import { ENERGY, PERCENT } from "../model/units";
-import { car } from "../state/car";
 import { conditions } from "../state/conditions";
 import { need, needIsOld, QUANTILE, range } from "../state/need";
 import { format, text, units } from "../state/preferences";
@@ -118,7 +117,6 @@ export function NeedAnswer() {
         <summary>
           <b>{others.sure}</b> {words.basis}
         </summary>
-        {car.value?.figures && <p>{words.otherCar}</p>}
         <Warnings flags={flags} others={[]} serious={null} />
       </details>
     </div>

@@ -2,10 +2,10 @@
 
 import { FIELDS } from "../api/fields";
 import type { AskedName, NumberName } from "../model/fields";
-import { PERCENT, quantityIn, type Quantity } from "../model/units";
+import { MINUTES, PERCENT, quantityIn, type Quantity } from "../model/units";
 import { units } from "../state/preferences";
 
-export type SettingName = Extract<NumberName, AskedName> | "reserve" | "motorwayMS";
+export type SettingName = Extract<NumberName, AskedName> | "reserve" | "stopOverheadS" | "motorwayMS";
 
 export interface Setting {
   quantity: Quantity;
@@ -23,6 +23,7 @@ const SLIDERS: Partial<Record<SettingName, { limits?: [number, number]; step?: n
   cabin_setpoint_degc: { limits: [15, 28] },
   payload_mass_kg: { limits: [0, 500], step: 10 },
   reserve: { limits: [0, 0.5] },
+  stopOverheadS: { limits: [0, 30 * 60] },
   motorwayMS: { limits: [80 * KM_H, 150 * KM_H], step: 5 },
   wind_speed_m_s: { limits: [0, 100 * KM_H], step: 5 },
   wind_from_deg: { step: 10 },
@@ -33,6 +34,7 @@ const SLIDERS: Partial<Record<SettingName, { limits?: [number, number]; step?: n
 function tableOf(name: SettingName): { quantity: Quantity; limits: [number, number] } {
   if (name === "motorwayMS") return { quantity: units.value.speed, limits: [0, 1] };
   if (name === "reserve") return { quantity: PERCENT, limits: [0, 1] };
+  if (name === "stopOverheadS") return { quantity: MINUTES, limits: [0, 1] };
   const { unit, minimum, maximum } = FIELDS[name];
   return { quantity: quantityIn(unit, units.value), limits: [minimum, maximum] };
 }

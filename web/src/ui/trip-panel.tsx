@@ -14,6 +14,7 @@ import { isExample, map } from "../state/journey";
 import { format, text, units } from "../state/preferences";
 import { type Source, type Trip, trip } from "../state/trip";
 import { Choice } from "./choice";
+import { Covers } from "./covers";
 import { DistanceForm } from "./distance-form";
 import { FaultList } from "./faults";
 import { FileDrop } from "./file-drop";
@@ -151,6 +152,11 @@ export function TripPanel() {
         {source.value === "links" && <LinksForm />}
       </div>
       <FaultList faults={wrong} />
+      {wrong.length > 0 && source.value === "journey" && (
+        <p class="note outside">
+          <Covers />
+        </p>
+      )}
       {now && (
         <p class="note">
           <strong>{tripTitle(now)}</strong> · {kindText(now)}

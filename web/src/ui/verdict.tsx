@@ -1,9 +1,9 @@
 /** The first thing that a driver reads: whether the trip arrives, with what, when, and what to do. */
 
 import type { ComponentChildren } from "preact";
-import type { Forecast } from "../api/documents";
+import type { ChargingPlan, Forecast, Stop } from "../api/documents";
 import { type Answer, decisiveChance, verdictOfAnswer } from "../model/answer";
-import { decisiveClimbM, emptyAfterM, likelihoodOf, type Verdict } from "../model/arrival";
+import { emptyAfterM, likelihoodOf } from "../model/arrival";
 import { warningsOf } from "../model/flags";
 import { ENERGY, PERCENT } from "../model/units";
 import { source } from "../state/catalogue";
@@ -13,6 +13,7 @@ import { alternative, leaving, leavingIsOld, mode, problem, requested } from "..
 import { answersAreOld, journey } from "../state/journey";
 import { format, text, units } from "../state/preferences";
 import { trip } from "../state/trip";
+import { Climb } from "./climb";
 import { CompareLine } from "./compare";
 import { Failure, Waiting } from "./failure";
 import { Icon } from "./icons";
@@ -21,49 +22,38 @@ import { ShareTools } from "./share";
 import { Warnings } from "./warnings";
 import { bandOf, chanceInFigures, clockText } from "./wording";
 
-/** A higher chance is not put into words where a climb that nobody knows would change it. */
-const MOST_UNCERTAIN = 0.9;
 /** Chances between these are an open question. */
 const OPEN = [0.05, 0.95] as const;
 
-/** Climb that would change the answer [m]; null where none does. */
-function climbOf(of: Forecast): number | null {
-  return chargingPlan.value ? null : decisiveClimbM(of, requested.value.at.reserve);
-}
-
-function shownVerdict(of: Forecast, now: Answer): Verdict {
-  const verdict = verdictOfAnswer(now);
-  return climbOf(of) !== null && verdict === "good" ? "open" : verdict;
-}
+/** What is said of a road without its charging stops. */
+const EMPTY = "battery_empty";
 
 /** The answer in a sentence. */
-function sentence(of: Forecast, now: Answer): string {
+function sentence(now: Answer): string {
   const { verdict: words } = text.value;
   if (isLookingForStops.value) return words.looking;
   if (verdictOfAnswer(now) === "good") {
-    if (climbOf(of) !== null) return words.likely;
-    return now.charges > 0 ? words.withStops(now.charges) : words.arrives;
+    const isRound = trip.value?.isRound ?? false;
+    if (now.charges > 0) return words.withStops(now.charges, isRound);
+    return isRound ? words.arrivesBack : words.arrives;
   }
   if (now.pArrive >= OPEN[1]) return words.belowReserve;
   return now.pArrive >= 0.5 ? words.perhaps : words.not;
 }
 
-function Chance({ of, now }: { of: Forecast; now: Answer }) {
+function Chance({ now }: { now: Answer }) {
   const { reserve } = requested.value.at;
   const chance = decisiveChance(now);
-  const climb = climbOf(of);
-  const likelihood = climb !== null && chance > MOST_UNCERTAIN ? "veryLikely" : likelihoodOf(chance);
-  const { words, withReserve, withCharge, unlessClimb, atAll } = text.value.chance;
+  const { words, withReserve, withCharge, atAll } = text.value.chance;
   const { shown } = format.value;
-  const verdict = shownVerdict(of, now);
+  const verdict = verdictOfAnswer(now);
   return (
     <p class={`chance chance-${verdict}`}>
       <Icon name={verdict === "good" ? "check" : "warning"} />
       <span>
-        <strong>{words[likelihood]}</strong>
+        <strong>{words[likelihoodOf(chance)]}</strong>
         {reserve > 0 && now.pReserve !== null ? withReserve(shown(reserve, PERCENT)) : withCharge}
         <span class="figures"> · {chanceInFigures(chance)}</span>
-        {climb !== null && <span class="figures"> · {unlessClimb(shown(climb, units.value.height, 0))}</span>}
         {reserve > 0 && <span class="at-all">{atAll(chanceInFigures(now.pArrive))}</span>}
       </span>
     </p>
@@ -143,7 +133,7 @@ function Headline({ of, now }: { of: Forecast; now: Answer }) {
         <span class="range">{emptyM === null ? detail : <Empty of={of} afterM={emptyM} />}</span>
       </p>
       <Whole now={now} />
-      {!measured && <Chance of={of} now={now} />}
+      {!measured && <Chance now={now} />}
     </div>
   );
 }
@@ -170,26 +160,33 @@ function leaveText(needed: number, stops: number): string {
   return needed > 0 ? words.leaveWith(upwards(needed)) : words.anyCharge;
 }
 
-/** Stops in the sentence that begins the list of things to do. */
-const MOST_NAMED = 3;
+function stopText({ station, charging_s, soc_arrival, soc_leave }: Stop): string {
+  const { shown, span } = format.value;
+  const { journey: words } = text.value;
+  const name = station.name || words.station;
+  return words.charge(name, span(charging_s), shown(soc_arrival, PERCENT), shown(soc_leave, PERCENT));
+}
 
-function stopTexts(): string[] {
-  const { journey: words, verdict } = text.value;
-  const { shown, span, list } = format.value;
-  const stops = chargingPlan.value?.stops ?? [];
-  if (stops.length > MOST_NAMED) {
-    const names = stops.map(({ station, charging_s }) =>
-      verdict.stop(station.name || words.station, span(charging_s)),
-    );
-    return [verdict.stops(list(names))];
-  }
-  return stops.map((stop) =>
-    words.charge(
-      stop.station.name || words.station,
-      span(stop.charging_s),
-      shown(stop.soc_arrival, PERCENT),
-      shown(stop.soc_leave, PERCENT),
-    ),
+/** Several charging stops in a line that names the first one, with all of them behind it. */
+function Stops({ of }: { of: ChargingPlan }) {
+  const { verdict: words, journey } = text.value;
+  const { duration, shown } = format.value;
+  const [first] = of.stops;
+  if (!first || of.stops.length === 1) return first ? <li>{stopText(first)}</li> : null;
+  const far = shown(first.position_m, units.value.distance, 0);
+  const name = first.station.name || journey.station;
+  const soc = shown(first.soc_leave, PERCENT);
+  return (
+    <li class="folded">
+      <details>
+        <summary>{words.stops(of.stops.length, duration(of.charging_s), name, far, soc)}</summary>
+        <ol>
+          {of.stops.map((stop) => (
+            <li key={stop.position_m}>{stopText(stop)}</li>
+          ))}
+        </ol>
+      </details>
+    </li>
   );
 }
 
@@ -201,14 +198,14 @@ function ToDo() {
   const isOld = isJourney ? answersAreOld.value : leavingIsOld.value;
   const { journey: words } = text.value;
   const speed = isJourney ? journey.value?.motorway_speed_m_s : null;
-  const stops = stopTexts();
+  const stops = chargingPlan.value?.stops.length ?? 0;
   const texts = [
-    ...stops,
-    ...(stops.length === 0 || needed <= 1 ? [leaveText(needed, stops.length)] : []),
+    ...(stops === 0 || needed <= 1 ? [leaveText(needed, stops)] : []),
     ...(speed != null && speed > 0 ? [words.atMost(format.value.shown(speed, units.value.speed, 0))] : []),
   ];
   return (
     <ul class={`journey-answer todo${isOld ? " old" : ""}`} aria-busy={isOld}>
+      {chargingPlan.value && <Stops of={chargingPlan.value} />}
       {texts.map((one) => (
         <li key={one}>{one}</li>
       ))}
@@ -220,10 +217,11 @@ function ToDo() {
 function HowSure({ of, now }: { of: Forecast; now: Answer }) {
   const others = mode.value === "compare" ? (alternative.value?.flags ?? []) : [];
   const chance = decisiveChance(now);
-  const isOpen = climbOf(of) !== null || (chance > OPEN[0] && chance < OPEN[1]);
+  const isOpen = chance > OPEN[0] && chance < OPEN[1];
   const wording = { text: text.value, format: format.value, units: units.value };
   const { verdict: words, result } = text.value;
-  const flags = [...of.flags, ...(journey.value?.flags ?? [])];
+  const ofRoad = of.flags.filter(({ code }) => !chargingPlan.value || code !== EMPTY);
+  const flags = [...ofRoad, ...(journey.value?.flags ?? [])];
   const count = warningsOf(flags, wording).length;
   const planned = trip.value?.links ?? trip.value?.stops;
   return (
@@ -234,7 +232,9 @@ function HowSure({ of, now }: { of: Forecast; now: Answer }) {
           <b>{words.sure}</b> {result.inTrips(bandOf(now.interval))}
           {count > 0 && ` · ${words.reasons(count)}`}
         </summary>
-        <p class="given">{planned ? result.givenPlanned : result.givenDriven}</p>
+        <p class="given">
+          {planned ? result.givenPlanned : result.givenDriven} <Climb of={of} />
+        </p>
         <Warnings flags={flags} others={others} serious={isOpen ? false : null} />
       </details>
     </>
@@ -247,7 +247,7 @@ export function VerdictCard() {
   const now = answer.value;
   const { verdict: words } = text.value;
   const isDistance = source.value === "distance";
-  const verdict = isDistance ? needVerdict() : of && now && shownVerdict(of, now);
+  const verdict = isDistance ? needVerdict() : of && now && verdictOfAnswer(now);
   const shown = !isDistance && of && now;
   const isCompared = mode.value === "compare" && alternative.value !== null;
   return (
@@ -258,7 +258,7 @@ export function VerdictCard() {
     >
       <div class="heading">
         <h2 id="verdict-title">
-          {isDistance ? needSentence() : shown && !isCompared ? sentence(of, now) : words.title}
+          {isDistance ? needSentence() : shown && !isCompared ? sentence(now) : words.title}
         </h2>
         {trip.value && <ShareTools />}
       </div>

@@ -10,21 +10,18 @@ import itertools
 import pkgutil
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from types import MappingProxyType
 from typing import Final
 
 from tripwatt.evaluation import EvaluationProtocol
 from tripwatt.report.panel import Panel, PanelSpec, Section
 from tripwatt.report.view import View
 
-PANELS: Final[Mapping[str, PanelSpec]] = MappingProxyType(
-    {
-        spec.key: spec
-        for module in pkgutil.iter_modules(__path__, f"{__name__}.")
-        for spec in vars(importlib.import_module(module.name)).values()
-        if isinstance(spec, PanelSpec)
-    }
-)
+PANELS: Final[Mapping[str, PanelSpec]] = {
+    spec.key: spec
+    for module in pkgutil.iter_modules(__path__, f"{__name__}.")
+    for spec in vars(importlib.import_module(module.name)).values()
+    if isinstance(spec, PanelSpec)
+}
 """Panels of every module of this folder, by name."""
 
 

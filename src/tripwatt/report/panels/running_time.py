@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from types import MappingProxyType
 from typing import Final
 
 import numpy as np
@@ -17,9 +16,7 @@ from tripwatt.report.tables import Column, Table, tabulated
 from tripwatt.report.view import View
 from tripwatt.report.words import label
 
-PAPER_SAYS: Final[Mapping[str, str]] = MappingProxyType(
-    {"gamm": "GAMMs have a longer running time compared to the others"}
-)
+PAPER_SAYS: Final[Mapping[str, str]] = {"gamm": "GAMMs have a longer running time compared to the others"}
 """Model -> the paper's words on its running time (arXiv:2405.10984, Evaluation and Results); it prints no figure."""
 
 

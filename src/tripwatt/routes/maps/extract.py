@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from tripwatt.errors import InvalidInput
-from tripwatt.routes.maps.stations import ASSUMED_POWER_W, Station
+from tripwatt.routes.maps.stations import ASSUMED_POWER_W, DC_SOCKETS, Station
 from tripwatt.routes.places import SETTLEMENTS
 from tripwatt.routes.web import EXTRA
 
@@ -19,14 +19,6 @@ POINTS_OF_INTEREST: Final = ("amenity", "tourism", "leisure", "shop", "railway",
 KINDS: Final = (*SETTLEMENTS, "street", "poi", "house")
 """Kinds of places, the most important first."""
 
-DC_SOCKETS: Final = (
-    "type2_combo",
-    "chademo",
-    "tesla_supercharger",
-    "tesla_supercharger_ccs",
-    "type1_combo",
-    "nacs",
-)
 AC_SOCKETS: Final = ("type2", "type2_cable", "type1", "schuko", "tesla_destination", "type3c")
 OTHER_NAMES: Final = re.compile(
     r"name:[a-z]{2,3}(?:[-_]\w+)?|(?:alt|old|short|official|loc|int|nat|reg)_name(?::[a-z]{2,3})?|name_\d"
@@ -153,7 +145,7 @@ def station_of_tags(tags: Mapping[str, str], latitude_deg: float, longitude_deg:
     power = max(outputs)
     name = next((tags[key] for key in ("name", "operator", "brand", "network") if tags.get(key)), "")
     assumed = power or ASSUMED_POWER_W[direct]
-    return Station(latitude_deg, longitude_deg, name[:200], assumed, direct, power_known=bool(power))
+    return Station(latitude_deg, longitude_deg, name[:200], assumed, direct, bool(power), tuple(sockets))
 
 
 def _power_w(text: str) -> float:

@@ -47,7 +47,7 @@ SEPARATOR: Final = ";"
 SCHEMA: Final = f"""
 CREATE TEMP TABLE read (kind INTEGER, name TEXT, context TEXT, latitude REAL, longitude REAL, also TEXT, population INTEGER);
 CREATE TEMP TABLE merged AS SELECT * FROM read;
-CREATE TABLE stations (latitude REAL, longitude REAL, name TEXT, power REAL, direct INTEGER, known INTEGER);
+CREATE TABLE stations (latitude REAL, longitude REAL, name TEXT, power REAL, direct INTEGER, known INTEGER, plugs TEXT);
 CREATE TABLE places (
     id INTEGER PRIMARY KEY, kind INTEGER, name TEXT, context TEXT, latitude REAL, longitude REAL, also TEXT);
 CREATE VIRTUAL TABLE names USING fts5(name, also, context, content='', prefix='1 2 3', tokenize="unicode61");
@@ -78,8 +78,9 @@ def write_index(
     with closing(sqlite3.connect(path)) as database, database:
         database.executescript(SCHEMA)
         for batch in _batches(objects, 20_000):
-            stations = [astuple(item) for item in batch if isinstance(item, Station)]
-            database.executemany("INSERT INTO stations VALUES (?, ?, ?, ?, ?, ?)", stations)
+            found = [item for item in batch if isinstance(item, Station)]
+            stations = [(*astuple(station)[:-1], " ".join(station.plugs)) for station in found]
+            database.executemany("INSERT INTO stations VALUES (?, ?, ?, ?, ?, ?, ?)", stations)
             named = [item for item in batch if isinstance(item, Named)]
             database.executemany("INSERT INTO read VALUES (?, ?, ?, ?, ?, ?, ?)", _rows(named, nearest))
         rows = database.execute("SELECT * FROM read ORDER BY kind, name, context, latitude, longitude")
@@ -344,7 +345,8 @@ class PlaceIndex:
         """All charging stations."""
         rows = self.database.execute("SELECT * FROM stations").fetchall()
         return tuple(
-            Station(lat, lon, name, w, bool(dc), bool(known)) for lat, lon, name, w, dc, known in rows
+            Station(lat, lon, name, w, bool(dc), bool(known), tuple("".join(plugs).split()))
+            for lat, lon, name, w, dc, known, *plugs in rows  # an index of an older version has no plugs
         )
 
 

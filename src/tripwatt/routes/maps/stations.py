@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping, Sequence, Set
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
@@ -13,6 +13,16 @@ import numpy as np
 from tripwatt.errors import Fault, InvalidInput, raise_faults
 from tripwatt.routes.places import Place
 from tripwatt.routes.points import EARTH_RADIUS_M
+
+DC_SOCKETS: Final = (
+    "type2_combo",
+    "chademo",
+    "tesla_supercharger",
+    "tesla_supercharger_ccs",
+    "type1_combo",
+    "nacs",
+)
+"""Names of sockets with direct current on OpenStreetMap."""
 
 ASSUMED_POWER_W: Final[Mapping[bool, float]] = MappingProxyType({True: 50_000.0, False: 11_000.0})
 """Power of a station without one, by whether it has direct current: the first generation of rapid chargers, and a
@@ -40,6 +50,8 @@ class Station:
     direct_current : bool
     power_known : bool
         Whether the source gives the power; else it is assumed.
+    plugs : tuple of str
+        Names of its sockets on OpenStreetMap; empty where they are not known.
     """
 
     latitude_deg: float
@@ -48,6 +60,7 @@ class Station:
     power_w: float
     direct_current: bool = False
     power_known: bool = True
+    plugs: tuple[str, ...] = ()
 
     @property
     def place(self) -> Place:
@@ -55,9 +68,24 @@ class Station:
         name = self.name or "charging station"
         return Place(self.latitude_deg, self.longitude_deg, name, "charging_station")
 
+    def usable_with(self, plugs: Set[str]) -> Station | None:
+        """The station for a car with these plugs; None where none of them fits. Unknown plugs, of either, are taken to fit.
+
+        Examples
+        --------
+        >>> station = Station(47.0, 9.0, "", 5e4, direct_current=True, plugs=("chademo", "type2"))
+        >>> station.usable_with({"type2_combo", "type2"}).direct_current, station.usable_with({"type1"})
+        (False, None)
+        """
+        fitting = plugs & {*self.plugs}
+        if not plugs or not self.plugs:
+            return self
+        direct = self.direct_current and not fitting.isdisjoint(DC_SOCKETS)
+        return replace(self, direct_current=direct) if fitting else None
+
     def to_dict(self) -> dict[str, Any]:
         """Plain values."""
-        return asdict(self)
+        return {**asdict(self), "plugs": list(self.plugs)}
 
 
 def read_stations(path: Path | str) -> tuple[Station, ...]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from types import MappingProxyType
 from typing import Final
 
 from tripwatt.errors import InvalidInput
@@ -26,14 +25,12 @@ __all__ = [
     "split_kind",
 ]
 
-ROUTER_KINDS: Final[Mapping[str, Callable[[str], Router]]] = MappingProxyType(
-    {
-        "valhalla": ValhallaRouter.from_url,
-        "osrm": OsrmRouter.from_url,
-        "graphhopper": GraphHopperRouter.from_url,
-        "openrouteservice": OpenRouteServiceRouter.from_url,
-    }
-)
+ROUTER_KINDS: Final[Mapping[str, Callable[[str], Router]]] = {
+    "valhalla": ValhallaRouter.from_url,
+    "osrm": OsrmRouter.from_url,
+    "graphhopper": GraphHopperRouter.from_url,
+    "openrouteservice": OpenRouteServiceRouter.from_url,
+}
 """Kind of a router's server -> what opens one by its URL."""
 
 

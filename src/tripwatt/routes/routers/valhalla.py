@@ -240,10 +240,17 @@ def _edges(answer: Node, shape: str, points: FloatArray) -> tuple[Edges, FloatAr
             "too many edges", "trace_attributes", f"{len(entries)}", f"at most {MOST_EDGES}"
         )
     own = answer["shape"].value
-    if isinstance(own, str) and own != shape:  # its line may have a point more than that of the route
+    within = (
+        entries[-1]["end_shape_index"].value == 0
+    )  # a short leg on one edge: Valhalla may give no part of it
+    if (
+        isinstance(own, str) and own != shape and not within
+    ):  # its line may have a point more than that of the route
         points = decode_polyline(own, answer["shape"].where, precision=1e6)
     begin = _indices([entry["begin_shape_index"] for entry in entries], len(points))
     end = _indices([entry["end_shape_index"] for entry in entries], len(points))
+    if within:
+        end = np.array([len(points) - 1])
     if (np.diff(begin) < 0).any() or (end < begin).any() or (begin[1:] != end[:-1]).any():
         raise InvalidInput.of("edges out of order", answer["edges"].where, "", "indices that rise")
     nodes = [Node(entry.members().get("end_node", {}), f"{entry.where}, end_node") for entry in entries]
@@ -251,11 +258,14 @@ def _edges(answer: Node, shape: str, points: FloatArray) -> tuple[Edges, FloatAr
     if (np.diff(elapsed) < 0).any():
         raise InvalidInput.of("time decreases", "trace_attributes, elapsed_time", "", "times that rise")
     border = distances_m(points)[np.append(begin, end[-1])]
+    speed = np.array([M_S_PER_KM_H * entry["speed"].number(least=1.0) for entry in entries])
+    if within:
+        elapsed = np.diff(border) / speed
     off = [entry["tunnel"].value is True or entry["bridge"].value is True for entry in entries]
     edges = Edges(
         np.diff(border),
         np.diff(elapsed, prepend=0.0),
-        np.array([M_S_PER_KM_H * entry["speed"].number(least=1.0) for entry in entries]),
+        speed,
         np.array([_limit(entry["speed_limit"]) for entry in entries]),
         tuple(str(entry.members().get("road_class", "")) for entry in entries),
         np.array([node["traffic_signal"].value is True for node in nodes]),

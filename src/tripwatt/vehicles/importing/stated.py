@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, raise_faults
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,5 +70,4 @@ class Fields:
 
     def done(self) -> None:
         """Raise `InvalidInput` with every fault."""
-        if self.faults:
-            raise InvalidInput(self.faults)
+        raise_faults(self.faults)
