@@ -9,10 +9,12 @@ import { keepForecasting } from "./state/forecast";
 import { keepReach } from "./state/journey";
 import { keepOnRoad } from "./state/live-drive";
 import { keepLink } from "./state/link";
+import { keepAdvice } from "./state/advice";
 import { keepNeed } from "./state/need";
 import { labelOf } from "./state/own-cars";
 import { keepPosition } from "./state/position";
 import { keepLanguage, keepPreferences, text } from "./state/preferences";
+import { AdviceCard } from "./ui/advice";
 import { Announcer } from "./ui/announcer";
 import { Chips } from "./ui/chips";
 import { ConditionsPanel } from "./ui/conditions-panel";
@@ -73,6 +75,7 @@ function Page() {
           <VerdictCard />
           <MapCard />
           <JourneyAnswer />
+          <AdviceCard />
           <Result />
           <Details />
         </div>
@@ -97,6 +100,7 @@ keepOnRoad();
 keepPosition();
 keepReach();
 keepNeed();
+keepAdvice();
 keepLink((linked) => void chooseLink(linked));
 render(<Page />, document.body);
 void startPage();

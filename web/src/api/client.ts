@@ -183,6 +183,12 @@ export const findPlaces = async (words: string, signal?: AbortSignal) =>
 export const planJourney = (body: JourneyRequest, signal?: AbortSignal) =>
   ask("post", "/v1/journeys", { body, signal });
 
+/** What to do about a trip, or about a journey without a charging stop. */
+export const findAdvice = (body: ForecastRequest, signal?: AbortSignal) =>
+  ask("post", "/v1/advice", { body, signal });
+export const findJourneyAdvice = (body: JourneyRequest, signal?: AbortSignal) =>
+  ask("post", "/v1/journeys/advice", { body, signal });
+
 type NeedQuery = NonNullable<paths["/v1/need"]["get"]["parameters"]["query"]>;
 type RangeQuery = NonNullable<paths["/v1/range"]["get"]["parameters"]["query"]>;
 

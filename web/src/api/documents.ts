@@ -3,6 +3,9 @@
 import type { ForecastRequest } from "./types";
 
 export type {
+  ActionDocument as AdvisedAction,
+  AdvisedDocument as Advised,
+  AdviceResponse as Advice,
   ChargingDocument as ChargingPlan,
   ChargingStopDocument as Stop,
   CourseDocument as Course,

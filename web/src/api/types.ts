@@ -33,6 +33,22 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/v1/advice": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        post: operations["advice_v1_advice_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/v1/forecast/batch": {
         parameters: {
             query?: never;
@@ -92,6 +108,22 @@ export interface paths {
         put?: never;
         /** @deprecated */
         post: operations["plan_v1_plan_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/journeys/advice": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        post: operations["journey_advice_v1_journeys_advice_post"];
         delete?: never;
         options?: never;
         head?: never;
@@ -502,6 +534,79 @@ export interface paths {
 export type webhooks = Record<string, never>;
 export interface components {
     schemas: {
+        ActionDocument: {
+            /** @enum {string} */
+            code: "slower" | "calmer" | "setpoint" | "seats" | "climate_off" | "preheat_cabin" | "preheat_battery" | "no_roof_box" | "summer_tyres" | "less_luggage";
+            value: number | null;
+            /** @enum {string} */
+            effort: "none" | "little" | "some" | "much";
+            wall_wh: number;
+            before_s: number;
+        };
+        AdviceRequest: {
+            model?: string | null;
+            vehicle?: string | null;
+            vehicle_figures?: components["schemas"]["VehicleFigures"] | null;
+            soc?: number | null;
+            ambient_temperature_degc?: number | null;
+            cabin_setpoint_degc?: number | null;
+            cabin_temperature_degc?: number | null;
+            battery_temperature_degc?: number | null;
+            payload_mass_kg?: number | null;
+            climate?: ("auto" | "off" | "heat" | "cool") | null;
+            extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights")[] | null;
+            terrain?: ("unknown" | "flat" | "hilly" | "mountains") | null;
+            wind_speed_m_s?: number | null;
+            wind_from_deg?: number | null;
+            rain_mm_h?: number | null;
+            pressure_pa?: number | null;
+            trip?: string;
+            samples?: {
+                time_s: number[];
+                speed_m_s: number[];
+                elevation_m?: (number | null)[];
+                grade?: (number | null)[];
+                speed_limit_m_s?: (number | null)[];
+                ambient_temperature_degc?: (number | null)[];
+                cabin_temperature_degc?: (number | null)[];
+                cabin_setpoint_degc?: (number | null)[];
+                battery_temperature_degc?: (number | null)[];
+                voltage_v?: (number | null)[];
+                current_a?: (number | null)[];
+                soc?: (number | null)[];
+                displayed_soc?: (number | null)[];
+                motor_torque_nm?: (number | null)[];
+                heating_power_w?: (number | null)[];
+                requested_heating_power_w?: (number | null)[];
+                aircon_power_w?: (number | null)[];
+                climate_power_w?: (number | null)[];
+            } | null;
+            links?: components["schemas"]["Link"][] | null;
+            elevation?: components["schemas"]["Elevation"] | null;
+            reserve?: number | null;
+            probability?: number | null;
+            chance?: number;
+        };
+        AdviceResponse: {
+            reserve: number;
+            chance: number;
+            p_arrive: number;
+            soc_arrival: number;
+            charge_to: number;
+            least: components["schemas"]["AdvisedDocument"][];
+            singly: components["schemas"]["AdvisedDocument"][];
+            flags: components["schemas"]["FlagDocument"][];
+        };
+        AdvisedDocument: {
+            actions: components["schemas"]["ActionDocument"][];
+            difference: components["schemas"]["DifferenceDocument"];
+            soc_arrival: number;
+            p_arrive: number;
+            /** @enum {string} */
+            effort: "none" | "little" | "some" | "much";
+            wall_wh: number;
+            interaction_wh: number;
+        };
         AlikeDocument: {
             what: string;
             count: number;
@@ -624,6 +729,19 @@ export interface components {
                 [key: string]: number;
             };
             on_the_way: components["schemas"]["ForecastOnTheWay"][];
+        };
+        DifferenceDocument: {
+            energy_wh: number;
+            interval_wh: [
+                number,
+                number
+            ];
+            duration_s: number;
+            soc_arrival: number;
+            p_less: number;
+            by_cause_wh: {
+                [key: string]: number;
+            };
         };
         DistanceNeed: {
             distance_m: number;
@@ -795,6 +913,36 @@ export interface components {
         HealthResponse: {
             status: string;
             workers: number;
+        };
+        JourneyAdviceRequest: {
+            model?: string | null;
+            vehicle?: string | null;
+            vehicle_figures?: components["schemas"]["VehicleFigures"] | null;
+            soc?: number | null;
+            ambient_temperature_degc?: number | null;
+            cabin_setpoint_degc?: number | null;
+            cabin_temperature_degc?: number | null;
+            battery_temperature_degc?: number | null;
+            payload_mass_kg?: number | null;
+            climate?: ("auto" | "off" | "heat" | "cool") | null;
+            extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights")[] | null;
+            terrain?: ("unknown" | "flat" | "hilly" | "mountains") | null;
+            wind_speed_m_s?: number | null;
+            wind_from_deg?: number | null;
+            rain_mm_h?: number | null;
+            pressure_pa?: number | null;
+            departure_utc?: string | null;
+            /** @deprecated */
+            weather?: components["schemas"]["WeatherRequest"] | null;
+            stops: (string | components["schemas"]["PlaceRequest"])[];
+            reserve?: number | null;
+            alternatives?: number;
+            round_trip?: boolean;
+            answers?: boolean;
+            charge?: boolean;
+            stop_overhead_s?: number;
+            preheat_battery?: boolean;
+            chance?: number;
         };
         KindChanges: {
             changes?: {
@@ -1398,6 +1546,10 @@ export interface components {
     headers: never;
     pathItems: never;
 }
+export type ActionDocument = components['schemas']['ActionDocument'];
+export type AdviceRequest = components['schemas']['AdviceRequest'];
+export type AdviceResponse = components['schemas']['AdviceResponse'];
+export type AdvisedDocument = components['schemas']['AdvisedDocument'];
 export type AlikeDocument = components['schemas']['AlikeDocument'];
 export type AreaDocument = components['schemas']['AreaDocument'];
 export type CarResponse = components['schemas']['CarResponse'];
@@ -1409,6 +1561,7 @@ export type ColumnChoice = components['schemas']['ColumnChoice'];
 export type CourseDocument = components['schemas']['CourseDocument'];
 export type DescribedVehicle = components['schemas']['DescribedVehicle'];
 export type DiaryEntry = components['schemas']['DiaryEntry'];
+export type DifferenceDocument = components['schemas']['DifferenceDocument'];
 export type DistanceNeed = components['schemas']['DistanceNeed'];
 export type Elevation = components['schemas']['Elevation'];
 export type EmptyAt = components['schemas']['EmptyAt'];
@@ -1425,6 +1578,7 @@ export type ForecastRequest = components['schemas']['ForecastRequest'];
 export type ForecastResponse = components['schemas']['ForecastResponse'];
 export type Forgotten = components['schemas']['Forgotten'];
 export type HealthResponse = components['schemas']['HealthResponse'];
+export type JourneyAdviceRequest = components['schemas']['JourneyAdviceRequest'];
 export type KindChanges = components['schemas']['KindChanges'];
 export type KindDocument = components['schemas']['KindDocument'];
 export type KindRange = components['schemas']['KindRange'];
@@ -1532,6 +1686,29 @@ export interface operations {
             };
         };
     };
+    advice_v1_advice_post: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["AdviceRequest"];
+            };
+        };
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["AdviceResponse"];
+                };
+            };
+        };
+    };
     batch_v1_forecast_batch_post: {
         parameters: {
             query?: never;
@@ -1629,6 +1806,29 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["PlanResponse"];
+                };
+            };
+        };
+    };
+    journey_advice_v1_journeys_advice_post: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["JourneyAdviceRequest"];
+            };
+        };
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["AdviceResponse"];
                 };
             };
         };

@@ -1,0 +1,115 @@
+/** What to do about the trip: the least that makes it arrive, then what each action saves. */
+
+import type { Advised, AdvisedAction } from "../api/documents";
+import { ENERGY, PERCENT } from "../model/units";
+import { advice, adviceIsOld } from "../state/advice";
+import { chargingPlan } from "../state/answer";
+import { source } from "../state/catalogue";
+import { format, text, units } from "../state/preferences";
+import { chanceInFigures } from "./wording";
+
+/** Shorter delays are not named. */
+const MIN_SHOWN_S = 30;
+/** Causes whose change is smaller than this share of the largest are left out. */
+const SMALL = 0.05;
+
+function actionText({ code, value, before_s }: AdvisedAction): string {
+  const { shown, span } = format.value;
+  const { speed, temperature, mass } = units.value;
+  const { actions } = text.value.advice;
+  const si = value ?? 0;
+  switch (code) {
+    case "slower":
+      return actions.slower(shown(si, speed));
+    case "setpoint":
+      return actions.setpoint(shown(si, temperature));
+    case "preheat_cabin":
+      return actions.preheat_cabin(shown(si, temperature), span(before_s));
+    case "less_luggage":
+      return actions.less_luggage(shown(si, mass));
+    default:
+      return actions[code];
+  }
+}
+
+function togetherText({ actions }: Advised): string {
+  const [first = "", ...more] = actions.map(actionText);
+  return [first, ...more.map((words) => words.charAt(0).toLowerCase() + words.slice(1))].join(
+    text.value.advice.and,
+  );
+}
+
+function longer({ difference: { duration_s } }: Advised): string {
+  const { span } = format.value;
+  return duration_s >= MIN_SHOWN_S ? text.value.advice.longer(span(duration_s)) : text.value.advice.noTime;
+}
+
+/** By which causes an action saves, the largest first. */
+function causesText({ difference: { by_cause_wh } }: Advised): string {
+  const names: Record<string, string> = text.value.causes.names;
+  const parts = Object.entries(by_cause_wh).sort(([, one], [, other]) => Math.abs(other) - Math.abs(one));
+  const largest = Math.abs(parts[0]?.[1] ?? 0);
+  return parts
+    .filter(([, wh]) => Math.abs(wh) > SMALL * largest)
+    .map(([key, wh]) => `${names[key] ?? key} ${format.value.signed(ENERGY.from(wh), 2)}\u00a0${ENERGY.unit}`)
+    .join(", ");
+}
+
+function Saving({ of }: { of: Advised }) {
+  const { advice: words, result } = text.value;
+  const { figure, shown } = format.value;
+  const { difference, p_arrive, wall_wh } = of;
+  const [low = 0, high = 0] = difference.interval_wh;
+  const range = result.range(figure(ENERGY.from(-high), 1), figure(ENERGY.from(-low), 1));
+  return (
+    <li>
+      <h3>{togetherText(of)}</h3>
+      <p class="figures">
+        <b>{words.saves(shown(-difference.energy_wh, ENERGY))}</b> <small>{result.inTrips(range)}</small>
+      </p>
+      <p class="figures">
+        {words.arrives(shown(Math.max(of.soc_arrival, 0), PERCENT), chanceInFigures(p_arrive))} · {longer(of)}
+        {wall_wh > 0 && ` · ${words.wall(shown(wall_wh, ENERGY))}`}
+      </p>
+      <details>
+        <summary>{words.why}</summary>
+        <p class="note">{causesText(of)}</p>
+      </details>
+    </li>
+  );
+}
+
+export function AdviceCard() {
+  const found = advice.value;
+  if (!found || source.value === "distance" || found.singly.length === 0) return null;
+  const { advice: words } = text.value;
+  const { shown } = format.value;
+  const wanted = shown(found.chance, PERCENT);
+  return (
+    <section
+      class={`card advice${adviceIsOld.value ? " old" : ""}`}
+      aria-labelledby="advice-title"
+      aria-busy={adviceIsOld.value}
+    >
+      <h2 id="advice-title">{chargingPlan.value ? words.without : words.title}</h2>
+      {found.p_arrive < found.chance && (
+        <>
+          <p>{found.least.length > 0 ? words.least(wanted) : words.notEnough(wanted)}</p>
+          <ul class="least">
+            {found.least.map((one) => (
+              <li key={togetherText(one)}>
+                <b>{togetherText(one)}</b>: {chanceInFigures(one.p_arrive)}, {longer(one)}
+              </li>
+            ))}
+          </ul>
+        </>
+      )}
+      <p class="note">{words.note}</p>
+      <ul class="savings">
+        {found.singly.map((one) => (
+          <Saving key={togetherText(one)} of={one} />
+        ))}
+      </ul>
+    </section>
+  );
+}
