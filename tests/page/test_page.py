@@ -326,6 +326,31 @@ def test_weather_and_extras_are_fields_of_the_request(look: Look, service: Servi
     assert not {"wind_speed_m_s", "rain_mm_h", "extras"} & set(sent)
 
 
+def test_advice_names_what_saves_and_how_sure_that_is(look: Look, service: Service) -> None:
+    page = look()
+
+    def is_cold(found: Any) -> bool:
+        return (
+            found.url.endswith("/v1/advice")
+            and found.request.post_data_json["ambient_temperature_degc"] == -10
+        )
+
+    with page.expect_response(is_cold) as found:
+        slider(page, "Outside").fill("-10")
+    sent, answer = found.value.request.post_data_json, found.value.json()
+    card = page.locator(".advice:not(.old)")
+    card.wait_for()
+    assert [one["actions"][0]["code"] for one in answer["singly"]] != []
+    assert card.locator(".savings > li").count() == len(answer["singly"])
+    first, saved = answer["singly"][0], card.locator(".savings > li").first
+    assert f"saves {-first['difference']['energy_wh'] / 1000.0:.2f}" in saved.inner_text()
+    saved.get_by_text("Where it comes from").click()
+    assert "kWh" in saved.locator("details p").inner_text()
+    assert service.client.post("/v1/advice", json=sent).json() == answer
+    mode(page, "Distance")
+    assert page.locator(".advice").count() == 0
+
+
 def test_the_speed_of_a_track_is_changed_after_the_upload(look: Look) -> None:
     page = look()
     track = b"<kml><LineString><coordinates>11,48 11,48.09</coordinates></LineString></kml>"

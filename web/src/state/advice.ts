@@ -27,7 +27,7 @@ const runner = new Latest<Job>(async ({ of, at, by }, signal) => {
       ? await findJourneyAdvice(journeyRequest(of, at, by), signal)
       : await findAdvice(forecastRequest(of, at, by), signal);
     advice.value = found;
-    adviceIsOld.value = false;
+    adviceIsOld.value = runner.isWaiting;
   } catch {
     advice.value = null; // the forecast has the same faults, and shows them
   }
