@@ -19,7 +19,7 @@ from tripwatt.arrays import BoolArray, FloatArray, IntArray
 from tripwatt.errors import InvalidInput
 from tripwatt.units import WH_PER_J
 
-MOST_LABELS: Final = 200
+MOST_LABELS: Final = 100
 """Labels that are kept at a border, those with the lowest bounds: all of them on small roads."""
 
 LATE_S: Final = 1e-3
@@ -102,15 +102,14 @@ def _to_go(problem: CruiseProblem, price_w: FloatArray) -> tuple[FloatArray, Int
     """
     rate = (price_w + problem.climate_w) * WH_PER_J
     of_energy, of_time = (1.0 / (1.0 + rate))[:, None, None], (rate / (1.0 + rate))[:, None, None]
+    steps = of_energy * problem.step_wh[:, None] + of_time * problem.step_s[:, None]
     nodes, levels = problem.speed_m_s.shape
-    cost = np.zeros((nodes, len(price_w), levels))
-    choice = np.empty((nodes - 1, len(price_w), levels), dtype=np.int64)
+    to_go = np.zeros((nodes, len(price_w), levels))
+    both_ways = steps.reshape(*steps.shape[:3], 2, levels)
     for n in range(nodes - 2, -1, -1):
-        steps = of_energy * problem.step_wh[n] + of_time * problem.step_s[n]
-        steps += np.concatenate((cost[n + 1], cost[n + 1]), axis=1)[:, None, :]
-        choice[n] = steps.argmin(axis=2)
-        cost[n] = steps.min(axis=2)
-    return cost, choice
+        both_ways[n] += to_go[n + 1][:, None, None, :]
+        steps[n].min(axis=2, out=to_go[n])
+    return to_go, steps.argmin(axis=3)
 
 
 def _at_prices(problem: CruiseProblem, price_w: Sequence[float]) -> list[Cruise]:

@@ -10,6 +10,7 @@ Climate control has a constant power beside what it takes on any such drive: tha
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Final, Self
 
 import numpy as np
@@ -32,7 +33,7 @@ STEP_KM_H: Final = 5.0
 """Step between two speeds that are tried, and that a driver is told."""
 
 PIECE_M: Final = 1000.0
-"""Longest link: grade and wind are even over it."""
+"""Links of about this length: grade and wind are even over each."""
 
 SHORTEST_M: Final = 150.0
 """A border that lies closer to the one before is left out."""
@@ -92,14 +93,14 @@ def _road_of(plan: Plan, grade: FloatArray, links: LinkRoute | None) -> CruiseRo
     step, weather = np.diff(at), plan.air
     stands = np.diff(time) * (step < STANDS_M_S * np.diff(time))
     stands[(at[1:] < SHORTEST_M) | (at[1:] > at[-1] - SHORTEST_M)] = 0.0
-    wanted = [np.arange(PIECE_M, at[-1], PIECE_M), at[1:][stands > 0.0]]
-    if links is not None:
-        wanted.append(np.cumsum(links.length_m) * (at[-1] / links.distance_m))
+    of_links = () if links is None else np.cumsum(links.length_m) * (at[-1] / links.distance_m)
     border = [0.0]
-    for place in np.sort(np.concatenate(wanted)).tolist():
+    for place in np.sort(np.concatenate((of_links, at[1:][stands > 0.0]))).tolist():
         if place - border[-1] >= SHORTEST_M and at[-1] - place >= SHORTEST_M:
             border.append(place)
-    edges = np.array([*border, at[-1]])
+    border.append(float(at[-1]))
+    parts = [np.linspace(a, b, max(round((b - a) / PIECE_M), 1), endpoint=False) for a, b in pairwise(border)]
+    edges = np.append(np.concatenate(parts), at[-1])
     length = np.diff(edges)
 
     def mean(rate: FloatArray) -> FloatArray:
