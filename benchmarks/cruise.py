@@ -8,7 +8,15 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from tests.advice.cruise_problems import CARS, exhaustive, made_problem, made_road, simulated, small_problem
+from tests.advice.cruise_problems import (
+    CARS,
+    exhaustive,
+    in_the_weather,
+    made_problem,
+    made_road,
+    simulated,
+    small_problem,
+)
 from tools.command import run
 
 from benchmarks.measure import Row, report, seconds
@@ -22,6 +30,7 @@ LINKS = 200
 ROADS = 10
 SLACK = (1.02, 1.06, 1.15)
 """Time that is allowed, over that of the highest speeds."""
+COLD_DEGC = -10.0
 CHARGING_W = (11e3, 50e3, 150e3)
 
 
@@ -70,8 +79,20 @@ def rows() -> Iterator[Row]:
     gap = max(one.energy_wh / one.least_wh - 1.0 for one in found)
     yield Row(f"{LINKS} links: largest distance to the bound from below", gap, most=0.002)
     times, energies = zip(*(differences(seed, car) for seed in range(3) for car in CARS), strict=True)
+    cold = [
+        simulated(one, vehicle, conditions, None)
+        for car in CARS
+        for length_km in (10.0, 40.0, 200.0)
+        for problem, vehicle, conditions in [in_the_weather(car, COLD_DEGC, length_km)]
+        for one in front(problem, 3).cruises
+    ]
     yield Row("time of a cruise against its whole simulation, largest difference", max(times), most=0.03)
     yield Row("energy of a cruise against its whole simulation, largest difference", max(energies), most=0.03)
+    yield Row(
+        f"the same with climate control at {COLD_DEGC:.0f} °C",
+        max(abs(own[1] / whole[1] - 1.0) for whole, own in cold),
+        most=0.03,
+    )
     road, car, mild = made_road(0, LINKS), load_vehicle(CARS[0]), DriveConditions()
     limit_s = 1.06 * front(CruiseProblem.from_road(road, car, mild), 2).duration_s[0]
     yield Row(

@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 
 from tripwatt.advice import CruiseProblem, CruiseRoad
-from tripwatt.physics import DriveConditions, simulate
-from tripwatt.routes import LinkStyle
+from tripwatt.physics import DriveConditions, conditions_at_departure, simulate
+from tripwatt.routes import LinkStyle, plan_from_links, route_from_links
 from tripwatt.routes.driver import speed_profile
+from tripwatt.trips import Departure
 from tripwatt.vehicles import load_vehicle
 
 LIMITS_M_S = np.array([50.0, 70.0, 100.0, 130.0, 130.0]) / 3.6
@@ -42,6 +43,19 @@ def small_problem(seed):
     return replace(problem, climate_w=power, fixed_wh=100.0)
 
 
+def in_the_weather(car, degc, length_km):
+    """A plan over links of three speeds with climate control: the problem, the car and the conditions."""
+    speeds = np.sort(
+        np.random.default_rng(int(length_km)).choice([14.0, 26.0, 33.0], max(int(length_km / 2.0), 4))
+    )
+    length_m = 1000.0 * length_km / len(speeds)
+    links = [{"length_m": length_m, "speed_m_s": float(v), "stop_s": 0.0} for v in speeds]
+    departure = Departure(ambient_temperature_degc=degc, soc=0.9)
+    plan, vehicle = plan_from_links(route_from_links(links)).with_departure(departure), load_vehicle(car)
+    conditions = conditions_at_departure(vehicle, departure)
+    return CruiseProblem.from_plan(plan, vehicle), vehicle, conditions
+
+
 def exhaustive(problem):
     """Time and energy of every way along the road that is possible."""
     ways = {0: (np.zeros(1), np.full(1, problem.fixed_wh))}
@@ -57,8 +71,8 @@ def exhaustive(problem):
     return time, energy + problem.climate_w * time / 3600.0
 
 
-def simulated(cruise, vehicle, conditions):
-    """Time [s] and energy [Wh] of the whole simulation of a cruise without lifting, and of the cruise itself."""
+def simulated(cruise, vehicle, conditions, climate_w=0.0):
+    """Time [s] and energy [Wh] of the whole simulation of a cruise without lifting, and of the cruise itself; None = climate control by its model."""
     nodes = cruise.problem.road
     moves = nodes.length_m > 0.0
     last_link = np.cumsum(moves) - 1
@@ -79,7 +93,7 @@ def simulated(cruise, vehicle, conditions):
         profile.speed_m_s,
         grade=nodes.grade[moves][profile.link],
         headwind_m_s=nodes.headwind_m_s[moves][profile.link],
-        climate_power_w=0.0,
+        climate_power_w=climate_w,
         conditions=conditions,
     )
     (time,), (energy,) = cruise.problem.totals(cruise.levels[None], np.zeros_like(cruise.lifted)[None])

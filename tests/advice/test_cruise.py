@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from tests.advice.cruise_problems import (
     CARS,
     exhaustive,
+    in_the_weather,
     made_problem,
     made_road,
     simulated,
@@ -91,7 +92,7 @@ class TestAgainstEveryWay:
         problem = made_problem(11)
         limit = 1.06 * front(problem, 2).duration_s[0]
         exact = least_energy(problem, limit)
-        monkeypatch.setattr(cruise, "MOST_LABELS", 1)
+        monkeypatch.setattr(cruise, "LABELS", 1)
         rough = least_energy(problem, limit)
         assert rough.duration_s <= limit * (1.0 + 1e-8)
         assert rough.least_wh <= exact.energy_wh <= rough.energy_wh <= 1.002 * exact.energy_wh
@@ -108,6 +109,16 @@ class TestAgainstTheSimulation:
             whole, own = simulated(one, vehicle, conditions)
             assert own[0] == pytest.approx(whole[0], rel=1e-3)
             assert own[1] == pytest.approx(whole[1], rel=0.015)
+
+    @pytest.mark.parametrize(("degc", "length_km"), [(-10.0, 10.0), (-10.0, 40.0), (35.0, 40.0)])
+    def test_climate_control_of_a_slower_drive_is_that_of_its_simulation(self, degc, length_km):
+        problem, vehicle, conditions = in_the_weather("vw_id3", degc, length_km)
+        fast, slow = front(problem, 2).cruises
+        for one, most in ((fast, 0.01), (slow, 0.02)):
+            whole, own = simulated(one, vehicle, conditions, None)
+            assert own[1] == pytest.approx(whole[1], rel=most)
+        without = slow.energy_wh - problem.fixed_wh - problem.climate_w * slow.duration_s * WH_PER_J
+        assert without < 0.96 * slow.energy_wh
 
     @pytest.mark.parametrize("grade", [-0.005, 0.0, 0.02])
     def test_lifting_leaves_the_motor_without_work(self, grade):
@@ -352,16 +363,11 @@ class TestFollowable:
         advice = followable(best)
         energies = []
         for country in range(80, 101, 5):
-            for motorway in range(100, 131, 5):
-                speed = (
-                    np.concatenate(([0.0], np.full(4, country), np.full(6, max(motorway, 104)), [0.0])) * KM_H
-                )
-                levels = np.abs(problem.speed_m_s - speed[:, None]).argmin(axis=1)
-                levels[5:11] = (
-                    (problem.speed_m_s[5:11] > motorway * KM_H + 1e-6)
-                    .sum(axis=1)
-                    .clip(0, len(np.unique(problem.speed_m_s[5])) - 1)
-                )
+            for motorway in range(105, 131, 5):
+                speed = np.array([0.0, *[country] * 4, *[motorway] * 6, 0.0]) * KM_H
+                levels = np.abs(
+                    problem.speed_m_s - np.minimum(speed, problem.speed_m_s[:, 0])[:, None]
+                ).argmin(axis=1)
                 ramps = np.zeros(len(levels) - 1, dtype=bool)
                 (time,), (energy,) = problem.totals(levels[None], ramps[None])
                 if time <= best.limit_s:

@@ -19,8 +19,8 @@ from tripwatt.arrays import BoolArray, FloatArray, IntArray
 from tripwatt.errors import InvalidInput
 from tripwatt.units import WH_PER_J
 
-MOST_LABELS: Final = 100
-"""Labels that are kept at a border, those with the lowest bounds: all of them on small roads."""
+LABELS: Final = 40_000
+"""Labels that are kept on a road, as many at each border, those with the lowest bounds: all of them on small roads."""
 
 LATE_S: Final = 1e-3
 """More than what the energy adds to the least times to go, by which it decides between equal ones."""
@@ -52,9 +52,15 @@ class Cruise:
 
     Examples
     --------
-    >>> cruise = least_energy(problem, 3600.0)  # doctest: +SKIP
-    >>> (cruise.speed_m_s * 3.6).round().tolist(), cruise.energy_wh / cruise.least_wh - 1.0  # doctest: +SKIP
-    ([50.0, 95.0, 110.0], 0.0)
+    >>> from tripwatt.routes import plan_from_links, route_from_links
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> links = route_from_links([{"length_m": 40_000.0, "speed_m_s": 33.0, "stop_s": 0.0}])
+    >>> problem = CruiseProblem.from_plan(plan_from_links(links), load_vehicle("vw_id3"), links)
+    >>> cruise = least_total_time(problem, 11e3)
+    >>> cruise.speed_m_s.shape, round(3.6 * cruise.speed_m_s[20]), len(cruise.lift_at_m)
+    ((40,), 90, 1)
+    >>> cruise.total_s(11e3) < least_total_time(problem, 50e3).total_s(11e3)
+    True
     """
 
     problem: CruiseProblem
@@ -144,7 +150,7 @@ def least_total_time(problem: CruiseProblem, charging_w: float) -> Cruise:
     problem : CruiseProblem
         The road with the car.
     charging_w : float
-        Mean power into the battery at the stations of the road [W]. A stop that is made anyway takes no time of its own.
+        Power into the battery at the end of a charge [W], where energy that was saved need not be charged. The stop itself is made anyway.
 
     Returns
     -------
@@ -158,8 +164,12 @@ def least_total_time(problem: CruiseProblem, charging_w: float) -> Cruise:
 
     Examples
     --------
-    >>> least_total_time(problem, 50e3).duration_s < least_total_time(problem, 11e3).duration_s  # doctest: +SKIP
-    True
+    >>> from tripwatt.routes import plan_from_links, route_from_links
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> links = route_from_links([{"length_m": 40_000.0, "speed_m_s": 33.0, "stop_s": 0.0}])
+    >>> problem = CruiseProblem.from_plan(plan_from_links(links), load_vehicle("vw_id3"), links)
+    >>> [round(3.6 * least_total_time(problem, power).speed_m_s[20]) for power in (11e3, 22e3, 150e3)]
+    [90, 100, 124]
     """
     if not charging_w > 0.0:
         raise InvalidInput.of(
@@ -197,8 +207,13 @@ def least_energy(problem: CruiseProblem, time_s: float) -> Cruise:
 
     Examples
     --------
-    >>> least_energy(problem, 3600.0).duration_s <= 3600.0  # doctest: +SKIP
-    True
+    >>> from tripwatt.routes import plan_from_links, route_from_links
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> links = route_from_links([{"length_m": 40_000.0, "speed_m_s": 33.0, "stop_s": 0.0}])
+    >>> problem = CruiseProblem.from_plan(plan_from_links(links), load_vehicle("vw_id3"), links)
+    >>> cruise = least_energy(problem, 1400.0)
+    >>> round(cruise.duration_s), cruise.energy_wh / cruise.least_wh < 1.001
+    (1400, True)
     """
     fast, slow = _at_prices(problem, [FASTEST_W, 0.0])
     allowed_s = time_s * (1.0 + SAME)
@@ -235,7 +250,7 @@ def _searched(known: Cruise) -> Cruise:
     nodes, count = problem.speed_m_s.shape
     level, time, energy = np.zeros(1, dtype=np.int64), np.zeros(1), np.full(1, problem.fixed_wh)
     way = np.zeros((1, nodes - 1), dtype=np.int64)
-    dropped = known.energy_wh
+    dropped, most = known.energy_wh, LABELS // nodes + 1
     for n in range(nodes - 1):
         step_s, step_wh = problem.step_s[n][level], problem.step_wh[n][level]
         after_s = (time[:, None] + step_s).ravel()
@@ -245,10 +260,9 @@ def _searched(known: Cruise) -> Cruise:
         in_time = after_s + to_go[n + 1, 1][there] <= limit + (LATE_S if n < nodes - 2 else 0.0)
         keep = np.flatnonzero((bound < known.energy_wh * (1.0 - SAME)) & in_time)
         keep = keep[_not_dominated(there[keep], after_s[keep], after_wh[keep])]
-        if len(keep) > MOST_LABELS:
-            keep = keep[np.argpartition(bound[keep], MOST_LABELS)]
-            dropped = min(dropped, float(bound[keep[MOST_LABELS]]))
-            keep = keep[:MOST_LABELS]
+        if len(keep) > most:
+            keep = keep[np.argpartition(bound[keep], most)]
+            dropped, keep = min(dropped, float(bound[keep[most]])), keep[:most]
         level, time, energy, way = there[keep], after_s[keep], after_wh[keep], way[keep // (2 * count)]
         way[:, n] = keep % (2 * count)
     best = _along(problem, way[[energy.argmin()]], [known.price_w])[0] if len(keep) else known
@@ -278,9 +292,14 @@ class Front:
 
     Examples
     --------
-    >>> one = front(problem, 20)  # doctest: +SKIP
-    >>> one.knee.duration_s / one.cruises[0].duration_s, one.knee.energy_wh / one.cruises[0].energy_wh  # doctest: +SKIP
-    (1.09, 0.86)
+    >>> from tripwatt.routes import plan_from_links, route_from_links
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> links = route_from_links([{"length_m": 40_000.0, "speed_m_s": 33.0, "stop_s": 0.0}])
+    >>> problem = CruiseProblem.from_plan(plan_from_links(links), load_vehicle("vw_id3"), links)
+    >>> of_road = front(problem, 10)
+    >>> fastest, knee = of_road.cruises[0], of_road.knee
+    >>> round(knee.duration_s / fastest.duration_s, 2), round(knee.energy_wh / fastest.energy_wh, 2)
+    (1.19, 0.75)
     """
 
     cruises: tuple[Cruise, ...]
@@ -329,8 +348,12 @@ def front(problem: CruiseProblem, points: int = 20) -> Front:
 
     Examples
     --------
-    >>> len(front(problem, 20).cruises)  # doctest: +SKIP
-    20
+    >>> from tripwatt.routes import plan_from_links, route_from_links
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> links = route_from_links([{"length_m": 40_000.0, "speed_m_s": 33.0, "stop_s": 0.0}])
+    >>> problem = CruiseProblem.from_plan(plan_from_links(links), load_vehicle("vw_id3"), links)
+    >>> len(front(problem, 10).cruises)
+    10
     """
     cruises = _at_prices(problem, [FASTEST_W, 0.0])
     while len(cruises) < points:

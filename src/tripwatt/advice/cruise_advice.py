@@ -36,9 +36,16 @@ class CruiseAdvice:
 
     Examples
     --------
-    >>> advice = followable(least_energy(problem, 3600.0))  # doctest: +SKIP
-    >>> {kind: round(3.6 * speed) for kind, speed in advice.speed_m_s.items()}, round(advice.lost_wh)  # doctest: +SKIP
-    ({'country': 80, 'motorway': 105}, 61)
+    >>> from tripwatt.advice import CruiseProblem, least_energy
+    >>> from tripwatt.routes import plan_from_links, route_from_links
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> links = route_from_links([{"length_m": 9000.0, "speed_m_s": v, "stop_s": 0.0} for v in (24.0, 33.0, 33.0)])
+    >>> problem = CruiseProblem.from_plan(plan_from_links(links), load_vehicle("vw_id3"), links)
+    >>> advice = followable(least_energy(problem, 1050.0))
+    >>> {kind: round(3.6 * speed) for kind, speed in advice.speed_m_s.items()}
+    {'country': 95, 'motorway': 100}
+    >>> advice.cruise.duration_s < 1050.0, advice.lost_wh / advice.best.energy_wh < 0.03
+    (True, True)
     """
 
     speed_m_s: Mapping[str, float]
@@ -67,36 +74,32 @@ def followable(best: Cruise) -> CruiseAdvice:
     Returns
     -------
     CruiseAdvice
-        With its loss. A floor above the speed of the kind counts as the speed of the link.
+        With its loss.
 
     Examples
     --------
-    >>> followable(least_total_time(problem, 50e3)).lost_s  # doctest: +SKIP
-    12.0
+    >>> from tripwatt.advice import CruiseProblem, least_total_time
+    >>> from tripwatt.routes import plan_from_links, route_from_links
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> links = route_from_links([{"length_m": 40_000.0, "speed_m_s": 33.0, "stop_s": 0.0}])
+    >>> problem = CruiseProblem.from_plan(plan_from_links(links), load_vehicle("vw_id3"), links)
+    >>> {kind: round(3.6 * speed) for kind, speed in followable(least_total_time(problem, 11e3)).speed_m_s.items()}
+    {'motorway': 90}
     """
     problem = best.problem
     speeds, levels = _one_for_each_kind(problem)
     lifted = _worth_lifting(problem, levels, best.price_w)
-    time, energy = (
-        np.concatenate(pair)
-        for pair in zip(
-            *(problem.totals(levels, some) for some in (lifted, np.zeros_like(lifted))), strict=True
-        )
-    )
+    lifted, levels = np.concatenate((lifted, np.zeros_like(lifted))), np.tile(levels, (2, 1))
+    time, energy = problem.totals(levels, lifted)
     if np.isfinite(best.limit_s):
         cost = np.where(time <= best.limit_s * (1.0 + SAME), energy, np.inf)
     else:
         cost = energy + best.price_w * WH_PER_J * time
-    chosen = int(cost.argmin())
-    row = chosen % len(levels)
-    cruise = replace(
-        best,
-        levels=levels[row],
-        lifted=lifted[row] & (chosen < len(levels)),
-        duration_s=float(time[chosen]),
-        energy_wh=float(energy[chosen]),
-    )
-    return CruiseAdvice({kind: float(column[row]) for kind, column in speeds.items()}, cruise, best)
+    row = int(cost.argmin())
+    took_s, took_wh = float(time[row]), float(energy[row])
+    cruise = replace(best, levels=levels[row], lifted=lifted[row], duration_s=took_s, energy_wh=took_wh)
+    kept = {kind: float(column[row % len(column)]) for kind, column in speeds.items()}
+    return CruiseAdvice(kept, cruise, best)
 
 
 def _one_for_each_kind(problem: CruiseProblem) -> tuple[dict[str, FloatArray], IntArray]:
@@ -112,7 +115,8 @@ def _one_for_each_kind(problem: CruiseProblem) -> tuple[dict[str, FloatArray], I
         own = problem.speed_m_s[mine]
         tried = own < own[:, :1]
         tried[:, 0] = True
-        ends = np.ceil(np.array([own.min(), own.max()]) / step - SAME)
+        # above every floor, so that each link has this speed or its highest
+        ends = np.ceil(np.array([np.where(tried, own, np.inf).min(axis=1).max(), own.max()]) / step - SAME)
         kept = np.arange(ends[0], ends[1] + 1) * step
         faster = (tried & (own > kept[:, None, None] * (1.0 + SAME))).sum(axis=2)
         tables[name] = mine, kept, np.minimum(faster, tried.sum(axis=1) - 1)

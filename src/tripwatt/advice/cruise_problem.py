@@ -10,7 +10,6 @@ Climate control has a constant power beside what it takes on any such drive: tha
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from typing import Final, Self
 
 import numpy as np
@@ -39,7 +38,7 @@ SHORTEST_M: Final = 150.0
 """A border that lies closer to the one before is left out."""
 
 PLACES: Final = 20
-"""Places of a link whose median speed is the link's highest: half of its way is driven at that speed or a higher one."""
+"""Places between two borders whose median speed is the highest there: half of the way is driven at that speed or a higher one."""
 
 STANDS_M_S: Final = 1.0
 """Slower intervals of a plan are standstill."""
@@ -93,28 +92,30 @@ def _road_of(plan: Plan, grade: FloatArray, links: LinkRoute | None) -> CruiseRo
     step, weather = np.diff(at), plan.air
     stands = np.diff(time) * (step < STANDS_M_S * np.diff(time))
     stands[(at[1:] < SHORTEST_M) | (at[1:] > at[-1] - SHORTEST_M)] = 0.0
-    of_links = () if links is None else np.cumsum(links.length_m) * (at[-1] / links.distance_m)
+    known = np.arange(PIECE_M, at[-1], PIECE_M)
+    if links is not None:
+        known = np.cumsum(links.length_m) * (at[-1] / links.distance_m)
     border = [0.0]
-    for place in np.sort(np.concatenate((of_links, at[1:][stands > 0.0]))).tolist():
+    for place in np.sort(np.concatenate((known, at[1:][stands > 0.0]))).tolist():
         if place - border[-1] >= SHORTEST_M and at[-1] - place >= SHORTEST_M:
             border.append(place)
-    border.append(float(at[-1]))
-    parts = [np.linspace(a, b, max(round((b - a) / PIECE_M), 1), endpoint=False) for a, b in pairwise(border)]
-    edges = np.append(np.concatenate(parts), at[-1])
-    length = np.diff(edges)
+    start, stretch = np.array(border), np.diff([*border, at[-1]])
+    moves = np.concatenate(([True], step > 0.0))
+    places = start[:, None] + stretch[:, None] * (np.arange(PLACES) + 0.5) / PLACES
+    highest = np.maximum(np.median(np.interp(places, at[moves], speed[moves]), axis=1), STANDS_M_S)
+    count = np.maximum(np.round(stretch / PIECE_M), 1.0).astype(np.int64)
+    length = np.repeat(stretch / count, count)
+    edges = running_sum(length)
 
     def mean(rate: FloatArray) -> FloatArray:
         return np.asarray(np.diff(np.interp(edges, at, running_sum(rate[1:] * step))) / length)
 
-    within = edges[:-1, None] + length[:, None] * (np.arange(PLACES) + 0.5) / PLACES
-    moves = np.concatenate(([True], step > 0.0))
-    highest = np.median(np.interp(within, at[moves], speed[moves]), axis=1)
     wait = np.zeros(len(length))
     if len(length) > 1:
         nearest = np.abs(edges[1:-1] - at[1:, None][stands > 0.0]).argmin(axis=1)
         wait = np.bincount(nearest, stands[stands > 0.0], len(length)).astype(np.float64)
     wind = np.zeros(len(at)) if weather is None else weather.headwind_m_s
-    return CruiseRoad(length, np.maximum(highest, STANDS_M_S), mean(grade), mean(wind), wait)
+    return CruiseRoad(length, np.repeat(highest, count), mean(grade), mean(wind), wait)
 
 
 def _levels(highest_m_s: FloatArray, floor: float, step_m_s: float) -> tuple[FloatArray, BoolArray]:
@@ -156,13 +157,9 @@ class _Ramps:
         trace = Trace(step.cumsum(axis=1), step, np.tile(mean, (3, 1)), pace, np.zeros(len(mean)), None)
         warm = replace(conditions, initial_warmth=1.0)
         power = drive_chain(vehicle, trace, warm, np.zeros(step.shape))[0]["battery_power_w"]
-        sums = [
-            np.stack([running_sum(row) for row in rows])
-            for rows in (mean * step, step, power * step * WH_PER_J)
-        ]
-        return cls(
-            speed, sums[0][:2], sums[1][:2], sums[2][:2], np.interp(speed, mean, power[2] / mean) * WH_PER_J
-        )
+        rows = mean * step, step, power * step * WH_PER_J
+        way, time, energy = (np.stack([running_sum(row) for row in each[:2]]) for each in rows)
+        return cls(speed, way, time, energy, np.interp(speed, mean, power[2] / mean) * WH_PER_J)
 
     def reachable(self, length_m: FloatArray, highest_m_s: FloatArray) -> FloatArray:
         """Highest speeds such that each ramp fits into half of the faster link, shape of `length_m`. O(links)."""
@@ -177,9 +174,10 @@ class _Ramps:
         """Way [m] of a change of speed, and its time [s] and energy [Wh] beyond those of the faster speed; shape (steps, before, after)."""
 
         def change(rows: FloatArray) -> FloatArray:
-            up, down = (
-                np.interp(after, self.speed_m_s, row) - np.interp(before, self.speed_m_s, row) for row in rows
+            at_before, at_after = (
+                [np.interp(v, self.speed_m_s, row) for row in rows] for v in (before, after)
             )
+            up, down = (b - a for a, b in zip(at_before, at_after, strict=True))
             return np.asarray(np.where(after > before, up, -down))
 
         way, time, energy = map(change, (self.way_m, self.time_s, self.energy_wh))
@@ -265,6 +263,10 @@ class CruiseProblem:
     >>> problem = CruiseProblem.from_road(road, load_vehicle("vw_id3"), DriveConditions())
     >>> (problem.speed_m_s[1] * 3.6).round().tolist(), problem.step_s.shape
     ([130.0, 125.0, 120.0, 115.0, 110.0, 105.0, 100.0, 95.0], (4, 8, 16))
+    >>> fastest = np.zeros((1, 5), dtype=np.int64)
+    >>> time_s, energy_wh = problem.totals(fastest, np.zeros((1, 4), dtype=bool))
+    >>> round(float(time_s[0]))
+    475
     """
 
     road: CruiseRoad
@@ -294,7 +296,7 @@ class CruiseProblem:
         vehicle : Vehicle
             The car, without the extras of the departure.
         links : LinkRoute, optional
-            Those of the plan; their borders cut the road, too.
+            Those of the plan, each with one highest speed; pieces of `PIECE_M` without them.
         floor : float
             Lowest speed over the highest of a link.
         step_m_s : float
@@ -312,9 +314,10 @@ class CruiseProblem:
 
         Examples
         --------
-        >>> import tripwatt as tw
-        >>> plan = tw.read_route([{"length_m": 9000.0, "speed_m_s": 30.0, "stop_s": 0.0}])
-        >>> problem = CruiseProblem.from_plan(plan, tw.load_vehicle("vw_id3"))
+        >>> from tripwatt.routes import plan_from_links, route_from_links
+        >>> from tripwatt.vehicles import load_vehicle
+        >>> links = route_from_links([{"length_m": 9000.0, "speed_m_s": 30.0, "stop_s": 0.0}])
+        >>> problem = CruiseProblem.from_plan(plan_from_links(links), load_vehicle("vw_id3"), links)
         >>> round(problem.road.length_m.sum()), problem.speed_m_s.shape
         (9000, (11, 8))
         """
@@ -369,29 +372,22 @@ class CruiseProblem:
         ramps = _Ramps.of_car(vehicle, conditions, float(road.highest_m_s.max()))
         speed, tried = _levels(ramps.reachable(nodes.length_m, nodes.highest_m_s), floor, step_m_s)
         steady = _Steady.of_car(vehicle, conditions, nodes, speed)
-        link_s = np.where(
-            speed > 0.0, nodes.length_m[:, None] / np.maximum(speed, SAME), nodes.wait_s[:, None]
-        )
+        length, wait = nodes.length_m[:, None], nodes.wait_s[:, None]
+        link_s = np.where(speed > 0.0, length / np.maximum(speed, SAME), wait)
         before, after = speed[:-1, :, None], speed[1:, None, :]
-        half = np.where(after > before, nodes.length_m[1:, None, None], nodes.length_m[:-1, None, None]) / 2.0
+        half = 0.5 * np.where(after > before, length[1:, :, None], length[:-1, :, None])
         way, time, energy = ramps.between(before, after)
         lift_m, lift_s = steady.lift_m, steady.lift_s
-        per_m = steady.energy_wh[:-1] / np.maximum(nodes.length_m[:-1, None], SAME)
+        per_m = (steady.energy_wh / np.maximum(length, SAME))[:-1]
         rolled_s = lift_s - lift_m / np.maximum(before, SAME)
         rolled_wh = steady.base_w * WH_PER_J * lift_s - per_m[:, :, None] * lift_m
         possible = tried & steady.holds
         both = possible[:-1, :, None] & possible[1:, None, :]
-        fits = both & (way <= half * (1.0 + SAME)), both & (before > after) & (lift_m <= half)
-        step_s, step_wh = (
-            np.concatenate(
-                [np.where(fit, change, none) for fit, change in zip(fits, changes, strict=True)], axis=2
-            )
-            + np.tile(own[1:], 2)[:, None, :]
-            for changes, own, none in (
-                ((time, rolled_s), link_s, 0.0),
-                ((energy, rolled_wh), steady.energy_wh, np.inf),
-            )
-        )
+        ramp, roll = both & (way <= half * (1.0 + SAME)), both & (before > after) & (lift_m <= half)
+        then_s, then_wh = link_s[1:, None, :], steady.energy_wh[1:, None, :]
+        changes_s = np.where(ramp, time, 0.0) + then_s, np.where(roll, rolled_s, 0.0) + then_s
+        changes_wh = np.where(ramp, energy, np.inf) + then_wh, np.where(roll, rolled_wh, np.inf) + then_wh
+        step_s, step_wh = np.concatenate(changes_s, axis=2), np.concatenate(changes_wh, axis=2)
         return cls(nodes, speed, step_s, step_wh, lift_m)
 
     def totals(self, levels: IntArray, lifted: BoolArray) -> tuple[FloatArray, FloatArray]:

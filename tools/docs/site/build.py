@@ -56,6 +56,7 @@ PACKAGES: Final = (
     "tripwatt.population",
     "tripwatt.journey",
     "tripwatt.live",
+    "tripwatt.advice",
     "tripwatt.store",
     "tripwatt.fleet.model",
     "tripwatt.evaluation",
