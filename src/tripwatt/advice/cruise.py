@@ -323,7 +323,7 @@ class Front:
 
 
 def front(problem: CruiseProblem, points: int = 20) -> Front:
-    """Cruises on the convex front of time and energy, neighbours halved until there are enough. O(points x links x levels²).
+    """Find cruises on the convex front of time and energy, halving the gaps between neighbours. O(points x links x levels²).
 
     Parameters
     ----------
