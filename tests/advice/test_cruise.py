@@ -1,5 +1,6 @@
 """Speeds along the road: against every way, tried, against the whole simulation, and by laws."""
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -431,6 +432,22 @@ class TestFollowable:
         )
         assert 100.0 < problem.lift_m[1, 0, 0] < 1500.0
         assert followable(cheap).cruise.lift_at_m == pytest.approx(cheap.lift_at_m)
+
+    def test_of_many_places_to_lift_those_that_save_most_are_told(self):
+        """Towns of different limits: every choice of as many places, tried."""
+        towns = (50.0, 45.0, 60.0, 48.0, 55.0, 65.0, 52.0, 58.0, 62.0, 46.0, 54.0)
+        limits = [*(limit for town in towns for limit in (70.0, town)), 70.0]
+        problem = problem_of(level_road([3000.0] * len(limits), limits), floor=1.0)
+        best = least_total_time(problem, 500.0)
+        places = np.flatnonzero(best.lifted)
+        assert len(places) > cruise_advice.MOST_LIFTS
+        every = itertools.combinations(places, cruise_advice.MOST_LIFTS)
+        lifted = np.array([np.isin(np.arange(len(best.lifted)), chosen) for chosen in every])
+        time, energy = problem.totals(np.tile(best.levels, (len(lifted), 1)), lifted)
+        told = followable(best).cruise
+        assert told.lifted.sum() == cruise_advice.MOST_LIFTS
+        least = (energy + 500.0 * WH_PER_J * time).min()
+        assert told.energy_wh + 500.0 * WH_PER_J * told.duration_s == pytest.approx(least, rel=1e-9)
 
 
 class TestFaults:

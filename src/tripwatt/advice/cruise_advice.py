@@ -20,6 +20,9 @@ KINDS: Final = {"city": CITY_KM_H, "country": COUNTRY_KM_H, "motorway": np.inf}
 MOST_LIFTS: Final = 8
 """Places to lift that a driver is told."""
 
+MOST_WH: Final = 1e9
+"""Stands for the cost of a step that is not possible."""
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class CruiseAdvice:
@@ -135,7 +138,7 @@ def _worth_lifting(problem: CruiseProblem, levels: IntArray, price_w: float) -> 
         problem.step_wh[*there, step] + rate * problem.step_s[*there, step]
         for step in (levels[:, 1:], levels[:, 1:] + problem.speed_m_s.shape[1])
     )
-    saved = np.where(np.isfinite(lift), np.minimum(ramp, 1e9) - np.minimum(lift, 1e9), 0.0)
+    saved = np.where(np.isfinite(lift), np.minimum(ramp, MOST_WH) - np.minimum(lift, MOST_WH), 0.0)
     most = min(MOST_LIFTS, saved.shape[1])
     least = np.partition(saved, -most, axis=1)[:, [-most]]
     return (saved > SAME) & (saved >= least)
