@@ -105,12 +105,12 @@ def rows() -> Iterator[Row]:
     yield Row(f"the same from the steps, the slowest of {len(found)}", slowest, "s", most=0.15)
     yield Row("front of 20 points", seconds(lambda: front(problems[0], 20)), "s", most=2.0)
     yield Row("least time with charging", seconds(lambda: least_total_time(problems[0], 50e3)), "s")
-    yield Row("one speed for each kind of road", seconds(lambda: followable(found[0])), "s")
+    yield Row("one speed for each class of road", seconds(lambda: followable(found[0])), "s")
     by_price = [least_total_time(problem, power) for problem in problems for power in CHARGING_W]
     for name, bests in (("in a time", found), ("with charging", by_price)):
         lost = [loss(best) for best in bests]
-        yield Row(f"lost by one speed for each kind, {name}: median", float(np.median(lost)))
-        yield Row(f"lost by one speed for each kind, {name}: largest", max(lost))
+        yield Row(f"lost by one speed for each class, {name}: median", float(np.median(lost)))
+        yield Row(f"lost by one speed for each class, {name}: largest", max(lost))
 
 
 def main() -> int:

@@ -38,7 +38,7 @@ def made_problem(seed, links=60, same=5, **more):
 
 def small_problem(seed):
     """Six links of which each has its own limit, few speeds, and climate control."""
-    problem = made_problem(seed, links=6, same=1, floor=0.6, step_m_s=12.0 / 3.6)
+    problem = made_problem(seed, links=6, same=1, floor=0.45, step_m_s=10.0 / 3.6)
     power = float(np.random.default_rng([seed, 2]).uniform(0.0, 3000.0))
     return replace(problem, climate_w=power, fixed_wh=100.0)
 

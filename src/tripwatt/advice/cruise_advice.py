@@ -1,8 +1,7 @@
-"""Speeds that a driver can follow: one on each kind of road, and where to lift the foot."""
+"""Speeds that a driver can follow: one on each class of road, and where to lift the foot."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -11,11 +10,10 @@ import numpy as np
 from tripwatt.advice.cruise import Cruise
 from tripwatt.advice.cruise_problem import SAME, STEP_KM_H, CruiseProblem
 from tripwatt.arrays import BoolArray, FloatArray, IntArray
-from tripwatt.journey.kinds import CITY_KM_H, COUNTRY_KM_H
 from tripwatt.units import M_S_PER_KM_H, WH_PER_J
 
-KINDS: Final = {"city": CITY_KM_H, "country": COUNTRY_KM_H, "motorway": np.inf}
-"""Kinds of road, and the highest speed up to which a link is of them [km/h]."""
+CLASSES_KM_H: Final = (60.0, 90.0, 110.0)
+"""Highest speeds between the classes of road: town, road, fast road, motorway."""
 
 MOST_LIFTS: Final = 8
 """Places to lift that a driver is told."""
@@ -26,12 +24,12 @@ MOST_WH: Final = 1e9
 
 @dataclass(frozen=True, eq=False, slots=True)
 class CruiseAdvice:
-    """What a driver can follow: one speed to keep on each kind of road, or its limit where that is lower, and where to lift.
+    """What a driver can follow: one speed to keep on each class of road, or the highest where that is lower, and where to lift.
 
     Attributes
     ----------
-    speed_m_s : mapping of str to float
-        Speed to keep on each of `KINDS` that the road has.
+    kept_m_s : tuple of (float, float)
+        For each class, the highest speed that is driven on any of its links, and the speed to keep.
     cruise : Cruise
         What it gives.
     best : Cruise
@@ -45,13 +43,13 @@ class CruiseAdvice:
     >>> links = route_from_links([{"length_m": 9000.0, "speed_m_s": v, "stop_s": 0.0} for v in (24.0, 33.0, 33.0)])
     >>> problem = CruiseProblem.from_plan(plan_from_links(links), load_vehicle("vw_id3"), links)
     >>> advice = followable(least_energy(problem, 1050.0))
-    >>> {kind: round(3.6 * speed) for kind, speed in advice.speed_m_s.items()}
-    {'country': 95, 'motorway': 100}
+    >>> [(round(3.6 * highest), round(3.6 * kept)) for highest, kept in advice.kept_m_s]
+    [(91, 95), (124, 100)]
     >>> advice.cruise.duration_s < 1050.0, advice.lost_wh / advice.best.energy_wh < 0.03
     (True, True)
     """
 
-    speed_m_s: Mapping[str, float]
+    kept_m_s: tuple[tuple[float, float], ...]
     cruise: Cruise
     best: Cruise
 
@@ -67,7 +65,7 @@ class CruiseAdvice:
 
 
 def followable(best: Cruise) -> CruiseAdvice:
-    """One speed for each kind of road, the best of all choices in steps of `STEP_KM_H`, and up to `MOST_LIFTS` places to lift.
+    """One speed for each class of road, the best of all choices in steps of `STEP_KM_H`, and up to `MOST_LIFTS` places to lift.
 
     Parameters
     ----------
@@ -86,11 +84,11 @@ def followable(best: Cruise) -> CruiseAdvice:
     >>> from tripwatt.vehicles import load_vehicle
     >>> links = route_from_links([{"length_m": 40_000.0, "speed_m_s": 33.0, "stop_s": 0.0}])
     >>> problem = CruiseProblem.from_plan(plan_from_links(links), load_vehicle("vw_id3"), links)
-    >>> {kind: round(3.6 * speed) for kind, speed in followable(least_total_time(problem, 11e3)).speed_m_s.items()}
-    {'motorway': 90}
+    >>> [(round(3.6 * highest), round(3.6 * kept)) for highest, kept in followable(least_total_time(problem, 11e3)).kept_m_s]
+    [(124, 90)]
     """
     problem = best.problem
-    speeds, levels = _one_for_each_kind(problem)
+    highest, speeds, levels = _one_for_each_class(problem)
     lifted = _worth_lifting(problem, levels, best.price_w)
     lifted, levels = np.concatenate((lifted, np.zeros_like(lifted))), np.tile(levels, (2, 1))
     time, energy = problem.totals(levels, lifted)
@@ -101,33 +99,58 @@ def followable(best: Cruise) -> CruiseAdvice:
     row = int(cost.argmin())
     took_s, took_wh = float(time[row]), float(energy[row])
     cruise = replace(best, levels=levels[row], lifted=lifted[row], duration_s=took_s, energy_wh=took_wh)
-    kept = {kind: float(column[row % len(column)]) for kind, column in speeds.items()}
-    return CruiseAdvice(kept, cruise, best)
+    kept = speeds[row % len(speeds)].tolist()
+    return CruiseAdvice(tuple(zip(highest.tolist(), kept, strict=True)), cruise, best)
 
 
-def _one_for_each_kind(problem: CruiseProblem) -> tuple[dict[str, FloatArray], IntArray]:
-    """Every choice of one speed for each kind of road: the speeds by kind, shape (choices,), and levels, shape (choices, nodes)."""
+def _one_for_each_class(problem: CruiseProblem) -> tuple[FloatArray, FloatArray, IntArray]:
+    """Highest speed of each class, every choice of one speed for each, shape (choices, classes), and their levels, shape (choices, nodes)."""
     step = STEP_KM_H * M_S_PER_KM_H
     highest = problem.road.highest_m_s
-    kind = np.searchsorted(np.array(list(KINDS.values())) * (M_S_PER_KM_H * (1.0 + SAME)), highest)
-    tables = {}
-    for number, name in enumerate(KINDS):
-        mine = np.flatnonzero((highest > 0.0) & (kind == number))
-        if not len(mine):
-            continue
+    of_node = np.searchsorted(np.array(CLASSES_KM_H) * (M_S_PER_KM_H * (1.0 + SAME)), highest)
+    members = [
+        np.flatnonzero((highest > 0.0) & (of_node == one)) for one in np.unique(of_node[highest > 0.0])
+    ]
+    kept, tables = [], []
+    for mine in members:
         own = problem.speed_m_s[mine]
         tried = own < own[:, :1]
         tried[:, 0] = True
         # above every floor, so that each link has this speed or its highest
         ends = np.ceil(np.array([np.where(tried, own, np.inf).min(axis=1).max(), own.max()]) / step - SAME)
-        kept = np.arange(ends[0], ends[1] + 1) * step
-        faster = (tried & (own > kept[:, None, None] * (1.0 + SAME))).sum(axis=2)
-        tables[name] = mine, kept, np.minimum(faster, tried.sum(axis=1) - 1)
-    choices = np.indices([len(kept) for _, kept, _ in tables.values()]).reshape(len(tables), -1)
-    levels = np.zeros((choices.shape[1], len(problem.speed_m_s)), dtype=np.int64)
-    for choice, (mine, _, table) in zip(choices, tables.values(), strict=True):
+        kept.append(np.arange(ends[0], ends[1] + 1) * step)
+        faster = (tried & (own > kept[-1][:, None, None] * (1.0 + SAME))).sum(axis=2)
+        tables.append(np.minimum(faster, tried.sum(axis=1) - 1))
+    choices = np.indices([len(speeds) for speeds in kept]).reshape(len(kept), -1)
+    levels = np.zeros((choices.shape[1], len(highest)), dtype=np.int64)
+    for choice, mine, table in zip(choices, members, tables, strict=True):
         levels[:, mine] = table[choice]
-    return {name: kept[c] for c, (name, (_, kept, _)) in zip(choices, tables.items(), strict=True)}, levels
+    speeds = np.stack([each[choice] for each, choice in zip(kept, choices, strict=True)], axis=1)
+    return np.array([highest[mine].max() for mine in members]), speeds, _with_room(problem, levels)
+
+
+def _with_room(problem: CruiseProblem, levels: IntArray) -> IntArray:
+    """The levels, slower where a ramp from or to a slower node has no room; shape (choices, nodes). O(links x (choices + levels²))."""
+    count = problem.speed_m_s.shape[1]
+    fits = np.isfinite(problem.step_wh[:, :, :count])
+    tried: BoolArray = np.asarray(fits.any(axis=1))
+    rises = np.asarray(problem.speed_m_s[1:, None, :] > problem.speed_m_s[:-1, :, None])
+    before_tried = np.concatenate((np.eye(1, count, dtype=bool), tried[:-1]))
+    after = _first_allowed((fits | ~rises) & tried[:, None, :], 2)
+    before = _first_allowed((fits | rises) & before_tried[:, :, None], 1)
+    for n in range(len(fits)):
+        levels[:, n + 1] = after[n, levels[:, n], levels[:, n + 1]]
+    for n in reversed(range(len(fits))):
+        levels[:, n] = before[n, levels[:, n], levels[:, n + 1]]
+    return levels
+
+
+def _first_allowed(allowed: BoolArray, axis: int) -> IntArray:
+    """For each place along an axis, the first allowed one from it on; the place itself where there is none."""
+    place, none = np.indices(allowed.shape)[axis], allowed.shape[axis]
+    from_end = np.flip(np.where(allowed, place, none), axis)
+    first = np.flip(np.minimum.accumulate(from_end, axis=axis), axis)
+    return np.asarray(np.where(first < none, first, place))
 
 
 def _worth_lifting(problem: CruiseProblem, levels: IntArray, price_w: float) -> BoolArray:
