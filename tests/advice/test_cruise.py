@@ -280,8 +280,9 @@ class TestRoad:
             highest = mixed.road.highest_m_s[mixed.road.length_m > 0.0]
             assert (one.speed_m_s <= highest + 1e-9).all()
         highest = mixed.speed_m_s[:, :1]
-        assert (mixed.speed_m_s >= np.minimum(0.7 * mixed.road.highest_m_s[:, None], highest) - 1e-9).all()
-        assert (highest < 0.7 * mixed.road.highest_m_s[:, None]).sum() < 0.1 * len(highest)
+        below = mixed.speed_m_s.min(axis=1) < 0.7 * mixed.road.highest_m_s - 1e-9
+        assert below.sum() < 0.25 * len(highest)  # where it is not reached
+        assert (mixed.road.length_m[below] < 1500.0).all()
         steps = mixed.speed_m_s[:, 1:][mixed.speed_m_s[:, 1:] < highest] / (5.0 * KM_H)
         assert steps == pytest.approx(steps.round())
 
@@ -398,7 +399,7 @@ class TestFollowable:
         limit = slack * front(problem, 2).duration_s[0]
         best = least_energy(problem, limit)
         advice = followable(best)
-        assert advice.cruise.duration_s <= limit * (1.0 + 1e-8)
+        assert advice.cruise.duration_s <= limit * (1.0 + (1e-8 if slack > 1.001 else 1e-4))
         assert advice.cruise.energy_wh >= best.least_wh * (1.0 - 1e-9)
         assert advice.lost_wh == advice.cruise.energy_wh - best.energy_wh
         assert advice.lost_s == advice.cruise.duration_s - best.duration_s
@@ -420,6 +421,31 @@ class TestFollowable:
         advice = followable(best)
         assert advice.cruise.total_s(charging_w) >= best.total_s(charging_w) * (1.0 - 1e-12)
         assert advice.lost_s + advice.lost_wh / (charging_w * WH_PER_J) < 0.06 * best.total_s(charging_w)
+
+    def test_a_link_without_room_for_the_ramp_to_the_kept_speed_is_driven_slower(self):
+        """Slowly through a town, 400 m are too short to reach what is kept on the road behind."""
+        problem = problem_of(level_road([3000.0, 400.0, 9000.0], [60.0, 100.0, 100.0]), floor=0.7)
+        advice = followable(least_total_time(problem, 1.0))
+        (_, town), (_, country) = advice.kept_m_s
+        assert town < 50.0 * KM_H
+        assert country == pytest.approx(70.0 * KM_H)
+        speed = advice.cruise.speed_m_s
+        assert speed[[0, 2]] == pytest.approx([town, country])
+        assert town < speed[1] < country
+        assert problem.speed_m_s[2, 0] > speed[1] + 1.0
+
+    @pytest.mark.parametrize("seed", range(5))
+    def test_every_choice_can_be_driven(self, seed):
+        problem = made_problem(seed)
+        highest, speeds, levels = cruise_advice._one_for_each_class(problem)
+        time, energy = problem.totals(levels, np.zeros((len(levels), levels.shape[1] - 1), dtype=bool))
+        assert np.isfinite(energy).all()
+        assert len(np.unique(speeds, axis=0)) == len(speeds)
+        assert len(highest) == speeds.shape[1]
+        fastest = least_total_time(problem, np.inf)
+        assert time.min() == pytest.approx(
+            fastest.duration_s, rel=1e-4
+        )  # lifting uphill is quicker than a ramp
 
     def test_on_an_even_road_it_loses_nothing(self):
         problem = problem_of(level_road([5000.0] * 8, [130.0] * 8))

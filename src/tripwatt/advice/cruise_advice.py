@@ -70,7 +70,7 @@ def followable(best: Cruise) -> CruiseAdvice:
     Parameters
     ----------
     best : Cruise
-        From `least_energy`, within whose time the advice stays, or from `least_total_time`, whose price of time it has.
+        From `least_energy`, within whose time the advice stays where a choice is that fast, or from `least_total_time`, whose price of time it has.
 
     Returns
     -------
@@ -93,7 +93,7 @@ def followable(best: Cruise) -> CruiseAdvice:
     lifted, levels = np.concatenate((lifted, np.zeros_like(lifted))), np.tile(levels, (2, 1))
     time, energy = problem.totals(levels, lifted)
     if np.isfinite(best.limit_s):
-        cost = np.where(time <= best.limit_s * (1.0 + SAME), energy, np.inf)
+        cost = np.where(time <= best.limit_s * (1.0 + SAME), energy, MOST_WH + time)
     else:
         cost = energy + best.price_w * WH_PER_J * time
     row = int(cost.argmin())

@@ -119,19 +119,16 @@ def _road_of(plan: Plan, grade: FloatArray, links: LinkRoute | None) -> CruiseRo
 
 
 def _levels(
-    highest_m_s: FloatArray, reached_m_s: FloatArray, floor: float, step_m_s: float
+    fastest_m_s: FloatArray, slowest_m_s: FloatArray, step_m_s: float
 ) -> tuple[FloatArray, BoolArray]:
-    """Speeds of nodes, the highest that is reached first, and which are tried; shape (nodes, levels). A standstill has one."""
-    if not (0.1 <= floor <= 1.0 and 0.1 <= step_m_s <= 10.0):
-        got, allowed = f"{floor:g}, {step_m_s:g} m/s", "a floor of 0.1 to 1, a step of 0.1 to 10 m/s"
-        raise InvalidInput.of("rule of speeds out of range", "floor, step_m_s", got, allowed)
-    top = np.ceil(reached_m_s / step_m_s - SAME)[:, None]
+    """Speeds of nodes, the fastest first, and which are tried; shape (nodes, levels). A standstill has one."""
+    top = np.ceil(fastest_m_s / step_m_s - SAME)[:, None]
     speed = np.maximum((top - np.arange(int(top.max()) + 1)) * step_m_s, 0.0)
-    speed[:, 0] = reached_m_s
-    tried = (speed > 0.0) & (speed >= (floor - SAME) * highest_m_s[:, None])
+    speed[:, 0] = fastest_m_s
+    tried = (speed > 0.0) & (speed >= slowest_m_s[:, None] * (1.0 - SAME))
     tried[:, 0] = True
     count = int(tried.sum(axis=1).max())
-    return np.where(tried, speed, reached_m_s[:, None])[:, :count], tried[:, :count]
+    return np.where(tried, speed, fastest_m_s[:, None])[:, :count], tried[:, :count]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -360,20 +357,26 @@ class CruiseProblem:
         Returns
         -------
         CruiseProblem
-            A highest speed that cannot be reached on half of a link is lowered to what can, even below the floor.
+            Where highest speed or floor cannot be reached on half of a link, they are lowered to what can.
 
         Raises
         ------
         InvalidInput
             When floor or step are out of their bounds.
         """
+        if not (0.1 <= floor <= 1.0 and 0.1 <= step_m_s <= 10.0):
+            got, allowed = f"{floor:g}, {step_m_s:g} m/s", "a floor of 0.1 to 1, a step of 0.1 to 10 m/s"
+            raise InvalidInput.of("rule of speeds out of range", "floor, step_m_s", got, allowed)
         if conditions.air_density_kg_m3 is None:
             density = air_density(conditions.ambient_temperature_degc)
             conditions = replace(conditions, air_density_kg_m3=density)
         nodes = _with_standstills(road)
         ramps = _Ramps.of_car(vehicle, conditions, float(road.highest_m_s.max()))
-        reached = ramps.reachable(nodes.length_m, nodes.highest_m_s)
-        speed, tried = _levels(nodes.highest_m_s, reached, floor, step_m_s)
+        lowest = floor * nodes.highest_m_s
+        fastest, slowest = (ramps.reachable(nodes.length_m, speed) for speed in (nodes.highest_m_s, lowest))
+        # a step more, where even the floor is not reached
+        slowest = np.where(slowest < lowest * (1.0 - SAME), np.maximum(slowest - step_m_s, 0.0), lowest)
+        speed, tried = _levels(fastest, slowest, step_m_s)
         steady = _Steady.of_car(vehicle, conditions, nodes, speed)
         length, wait = nodes.length_m[:, None], nodes.wait_s[:, None]
         link_s = np.where(speed > 0.0, length / np.maximum(speed, SAME), wait)
