@@ -167,6 +167,9 @@ class TestAgainstTheSimulation:
         assert fastest.energy_wh == pytest.approx(run.simulated_energy_wh, rel=0.03)
         climate_wh = problem.fixed_wh + problem.climate_w * plan.duration_s * WH_PER_J
         assert climate_wh == pytest.approx(run.by_cause_wh["climate"])
+        late = run.time_s >= 0.75 * plan.duration_s
+        assert problem.climate_w == pytest.approx(run.climate_power_w[late].mean(), rel=1e-3)
+        assert abs(run.climate_power_w.mean() / problem.climate_w - 1.0) > 0.02
         slower = least_energy(problem, 1.15 * fastest.duration_s)
         assert slower.energy_wh < 0.9 * fastest.energy_wh
 

@@ -19,7 +19,7 @@ from tripwatt.arrays import BoolArray, FloatArray, IntArray
 from tripwatt.errors import InvalidInput
 from tripwatt.units import WH_PER_J
 
-LABELS: Final = 40_000
+LABELS: Final = 20_000
 """Labels that are kept on a road, as many at each border, those with the lowest bounds: all of them on small roads."""
 
 LATE_S: Final = 1e-3
