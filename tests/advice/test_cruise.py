@@ -470,6 +470,15 @@ class TestFollowable:
         assert 100.0 < problem.lift_m[1, 0, 0] < 1500.0
         assert followable(cheap).cruise.lift_at_m == pytest.approx(cheap.lift_at_m)
 
+    def test_a_loaded_car_rolls_farther(self):
+        """Air drag alone does not grow with the mass."""
+        road, car = level_road([9000.0, 9000.0], [120.0, 70.0]), load_vehicle("vw_id3")
+        light, heavy = (
+            CruiseProblem.from_road(road, car, DriveConditions(payload_mass_kg=kg), floor=1.0).lift_m[1, 0, 0]
+            for kg in (0.0, 400.0)
+        )
+        assert 1.05 * light < heavy < (1.0 + 400.0 / car.body.test_mass_kg) * light
+
     def test_of_many_places_to_lift_those_that_save_most_are_told(self):
         """Towns of different limits: every choice of as many places, tried."""
         towns = (50.0, 45.0, 60.0, 48.0, 55.0, 65.0, 52.0, 58.0, 62.0, 46.0, 54.0)
