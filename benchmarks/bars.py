@@ -29,6 +29,7 @@ from benchmarks import (
     before,
     cars,
     coarse_speed,
+    cruise,
     dirty_logs,
     gam,
     half_known,
@@ -70,6 +71,7 @@ def suites(results: Path | None, forecast: Path | None, links: Path | None) -> I
     yield Suite(f"{bench}before", before.bounds, (tum, ved, DATA / "sedan", DATA / "twizy"))
     yield Suite(f"{bench}journeys", journeys.rows)
     yield Suite(f"{bench}stops", stops.rows)
+    yield Suite(f"{bench}cruise", cruise.rows)
     yield Suite(f"{bench}live", live.rows, (tum,))
     yield Suite(f"{bench}half_known", half_known.rows, (tum,))
     yield Suite(f"{bench}coarse_speed", coarse_speed.rows, (tum,))

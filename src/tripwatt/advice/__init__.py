@@ -1,7 +1,26 @@
-"""What to do about a trip: actions, what each saves and how sure that is, and the least that helps."""
+"""What to do about a trip: actions with what each saves, the least that helps, speeds along the road, messages on the way."""
 
 from tripwatt.advice.actions import Action
 from tripwatt.advice.advise import Advice, Advised, advise
+from tripwatt.advice.cruise import Cruise, Front, front, least_energy, least_total_time
+from tripwatt.advice.cruise_advice import CruiseAdvice, followable
+from tripwatt.advice.cruise_problem import CruiseProblem, CruiseRoad
 from tripwatt.advice.on_the_way import Companion, Message
 
-__all__ = ["Action", "Advice", "Advised", "Companion", "Message", "advise"]
+__all__ = [
+    "Action",
+    "Advice",
+    "Advised",
+    "Companion",
+    "Cruise",
+    "CruiseAdvice",
+    "CruiseProblem",
+    "CruiseRoad",
+    "Front",
+    "Message",
+    "advise",
+    "followable",
+    "front",
+    "least_energy",
+    "least_total_time",
+]
