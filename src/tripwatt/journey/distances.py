@@ -166,7 +166,9 @@ class KindForecaster:
     prior: RoadPrior
 
     @classmethod
-    def of(cls, model: ForecastModel, departure: Departure, kind: str | Sequence[float]) -> KindForecaster:
+    def from_kind(
+        cls, model: ForecastModel, departure: Departure, kind: str | Sequence[float]
+    ) -> KindForecaster:
         """For a kind of road. What a distance takes does not depend on the charge that the display shows at departure."""
         return cls(model, replace(departure, soc=None), shares_of(kind), kind != UNKNOWN, road_prior())
 
@@ -291,7 +293,7 @@ def need(
         distance_m, named, flags = forecast.plan.distance_m, "trip", forecast.flags
     else:
         distance_m = 1000.0 * require_number("distance_km", distance_km, *DISTANCES_KM)
-        asked = KindForecaster.of(own, known, kind)
+        asked = KindForecaster.from_kind(own, known, kind)
         named = kind if isinstance(kind, str) else "shares"
         energy, charge, duration_s = asked.at(distance_m, levels)
         flags = asked.flags(distance_m)
@@ -366,7 +368,7 @@ def range_km(
         return middle, (least, most)
 
     def asker(kind: str | Sequence[float]) -> KindForecaster:
-        return KindForecaster.of(own, known, kind)
+        return KindForecaster.from_kind(own, known, kind)
 
     middle, ends = far(asker(kind))
     by_kind = {name: far(asker(name)) for name in (*KINDS, UNKNOWN)}
