@@ -6,6 +6,7 @@ from tripwatt.advice.cruise import Cruise, Front, front, least_energy, least_tot
 from tripwatt.advice.cruise_advice import CruiseAdvice, followable
 from tripwatt.advice.cruise_problem import CruiseProblem, CruiseRoad
 from tripwatt.advice.on_the_way import Companion, Message
+from tripwatt.advice.pacing import Pace
 
 __all__ = [
     "Action",
@@ -18,6 +19,7 @@ __all__ = [
     "CruiseRoad",
     "Front",
     "Message",
+    "Pace",
     "advise",
     "followable",
     "front",

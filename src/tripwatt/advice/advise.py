@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from tripwatt.advice.actions import EFFORTS, Action, actions
+from tripwatt.advice.pacing import Pace
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import Difference, Forecast, ForecastModel
 from tripwatt.journey import Journey
@@ -158,6 +159,23 @@ class Advice:
     least: tuple[Advised, ...]
     singly: tuple[Advised, ...]
 
+    def pace(self) -> Pace:
+        """Find what minutes cost on the road: the front of time and energy, and the speeds to keep.
+
+        Returns
+        -------
+        Pace
+            From the speeds of the plan downwards.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> road = tw.read_route([{"length_m": 40_000.0, "speed_m_s": 33.0}])
+        >>> tw.advise(road).pace().knee.cruise.duration_s > 1200.0
+        True
+        """
+        return Pace.from_forecast(self.forecast)
+
     def to_dict(self) -> dict[str, Any]:
         """Convert to plain values.
 
@@ -181,6 +199,7 @@ class Advice:
             "charge_to": self.charge_to,
             "least": [advised.to_dict() for advised in self.least],
             "singly": [advised.to_dict() for advised in self.singly],
+            "pace": self.pace().to_dict(),
             "flags": [flag_to_dict(flag) for flag in self.forecast.flags],
         }
 

@@ -16,7 +16,7 @@ from tripwatt.cli.sentences import chance
 from tripwatt.errors import Check
 
 if TYPE_CHECKING:
-    from tripwatt.advice import Action, Advice, Advised
+    from tripwatt.advice import Action, Advice, Advised, Pace
 
 WORDS: Final[Mapping[str, str]] = {
     "slower": "drive {km_h:.0f} km/h at most",
@@ -109,7 +109,34 @@ def _show(advice: Advice) -> None:
     ]
     names = ("action", "saves kWh", "9 in 10", "time", "charge", "arrives", "effort", "from the plug kWh")
     print_table("What saves energy", names, rows, numbers=(names[1], names[3], names[4]))
+    _show_pace(advice.pace())
     print_notes(advice.forecast.flags)
+
+
+def _show_pace(pace: Pace) -> None:
+    """What minutes cost, and one speed for each class of road."""
+    from tripwatt.advice.pacing import CHARGING_W
+
+    rows = [
+        ("where minutes begin to bring less", pace.knee),
+        *(
+            (f"least time with charging at {power / 1000.0:.0f} kW", pace.with_charging(power))
+            for power in CHARGING_W
+        ),
+    ]
+    table = [
+        (
+            name,
+            ", ".join(f"{3.6 * kept:.0f}" for most, kept in advice.kept_m_s if kept < most - 1.0)
+            or "as planned",
+            f"{(advice.cruise.duration_s - pace.fastest.duration_s) / 60.0:+.0f} min",
+            _kwh(pace.fastest.energy_wh - advice.cruise.energy_wh),
+            _kwh(max(advice.lost_wh, 0.0)),
+        )
+        for name, advice in rows
+    ]
+    names = ("speeds", "at most km/h", "time", "saves kWh", "lost to the best kWh")
+    print_table("Speeds to keep", names, table, numbers=names[2:])
 
 
 def _all(advised: Advised) -> str:

@@ -61,6 +61,49 @@ class AdvisedDocument(ResponseModel):
     """what several actions take together beyond the sum of each alone [Wh]"""
 
 
+class PaceRow(ResponseModel):
+    """Time and energy beside those at the speeds of the plan."""
+
+    longer_s: float
+    saved_wh: float
+
+
+class KeptSpeed(ResponseModel):
+    """A class of road, and the speed to keep on it."""
+
+    highest_m_s: float
+    keep_m_s: float
+
+
+class PaceSpeeds(PaceRow):
+    """One speed for each class of road."""
+
+    speeds: list[KeptSpeed]
+    lift_at_m: list[float]
+    """where to lift the foot [m]"""
+    lost_wh: float
+    """beside the best speeds of all links [Wh]"""
+    lost_s: float
+
+
+class PaceWithCharging(PaceSpeeds):
+    """The speeds with which driving and charging together take least time."""
+
+    charging_w: float
+    won_s: float
+    """beside the speeds of the plan [s]"""
+
+
+class PaceDocument(ResponseModel):
+    """What minutes cost on the road, by simulation."""
+
+    front: list[PaceRow]
+    """least energy for its time, the fastest first"""
+    knee: PaceSpeeds
+    """where minutes begin to bring less"""
+    with_charging: list[PaceWithCharging]
+
+
 class AdviceResponse(ResponseModel):
     """What to do about a trip."""
 
@@ -75,4 +118,5 @@ class AdviceResponse(ResponseModel):
     """the smallest sets of actions that reach the chance"""
     singly: list[AdvisedDocument]
     """the mildest action of each group that saves for sure, the largest saving first"""
+    pace: PaceDocument
     flags: list[FlagDocument]

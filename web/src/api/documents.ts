@@ -6,6 +6,8 @@ export type {
   ActionDocument as AdvisedAction,
   AdvisedDocument as Advised,
   AdviceResponse as Advice,
+  PaceDocument as Pace,
+  PaceSpeeds,
   ChargingDocument as ChargingPlan,
   ChargingStopDocument as Stop,
   CourseDocument as Course,

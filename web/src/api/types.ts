@@ -595,6 +595,7 @@ export interface components {
             charge_to: number;
             least: components["schemas"]["AdvisedDocument"][];
             singly: components["schemas"]["AdvisedDocument"][];
+            pace: components["schemas"]["PaceDocument"];
             flags: components["schemas"]["FlagDocument"][];
         };
         AdvisedDocument: {
@@ -944,6 +945,10 @@ export interface components {
             preheat_battery?: boolean;
             chance?: number;
         };
+        KeptSpeed: {
+            highest_m_s: number;
+            keep_m_s: number;
+        };
         KindChanges: {
             changes?: {
                 [key: string]: components["schemas"]["ColumnChoice"] | null;
@@ -1197,6 +1202,33 @@ export interface components {
             soc_arrival: number;
             p_reach: number;
             more_s: number;
+        };
+        PaceDocument: {
+            front: components["schemas"]["PaceRow"][];
+            knee: components["schemas"]["PaceSpeeds"];
+            with_charging: components["schemas"]["PaceWithCharging"][];
+        };
+        PaceRow: {
+            longer_s: number;
+            saved_wh: number;
+        };
+        PaceSpeeds: {
+            longer_s: number;
+            saved_wh: number;
+            speeds: components["schemas"]["KeptSpeed"][];
+            lift_at_m: number[];
+            lost_wh: number;
+            lost_s: number;
+        };
+        PaceWithCharging: {
+            longer_s: number;
+            saved_wh: number;
+            speeds: components["schemas"]["KeptSpeed"][];
+            lift_at_m: number[];
+            lost_wh: number;
+            lost_s: number;
+            charging_w: number;
+            won_s: number;
         };
         PlaceDocument: {
             name: string;
@@ -1579,6 +1611,7 @@ export type ForecastResponse = components['schemas']['ForecastResponse'];
 export type Forgotten = components['schemas']['Forgotten'];
 export type HealthResponse = components['schemas']['HealthResponse'];
 export type JourneyAdviceRequest = components['schemas']['JourneyAdviceRequest'];
+export type KeptSpeed = components['schemas']['KeptSpeed'];
 export type KindChanges = components['schemas']['KindChanges'];
 export type KindDocument = components['schemas']['KindDocument'];
 export type KindRange = components['schemas']['KindRange'];
@@ -1606,6 +1639,10 @@ export type NeedAnswer = components['schemas']['NeedAnswer'];
 export type NeedResponse = components['schemas']['NeedResponse'];
 export type NewCarRequest = components['schemas']['NewCarRequest'];
 export type NextStationDocument = components['schemas']['NextStationDocument'];
+export type PaceDocument = components['schemas']['PaceDocument'];
+export type PaceRow = components['schemas']['PaceRow'];
+export type PaceSpeeds = components['schemas']['PaceSpeeds'];
+export type PaceWithCharging = components['schemas']['PaceWithCharging'];
 export type PlaceDocument = components['schemas']['PlaceDocument'];
 export type PlaceRequest = components['schemas']['PlaceRequest'];
 export type PlacesResponse = components['schemas']['PlacesResponse'];

@@ -1,11 +1,12 @@
 /** What to do about the trip: the least that makes it arrive, then what each action saves. */
 
-import type { Advised, AdvisedAction } from "../api/documents";
-import { ENERGY, PERCENT } from "../model/units";
+import type { Advised, AdvisedAction, Pace, PaceSpeeds } from "../api/documents";
+import { ENERGY, PERCENT, POWER } from "../model/units";
 import { advice, adviceIsOld } from "../state/advice";
 import { chargingPlan } from "../state/answer";
 import { source } from "../state/catalogue";
 import { format, text, units } from "../state/preferences";
+import { DataTable } from "./data-table";
 import { chanceInFigures } from "./wording";
 
 /** Shorter delays are not named. */
@@ -79,6 +80,38 @@ function Saving({ of }: { of: Advised }) {
   );
 }
 
+/** One speed for each class of road, as far as it is below what is planned. */
+function keptText(speeds: PaceSpeeds["speeds"]): string {
+  const { speed } = units.value;
+  const kept = speeds.filter(({ highest_m_s, keep_m_s }) => keep_m_s < highest_m_s - 1);
+  return kept.map(({ keep_m_s }) => format.value.shown(keep_m_s, speed)).join(", ");
+}
+
+/** What minutes cost on this road. */
+function Speeds({ of: { knee, with_charging } }: { of: Pace }) {
+  const { advice: words } = text.value;
+  const { shown, span } = format.value;
+  const rows: [string, PaceSpeeds][] = [
+    [words.knee, knee],
+    ...with_charging.map((row): [string, PaceSpeeds] => [words.charging(shown(row.charging_w, POWER)), row]),
+  ];
+  return (
+    <details>
+      <summary>{words.pace}</summary>
+      <DataTable label={words.pace} heads={[words.paces, words.keep, words.minutes, words.less]}>
+        {rows.map(([name, row]) => (
+          <tr key={name}>
+            <th scope="row">{name}</th>
+            <td>{keptText(row.speeds) || words.asPlanned}</td>
+            <td>{row.longer_s >= MIN_SHOWN_S ? span(row.longer_s) : "–"}</td>
+            <td>{shown(row.saved_wh, ENERGY)}</td>
+          </tr>
+        ))}
+      </DataTable>
+    </details>
+  );
+}
+
 export function AdviceCard() {
   const found = advice.value;
   if (!found || source.value === "distance" || found.singly.length === 0) return null;
@@ -110,6 +143,7 @@ export function AdviceCard() {
           <Saving key={togetherText(one)} of={one} />
         ))}
       </ul>
+      {found.pace.front.length > 1 && <Speeds of={found.pace} />}
     </section>
   );
 }
