@@ -27,6 +27,7 @@ PACKAGE: Final = Path(tripwatt.__file__).parent
 ROOMS: Final = (
     "auditing",
     "forecasting",
+    "advice",
     "journey",
     "live",
     "routes",

@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from tripwatt.advice.actions import EFFORTS, Action, actions
 from tripwatt.advice.pacing import Pace
-from tripwatt.errors import InvalidInput
+from tripwatt.errors import InvalidInput, or_none
 from tripwatt.forecasting import Difference, Forecast, ForecastModel
 from tripwatt.journey import Journey
 from tripwatt.population import for_car
@@ -159,13 +159,13 @@ class Advice:
     least: tuple[Advised, ...]
     singly: tuple[Advised, ...]
 
-    def pace(self) -> Pace:
+    def pace(self) -> Pace | None:
         """Find what minutes cost on the road: the front of time and energy, and the speeds to keep.
 
         Returns
         -------
-        Pace
-            From the speeds of the plan downwards.
+        Pace or None
+            From the speeds of the plan downwards; None where the car cannot hold these.
 
         Examples
         --------
@@ -174,7 +174,7 @@ class Advice:
         >>> tw.advise(road).pace().knee.cruise.duration_s > 1200.0
         True
         """
-        return Pace.from_forecast(self.forecast)
+        return or_none(Pace.from_forecast, self.forecast)
 
     def to_dict(self) -> dict[str, Any]:
         """Convert to plain values.
@@ -199,7 +199,7 @@ class Advice:
             "charge_to": self.charge_to,
             "least": [advised.to_dict() for advised in self.least],
             "singly": [advised.to_dict() for advised in self.singly],
-            "pace": self.pace().to_dict(),
+            "pace": None if (pace := self.pace()) is None else pace.to_dict(),
             "flags": [flag_to_dict(flag) for flag in self.forecast.flags],
         }
 

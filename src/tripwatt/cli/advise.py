@@ -109,7 +109,9 @@ def _show(advice: Advice) -> None:
     ]
     names = ("action", "saves kWh", "9 in 10", "time", "charge", "arrives", "effort", "from the plug kWh")
     print_table("What saves energy", names, rows, numbers=(names[1], names[3], names[4]))
-    _show_pace(advice.pace())
+    pace = advice.pace()
+    if pace is not None:
+        _show_pace(pace)
     print_notes(advice.forecast.flags)
 
 

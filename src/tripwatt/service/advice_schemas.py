@@ -118,5 +118,6 @@ class AdviceResponse(ResponseModel):
     """the smallest sets of actions that reach the chance"""
     singly: list[AdvisedDocument]
     """the mildest action of each group that saves for sure, the largest saving first"""
-    pace: PaceDocument
+    pace: PaceDocument | None
+    """null where the car cannot hold the speeds of the plan"""
     flags: list[FlagDocument]

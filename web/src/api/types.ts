@@ -595,7 +595,7 @@ export interface components {
             charge_to: number;
             least: components["schemas"]["AdvisedDocument"][];
             singly: components["schemas"]["AdvisedDocument"][];
-            pace: components["schemas"]["PaceDocument"];
+            pace: components["schemas"]["PaceDocument"] | null;
             flags: components["schemas"]["FlagDocument"][];
         };
         AdvisedDocument: {

@@ -143,7 +143,7 @@ export function AdviceCard() {
           <Saving key={togetherText(one)} of={one} />
         ))}
       </ul>
-      {found.pace.front.length > 1 && <Speeds of={found.pace} />}
+      {found.pace && found.pace.front.length > 1 && <Speeds of={found.pace} />}
     </section>
   );
 }
