@@ -377,6 +377,14 @@ def test_compares_two_speeds_on_the_motorway(look: Look) -> None:
     first, second = (int(re.sub(r"\D", "", t)) for t in page.locator(".side .number").all_inner_texts())
     assert second > first + 3
     assert "longer" in page.locator(".difference").inner_text()
+    page.wait_for_function(
+        "() => document.querySelector('.difference').innerText.includes('in 9 of 10 trips')"
+    )
+    told = page.locator(".difference").inner_text()
+    middle, low, high = map(
+        float, re.findall(r"([\d.]+)\u00a0kWh less energy \(([\d.]+) to ([\d.]+)", told)[0]
+    )
+    assert 0.0 < low < middle < high
     change = page.locator(".causes tbody tr", has_text="Air drag").locator(".change").inner_text()
     assert change.startswith("−")
 

@@ -32,3 +32,19 @@ def test_what_cannot_be_asked_is_refused(service: Service, wrong: dict[str, obje
     found = service.client.post("/v1/advice", json={"links": LINKS, "soc": 0.5, **wrong})
     assert found.status_code == 422
     assert found.json()["faults"]
+
+
+def test_a_difference_has_the_numbers_of_python(service: Service) -> None:
+    one, other = ({"links": LINKS, "soc": 0.5, "ambient_temperature_degc": degc} for degc in (-5.0, 5.0))
+    found = service.client.post("/v1/forecast/difference", json={"one": one, "other": other})
+    assert found.status_code == 200, found.text
+    cold, mild = (
+        tw.forecast(tw.read_route(LINKS), tw.Departure(soc=0.5, ambient_temperature_degc=degc))
+        for degc in (-5.0, 5.0)
+    )
+    assert found.json() == json.loads(json.dumps(cold.difference(mild).to_dict()))
+    refused = service.client.post(
+        "/v1/forecast/difference", json={"one": one, "other": {**other, "vehicle": "vw_id3"}}
+    )
+    assert refused.status_code == 422
+    assert "common part" in refused.text

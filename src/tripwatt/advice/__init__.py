@@ -1,6 +1,6 @@
 """What to do about a trip: actions with what each saves, the least that helps, speeds along the road, messages on the way."""
 
-from tripwatt.advice.actions import Action
+from tripwatt.advice.actions import Action, leaving_later
 from tripwatt.advice.advise import Advice, Advised, advise
 from tripwatt.advice.cruise import Cruise, Front, front, least_energy, least_total_time
 from tripwatt.advice.cruise_advice import CruiseAdvice, followable
@@ -25,4 +25,5 @@ __all__ = [
     "front",
     "least_energy",
     "least_total_time",
+    "leaving_later",
 ]

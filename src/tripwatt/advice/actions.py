@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime as dt
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Final, Literal
@@ -10,8 +11,10 @@ import numpy as np
 
 from tripwatt.arrays import FloatArray
 from tripwatt.forecasting import Forecast
+from tripwatt.journey import RoadForecaster
 from tripwatt.physics import DriveConditions, simulate
 from tripwatt.physics.simulate import conditions_at_departure
+from tripwatt.routes.routers import Road
 from tripwatt.trips import Departure, Plan
 from tripwatt.units import M_S_PER_KM_H, SECONDS_PER_HOUR
 from tripwatt.vehicles import Vehicle
@@ -40,6 +43,10 @@ COLD_BATTERY_DEGC: Final = 10.0
 CHARGER: Final = 0.9
 """Energy that reaches the car over that of the wall; on-board chargers are a little better, a choice."""
 LUGGAGE_KG: Final = 50.0
+ALONE: Final = ("road", "departure")
+"""Groups of actions that make another trip, and are not combined."""
+LATER_H: Final = (-1, 1, 2, 3)
+"""Hours by which a car may leave earlier or later."""
 SUMMER_DEGC: Final = 7.0
 """Winter tyres are kept below this outside temperature."""
 
@@ -250,3 +257,50 @@ def _of_load(known: Departure) -> Iterator[Action]:
     if (known.payload_mass_kg or 0.0) > LUGGAGE_KG:
         lighter = {"payload_mass_kg": (known.payload_mass_kg or 0.0) - LUGGAGE_KG}
         yield Action("less_luggage", "load", "some", lighter, LUGGAGE_KG)
+
+
+def other_road(number: int) -> Action:
+    """Take another road of a journey: its place among the journey's roads, from 1."""
+    return Action("other_road", "road", "none", {}, float(number))
+
+
+def leaving_later(forecaster: RoadForecaster, road: Road, now: dt.datetime) -> list[tuple[Action, Forecast]]:
+    """Forecast a road for other hours of departure, with their weather.
+
+    Parameters
+    ----------
+    forecaster : RoadForecaster
+        With the car, its departure and a source of weather.
+    road : Road
+        From a router.
+    now : datetime
+        Nothing earlier is proposed.
+
+    Returns
+    -------
+    list of (Action, Forecast)
+        Empty without a source of weather, or where the departure names the weather.
+
+    Raises
+    ------
+    InvalidInput
+        As the weather.
+
+    Examples
+    --------
+    >>> leaving_later(forecaster, journey.roads[0].road, dt.datetime.now(dt.UTC))  # doctest: +SKIP
+    """
+    if forecaster.weather is None or forecaster.departure.has_weather:
+        return []
+    ways = []
+    for hours in LATER_H:
+        leaves = forecaster.departs_at + dt.timedelta(hours=hours)
+        if leaves >= now:
+            other = replace(forecaster, departure=replace(forecaster.departure, departs_at=leaves))
+            ways.append(
+                (
+                    Action("leave_later", "departure", "some", {}, SECONDS_PER_HOUR * hours),
+                    other.forecast(road),
+                )
+            )
+    return ways

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
-from tripwatt.advice.actions import EFFORTS, Action, actions
+from tripwatt.advice.actions import ALONE, EFFORTS, Action, actions, other_road
 from tripwatt.advice.pacing import Pace
 from tripwatt.errors import InvalidInput, or_none
 from tripwatt.forecasting import Difference, Forecast, ForecastModel
@@ -212,6 +212,7 @@ def advise(
     *,
     reserve: float = 0.1,
     chance: float = CHANCE,
+    others: Sequence[tuple[Action, Forecast]] = (),
 ) -> Advice:
     """Work out what to do about a trip. O(actions x samples).
 
@@ -229,6 +230,8 @@ def advise(
         Displayed state of charge to arrive with, 0 to 1.
     chance : float
         Chance to arrive that is asked for, 0.5 to 1.
+    others : sequence of (Action, Forecast)
+        Other ways to make the trip, with their forecasts, such as from `leaving_later`; the other roads of a journey are among them anyway.
 
     Returns
     -------
@@ -251,7 +254,13 @@ def advise(
     reserve, chance = require_fraction("reserve", reserve), require_fraction("chance", chance, 0.5)
     forecast = _forecast(trip, departure, car, model)
     now = forecast.p_arrive(reserve)
-    every = [advised for action in actions(forecast) if (advised := _advised(forecast, (action,), reserve))]
+    roads = trip.roads[1:] if isinstance(trip, Journey) else ()
+    ways = [*((other_road(k), road.forecast) for k, road in enumerate(roads, 1)), *others]
+    every = [_advised(forecast, (action,), reserve) for action in actions(forecast)]
+    every += [
+        Advised((action,), other, other.difference(forecast), other.p_arrive(reserve))
+        for action, other in ways
+    ]
     sure = [
         one for one in every if one.difference.p_less >= LEAST_SURE and one.difference.energy_wh <= -LEAST_WH
     ]
@@ -332,4 +341,4 @@ def _together(forecast: Forecast, chosen: Sequence[Advised], reserve: float) -> 
 
 def _one_of_each(chosen: Sequence[Advised]) -> bool:
     groups = [one.actions[0].group for one in chosen]
-    return len({*groups}) == len(groups)
+    return len({*groups}) == len(groups) and (len(groups) == 1 or not {*groups} & {*ALONE})

@@ -29,6 +29,8 @@ WORDS: Final[Mapping[str, str]] = {
     "no_roof_box": "take off the roof box",
     "summer_tyres": "fit summer tyres",
     "less_luggage": "leave {value:.0f} kg at home",
+    "other_road": "take road {road:.0f}",
+    "leave_later": "leave {hours:+.0f} h from then",
 }
 """Actions in words, by code."""
 
@@ -148,7 +150,9 @@ def _all(advised: Advised) -> str:
 def in_words(action: Action) -> str:
     """An action as an imperative."""
     value = action.value or 0.0
-    return WORDS[action.code].format(value=value, km_h=3.6 * value, before=action.before_s / 60.0)
+    return WORDS[action.code].format(
+        value=value, road=value + 1.0, hours=value / 3600.0, km_h=3.6 * value, before=action.before_s / 60.0
+    )
 
 
 def _longer(advised: Advised) -> str:

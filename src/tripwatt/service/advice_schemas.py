@@ -22,9 +22,11 @@ class ActionDocument(ResponseModel):
         "no_roof_box",
         "summer_tyres",
         "less_luggage",
+        "other_road",
+        "leave_later",
     ]
     value: float | None
-    """speed [m/s], temperature [°C] or mass [kg]"""
+    """speed [m/s], temperature [°C], mass [kg], number of the road, or time later [s]"""
     effort: Literal["none", "little", "some", "much"]
     wall_wh: float
     """energy from the plug [Wh]"""
@@ -33,7 +35,7 @@ class ActionDocument(ResponseModel):
 
 
 class DifferenceDocument(ResponseModel):
-    """A trip with actions less the trip without them."""
+    """A trip less another one of the same car."""
 
     energy_wh: float
     """below 0 is saved [Wh]"""

@@ -28,7 +28,7 @@ from tripwatt.forecasting import load_metadata, load_model
 from tripwatt.forecasting.document import ForecastResponse
 from tripwatt.forecasting.storage import DEFAULT_MODEL
 from tripwatt.service import schemas
-from tripwatt.service.advice_schemas import AdviceResponse
+from tripwatt.service.advice_schemas import AdviceResponse, DifferenceDocument
 from tripwatt.service.answering import Answering, json_response
 from tripwatt.service.batching import LineSplitter, forecast_lines
 from tripwatt.service.car_operations import CarOperations
@@ -213,6 +213,11 @@ class Api:
     async def update(self, request: Request) -> Response:
         """Update the forecast of a trip with the samples measured so far."""
         return await self.answering.body_job(request, "update")
+
+    @operation("POST /v1/forecast/difference", "forecast", DifferenceDocument, schemas.DifferenceRequest)
+    async def difference(self, request: Request) -> Response:
+        """Compare two trips of one car: what both share cancels, and the difference has an interval of its own."""
+        return await self.answering.body_job(request, "difference")
 
     @operation("POST /v1/advice", "forecast", AdviceResponse, schemas.AdviceRequest)
     async def advice(self, request: Request) -> Response:

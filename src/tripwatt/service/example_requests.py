@@ -56,6 +56,9 @@ EXAMPLES: Final[Mapping[str, Mapping[str, Any]]] = {
         }
     },
     "AdviceRequest": {"planned road": {**PLANNED_REQUEST, "chance": 0.95, "extras": ["roof_box"]}},
+    "DifferenceRequest": {
+        "warmer": {"one": {**PLANNED_REQUEST, "cabin_setpoint_degc": 18.0}, "other": PLANNED_REQUEST}
+    },
     "ReachRequest": {"a start": {"start": {"latitude_deg": 47.141, "longitude_deg": 9.5209}, "soc": 0.2}},
     "VehicleFigures": {
         "compact car": {

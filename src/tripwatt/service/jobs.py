@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Final, TypeVar
 
 import numpy as np
+import orjson
 import pandas as pd
 from cachetools import LRUCache
 from pydantic import ValidationError
@@ -40,6 +41,7 @@ from tripwatt.service.journeys import JourneyJobs
 from tripwatt.service.library import described, example, example_summaries, vehicles
 from tripwatt.service.schemas import (
     AdviceRequest,
+    DifferenceRequest,
     Elevation,
     ForecastRequest,
     RequestModel,
@@ -160,6 +162,15 @@ class Jobs:
         """Return the response to an `UpdateRequest`."""
         request, forecast = self._forecast(body, UpdateRequest)
         return require_finite(forecast.to_dict(request.reserve, request.probability))
+
+    def difference(self, body: bytes) -> dict[str, Any]:
+        """Return the response to a `DifferenceRequest`: the first trip less the other one."""
+        document = parse_json(body)
+        check_request(document, DifferenceRequest)
+        one, other = (
+            self._forecast(orjson.dumps(document[name]), ForecastRequest)[1] for name in ("one", "other")
+        )
+        return one.difference(other).to_dict()
 
     def advice(self, body: bytes) -> dict[str, Any]:
         """Return the response to an `AdviceRequest`."""
@@ -423,6 +434,7 @@ def _elevation(value: Any) -> Elevation | None:
 
 JOB_KINDS: Final[Mapping[str, Callable[[Jobs, Mapping[str, Any], bytes], dict[str, Any] | bytes]]] = {
     "forecast": lambda jobs, job, body: jobs.forecast(body),
+    "difference": lambda jobs, job, body: jobs.difference(body),
     "advice": lambda jobs, job, body: jobs.advice(body),
     "need": lambda jobs, job, body: jobs.need(body, job["probability"]),
     "update": lambda jobs, job, body: jobs.update(body),

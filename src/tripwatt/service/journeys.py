@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import datetime as dt
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from tripwatt.advice import advise
+from tripwatt.advice import advise, leaving_later
 from tripwatt.errors import Fault, InvalidInput, raise_faults
 from tripwatt.forecasting import ForecastModel
 from tripwatt.journey import (
@@ -51,14 +52,19 @@ class JourneyJobs:
 
     def plan(self, request: PlanRequest, model: ForecastModel) -> dict[str, Any]:
         """Return the response to a `PlanRequest`."""
-        return self._journey(request, model).to_dict()
+        return self._journey(request, self._forecaster(request, model)).to_dict()
 
     def advice(self, request: JourneyAdviceRequest, model: ForecastModel) -> dict[str, Any]:
         """Return the response to a `JourneyAdviceRequest`: what to do on the fastest road without a stop to charge."""
-        alone = request.model_copy(update={"alternatives": 0, "answers": False, "charge": False})
-        return advise(self._journey(alone, model), reserve=request.reserve, chance=request.chance).to_dict()
+        forecaster = self._forecaster(request, model)
+        journey = self._journey(request.model_copy(update={"answers": False, "charge": False}), forecaster)
+        later = leaving_later(forecaster, journey.roads[0].road, dt.datetime.now(dt.UTC))
+        return advise(journey, reserve=request.reserve, chance=request.chance, others=later).to_dict()
 
-    def _journey(self, request: PlanRequest, model: ForecastModel) -> Journey:
+    def _forecaster(self, request: PlanRequest | ReachRequest, model: ForecastModel) -> RoadForecaster:
+        return RoadForecaster(model, departure_of_journey(request), self._atlas().weather)
+
+    def _journey(self, request: PlanRequest, forecaster: RoadForecaster) -> Journey:
         atlas = self._atlas()
         options = JourneyOptions(
             request.reserve,
@@ -70,15 +76,13 @@ class JourneyJobs:
             preheat_battery=request.preheat_battery,
         )
         stops = find_stops([place_of(stop) for stop in request.stops], atlas, round_trip=request.round_trip)
-        forecaster = RoadForecaster(model, departure_of_journey(request), atlas.weather)
         return journey_with(forecaster, stops, atlas, options)
 
     def reach(self, request: ReachRequest, model: ForecastModel) -> dict[str, Any]:
         """Return the response to a `ReachRequest`."""
         atlas = self._atlas()
         start = atlas.find(place_of(request.start), "start")
-        forecaster = RoadForecaster(model, departure_of_journey(request), atlas.weather)
-        return find_reach(forecaster, start, atlas, reserve=request.reserve).to_dict()
+        return find_reach(self._forecaster(request, model), start, atlas, reserve=request.reserve).to_dict()
 
     def places(self, text: str, limit: int) -> dict[str, Any]:
         """Return places by name."""

@@ -272,6 +272,13 @@ class AdviceRequest(ForecastRequest):
     """to arrive with the reserve"""
 
 
+class DifferenceRequest(StrictModel):
+    """Two trips of one car to compare."""
+
+    one: ForecastRequest
+    other: ForecastRequest
+
+
 class ResponseModel(BaseModel):
     """Base of all documents in responses: objects without undocumented fields."""
 

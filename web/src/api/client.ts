@@ -183,6 +183,12 @@ export const findPlaces = async (words: string, signal?: AbortSignal) =>
 export const planJourney = (body: JourneyRequest, signal?: AbortSignal) =>
   ask("post", "/v1/journeys", { body, signal });
 
+/** What one trip takes more than another one of the same car. */
+export const findDifference = (
+  body: { one: ForecastRequest; other: ForecastRequest },
+  signal?: AbortSignal,
+) => ask("post", "/v1/forecast/difference", { body, signal });
+
 /** What to do about a trip, or about a journey without a charging stop. */
 export const findAdvice = (body: ForecastRequest, signal?: AbortSignal) =>
   ask("post", "/v1/advice", { body, signal });

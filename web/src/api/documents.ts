@@ -6,6 +6,7 @@ export type {
   ActionDocument as AdvisedAction,
   AdvisedDocument as Advised,
   AdviceResponse as Advice,
+  DifferenceDocument as Difference,
   PaceDocument as Pace,
   PaceSpeeds,
   ChargingDocument as ChargingPlan,

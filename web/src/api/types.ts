@@ -33,6 +33,22 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/v1/forecast/difference": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        post: operations["difference_v1_forecast_difference_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/v1/advice": {
         parameters: {
             query?: never;
@@ -536,7 +552,7 @@ export interface components {
     schemas: {
         ActionDocument: {
             /** @enum {string} */
-            code: "slower" | "calmer" | "setpoint" | "seats" | "climate_off" | "preheat_cabin" | "preheat_battery" | "no_roof_box" | "summer_tyres" | "less_luggage";
+            code: "slower" | "calmer" | "setpoint" | "seats" | "climate_off" | "preheat_cabin" | "preheat_battery" | "no_roof_box" | "summer_tyres" | "less_luggage" | "other_road" | "leave_later";
             value: number | null;
             /** @enum {string} */
             effort: "none" | "little" | "some" | "much";
@@ -743,6 +759,10 @@ export interface components {
             by_cause_wh: {
                 [key: string]: number;
             };
+        };
+        DifferenceRequest: {
+            one: components["schemas"]["ForecastRequest"];
+            other: components["schemas"]["ForecastRequest"];
         };
         DistanceNeed: {
             distance_m: number;
@@ -1594,6 +1614,7 @@ export type CourseDocument = components['schemas']['CourseDocument'];
 export type DescribedVehicle = components['schemas']['DescribedVehicle'];
 export type DiaryEntry = components['schemas']['DiaryEntry'];
 export type DifferenceDocument = components['schemas']['DifferenceDocument'];
+export type DifferenceRequest = components['schemas']['DifferenceRequest'];
 export type DistanceNeed = components['schemas']['DistanceNeed'];
 export type Elevation = components['schemas']['Elevation'];
 export type EmptyAt = components['schemas']['EmptyAt'];
@@ -1719,6 +1740,29 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["ForecastResponse"];
+                };
+            };
+        };
+    };
+    difference_v1_forecast_difference_post: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["DifferenceRequest"];
+            };
+        };
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["DifferenceDocument"];
                 };
             };
         };

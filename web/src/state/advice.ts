@@ -11,6 +11,8 @@ import { forecastRequest, journeyRequest, type Trip, trip } from "./trip";
 
 /** Advice takes a dozen forecasts: it waits until a slider rests. */
 const MIN_INTERVAL_MS = 600;
+/** Other roads that are looked at. */
+const ALTERNATIVES = 2;
 
 export const advice = signal<Advice | null>(null);
 export const adviceIsOld = signal(false);
@@ -24,7 +26,7 @@ interface Job {
 const runner = new Latest<Job>(async ({ of, at, by }, signal) => {
   try {
     const found = of.stops
-      ? await findJourneyAdvice(journeyRequest(of, at, by), signal)
+      ? await findJourneyAdvice({ ...journeyRequest(of, at, by), alternatives: ALTERNATIVES }, signal)
       : await findAdvice(forecastRequest(of, at, by), signal);
     advice.value = found;
     adviceIsOld.value = runner.isWaiting;

@@ -1,9 +1,9 @@
 /** Forecasts for the trip, the conditions and the comparison, renewed when these change. */
 
 import { batch, computed, effect, signal, untracked } from "@preact/signals";
-import { requestForecast, RequestFailed, readRoute } from "../api/client";
+import { findDifference, requestForecast, RequestFailed, readRoute } from "../api/client";
 import { Latest } from "../api/latest";
-import type { Forecast, Fault, Journey, LeaveWith, Problem } from "../api/documents";
+import type { Difference, Forecast, Fault, Journey, LeaveWith, Problem } from "../api/documents";
 import { atMotorwaySpeed } from "../model/links";
 import { type Profile, profileFromSamples, withElevationOf } from "../model/profile";
 import { type Car, car } from "./car";
@@ -37,6 +37,8 @@ export const other = signal<Other>({ setting: "cabin_setpoint_degc", value: 18 }
 export const departure = signal<Forecast | null>(null);
 /** Forecast with the other setting; null outside of a comparison. */
 export const alternative = signal<Forecast | null>(null);
+/** The second forecast less the first; null until it is there, and for a journey. */
+export const difference = signal<Difference | null>(null);
 /** Conditions of the two forecasts; those on the page may have changed since. */
 export const requested = signal<{ at: Conditions; other: Other }>({
   at: conditions.peek(),
@@ -133,9 +135,14 @@ const runner = new Latest<ForecastJob>(async (job, signal) => {
       requested.value = { at: job.at, other: job.other };
       profile.value = road;
       problem.value = null;
+      difference.value = null;
       leavingIsOld.value = true;
     });
     if (runner.isWaiting) return;
+    if (otherAt) {
+      const [other, one] = [job.at, otherAt].map((at) => forecastRequest(job.trip, at, job.car));
+      if (one && other) difference.value = await findDifference({ one, other }, signal);
+    }
     const body = { ...forecastRequest(job.trip, job.at, job.car), probability: LEAVE_PROBABILITY };
     const { leave_with } = await requestForecast(body, signal);
     batch(() => {

@@ -26,6 +26,10 @@ function actionText({ code, value, before_s }: AdvisedAction): string {
       return actions.setpoint(shown(si, temperature));
     case "preheat_cabin":
       return actions.preheat_cabin(shown(si, temperature), span(before_s));
+    case "other_road":
+      return actions.other_road(si + 1);
+    case "leave_later":
+      return si < 0 ? actions.leave_earlier(span(-si)) : actions.leave_later(span(si));
     case "less_luggage":
       return actions.less_luggage(shown(si, mass));
     default:

@@ -4,7 +4,7 @@ import { chanceOf, emptyAfterM } from "../model/arrival";
 import { hasMotorway } from "../model/links";
 import { ENERGY, PERCENT } from "../model/units";
 import { type Conditions, change, conditions } from "../state/conditions";
-import { requested, type Other, other } from "../state/forecast";
+import { difference, requested, type Other, other } from "../state/forecast";
 import { format, text, units } from "../state/preferences";
 import { trip } from "../state/trip";
 import { settingOf } from "./settings";
@@ -109,14 +109,20 @@ function Side({ of, kind, name }: { of: Forecast; kind: "main" | "other"; name: 
 /** The difference as a sentence; its subject is the forecast with more charge on arrival. */
 function differenceText(first: Forecast, second: Forecast, names: [string, string]): string {
   const { figure, shown, duration } = format.value;
-  const { compare } = text.value;
+  const { compare, result } = text.value;
   const points = PERCENT.from(second.soc_arrival - first.soc_arrival);
   const [one, other] = points >= 0 ? [second, first] : [first, second];
   const [name, otherName] = points >= 0 ? [names[1], names[0]] : names;
   const savedWh = other.energy_wh - one.energy_wh;
   const longerS = (one.series.time_s.at(-1) as number) - (other.series.time_s.at(-1) as number);
   const parts = Math.abs(points) < MIN_SHOWN_POINTS ? [] : [compare.morePoints(figure(Math.abs(points), 1))];
-  if (savedWh >= MIN_SHOWN_WH) parts.push(compare.lessEnergy(shown(savedWh, ENERGY)));
+  if (savedWh >= MIN_SHOWN_WH) {
+    const sign = points >= 0 ? -1 : 1;
+    const ends = (difference.value?.interval_wh ?? []).map((wh) => sign * wh).sort((a, b) => a - b);
+    const [low, high] = ends.map((wh) => figure(ENERGY.from(wh), 2));
+    const range = low && high ? ` (${result.inTrips(result.range(low, high))})` : "";
+    parts.push(compare.lessEnergy(shown(savedWh, ENERGY)) + range);
+  }
   if (longerS >= MIN_SHOWN_S) parts.push(compare.longer(duration(longerS)));
   if (longerS <= -MIN_SHOWN_S) parts.push(compare.shorter(duration(-longerS)));
   return `${compare.instead(name, otherName)}: ${parts.join(", ") || compare.noDifference}.`;
