@@ -338,7 +338,7 @@ def test_advice_names_what_saves_and_how_sure_that_is(look: Look, service: Servi
     with page.expect_response(is_cold) as found:
         slider(page, "Outside").fill("-10")
     sent, answer = found.value.request.post_data_json, found.value.json()
-    card = page.locator(".advice:not(.old)")
+    card = page.locator(".advice[aria-busy=false]")
     card.wait_for()
     assert [one["actions"][0]["code"] for one in answer["singly"]] != []
     assert card.locator(".savings > li").count() == len(answer["singly"])

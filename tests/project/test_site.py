@@ -29,7 +29,7 @@ RUNNABLE = sorted(
     for page in [DOCS / "index.md", *(DOCS / "tutorials").glob("*.md"), *(DOCS / "howto").glob("*.md")]
     if ">>> " in page.read_text("utf-8")
 )
-TUTORIALS = ("first-forecast", "own-logs", "a-to-b", "measuring", "gamm", "fleet")
+TUTORIALS = ("first-forecast", "own-logs", "a-to-b", "advice", "measuring", "gamm", "fleet")
 ASSETS = {"script": "src", "link": "href", "img": "src", "iframe": "src", "source": "src", "object": "data"}
 """Element -> the attribute that makes a browser ask for a file."""
 

@@ -276,8 +276,18 @@ def test_a_forecast_that_physics_forbids_is_a_fault_of_the_request(jobs: Jobs) -
 
 
 def test_every_kind_of_job_is_run(jobs: Jobs) -> None:
-    kinds = "describe distance example examples forecast map need places plan range reach route tile update vehicles view"
-    of_cars = ("car", "car token", "cars", "forget car", "learn", "learn finished", "logs", "new car")
+    kinds = "advice describe difference distance example examples forecast map need places plan range reach route tile update vehicles view"
+    of_cars = (
+        "car",
+        "car token",
+        "cars",
+        "forget car",
+        "learn",
+        "learn finished",
+        "logs",
+        "new car",
+        "journey advice",
+    )
     assert sorted(JOB_KINDS) == sorted([*kinds.split(), *of_cars])
     assert jobs.run({"kind": "map"}, b"") == jobs.journeys.describe()
 

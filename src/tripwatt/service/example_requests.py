@@ -35,6 +35,18 @@ MESSAGE: Final = {
     "is_charging": 0,
 }
 
+JOURNEY: Final = {
+    "stops": [
+        {"latitude_deg": 47.141, "longitude_deg": 9.5209},
+        {"latitude_deg": 47.241, "longitude_deg": 9.5285},
+    ],
+    "soc": 0.8,
+    "ambient_temperature_degc": -5.0,
+    "departure_utc": "2026-02-01T07:30:00+01:00",
+    "wind_speed_m_s": 6.0,
+    "wind_from_deg": 350.0,
+}
+
 EXAMPLES: Final[Mapping[str, Mapping[str, Any]]] = {
     "ForecastRequest": {"planned road": PLANNED_REQUEST, "speed trace": DRIVEN_REQUEST},
     "UpdateRequest": {"after 20 s": {**DRIVEN_REQUEST, "observed": OBSERVED}},
@@ -42,19 +54,8 @@ EXAMPLES: Final[Mapping[str, Mapping[str, Any]]] = {
     "TelemetryRequest": {"a message": {"token": "the-token-of-the-car", "tlm": MESSAGE}},
     "NewCarRequest": {"a car": {"name": "my-leaf", "vehicle": "nissan_leaf_24"}},
     "LogsRequest": {"as proposed": {}},
-    "PlanRequest": {
-        "a journey": {
-            "stops": [
-                {"latitude_deg": 47.141, "longitude_deg": 9.5209},
-                {"latitude_deg": 47.241, "longitude_deg": 9.5285},
-            ],
-            "soc": 0.8,
-            "ambient_temperature_degc": -5.0,
-            "departure_utc": "2026-02-01T07:30:00+01:00",
-            "wind_speed_m_s": 6.0,
-            "wind_from_deg": 350.0,
-        }
-    },
+    "PlanRequest": {"a journey": JOURNEY},
+    "JourneyAdviceRequest": {"a journey": {**JOURNEY, "chance": 0.95}},
     "AdviceRequest": {"planned road": {**PLANNED_REQUEST, "chance": 0.95, "extras": ["roof_box"]}},
     "DifferenceRequest": {
         "warmer": {"one": {**PLANNED_REQUEST, "cabin_setpoint_degc": 18.0}, "other": PLANNED_REQUEST}

@@ -123,11 +123,7 @@ export function AdviceCard() {
   const { shown } = format.value;
   const wanted = shown(found.chance, PERCENT);
   return (
-    <section
-      class={`card advice${adviceIsOld.value ? " old" : ""}`}
-      aria-labelledby="advice-title"
-      aria-busy={adviceIsOld.value}
-    >
+    <section class="card advice" aria-labelledby="advice-title" aria-busy={adviceIsOld.value}>
       <h2 id="advice-title">{chargingPlan.value ? words.without : words.title}</h2>
       {found.p_arrive < found.chance && (
         <>
