@@ -687,3 +687,19 @@ def test_a_running_service_streams_forecasts_and_ends_in_time(
         assert list(lines)[-1:] in ([], [""])
     assert wait_for(lambda: service.process.poll() is not None)
     assert service.process.returncode == 0
+
+
+def test_a_message_comes_when_the_verdict_changes(served: Served, plan: dict[str, Any]) -> None:
+    forecast = own_forecast(plan)
+    reserve = forecast.soc_arrival - 0.5 * (forecast.soc_arrival - forecast.soc_quantile(0.02))
+    served.put({**plan, "reserve": round(reserve, 4)})
+    assert served("/v1/live/leaf").json()["message"] is None
+    table = measured(example_trip()).iloc[:560]
+    for sent in abrp_messages(table.iloc[::10]):
+        served.send(sent)
+    told = served("/v1/live/leaf").json()
+    assert told["faults"] == []
+    assert 0.05 < forecast.p_arrive(round(reserve, 4)) < 0.95
+    assert told["message"]["verdict"] == "arrives"
+    assert told["message"]["p_arrive"] == told["forecast"]["p_arrive"] >= 0.95
+    assert served("/v1/live/leaf").json()["message"] == told["message"]

@@ -16,6 +16,8 @@ from tripwatt.units import M_S_PER_KM_H, SECONDS_PER_MINUTE
 
 Verdict = Literal["arrives", "open", "does_not_arrive"]
 
+EVERY_S: Final = SECONDS_PER_MINUTE
+"""Time between two looks at a trip."""
 QUIET_S: Final = 5.0 * SECONDS_PER_MINUTE
 """Least time between two messages."""
 MARGIN: Final = 0.03
@@ -80,6 +82,11 @@ class Companion:
     chance : float
         Chance to arrive with it that is asked for, 0.5 to 1.
 
+    Attributes
+    ----------
+    last : Message or None
+        The latest message; None before the first.
+
     Examples
     --------
     >>> import tripwatt as tw
@@ -94,36 +101,45 @@ class Companion:
         self.departure = departure
         self.reserve = require_fraction("reserve", reserve)
         self.chance = require_fraction("chance", chance, 0.5)
-        self._told_s = -np.inf
+        self.last: Message | None = None
+        self._heard_s = self._told_s = -np.inf
         self._verdict: Verdict | None = None
         self._verdict = self._judged(departure.p_arrive(reserve))
 
-    def hear(self, observed: pd.DataFrame) -> Message | None:
+    def hear(self, observed: pd.DataFrame, updated: Forecast | None = None) -> Message | None:
         """Take what was measured so far.
 
         Parameters
         ----------
         observed : DataFrame
             Samples since the departure, as for `Forecast.update`.
+        updated : Forecast, optional
+            By these samples, where it is there already.
 
         Returns
         -------
         Message or None
-            None while the verdict is that of the last message, or of the departure before the first, and for `QUIET_S` after a message.
+            None while the verdict is that of the last message, or of the departure before the first, for `QUIET_S` after a message, and for `EVERY_S`
+            after the last look.
 
         Raises
         ------
         InvalidInput
             As `Forecast.update`.
         """
-        now = self.departure.update(observed)
-        at_s, chance = now.measured_until_s, now.p_arrive(self.reserve)
+        at_s = float(observed["time_s"].iloc[-1]) - self.departure.plan.start_s
+        if at_s - self._heard_s < EVERY_S or at_s - self._told_s < QUIET_S:
+            return None
+        self._heard_s = at_s
+        now = updated or self.departure.update(observed)
+        chance = now.p_arrive(self.reserve)
         verdict = self._judged(chance)
-        if verdict == self._verdict or at_s - self._told_s < QUIET_S:
+        if verdict == self._verdict:
             return None
         self._told_s, self._verdict = at_s, verdict
-        speed = (None, None) if verdict == "arrives" else self._speed(observed, at_s)
-        return Message(at_s, verdict, now.soc_arrival, chance, *speed)
+        speed = (None, None) if verdict == "arrives" else self._speed(observed, now.measured_until_s)
+        self.last = Message(at_s, verdict, now.soc_arrival, chance, *speed)
+        return self.last
 
     def _judged(self, chance: float) -> Verdict:
         """The limits of the last verdict are wider by `MARGIN`."""

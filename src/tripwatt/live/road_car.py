@@ -48,6 +48,8 @@ class RoadCar(Recorder):
     ----------
     note : callable
         Called with a sentence when a forecast cannot be kept.
+    updated : Forecast or None
+        That of the latest document; None without a plan.
 
     Examples
     --------
@@ -86,6 +88,7 @@ class RoadCar(Recorder):
         self._of: tuple[Any, ...] = ()
         self._forecast: LiveForecastDocument | None = None
         self._faults: list[dict[str, str]] = []
+        self.updated: Forecast | None = None
 
     def at_departure(self) -> Forecast | None:
         """Forecast the trip at its departure; what the plan leaves unknown of the departure is what the samples show.
@@ -176,7 +179,8 @@ class RoadCar(Recorder):
         departing, self._faults = None, []
         try:
             departing = self.at_departure()
-            self._forecast = None if departing is None else self._live(self.update(departing))
+            self.updated = None if departing is None else self.update(departing)
+            self._forecast = None if self.updated is None else self._live(self.updated)
         except InvalidInput as error:
             self._faults = [fault.texts for fault in error.faults]
             if of[1:] != self._of[1:]:  # the forecast before is of another trip or plan

@@ -20,10 +20,10 @@ import anyio
 import orjson
 from sse_starlette import EventSourceResponse, ServerSentEvent
 
-from tripwatt.errors import InvalidInput
+from tripwatt.advice import Companion, Message
+from tripwatt.errors import InvalidInput, or_none
 from tripwatt.forecasting import ForecastModel
 from tripwatt.live import RoadCar, Sample, has_token, is_car
-from tripwatt.live.documents import LiveDocument
 from tripwatt.live.tokens import digest_of, token_digest
 from tripwatt.service.car_jobs import CarJobs
 from tripwatt.service.jobs import Jobs
@@ -76,6 +76,7 @@ class LiveCars:
         self.cars: dict[str, RoadCar] = {}
         self.listeners = 0
         self._digests: dict[str, str] = {}
+        self._companions: dict[str, Companion] = {}
         self._thread = ThreadPoolExecutor(1, "cars")
         folder = settings.cars
         if folder is None or not folder.is_dir():
@@ -110,6 +111,7 @@ class LiveCars:
     async def drop(self, name: str) -> None:
         """Follow a car no longer."""
         self._digests.pop(name, None)
+        self._companions.pop(name, None)
         car = self.cars.pop(name, None)
         if car is not None:
             await self.run(car.close)
@@ -190,9 +192,30 @@ class LiveCars:
         self.log(event=f"{what} not stored", vehicle=car.name, error=f"{error}"[:200])
         return Problem("busy", f"the {what} cannot be stored; send it again", headers={"Retry-After": "10"})
 
-    async def document(self, car: RoadCar) -> LiveDocument:
-        """A car and the latest forecast of its trip, as `LiveResponse`."""
-        return await self.run(car.document, time.time())
+    async def document(self, car: RoadCar) -> dict[str, Any]:
+        """A car, the latest forecast of its trip and the latest message, as `LiveResponse`."""
+        return await self.run(self._document, car)
+
+    def _document(self, car: RoadCar) -> dict[str, Any]:
+        document = car.document(time.time())
+        message = None if document["faults"] else or_none(self._told, car)
+        return {**document, "message": None if message is None else message.to_dict()}
+
+    def _told(self, car: RoadCar) -> Message | None:
+        """The latest message on the trip of a car; its companion goes with the forecast at departure."""
+        departing = car.at_departure()
+        if departing is None or car.trip is None:
+            return None
+        companion = self._companions.get(car.name)
+        if companion is None or companion.departure is not departing:
+            plan = car.plan
+            reserve = None if plan is None else plan.request.get("reserve")
+            companion = Companion(departing, car.reserve if reserve is None else reserve)
+            self._companions[car.name] = companion
+        observed = car.observed(departing.plan.start_s)
+        if len(observed) > 1:
+            companion.hear(observed, car.updated)
+        return companion.last
 
     def _by_own_model(self, name: str, request: Mapping[str, Any]) -> dict[str, Any]:
         """A request with the model of a car's own trips, unless the request names a car or a model."""
@@ -313,7 +336,7 @@ class LiveCars:
                 try:
                     await self.run(car.end_when_silent, time.time())
                     if car.wants_forecast:
-                        await self.document(car)
+                        await self.run(car.document, time.time())
                 except OSError as error:
                     self._not_stored("trip", car, error)
                 except Exception as error:  # the other cars are watched all the same

@@ -77,6 +77,23 @@ class NeedResponse(ResponseModel):
     """energy that is missing in the battery, up to a full one [Wh]"""
 
 
+class MessageDocument(ResponseModel):
+    """What a driver is told on the way, when the verdict has changed."""
+
+    time_s: float
+    """since the departure [s]"""
+    verdict: Literal["arrives", "open", "does_not_arrive"]
+    """the reserve at arrival: in 19 of 20 trips, open, or in 1 of 20 at most"""
+    soc_arrival: float
+    """expected displayed charge at arrival"""
+    p_arrive: float
+    """probability to have the reserve at arrival"""
+    speed_m_s: float | None
+    """highest speed from here on that restores the chance; null where none is needed, or none suffices"""
+    p_at_speed: float | None
+    """probability with this speed"""
+
+
 _documents: list[Any] = [LiveForecastDocument, LiveTripDocument, LiveMessages, LiveDocument]
 for _document in _documents:
     _document.__pydantic_config__ = ConfigDict(extra="forbid", use_attribute_docstrings=True)
@@ -86,6 +103,7 @@ _fields: Any = {
     name: (kind, Field(description=_described[name].get("description")))
     for name, kind in (get_type_hints(LiveDocument) | {"faults": list[ProblemFault]}).items()
 }
+_fields["message"] = (MessageDocument | None, Field(description="null until the verdict changes on the way"))
 LiveResponse = create_model("LiveResponse", __base__=ResponseModel, __doc__=LiveDocument.__doc__, **_fields)
 
 

@@ -1121,6 +1121,7 @@ export interface components {
             usual_trip: string | null;
             forecast: components["schemas"]["LiveForecastDocument"] | null;
             faults: components["schemas"]["ProblemFault"][];
+            message: components["schemas"]["MessageDocument"] | null;
         };
         LiveTripDocument: {
             departure_utc: number;
@@ -1174,6 +1175,15 @@ export interface components {
             column: string;
             unit: string;
             why: string;
+        };
+        MessageDocument: {
+            time_s: number;
+            /** @enum {string} */
+            verdict: "arrives" | "open" | "does_not_arrive";
+            soc_arrival: number;
+            p_arrive: number;
+            speed_m_s: number | null;
+            p_at_speed: number | null;
         };
         Missing: {
             least: number;
@@ -1653,6 +1663,7 @@ export type LogsRequest = components['schemas']['LogsRequest'];
 export type LogsResponse = components['schemas']['LogsResponse'];
 export type MapResponse = components['schemas']['MapResponse'];
 export type MappedColumnDocument = components['schemas']['MappedColumnDocument'];
+export type MessageDocument = components['schemas']['MessageDocument'];
 export type Missing = components['schemas']['Missing'];
 export type ModelSummary = components['schemas']['ModelSummary'];
 export type ModelsResponse = components['schemas']['ModelsResponse'];

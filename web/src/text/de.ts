@@ -538,6 +538,7 @@ const de: Text = {
     nextTrip: "Ladestand bei Ankunft, nächste Fahrt",
     onTrip: "auf einer Fahrt",
     usual: "Auf der Strecke einer früheren Fahrt zu dieser Tageszeit: kein Plan wurde angegeben.",
+    slower: (speed: string, chance: string) => `Ab hier höchstens ${speed}: ${chance}`,
     notIn: "Die letzten Meldungen sind nicht in der Prognose:",
     justNow: "Meldung in der letzten Minute",
     minutesAgo: (minutes) =>

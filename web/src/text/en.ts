@@ -530,6 +530,7 @@ export const en = {
     nextTrip: "Battery on arrival, next trip",
     onTrip: "on a trip",
     usual: "On the road of an earlier trip at this time of day: no plan was given.",
+    slower: (speed: string, chance: string) => `${speed} at most from here: ${chance}`,
     notIn: "The last messages are not in the forecast:",
     justNow: "Message within the last minute",
     minutesAgo: (minutes: number) =>

@@ -124,6 +124,16 @@ function Car({ of }: { of: LiveCar }) {
       ) : (
         <Instead of={of} />
       )}
+      {of.message?.speed_m_s != null && (
+        <p class="said" aria-live="polite">
+          <strong>
+            {words.slower(
+              shown(of.message.speed_m_s, units.value.speed),
+              chanceInFigures(of.message.p_at_speed ?? 0),
+            )}
+          </strong>
+        </p>
+      )}
       <dl class="stats">
         <Figure label={words.now}>{soc === null ? "–" : shown(soc, PERCENT)}</Figure>
         {leftM !== null && <Figure label={words.left}>{shown(leftM, distance)}</Figure>}
