@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -49,6 +50,8 @@ class Advised:
         Of the trip with them.
     difference : Difference
         To the trip without them; below 0 is saved. Heated seats and the like are part of its energy.
+    soc_arrival : float
+        Expected displayed charge at arrival.
     p_arrive : float
         Chance to arrive with the reserve.
     interaction_wh : float
@@ -66,6 +69,7 @@ class Advised:
     actions: tuple[Action, ...]
     forecast: Forecast
     difference: Difference
+    soc_arrival: float
     p_arrive: float
     interaction_wh: float = 0.0
 
@@ -113,7 +117,7 @@ class Advised:
                 for action in self.actions
             ],
             "difference": self.difference.to_dict(),
-            "soc_arrival": self.forecast.soc_arrival,
+            "soc_arrival": self.soc_arrival,
             "p_arrive": self.p_arrive,
             "effort": self.effort,
             "wall_wh": self.wall_wh,
@@ -256,9 +260,10 @@ def advise(
     now = forecast.p_arrive(reserve)
     roads = trip.roads[1:] if isinstance(trip, Journey) else ()
     ways = [*((other_road(k), road.forecast) for k, road in enumerate(roads, 1)), *others]
-    every = [_advised(forecast, (action,), reserve) for action in actions(forecast)]
+    again = maker_like(forecast)
+    every = [_advised(forecast, again, (action,), reserve) for action in actions(forecast)]
     every += [
-        Advised((action,), other, other.difference(forecast), other.p_arrive(reserve))
+        Advised((action,), other, other.difference(forecast), other.soc_arrival, other.p_arrive(reserve))
         for action, other in ways
     ]
     sure = [
@@ -268,7 +273,11 @@ def advise(
     singly = sorted(mildest.values(), key=lambda one: one.difference.energy_wh)
     charge_to = forecast.soc_needed(reserve, chance)
     lacking_wh = (charge_to - float(forecast.soc_along(0.5)[0])) * forecast.charge.wh_per_display
-    least = () if now >= chance else tuple(_least(forecast, sure, reserve, chance, lacking_wh))
+    least = (
+        ()
+        if now >= chance
+        else tuple(_least(partial(_together, forecast, again, reserve), sure, chance, lacking_wh))
+    )
     return Advice(forecast, reserve, chance, now, charge_to, least, tuple(singly))
 
 
@@ -290,25 +299,43 @@ def _forecast(
     return forecast
 
 
-def _advised(forecast: Forecast, chosen: tuple[Action, ...], reserve: float) -> Advised:
+def _advised(
+    forecast: Forecast, again: Callable[[Plan], Forecast], chosen: tuple[Action, ...], reserve: float
+) -> Advised:
     plan = forecast.plan
     for action in chosen:
         plan = action.applied(plan)
-    assert forecast.maker is not None  # `_forecast` asks for it
-    changed = forecast.maker(plan)
-    changed = replace(
-        changed, state_sd_wh=changed.state_sd_wh if changed.state_sd_wh else forecast.state_sd_wh
-    )
+    changed = again(plan)
     difference = changed.difference(forecast)
     extra_wh = sum(action.extra_w for action in chosen) * plan.duration_s / SECONDS_PER_HOUR
-    if extra_wh:
-        difference = replace(difference, energy_wh=difference.energy_wh + extra_wh)
     taken = extra_wh / forecast.charge.wh_per_display
-    return Advised(chosen, changed, difference, changed.p_arrive(min(reserve + taken, 1.0)))
+    if extra_wh:
+        causes = difference.by_cause_wh
+        difference = replace(
+            difference,
+            energy_wh=difference.energy_wh + extra_wh,
+            soc_arrival=difference.soc_arrival - taken,
+            by_cause_wh={**causes, "climate": causes["climate"] + extra_wh},
+        )
+    soc = changed.soc_arrival - taken
+    return Advised(chosen, changed, difference, soc, changed.p_arrive(min(reserve + taken, 1.0)))
+
+
+def maker_like(forecast: Forecast) -> Callable[[Plan], Forecast]:
+    """What forecasts other plans as a forecast was made, with the error of the weather forecast that was added to it."""
+    maker = forecast.maker
+    assert maker is not None  # `_forecast` asks for it
+    added = forecast.state_sd_wh**2 - maker(forecast.plan).state_sd_wh ** 2
+
+    def make(plan: Plan) -> Forecast:
+        made = maker(plan)
+        return replace(made, state_sd_wh=math.sqrt(made.state_sd_wh**2 + max(added, 0.0)))
+
+    return make
 
 
 def _least(
-    forecast: Forecast, sure: Sequence[Advised], reserve: float, chance: float, lacking_wh: float
+    join: Callable[[Sequence[Advised]], Advised], sure: Sequence[Advised], chance: float, lacking_wh: float
 ) -> list[Advised]:
     """Sets of actions that reach the chance: the smallest, and larger ones that cost less. Of sets with the same codes the cheapest values.
 
@@ -327,14 +354,16 @@ def _least(
         for _, chosen in sorted(hopeful, key=lambda pair: pair[0])[:MOST_TRIED]:
             codes = tuple(one.actions[0].code for one in chosen)
             if codes not in found and len(found) < MOST_SETS:
-                together = chosen[0] if size == 1 else _together(forecast, chosen, reserve)
+                together = chosen[0] if size == 1 else join(chosen)
                 if together.p_arrive >= chance:
                     found[codes] = together
     return sorted(found.values(), key=lambda one: one.cost_min)
 
 
-def _together(forecast: Forecast, chosen: Sequence[Advised], reserve: float) -> Advised:
-    all_of_them = _advised(forecast, tuple(one.actions[0] for one in chosen), reserve)
+def _together(
+    forecast: Forecast, again: Callable[[Plan], Forecast], reserve: float, chosen: Sequence[Advised]
+) -> Advised:
+    all_of_them = _advised(forecast, again, tuple(one.actions[0] for one in chosen), reserve)
     alone_wh = sum(one.difference.energy_wh for one in chosen)
     return replace(all_of_them, interaction_wh=all_of_them.difference.energy_wh - alone_wh)
 

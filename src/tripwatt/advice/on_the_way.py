@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.advice.actions import FAST_KM_H, SPEEDS_KM_H, capped
-from tripwatt.advice.advise import CHANCE
+from tripwatt.advice.advise import CHANCE, maker_like
 from tripwatt.forecasting import Forecast
 from tripwatt.trips.columns import require_fraction
 from tripwatt.units import M_S_PER_KM_H, SECONDS_PER_MINUTE
@@ -150,14 +150,16 @@ class Companion:
 
     def _speed(self, observed: pd.DataFrame, at_s: float) -> tuple[float | None, float | None]:
         """The highest speed that restores the chance, and the chance with it."""
-        plan, maker = self.departure.plan, self.departure.maker
+        if self.departure.maker is None:
+            return None, None
+        plan, again = self.departure.plan, maker_like(self.departure)
         ahead = plan.array("speed_m_s")[plan.array("time_s") - plan.array("time_s")[0] > at_s]
         fastest = float(ahead.max()) if len(ahead) else 0.0
         for speed in SPEEDS_KM_H:
             limit = speed * M_S_PER_KM_H
-            if maker is None or fastest <= max(limit + 1.0, FAST_KM_H * M_S_PER_KM_H):
+            if fastest <= max(limit + 1.0, FAST_KM_H * M_S_PER_KM_H):
                 continue
-            chance = maker(capped(plan, limit, at_s)).update(observed).p_arrive(self.reserve)
+            chance = again(capped(plan, limit, at_s)).update(observed).p_arrive(self.reserve)
             if chance >= self.chance:
                 return limit, chance
         return None, None
