@@ -264,9 +264,10 @@ def test_the_need_without_a_plan_is_that_of_the_usual_trip(served: Served, drive
     (log,) = car.logs()
     found = need(served, departure_utc=NOON_S + 86_400.0 + 1800.0).json()
     own = tw.load_model().forecast(plan_from_links(links_of_trip(log)))
-    assert (found["plan"], found["usual_trip"], found["soc"]) == ("usual", log.trip_id, None)
+    shown = float(drive["displayed_soc"].iloc[-1])
+    assert (found["plan"], found["usual_trip"], found["soc"]) == ("usual", log.trip_id, pytest.approx(shown))
     assert found["energy_wh"] == pytest.approx(own.quantile(0.9), abs=1e-6)
-    assert found["charge_wh"] is None
+    assert found["charge_wh"] == 0.0
     for departure_utc in (NOON_S + 86_400.0 + 6.0 * 3600.0, NOON_S - 86_400.0):
         assert need(served, departure_utc=departure_utc).status_code == 404
 

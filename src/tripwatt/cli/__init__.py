@@ -27,7 +27,6 @@ from tripwatt.cli import (
     journey,
     logs,
     maps,
-    on_road,
     own_cars,
     serve,
     stores,
@@ -84,7 +83,6 @@ add_command(app, serve.serve)
 stores.add_commands(app)
 fleets.add_commands(app)
 own_cars.add_commands(app)
-add_command(app, on_road.live)
 
 
 def main() -> None:

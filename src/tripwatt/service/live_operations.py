@@ -36,6 +36,7 @@ from tripwatt.service.openapi import (
     JSON,
     operation,
 )
+from tripwatt.service.over_mqtt import OverMqtt
 from tripwatt.service.pool import WorkerPool
 from tripwatt.service.problems import Problem, invalid_input, refusal
 from tripwatt.service.receiving import media_type, request_id, require_accepts
@@ -79,10 +80,13 @@ class LiveOperations:
     ) -> None:
         self.read_body = read_body
         self._cars = None if settings.cars is None else LiveCars(settings, pool, log)
+        mqtt = settings.mqtt
+        self._over_mqtt = None if self._cars is None or mqtt is None else OverMqtt(self._cars, mqtt)
 
     def running(self) -> AbstractAsyncContextManager[None]:
-        """Watch the cars while the service runs."""
-        return contextlib.nullcontext() if self._cars is None else self._cars.running()
+        """Watch the cars while the service runs, and follow them over MQTT."""
+        over_mqtt = [] if self._over_mqtt is None else [self._over_mqtt.follower.follow()]
+        return contextlib.nullcontext() if self._cars is None else self._cars.running(*over_mqtt)
 
     @property
     def cars(self) -> LiveCars:

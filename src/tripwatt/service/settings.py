@@ -12,6 +12,7 @@ from typing import Final
 
 from tripwatt.errors import Fault, raise_faults
 from tripwatt.journey import AtlasSettings
+from tripwatt.live import MqttSettings
 
 TOKEN_VARIABLE: Final = "TRIPWATT_TOKEN"
 """Environment variable of the bearer token."""
@@ -107,6 +108,8 @@ class Settings:
         Folder of cars: their trips, the models adapted to them, and what they send on the road; None for none.
     keep_days : float
         Days that finished trips of cars on the road stay on disk; without a limit they stay until the car is forgotten.
+    mqtt : MqttSettings or None
+        The broker that cars send to, and that they are published to; None for none.
     """
 
     models: Mapping[str, Path] = field(default_factory=lambda: MappingProxyType({}))
@@ -118,6 +121,7 @@ class Settings:
     atlas: AtlasSettings = field(default_factory=AtlasSettings)
     cars: Path | None = None
     keep_days: float = math.inf
+    mqtt: MqttSettings | None = None
 
     @property
     def hosts(self) -> frozenset[str]:
