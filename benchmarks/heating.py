@@ -132,7 +132,9 @@ def same_kind(a: Trip, b: Trip) -> bool:
     return bool(likes and abs(degc[0] - degc[1]) <= ALIKE_K)
 
 
-def two_way_interval(values: np.ndarray, groups: Sequence[Sequence[int]], seed: int = 0) -> tuple[float, float]:
+def two_way_interval(
+    values: np.ndarray, groups: Sequence[Sequence[int]], seed: int = 0
+) -> tuple[float, float]:
     """95 % interval of a mean over pairs by a bootstrap over the members of both sides, since a trip has several pairs."""
     rng, weight = np.random.default_rng(seed), np.ones((DRAWS, len(values)))
     for members in groups:
@@ -149,7 +151,9 @@ def rows_of(
 ) -> Iterator[Row]:
     """Stated and seen savings: means, error, bias and coverage."""
     mean, seen = np.array([d.energy_wh for d in stated]), np.array(seen_wh)
-    held = [low <= wh <= high for (low, high), wh in zip((d.interval(0.9) for d in stated), seen, strict=True)]
+    held = [
+        low <= wh <= high for (low, high), wh in zip((d.interval(0.9) for d in stated), seen, strict=True)
+    ]
     low, high = two_way_interval(mean - seen, groups)
     shares = "{:.2f} to {:.2f}".format(*clopper_pearson(sum(held), len(held)))
     width = np.mean([np.ptp(d.interval(0.9)) for d in stated])
@@ -177,7 +181,9 @@ def pair_rows(what: str, trips: Sequence[Heated], same: Callable[[Trip, Trip], b
         apart = unheated.off.difference(heated.auto)
         sd_wh = float(np.linalg.norm((apart.sd_wh, heated.own_sd_wh, unheated.own_sd_wh)))
         stated.append(replace(apart, sd_wh=sd_wh))
-        seen.append(float(unheated.trip.observed_energy_wh or 0.0) - float(heated.trip.observed_energy_wh or 0.0))
+        seen.append(
+            float(unheated.trip.observed_energy_wh or 0.0) - float(heated.trip.observed_energy_wh or 0.0)
+        )
     if pairs:
         sides = list(zip(*pairs, strict=True))
         counts = f"{len({*sides[0]})} trips with, {len({*sides[1]})} without"

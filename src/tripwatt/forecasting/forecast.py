@@ -968,7 +968,7 @@ def difference(one: Forecast, other: Forecast) -> Difference:
 
 def _shared(forecast: Forecast) -> Shared:
     drive, hours = forecast.drive, forecast.drive.table.hours
-    climb = forecast._climb
+    climb, route, link_m = forecast._climb, forecast.uncertainty.route, forecast.plan.link_m
     return Shared(
         forecast.uncertainty.scale.course.hours(float(hours.sum())),
         float(drive.segments.moved_w @ hours),
@@ -976,6 +976,7 @@ def _shared(forecast: Forecast) -> Shared:
         drive.segments.outside_sd_wh,
         forecast.state_sd_wh,
         forecast.route_sd_wh,
+        0.0 if route is None or link_m is None else route.share(link_m) * abs(forecast.energy_wh),
         0.0 if climb is None else float(climb.core_sd_wh[-1]),
         float(drive.distance_m[-1]),
     )
