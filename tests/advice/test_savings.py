@@ -58,6 +58,25 @@ def test_without_climate_control_no_unknown_cabin_costs_heat(model: tw.ForecastM
     assert off.difference(auto).sd_wh > surer[1].difference(surer[0]).sd_wh
 
 
+def test_the_weather_is_as_unknown_of_a_heating_that_is_switched_off_as_of_the_trip(
+    model: tw.ForecastModel,
+) -> None:
+    plan = tw.read_route([{"length_m": 30_000.0, "speed_m_s": 20.0}])
+    known = Departure(
+        soc=0.8, ambient_temperature_degc=8.0, battery_temperature_degc=8.0,
+        cabin_setpoint_degc=22.0, cabin_temperature_degc=8.0,
+    )  # fmt: skip
+    sure = [model.forecast(plan, replace(known, climate=mode)) for mode in ("auto", "off")]
+    unsure = [replace(forecast, state_sd_wh=500.0) for forecast in sure]
+    before, after = (pair[1].difference(pair[0]).sd_wh for pair in (sure, unsure))
+    assert after == pytest.approx(np.hypot(before, 500.0))
+    heavy = model.forecast(plan, replace(known, payload_mass_kg=100.0))
+    apart = [
+        replace(f, state_sd_wh=500.0).difference(g).sd_wh for f, g in ((heavy, unsure[0]), (heavy, sure[0]))
+    ]
+    assert apart[0] < 0.1 * apart[1]
+
+
 @needs_cycles
 def test_shapes_err_about_as_a_car_on_a_dynamometer() -> None:
     car, lab = (

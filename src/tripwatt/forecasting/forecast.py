@@ -954,11 +954,14 @@ def difference(one: Forecast, other: Forecast) -> Difference:
         got = "of two cars" if one.vehicle != other.vehicle else "one that was updated on the way"
         allowed = "two forecasts of one car by one model before departure"
         raise InvalidInput.of("forecasts without a common part", "forecasts", got, allowed)
-    causes = {cause: wh - other.by_cause_wh[cause] for cause, wh in one.by_cause_wh.items()}
+    ours, theirs = one.by_cause_wh, other.by_cause_wh
+    causes = {cause: wh - theirs[cause] for cause, wh in ours.items()}
     simulated = (wh for cause, wh in causes.items() if cause != "correction")
     return Difference(
         one.energy_wh - other.energy_wh,
-        sd_between(_shared(one), _shared(other), one.uncertainty.scale, simulated),
+        sd_between(
+            _shared(one, ours["climate"]), _shared(other, theirs["climate"]), one.uncertainty.scale, simulated
+        ),
         one.plan.duration_s - other.plan.duration_s,
         one.soc_arrival - other.soc_arrival,
         causes,
@@ -966,7 +969,7 @@ def difference(one: Forecast, other: Forecast) -> Difference:
     )
 
 
-def _shared(forecast: Forecast) -> Shared:
+def _shared(forecast: Forecast, climate_wh: float) -> Shared:
     drive, hours = forecast.drive, forecast.drive.table.hours
     climb, route, link_m = forecast._climb, forecast.uncertainty.route, forecast.plan.link_m
     return Shared(
@@ -978,6 +981,7 @@ def _shared(forecast: Forecast) -> Shared:
         forecast.route_sd_wh,
         0.0 if route is None or link_m is None else route.share(link_m) * abs(forecast.energy_wh),
         0.0 if climb is None else float(climb.core_sd_wh[-1]),
+        climate_wh,
         float(drive.distance_m[-1]),
     )
 
