@@ -70,7 +70,8 @@ def costs_one_by_one(vehicle: Vehicle, plan: Plan, plug_w: float, worth: float) 
                 )
             (trip,) = condition_cabins([CabinTask(climate, time, speed, ambient, start)])
             energy_wh = float((trip.heat_w + trip.fan_w).sum()) * 10.0 / 3600.0
-            away = float(np.abs(trip.air_degc[1:] - climate.setpoint_degc).sum()) * 10.0 / 3600.0
+            felt = 0.5 * (trip.air_degc + trip.interior_degc)[1:]
+            away = float(np.abs(felt - climate.setpoint_degc).sum()) * 10.0 / 3600.0
             cabins[aim if minute else None, minute] = power, energy_wh, COMFORT_W_K * away
     batteries: dict[int, tuple[np.ndarray, float]] = {}
     degc = ambient

@@ -25,7 +25,7 @@ WORDS: Final[Mapping[str, str]] = {
     "setpoint": "set the cabin to {value:.0f} °C",
     "seats": "heat the seats in place of the cabin",
     "climate_off": "switch off climate control",
-    "preheat_cabin": "bring the cabin to {value:.0f} °C on the plug, {begins}",
+    "preheat_cabin": "set the cabin to {value:.0f} °C on the plug, {begins}",
     "preheat_battery": "warm the battery to {value:.0f} °C on the plug, {begins}",
     "no_roof_box": "take off the roof box",
     "summer_tyres": "fit summer tyres",
