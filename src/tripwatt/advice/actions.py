@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import datetime as dt
+import itertools
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Final, Literal
 
 import numpy as np
 
+from tripwatt.advice.preheating import SCARCE, WORTH, preheating
 from tripwatt.arrays import FloatArray
 from tripwatt.forecasting import Forecast
 from tripwatt.journey import RoadForecaster
-from tripwatt.physics import DriveConditions, simulate
 from tripwatt.physics.simulate import conditions_at_departure
 from tripwatt.routes.routers import Road
 from tripwatt.trips import Departure, Plan
@@ -33,15 +34,10 @@ WARMER_K: Final = (2.0, 4.0)
 SEAT_W: Final = 100.0
 """Two heated seats, in place of warm air. A usual value."""
 SEATS_SETPOINT_DEGC: Final = 16.0
+SEATS_FROM_K: Final = 8.0
+"""Milder cabins need no heated seats."""
 MILD_DEGC: Final = (8.0, 30.0)
 """Outside temperatures in which a car can be driven without climate control: below, windows mist; above, drivers tire."""
-PREHEAT_FROM_K: Final = 8.0
-"""Cabins nearer to the set-point are not conditioned before departure."""
-LONGEST_PREHEAT_S: Final = 2400.0
-WARM_BATTERY_DEGC: Final = 20.0
-COLD_BATTERY_DEGC: Final = 10.0
-CHARGER: Final = 0.9
-"""Energy that reaches the car over that of the wall; on-board chargers are a little better, a choice."""
 LUGGAGE_KG: Final = 50.0
 ALONE: Final = ("road", "departure")
 """Groups of actions that make another trip, and are not combined."""
@@ -184,6 +180,7 @@ def actions(forecast: Forecast) -> Iterator[Action]:
     plan, vehicle = forecast.plan, forecast.vehicle
     yield from _of_driving(plan)
     yield from _of_climate(vehicle, plan)
+    yield from _of_plug(vehicle, plan)
     yield from _of_load(plan.departure)
 
 
@@ -207,40 +204,22 @@ def _of_climate(vehicle: Vehicle, plan: Plan) -> Iterator[Action]:
         other = setpoint - k if cold else setpoint + k
         if min(abs(outside - setpoint), 26.0 - other, other - 17.0) >= 1.0:
             yield Action("setpoint", "climate", "some", {"cabin_setpoint_degc": other}, other)
-    if cold and setpoint - outside > PREHEAT_FROM_K:
+    if setpoint - outside > SEATS_FROM_K:
         seats = {"cabin_setpoint_degc": SEATS_SETPOINT_DEGC}
         yield Action("seats", "climate", "some", seats, extra_w=SEAT_W)
     if MILD_DEGC[0] <= outside <= MILD_DEGC[1]:
         yield Action("climate_off", "climate", "much", {"climate": "off"})
-    cabin = conditions.cabin_start(vehicle).temperature_degc
-    if abs(cabin - setpoint) > PREHEAT_FROM_K:
-        yield _preheating(vehicle, conditions, setpoint)
-    battery = conditions.battery_start_degc
-    if battery < COLD_BATTERY_DEGC and vehicle.battery.heat_capacity_j_k > 0.0:
-        kelvin = WARM_BATTERY_DEGC - battery
-        wall_wh = vehicle.battery.heat_capacity_j_k * kelvin / SECONDS_PER_HOUR / CHARGER
-        warm = {"battery_temperature_degc": WARM_BATTERY_DEGC}
-        yield Action("preheat_battery", "battery", "little", warm, WARM_BATTERY_DEGC, wall_wh=wall_wh)
 
 
-def _preheating(vehicle: Vehicle, conditions: DriveConditions, setpoint: float) -> Action:
-    """The cabin at its set-point at departure: as late as it can begin, so that the least heat is lost."""
-    time = np.arange(0.0, LONGEST_PREHEAT_S + 1.0, 10.0)
-    run = simulate(vehicle, time, np.zeros_like(time), conditions=conditions)
-    there = np.abs(run.cabin_temperature_degc - setpoint) < 1.0
-    end = int(np.argmax(there)) if there.any() else len(time) - 1
-    power, step = run.power_by_cause_w["climate"][: end + 1], float(time[1])
-    reached = float(run.cabin_temperature_degc[end])
-    wall_wh = float(power.sum()) * step / SECONDS_PER_HOUR / CHARGER
-    return Action(
-        "preheat_cabin",
-        "cabin",
-        "little",
-        {"cabin_temperature_degc": reached, "cabin_logged": None},
-        reached,
-        wall_wh=wall_wh,
-        before_s=float(time[end]),
-    )
+def _of_plug(vehicle: Vehicle, plan: Plan) -> Iterator[Action]:
+    """Cabin and battery on the plug: what is worth it on any day, then what is worth it where the charge does not suffice."""
+    for part, worth in itertools.product(("cabin", "battery"), (WORTH, SCARCE)):
+        warmed = preheating(vehicle, plan, worth=worth, only=part)
+        if warmed is not None:
+            action = Action(
+                f"preheat_{part}", part, "little", warmed.changed, getattr(warmed, f"{part}_degc")
+            )
+            yield replace(action, wall_wh=warmed.wall_wh, before_s=warmed.before_s)
 
 
 def _of_load(known: Departure) -> Iterator[Action]:

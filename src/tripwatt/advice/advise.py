@@ -12,6 +12,7 @@ from typing import Any, Final
 
 from tripwatt.advice.actions import ALONE, EFFORTS, Action, actions, other_road
 from tripwatt.advice.pacing import Pace
+from tripwatt.advice.preheating import LEAST_WH
 from tripwatt.errors import InvalidInput, or_none
 from tripwatt.forecasting import Difference, Forecast, ForecastModel
 from tripwatt.journey import Journey
@@ -28,8 +29,6 @@ MOST_TOGETHER: Final = 3
 """Actions that are advised together."""
 LEAST_SURE: Final = 0.95
 """Chance that an action saves at all, for it to be advice."""
-LEAST_WH: Final = 20.0
-"""Savings that nobody sees on a display are no advice [Wh]."""
 MOST_SETS: Final = 3
 MOST_TRIED: Final = 12
 HOPEFUL: Final = 0.8

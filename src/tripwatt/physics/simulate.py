@@ -302,6 +302,8 @@ def conditions_at_departure(
     warmth = warmth_from_cabin(vehicle, cabin, setpoint, ambient, logged=logged)
     if known.follows_trip:
         warmth = 1.0
+    if known.warmth is not None:
+        warmth = known.warmth
     return DriveConditions(
         ambient_temperature_degc=ambient,
         initial_soc=0.8 if soc is None else soc,

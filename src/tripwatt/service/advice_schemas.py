@@ -123,3 +123,41 @@ class AdviceResponse(ResponseModel):
     pace: PaceDocument | None
     """null where the car cannot hold the speeds of the plan"""
     flags: list[FlagDocument]
+
+
+class PreheatDocument(ResponseModel):
+    """What to warm before departure, at the least cost of wall energy, battery energy and comfort."""
+
+    starts_at: str | None
+    """when it begins; null without a time of departure"""
+    before_s: float
+    """how long before the departure it begins [s]"""
+    cabin_degc: float | None
+    """set-point of the cabin [°C]; null: leave it as it is"""
+    cabin_before_s: float
+    battery_degc: float | None
+    """temperature of the battery at departure [°C]; null: leave it as it is"""
+    battery_before_s: float
+    wall_wh: float
+    """energy from the wall [Wh]"""
+    saved_wh: float
+    """what the battery gives less, preheating and trip together [Wh]"""
+
+
+class UntilDeparture(ResponseModel):
+    """What to do until a trip."""
+
+    target_soc: float
+    """displayed state of charge to leave with, at most 1"""
+    departs_at: str | None
+    """by when: the time of departure"""
+    soc: float | None
+    """displayed state of charge now: that of the request or of the last messages; null where unknown or on a trip"""
+    charge_wh: float | None
+    """energy that is missing in the battery, up to a full one [Wh]"""
+    wall_wh: float | None
+    """the same from the wall [Wh]"""
+    charging_s: float | None
+    """time that it takes at the power of the plug [s]; null off the plug"""
+    preheat: PreheatDocument | None
+    """null where it is not worth it, as off the plug"""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime as dt
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -15,6 +16,7 @@ from cachetools import LRUCache
 from pydantic import ValidationError
 
 from tripwatt.advice import advise
+from tripwatt.advice.preheating import before_departure, need_before_departure
 from tripwatt.certification import describe_car
 from tripwatt.errors import Check, Fault, InvalidInput
 from tripwatt.forecasting import (
@@ -23,7 +25,7 @@ from tripwatt.forecasting import (
     load_model,
 )
 from tripwatt.forecasting.storage import DEFAULT_MODEL
-from tripwatt.journey import need, range_km
+from tripwatt.journey import range_km
 from tripwatt.live.usual import usual_plan
 from tripwatt.population.cars import for_car
 from tripwatt.routes import Track, is_links_table, parse_route, plan_from_route, route_from_track
@@ -177,19 +179,21 @@ class Jobs:
         request, forecast = self._forecast(body, AdviceRequest)
         return advise(forecast, reserve=request.reserve, chance=request.chance).to_dict()
 
-    def need(self, body: bytes, probability: float) -> dict[str, Any]:
-        """Return what a `ForecastRequest` needs with a probability: energy, and displayed charge to leave with."""
+    def need(self, body: bytes, job: Mapping[str, Any]) -> dict[str, Any]:
+        """Return what a `ForecastRequest` needs with the probability of the job: energy, charge, and what to do until then."""
         request, forecast = self._forecast(body, ForecastRequest)
         needed = {
             "expected_wh": forecast.energy_wh,
-            "energy_wh": forecast.quantile(probability),
-            "soc_needed": forecast.soc_needed(request.reserve, probability),
+            "energy_wh": forecast.quantile(job["probability"]),
+            "soc_needed": forecast.soc_needed(request.reserve, job["probability"]),
             "wh_per_display": forecast.charge.wh_per_display,
         }
         if not all(map(math.isfinite, needed.values())):
             raise _no_forecast()
-        leave = leave_in_words(needed["soc_needed"], request.reserve, probability)
-        return {"reserve": request.reserve, **needed, "message": leave}
+        leave = leave_in_words(needed["soc_needed"], request.reserve, job["probability"])
+        leaves = dt.datetime.fromtimestamp(job["departure_s"], dt.UTC)
+        until = before_departure(forecast, needed["soc_needed"], job["plug_w"], job["soc"], leaves)
+        return {"reserve": request.reserve, **needed, "message": leave, **until}
 
     def plan(self, body: bytes) -> dict[str, Any]:
         """Return the response to a `PlanRequest`."""
@@ -221,15 +225,17 @@ class Jobs:
                     "car is missing", "car", "a trip without its car", "the car that drove the trip"
                 )
             ahead = usual_plan(self.cars.car(request.car), request.trip)
-        return need(
+        needed, until = need_before_departure(
             ahead,
             request.kind,
             departure_of(request),
+            request.plug_w,
             model=self._model_asked(request),
             quantile=request.quantile,
             trips=request.trips,
             reserve=request.reserve or 0.0,
-        ).to_dict()
+        )
+        return needed.to_dict() | until
 
     def range(self, body: bytes) -> dict[str, Any]:
         """Return the response to a `RangeQuery`."""
@@ -436,7 +442,7 @@ JOB_KINDS: Final[Mapping[str, Callable[[Jobs, Mapping[str, Any], bytes], dict[st
     "forecast": lambda jobs, job, body: jobs.forecast(body),
     "difference": lambda jobs, job, body: jobs.difference(body),
     "advice": lambda jobs, job, body: jobs.advice(body),
-    "need": lambda jobs, job, body: jobs.need(body, job["probability"]),
+    "need": lambda jobs, job, body: jobs.need(body, job),
     "update": lambda jobs, job, body: jobs.update(body),
     "route": lambda jobs, job, body: jobs.route(body, job["speed_m_s"]),
     "plan": lambda jobs, job, body: jobs.plan(body),

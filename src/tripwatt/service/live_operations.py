@@ -139,10 +139,10 @@ class LiveOperations:
     async def next_need(self, request: Request, query: NeedQuery) -> Response:
         """Return what the next trip of a car needs: energy at a quantile, charge to leave with, energy to charge."""
         require_accepts(request, JSON)
+        leaves = time.time() if query.departure_utc is None else query.departure_utc
         needed = await self.cars.need(
             self.cars.by_name(query.vehicle or ""),
-            query.probability,
-            time.time() if query.departure_utc is None else query.departure_utc,
+            {"probability": query.probability, "departure_s": leaves, "plug_w": query.plug_w},
             query.model_dump(include={"reserve", "ambient_temperature_degc"}, exclude_none=True),
         )
         if isinstance(needed, dict):

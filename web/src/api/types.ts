@@ -765,6 +765,13 @@ export interface components {
             other: components["schemas"]["ForecastRequest"];
         };
         DistanceNeed: {
+            target_soc: number;
+            departs_at: string | null;
+            soc: number | null;
+            charge_wh: number | null;
+            wall_wh: number | null;
+            charging_s: number | null;
+            preheat: components["schemas"]["PreheatDocument"] | null;
             distance_m: number;
             kind: string;
             energy_wh: number;
@@ -1208,6 +1215,13 @@ export interface components {
         };
         NeedAnswer: components["schemas"]["DistanceNeed"] | components["schemas"]["NeedResponse"];
         NeedResponse: {
+            target_soc: number;
+            departs_at: string | null;
+            soc: number | null;
+            charge_wh: number | null;
+            wall_wh: number | null;
+            charging_s: number | null;
+            preheat: components["schemas"]["PreheatDocument"] | null;
             vehicle: string;
             /** @enum {string} */
             plan: "given" | "usual";
@@ -1219,8 +1233,6 @@ export interface components {
             soc_needed: number;
             message: string;
             wh_per_display: number;
-            soc: number | null;
-            charge_wh: number | null;
         };
         NewCarRequest: {
             name: string;
@@ -1330,6 +1342,16 @@ export interface components {
             /** @constant */
             type: "Polygon";
             coordinates: number[][][];
+        };
+        PreheatDocument: {
+            starts_at: string | null;
+            before_s: number;
+            cabin_degc: number | null;
+            cabin_before_s: number;
+            battery_degc: number | null;
+            battery_before_s: number;
+            wall_wh: number;
+            saved_wh: number;
         };
         ProblemDocument: {
             type: string;
@@ -1681,6 +1703,7 @@ export type PlacesResponse = components['schemas']['PlacesResponse'];
 export type PlanRequest = components['schemas']['PlanRequest'];
 export type PlanResponse = components['schemas']['PlanResponse'];
 export type PolygonDocument = components['schemas']['PolygonDocument'];
+export type PreheatDocument = components['schemas']['PreheatDocument'];
 export type ProblemDocument = components['schemas']['ProblemDocument'];
 export type ProblemFault = components['schemas']['ProblemFault'];
 export type RangeResponse = components['schemas']['RangeResponse'];
@@ -1976,6 +1999,7 @@ export interface operations {
                 quantile?: number;
                 trips?: number;
                 probability?: number;
+                plug_w?: number;
             };
             header?: never;
             path?: never;

@@ -378,9 +378,12 @@ const de: Text = {
       setpoint: (degrees: string) => `Innenraum auf ${degrees} stellen`,
       seats: "Die Sitze statt des Innenraums heizen",
       climate_off: "Klimatisierung ausschalten",
-      preheat_cabin: (degrees: string, before: string) =>
-        `Den Innenraum am Kabel auf ${degrees} bringen, ${before} vor der Abfahrt`,
-      preheat_battery: "Die Batterie am Kabel wärmen",
+      preheat_cabin: (degrees: string, start: string) =>
+        `Den Innenraum am Kabel auf ${degrees} stellen, ${start}`,
+      preheat_battery: (degrees: string, start: string) =>
+        `Die Batterie am Kabel auf ${degrees} wärmen, ${start}`,
+      before: (time: string) => `${time} vor der Abfahrt`,
+      start: (clock: string) => `Beginn um ${clock}`,
       no_roof_box: "Die Dachbox abnehmen",
       summer_tyres: "Sommerreifen aufziehen",
       other_road: (number: number) => `Strecke ${number} nehmen`,

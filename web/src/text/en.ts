@@ -369,9 +369,11 @@ export const en = {
       setpoint: (degrees: string) => `Set the cabin to ${degrees}`,
       seats: "Heat the seats in place of the cabin",
       climate_off: "Switch off climate control",
-      preheat_cabin: (degrees: string, before: string) =>
-        `Bring the cabin to ${degrees} on the plug, ${before} before you leave`,
-      preheat_battery: "Warm the battery on the plug",
+      preheat_cabin: (degrees: string, start: string) => `Set the cabin to ${degrees} on the plug, ${start}`,
+      preheat_battery: (degrees: string, start: string) =>
+        `Warm the battery to ${degrees} on the plug, ${start}`,
+      before: (time: string) => `${time} before you leave`,
+      start: (clock: string) => `start at ${clock}`,
       no_roof_box: "Take off the roof box",
       summer_tyres: "Fit summer tyres",
       other_road: (number: number) => `Take road ${number}`,

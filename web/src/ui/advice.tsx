@@ -5,14 +5,24 @@ import { ENERGY, PERCENT, POWER } from "../model/units";
 import { advice, adviceIsOld } from "../state/advice";
 import { chargingPlan } from "../state/answer";
 import { source } from "../state/catalogue";
+import { conditions } from "../state/conditions";
 import { format, text, units } from "../state/preferences";
 import { DataTable } from "./data-table";
-import { chanceInFigures } from "./wording";
+import { chanceInFigures, clockText } from "./wording";
 
 /** Shorter delays are not named. */
 const MIN_SHOWN_S = 30;
 /** Causes whose change is smaller than this share of the largest are left out. */
 const SMALL = 0.05;
+
+/** When something on the plug begins: its time where that of the departure is chosen. */
+function startText(before_s: number): string {
+  const { actions } = text.value.advice;
+  const { departsAt } = conditions.value;
+  if (departsAt === null) return actions.before(format.value.span(before_s));
+  const leaves = new Date(departsAt);
+  return actions.start(clockText(new Date(leaves.getTime() - before_s * 1000), leaves));
+}
 
 function actionText({ code, value, before_s }: AdvisedAction): string {
   const { shown, span } = format.value;
@@ -25,7 +35,8 @@ function actionText({ code, value, before_s }: AdvisedAction): string {
     case "setpoint":
       return actions.setpoint(shown(si, temperature));
     case "preheat_cabin":
-      return actions.preheat_cabin(shown(si, temperature), span(before_s));
+    case "preheat_battery":
+      return actions[code](shown(si, temperature), startText(before_s));
     case "other_road":
       return actions.other_road(si + 1);
     case "leave_later":
