@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import datetime as dt
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -49,6 +49,10 @@ LATER_H: Final = (-1, 1, 2, 3)
 """Hours by which a car may leave earlier or later."""
 SUMMER_DEGC: Final = 7.0
 """Winter tyres are kept below this outside temperature."""
+UNCHECKED: Final = 0.9
+"""Tyre pressure over the recommended one after two months without a look: tyres lose 1 to 2 psi a month (GAO-07-246R, 2007), of about 32 psi."""
+UNCHECKED_SPREAD: Final = 1.0 / 3.0
+"""Standard deviation of what is lost, over its mean: 1 to 2 psi are 1.5 ± 0.5 psi."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -75,6 +79,10 @@ class Action:
         Energy from the plug [Wh].
     before_s : float
         How long before the departure it begins [s].
+    assumed : dict of str to object
+        Fields of the departure that are not known: the saving is that where they are so, and the chance to arrive stays.
+    spread : float
+        Standard deviation of the effect over its mean, beside that of the forecasts.
 
     Examples
     --------
@@ -95,6 +103,8 @@ class Action:
     extra_w: float = 0.0
     wall_wh: float = 0.0
     before_s: float = 0.0
+    assumed: Mapping[str, Any] = field(default_factory=dict)
+    spread: float = 0.0
 
     def applied(self, plan: Plan) -> Plan:
         """Change a plan. O(samples).
@@ -254,6 +264,14 @@ def _of_load(known: Departure) -> Iterator[Action]:
         yield Action("no_roof_box", "roof", "some", without("roof_box"))
     if "winter_tyres" in fitted and ambient is not None and ambient > SUMMER_DEGC:
         yield Action("summer_tyres", "tyres", "much", without("winter_tyres"))
+    right = {"tyre_pressure": 1.0}
+    if known.tyre_pressure is None:
+        low = {"tyre_pressure": UNCHECKED}
+        yield Action(
+            "check_tyres", "pressure", "some", right, UNCHECKED, assumed=low, spread=UNCHECKED_SPREAD
+        )
+    elif known.tyre_pressure < 1.0:
+        yield Action("pump_up", "pressure", "some", right, known.tyre_pressure)
     if (known.payload_mass_kg or 0.0) > LUGGAGE_KG:
         lighter = {"payload_mass_kg": (known.payload_mass_kg or 0.0) - LUGGAGE_KG}
         yield Action("less_luggage", "load", "some", lighter, LUGGAGE_KG)

@@ -273,10 +273,11 @@ def advise(
     singly = sorted(mildest.values(), key=lambda one: one.difference.energy_wh)
     charge_to = forecast.soc_needed(reserve, chance)
     lacking_wh = (charge_to - float(forecast.soc_along(0.5)[0])) * forecast.charge.wh_per_display
+    known = [one for one in sure if not one.actions[0].assumed]
     least = (
         ()
         if now >= chance
-        else tuple(_least(partial(_together, forecast, again, reserve), sure, chance, lacking_wh))
+        else tuple(_least(partial(_together, forecast, again, reserve), known, chance, lacking_wh))
     )
     return Advice(forecast, reserve, chance, now, charge_to, least, tuple(singly))
 
@@ -306,7 +307,11 @@ def _advised(
     for action in chosen:
         plan = action.applied(plan)
     changed = again(plan)
-    difference = changed.difference(forecast)
+    assumed = {name: value for action in chosen for name, value in action.assumed.items()}
+    before = again(forecast.plan.with_departure(Departure(**assumed))) if assumed else forecast
+    difference = changed.difference(before)
+    spread_wh = difference.energy_wh * max(action.spread for action in chosen)
+    difference = replace(difference, sd_wh=math.hypot(difference.sd_wh, spread_wh))
     extra_wh = sum(action.extra_w for action in chosen) * plan.duration_s / SECONDS_PER_HOUR
     taken = extra_wh / forecast.charge.wh_per_display
     if extra_wh:

@@ -21,12 +21,14 @@ class ActionDocument(ResponseModel):
         "preheat_battery",
         "no_roof_box",
         "summer_tyres",
+        "check_tyres",
+        "pump_up",
         "less_luggage",
         "other_road",
         "leave_later",
     ]
     value: float | None
-    """speed [m/s], temperature [°C], mass [kg], number of the road, or time later [s]"""
+    """speed [m/s], temperature [°C], mass [kg], tyre pressure over the recommended one, number of the road, or time later [s]"""
     effort: Literal["none", "little", "some", "much"]
     wall_wh: float
     """energy from the plug [Wh]"""

@@ -167,6 +167,12 @@ class Departure:
         column=QUANTITIES["pressure_pa"],
         option="--pressure",
     )
+    tyre_pressure: float | None = entry(
+        "Pressure of the cold tyres over the recommended one: 1 is right.",
+        label="tyre pressure",
+        column=QUANTITIES["tyre_pressure"],
+        option="--tyre-pressure",
+    )
 
     def __post_init__(self) -> None:
         raise_faults(

@@ -14,4 +14,5 @@ export const FIELDS = {
   wind_from_deg: {"unit":"°","minimum":0,"maximum":360},
   rain_mm_h: {"unit":"mm/h","minimum":0,"maximum":200},
   pressure_pa: {"unit":"Pa","minimum":30000,"maximum":110000},
+  tyre_pressure: {"unit":"","minimum":0.5,"maximum":1.5},
 } as const;

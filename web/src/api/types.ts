@@ -552,7 +552,7 @@ export interface components {
     schemas: {
         ActionDocument: {
             /** @enum {string} */
-            code: "slower" | "calmer" | "setpoint" | "seats" | "climate_off" | "preheat_cabin" | "preheat_battery" | "no_roof_box" | "summer_tyres" | "less_luggage" | "other_road" | "leave_later";
+            code: "slower" | "calmer" | "setpoint" | "seats" | "climate_off" | "preheat_cabin" | "preheat_battery" | "no_roof_box" | "summer_tyres" | "check_tyres" | "pump_up" | "less_luggage" | "other_road" | "leave_later";
             value: number | null;
             /** @enum {string} */
             effort: "none" | "little" | "some" | "much";
@@ -576,6 +576,7 @@ export interface components {
             wind_from_deg?: number | null;
             rain_mm_h?: number | null;
             pressure_pa?: number | null;
+            tyre_pressure?: number | null;
             trip?: string;
             samples?: {
                 time_s: number[];
@@ -875,6 +876,7 @@ export interface components {
             wind_from_deg?: number | null;
             rain_mm_h?: number | null;
             pressure_pa?: number | null;
+            tyre_pressure?: number | null;
             trip?: string;
             samples?: {
                 time_s: number[];
@@ -952,6 +954,7 @@ export interface components {
             wind_from_deg?: number | null;
             rain_mm_h?: number | null;
             pressure_pa?: number | null;
+            tyre_pressure?: number | null;
             departure_utc?: string | null;
             /** @deprecated */
             weather?: components["schemas"]["WeatherRequest"] | null;
@@ -1084,6 +1087,7 @@ export interface components {
             wind_from_deg?: number | null;
             rain_mm_h?: number | null;
             pressure_pa?: number | null;
+            tyre_pressure?: number | null;
             trip?: string;
             samples?: {
                 time_s: number[];
@@ -1294,6 +1298,7 @@ export interface components {
             wind_from_deg?: number | null;
             rain_mm_h?: number | null;
             pressure_pa?: number | null;
+            tyre_pressure?: number | null;
             departure_utc?: string | null;
             /** @deprecated */
             weather?: components["schemas"]["WeatherRequest"] | null;
@@ -1373,6 +1378,7 @@ export interface components {
             wind_from_deg?: number | null;
             rain_mm_h?: number | null;
             pressure_pa?: number | null;
+            tyre_pressure?: number | null;
             departure_utc?: string | null;
             /** @deprecated */
             weather?: components["schemas"]["WeatherRequest"] | null;
@@ -1500,6 +1506,7 @@ export interface components {
             wind_from_deg?: number | null;
             rain_mm_h?: number | null;
             pressure_pa?: number | null;
+            tyre_pressure?: number | null;
             trip?: string;
             samples?: {
                 time_s: number[];
@@ -1965,6 +1972,7 @@ export interface operations {
                 wind_from_deg?: number | null;
                 rain_mm_h?: number | null;
                 pressure_pa?: number | null;
+                tyre_pressure?: number | null;
                 kind?: "city" | "country" | "motorway" | "mixed";
                 model?: string | null;
                 vehicle?: string | null;
@@ -2010,6 +2018,7 @@ export interface operations {
                 wind_from_deg?: number | null;
                 rain_mm_h?: number | null;
                 pressure_pa?: number | null;
+                tyre_pressure?: number | null;
                 kind?: "city" | "country" | "motorway" | "mixed";
                 model?: string | null;
                 vehicle?: string | null;

@@ -30,6 +30,8 @@ function actionText({ code, value, before_s }: AdvisedAction): string {
       return actions.other_road(si + 1);
     case "leave_later":
       return si < 0 ? actions.leave_earlier(span(-si)) : actions.leave_later(span(si));
+    case "pump_up":
+      return actions.pump_up(shown(si, PERCENT));
     case "less_luggage":
       return actions.less_luggage(shown(si, mass));
     default:
