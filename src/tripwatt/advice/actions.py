@@ -11,7 +11,9 @@ import numpy as np
 
 from tripwatt.arrays import FloatArray
 from tripwatt.forecasting import Forecast
-from tripwatt.journey import RoadForecaster
+from tripwatt.journey import ChargingPlan, RoadForecaster
+from tripwatt.journey.corridor import Corridor
+from tripwatt.journey.plans import fastest_plan
 from tripwatt.physics import DriveConditions, simulate
 from tripwatt.physics.simulate import conditions_at_departure
 from tripwatt.routes.routers import Road
@@ -30,9 +32,8 @@ GENTLE_M_S2: Final = 0.9
 """Acceleration and braking of a calm driver; a usual value of eco-driving courses."""
 WARMER_K: Final = (2.0, 4.0)
 """Steps of the set-point. A cabin of 22 °C stays at 18 °C or more."""
-SEAT_W: Final = 100.0
-"""Two heated seats, in place of warm air. A usual value."""
 SEATS_SETPOINT_DEGC: Final = 16.0
+"""Of the cabin with heated seats in place of warm air."""
 MILD_DEGC: Final = (8.0, 30.0)
 """Outside temperatures in which a car can be driven without climate control: below, windows mist; above, drivers tire."""
 PREHEAT_FROM_K: Final = 8.0
@@ -73,8 +74,8 @@ class Action:
         Such as a speed [m/s] or a temperature [°C], in SI units.
     speed_m_s, acceleration_m_s2 : float or None
         Highest speed, and highest acceleration.
-    extra_w : float
-        Power that the plan does not have [W].
+    fitted, removed : str
+        An extra that is switched on, and one that is taken off.
     wall_wh : float
         Energy from the plug [Wh].
     before_s : float
@@ -100,7 +101,8 @@ class Action:
     value: float | None = None
     speed_m_s: float | None = None
     acceleration_m_s2: float | None = None
-    extra_w: float = 0.0
+    fitted: str = ""
+    removed: str = ""
     wall_wh: float = 0.0
     before_s: float = 0.0
     assumed: Mapping[str, Any] = field(default_factory=dict)
@@ -130,7 +132,11 @@ class Action:
             plan = capped(plan, self.speed_m_s)
         if self.acceleration_m_s2 is not None:
             plan = calmer(plan, self.acceleration_m_s2)
-        return replace(plan, departure=replace(plan.departure, **self.changed)) if self.changed else plan
+        changed = dict(self.changed)
+        if self.fitted or self.removed:
+            others = (extra for extra in plan.departure.extras or () if extra != self.removed)
+            changed["extras"] = (*others, *((self.fitted,) if self.fitted else ()))
+        return replace(plan, departure=replace(plan.departure, **changed)) if changed else plan
 
 
 def capped(plan: Plan, speed_m_s: float, after_s: float = -np.inf) -> Plan:
@@ -217,9 +223,9 @@ def _of_climate(vehicle: Vehicle, plan: Plan) -> Iterator[Action]:
         other = setpoint - k if cold else setpoint + k
         if min(abs(outside - setpoint), 26.0 - other, other - 17.0) >= 1.0:
             yield Action("setpoint", "climate", "some", {"cabin_setpoint_degc": other}, other)
-    if cold and setpoint - outside > PREHEAT_FROM_K:
+    if cold and setpoint - outside > PREHEAT_FROM_K and "heated_seats" not in (known.extras or ()):
         seats = {"cabin_setpoint_degc": SEATS_SETPOINT_DEGC}
-        yield Action("seats", "climate", "some", seats, extra_w=SEAT_W)
+        yield Action("seats", "climate", "some", seats, fitted="heated_seats")
     if MILD_DEGC[0] <= outside <= MILD_DEGC[1]:
         yield Action("climate_off", "climate", "much", {"climate": "off"})
     cabin = conditions.cabin_start(vehicle).temperature_degc
@@ -256,14 +262,10 @@ def _preheating(vehicle: Vehicle, conditions: DriveConditions, setpoint: float) 
 def _of_load(known: Departure) -> Iterator[Action]:
     fitted = known.extras or ()
     ambient = known.ambient_temperature_degc
-
-    def without(name: str) -> Mapping[str, Any]:
-        return {"extras": tuple(extra for extra in fitted if extra != name)}
-
     if "roof_box" in fitted:
-        yield Action("no_roof_box", "roof", "some", without("roof_box"))
+        yield Action("no_roof_box", "roof", "some", {}, removed="roof_box")
     if "winter_tyres" in fitted and ambient is not None and ambient > SUMMER_DEGC:
-        yield Action("summer_tyres", "tyres", "much", without("winter_tyres"))
+        yield Action("summer_tyres", "tyres", "much", {}, removed="winter_tyres")
     right = {"tyre_pressure": 1.0}
     if known.tyre_pressure is None:
         low = {"tyre_pressure": UNCHECKED}
@@ -280,6 +282,23 @@ def _of_load(known: Departure) -> Iterator[Action]:
 def other_road(number: int) -> Action:
     """Take another road of a journey: its place among the journey's roads, from 1."""
     return Action("other_road", "road", "none", {}, float(number))
+
+
+def with_action(corridor: Corridor, action: Action, forecast: Forecast, road: Road) -> ChargingPlan | None:
+    """Plan the stops of a journey again with an action, which has a forecast and a road; None where none is sure enough.
+
+    What was warmed on the plug is so for the first leg alone.
+    """
+
+    def change(plan: Plan) -> Plan:
+        return plan if action.wall_wh and plan.departure.follows_trip else action.applied(plan)
+
+    before = corridor.forecaster
+    departure = before.departure
+    if action.group == "departure":
+        departs_at = before.departs_at + dt.timedelta(seconds=action.value or 0.0)
+        departure = replace(departure, departs_at=departs_at)
+    return fastest_plan(corridor.of(replace(before, departure=departure, change=change), road, forecast))
 
 
 def leaving_later(forecaster: RoadForecaster, road: Road, now: dt.datetime) -> list[tuple[Action, Forecast]]:

@@ -30,6 +30,7 @@ WORDS: Final[Mapping[str, str]] = {
     "summer_tyres": "fit summer tyres",
     "check_tyres": "check the tyre pressure, if you last did two months ago",
     "pump_up": "pump up the tyres, from {value:.0%} to all of the recommended pressure",
+    "stop": "stop {value:.0f} times to charge",
     "less_luggage": "leave {value:.0f} kg at home",
     "other_road": "take road {road:.0f}",
     "leave_later": "leave {hours:+.0f} h from then",

@@ -127,9 +127,9 @@ class Departure:
         metavar="MODE",
     )
     extras: tuple[str, ...] | None = entry(
-        "What is fitted to the car or switched on: winter_tyres, roof_box, trailer or headlights.",
+        "What is fitted to the car or switched on: winter_tyres, roof_box, trailer, headlights or heated_seats.",
         label="extras",
-        choices=("winter_tyres", "roof_box", "trailer", "headlights"),
+        choices=("winter_tyres", "roof_box", "trailer", "headlights", "heated_seats"),
         several=True,
         option="--extra",
         metavar="NAME",

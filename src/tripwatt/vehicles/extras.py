@@ -1,4 +1,4 @@
-"""What is fitted to a car for a while, or switched on: winter tyres, a roof box, a trailer, headlights; and the pressure of its tyres."""
+"""What is fitted to a car for a while, or switched on: winter tyres, a roof box, a trailer, headlights, heated seats; and the pressure of its tyres."""
 
 from __future__ import annotations
 
@@ -53,6 +53,9 @@ EFFECTS: Final[Mapping[str, Extra]] = {
         load_w=100.0,
         source="two dipped beams of 35 W (light-emitting diodes) to 55 W (H7, UN Regulation 37) and six lamps of 5 W for position and "
         "number plate, less the daytime lights",
+    ),
+    "heated_seats": Extra(
+        load_w=100.0, source="two seats of 50 W, a usual value of a seat that was warmed up"
     ),
 }
 """Effect of each extra. Estimates of the tripwatt authors from the figures that are named."""

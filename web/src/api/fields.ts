@@ -8,7 +8,7 @@ export const FIELDS = {
   battery_temperature_degc: {"unit":"°C","minimum":-60,"maximum":100},
   payload_mass_kg: {"unit":"kg","minimum":0,"maximum":60000},
   climate: {"choices":["auto","off","heat","cool"]},
-  extras: {"choices":["winter_tyres","roof_box","trailer","headlights"],"several":true},
+  extras: {"choices":["winter_tyres","roof_box","trailer","headlights","heated_seats"],"several":true},
   terrain: {"choices":["unknown","flat","hilly","mountains"]},
   wind_speed_m_s: {"unit":"m/s","minimum":0,"maximum":60},
   wind_from_deg: {"unit":"°","minimum":0,"maximum":360},

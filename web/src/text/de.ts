@@ -216,6 +216,7 @@ const de: Text = {
         roof_box: "Dachbox",
         trailer: "Anhänger",
         headlights: "Abblendlicht",
+        heated_seats: "Sitzheizung",
       },
       terrain: { unknown: "Unbekannt", flat: "Flach", hilly: "Hügelig", mountains: "Gebirge" },
     },
@@ -354,7 +355,6 @@ const de: Text = {
   },
   advice: {
     title: "Was Energie spart",
-    without: "Was Energie spart, ohne Ladestopp",
     least: (chance: string) => `Für eine Wahrscheinlichkeit von ${chance} anzukommen genügt eines davon:`,
     notEnough: (chance: string) =>
       `Nichts davon gibt eine Wahrscheinlichkeit von ${chance}: vorher oder unterwegs laden.`,
@@ -365,7 +365,15 @@ const de: Text = {
     longer: (time: string) => `${time} länger`,
     noTime: "kostet keine Zeit",
     wall: (energy: string) => `${energy} aus der Steckdose`,
+    whole: (time, stops, change) =>
+      `die Reise dauert dann ${time} mit ${count(stops, { one: "# Ladestopp", other: "# Ladestopps" })}, ${change}`,
+    lessTime: (time) => `${time} weniger`,
+    moreTime: (time) => `${time} mehr`,
+    asLong: "etwa so lang wie jetzt",
     why: "Woher das kommt",
+    whyCaption: "Was sich ändert, nach Ursachen; die Summe der Teile ist, was gespart wird",
+    whyNote: (unit) => `In ${unit}: − wird gespart, + kommt dazu.`,
+    inAll: "Zusammen",
     pace: "Geschwindigkeiten auf dieser Strecke",
     paces: "Geschwindigkeiten",
     keep: "Höchstens",
@@ -390,6 +398,7 @@ const de: Text = {
       other_road: (number: number) => `Strecke ${number} nehmen`,
       leave_later: (time: string) => `${time} später abfahren`,
       leave_earlier: (time: string) => `${time} früher abfahren`,
+      stop: (stops) => count(stops, { one: "Einmal zum Laden halten", other: "#-mal zum Laden halten" }),
       less_luggage: (mass: string) => `${mass} zu Hause lassen`,
     },
   },
@@ -460,6 +469,7 @@ const de: Text = {
       base_load: "Bordelektronik",
       correction: "Korrektur",
     },
+    changes: { correction: "Aus gemessenen Fahrten gelernt" },
     note: (unit, loss) =>
       `In ${unit} an den Klemmen der Batterie. Weitere ${loss} gehen als Wärme in der Batterie verloren.`,
     learnedOwn:

@@ -208,6 +208,7 @@ export const en = {
         roof_box: "Roof box",
         trailer: "Trailer",
         headlights: "Headlights",
+        heated_seats: "Heated seats",
       },
       terrain: { unknown: "Unknown", flat: "Flat", hilly: "Hilly", mountains: "Mountains" },
     } satisfies ChoiceTexts,
@@ -345,7 +346,6 @@ export const en = {
   },
   advice: {
     title: "What saves energy",
-    without: "What saves energy, without a charging stop",
     least: (chance: string) => `To arrive with a chance of ${chance}, it takes one of these:`,
     notEnough: (chance: string) =>
       `Nothing of this gives a chance of ${chance}: charge before, or on the way.`,
@@ -356,7 +356,15 @@ export const en = {
     longer: (time: string) => `${time} longer`,
     noTime: "takes no time",
     wall: (energy: string) => `${energy} from the plug`,
+    whole: (time: string, stops: number, change: string) =>
+      `the journey then takes ${time} with ${count(stops, { one: "# charging stop", other: "# charging stops" })}, ${change}`,
+    lessTime: (time: string) => `${time} less`,
+    moreTime: (time: string) => `${time} more`,
+    asLong: "about as long as now",
     why: "Where it comes from",
+    whyCaption: "What changes, by cause; the parts add up to what is saved",
+    whyNote: (unit: string) => `In ${unit}: − is saved, + is added.`,
+    inAll: "In all",
     pace: "Speeds to keep on this road",
     paces: "Speeds",
     keep: "At most",
@@ -381,6 +389,7 @@ export const en = {
       other_road: (number: number) => `Take road ${number}`,
       leave_later: (time: string) => `Leave ${time} later`,
       leave_earlier: (time: string) => `Leave ${time} earlier`,
+      stop: (stops: number) => count(stops, { one: "Stop once to charge", other: "Stop # times to charge" }),
       less_luggage: (mass: string) => `Leave ${mass} at home`,
     },
   },
@@ -452,6 +461,7 @@ export const en = {
       base_load: "Electronics",
       correction: "Correction",
     },
+    changes: { correction: "Learned from measured trips" },
     note: (unit: string, loss: string) =>
       `In ${unit} at the battery terminals. Another ${loss} is lost as heat inside the battery.`,
     learnedOwn: "The correction is the difference between the measured trips of this car and the physics.",
