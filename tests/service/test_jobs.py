@@ -287,6 +287,7 @@ def test_every_kind_of_job_is_run(jobs: Jobs) -> None:
         "logs",
         "new car",
         "journey advice",
+        "journey difference",
     )
     assert sorted(JOB_KINDS) == sorted([*kinds.split(), *of_cars])
     assert jobs.run({"kind": "map"}, b"") == jobs.journeys.describe()

@@ -26,7 +26,7 @@ def serve(
         str, option("ADDRESS", "Address to listen on. Addresses other than loopback require a token.")
     ] = "127.0.0.1",
     port: Annotated[
-        int, option("PORT", "Port to listen on; 0 selects a free port.", min=0, max=65535)
+        int, option("PORT", "Port to listen on; 0 selects a free port.", "--port", min=0, max=65535)
     ] = 8000,
     workers: Annotated[int, option("N", "Number of worker processes.", min=1)] = 2,
     map_: MapOption = "",

@@ -393,7 +393,7 @@ def drive_of_trip(vehicle: Vehicle, trip: Recorded | Plan, road: FloatArray | No
     """`drive_of` a trip or a plan, as `simulate_trip` takes it. O(samples)."""
     weather = trip.air if isinstance(trip, Plan) else None
     return drive_of(
-        with_extras(vehicle, trip.departure.extras or ()),
+        with_extras(vehicle, trip.departure.extras or (), trip.departure.tyre_pressure),
         trip.array("time_s"),
         trip.array("speed_m_s"),
         trip.array("grade") if "grade" in trip and trip.has("grade") else None,

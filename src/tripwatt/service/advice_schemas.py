@@ -21,12 +21,15 @@ class ActionDocument(ResponseModel):
         "preheat_battery",
         "no_roof_box",
         "summer_tyres",
+        "check_tyres",
+        "pump_up",
         "less_luggage",
         "other_road",
         "leave_later",
+        "stop",
     ]
     value: float | None
-    """speed [m/s], temperature [°C], mass [kg], number of the road, or time later [s]"""
+    """speed [m/s], temperature [°C], mass [kg], tyre pressure over the recommended one, number of the road, stops to charge, or time later [s]"""
     effort: Literal["none", "little", "some", "much"]
     wall_wh: float
     """energy from the plug [Wh]"""
@@ -49,6 +52,16 @@ class DifferenceDocument(ResponseModel):
     by_cause_wh: dict[str, float]
 
 
+class WholeDocument(ResponseModel):
+    """A journey with its stops to charge."""
+
+    duration_s: float
+    """driving and charging [s]"""
+    charges: int
+    p_reserve: float
+    """chance to have the reserve at every stop and at the end"""
+
+
 class AdvisedDocument(ResponseModel):
     """One action, or several together."""
 
@@ -61,6 +74,8 @@ class AdvisedDocument(ResponseModel):
     wall_wh: float
     interaction_wh: float
     """what several actions take together beyond the sum of each alone [Wh]"""
+    whole: WholeDocument | None
+    """with it; null for a trip without stops to charge, or where no plan is sure enough"""
 
 
 class PaceRow(ResponseModel):
@@ -120,6 +135,8 @@ class AdviceResponse(ResponseModel):
     """the smallest sets of actions that reach the chance"""
     singly: list[AdvisedDocument]
     """the mildest action of each group that saves for sure, the largest saving first"""
+    whole: WholeDocument | None
+    """null for a trip without stops to charge"""
     pace: PaceDocument | None
     """null where the car cannot hold the speeds of the plan"""
     flags: list[FlagDocument]

@@ -35,6 +35,7 @@ from tripwatt.service.car_operations import CarOperations
 from tripwatt.service.example_requests import UPLOADS
 from tripwatt.service.journey_schemas import (
     JourneyAdviceRequest,
+    JourneyDifferenceRequest,
     MapResponse,
     NeedAnswer,
     NeedQuery,
@@ -273,9 +274,15 @@ class Api:
         self._require_map()
         return await self.answering.body_job(request, "plan")
 
+    @operation("POST /v1/journeys/difference", "journeys", DifferenceDocument, JourneyDifferenceRequest)
+    async def journey_difference(self, request: Request) -> Response:
+        """Compare two journeys of one car without their stops to charge, as `POST /v1/forecast/difference` does trips."""
+        self._require_map()
+        return await self.answering.body_job(request, "journey difference")
+
     @operation("POST /v1/journeys/advice", "journeys", AdviceResponse, JourneyAdviceRequest)
     async def journey_advice(self, request: Request) -> Response:
-        """Return what to do about a journey without a charging stop: the least that helps, and what each action saves."""
+        """Return what to do about a journey with its charging stops: the least that helps, what each action saves, and the time in all."""
         self._require_map()
         return await self.answering.body_job(request, "journey advice")
 

@@ -56,6 +56,9 @@ EXAMPLES: Final[Mapping[str, Mapping[str, Any]]] = {
     "LogsRequest": {"as proposed": {}},
     "PlanRequest": {"a journey": JOURNEY},
     "JourneyAdviceRequest": {"a journey": {**JOURNEY, "chance": 0.95}},
+    "JourneyDifferenceRequest": {
+        "warmer": {"one": {**JOURNEY, "ambient_temperature_degc": 10.0}, "other": JOURNEY}
+    },
     "AdviceRequest": {"planned road": {**PLANNED_REQUEST, "chance": 0.95, "extras": ["roof_box"]}},
     "DifferenceRequest": {
         "warmer": {"one": {**PLANNED_REQUEST, "cabin_setpoint_degc": 18.0}, "other": PLANNED_REQUEST}

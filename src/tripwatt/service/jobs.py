@@ -34,6 +34,7 @@ from tripwatt.service.car_jobs import CarJobs
 from tripwatt.service.car_schemas import LogsRequest, NewCarRequest
 from tripwatt.service.journey_schemas import (
     JourneyAdviceRequest,
+    JourneyDifferenceRequest,
     NeedQuery,
     PlanRequest,
     RangeQuery,
@@ -167,11 +168,24 @@ class Jobs:
 
     def difference(self, body: bytes) -> dict[str, Any]:
         """Return the response to a `DifferenceRequest`: the first trip less the other one."""
-        document = parse_json(body)
-        check_request(document, DifferenceRequest)
-        one, other = (
-            self._forecast(orjson.dumps(document[name]), ForecastRequest)[1] for name in ("one", "other")
+        return self._difference(
+            body, DifferenceRequest, lambda trip, _: self._forecast(trip, ForecastRequest)[1]
         )
+
+    def journey_difference(self, body: bytes) -> dict[str, Any]:
+        """Return the response to a `JourneyDifferenceRequest`: the road of the first journey less that of the other one."""
+        return self._difference(
+            body,
+            JourneyDifferenceRequest,
+            lambda trip, asked: self.journeys.road(*self._journey(trip, PlanRequest), asked.road),
+        )
+
+    def _difference(
+        self, body: bytes, kind: type[RequestModel], forecast: Callable[[bytes, RequestModel], Forecast]
+    ) -> dict[str, Any]:
+        document = parse_json(body)
+        asked = check_request(document, kind)
+        one, other = (forecast(orjson.dumps(document[name]), asked) for name in ("one", "other"))
         return one.difference(other).to_dict()
 
     def advice(self, body: bytes) -> dict[str, Any]:
@@ -446,6 +460,7 @@ JOB_KINDS: Final[Mapping[str, Callable[[Jobs, Mapping[str, Any], bytes], dict[st
     "update": lambda jobs, job, body: jobs.update(body),
     "route": lambda jobs, job, body: jobs.route(body, job["speed_m_s"]),
     "plan": lambda jobs, job, body: jobs.plan(body),
+    "journey difference": lambda jobs, job, body: jobs.journey_difference(body),
     "journey advice": lambda jobs, job, body: jobs.journey_advice(body),
     "reach": lambda jobs, job, body: jobs.reach(body),
     "distance": lambda jobs, job, body: jobs.distance(body),

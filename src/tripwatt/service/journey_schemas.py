@@ -79,6 +79,15 @@ class JourneyAdviceRequest(PlanRequest):
     """to arrive with the reserve"""
 
 
+class JourneyDifferenceRequest(StrictModel):
+    """Two journeys of one car to compare, without their stops to charge."""
+
+    one: PlanRequest
+    other: PlanRequest
+    road: int = Field(0, ge=0, le=3)
+    """which of the roads of each, from 0 for the fastest; the last where there are fewer"""
+
+
 class ReachRequest(_Departs):
     """A start, the car, and what is known at departure."""
 

@@ -127,9 +127,9 @@ class Departure:
         metavar="MODE",
     )
     extras: tuple[str, ...] | None = entry(
-        "What is fitted to the car or switched on: winter_tyres, roof_box, trailer or headlights.",
+        "What is fitted to the car or switched on: winter_tyres, roof_box, trailer, headlights or heated_seats.",
         label="extras",
-        choices=("winter_tyres", "roof_box", "trailer", "headlights"),
+        choices=("winter_tyres", "roof_box", "trailer", "headlights", "heated_seats"),
         several=True,
         option="--extra",
         metavar="NAME",
@@ -171,6 +171,12 @@ class Departure:
         label="air pressure",
         column=QUANTITIES["pressure_pa"],
         option="--pressure",
+    )
+    tyre_pressure: float | None = entry(
+        "Pressure of the cold tyres over the recommended one: 1 is right.",
+        label="tyre pressure",
+        column=QUANTITIES["tyre_pressure"],
+        option="--tyre-pressure",
     )
 
     def __post_init__(self) -> None:

@@ -7,6 +7,7 @@ export type {
   AdvisedDocument as Advised,
   AdviceResponse as Advice,
   DifferenceDocument as Difference,
+  WholeDocument as Whole,
   PaceDocument as Pace,
   PaceSpeeds,
   ChargingDocument as ChargingPlan,

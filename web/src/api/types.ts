@@ -130,6 +130,22 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/v1/journeys/difference": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        post: operations["journey_difference_v1_journeys_difference_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/v1/journeys/advice": {
         parameters: {
             query?: never;
@@ -552,7 +568,7 @@ export interface components {
     schemas: {
         ActionDocument: {
             /** @enum {string} */
-            code: "slower" | "calmer" | "setpoint" | "seats" | "climate_off" | "preheat_cabin" | "preheat_battery" | "no_roof_box" | "summer_tyres" | "less_luggage" | "other_road" | "leave_later";
+            code: "slower" | "calmer" | "setpoint" | "seats" | "climate_off" | "preheat_cabin" | "preheat_battery" | "no_roof_box" | "summer_tyres" | "check_tyres" | "pump_up" | "less_luggage" | "other_road" | "leave_later" | "stop";
             value: number | null;
             /** @enum {string} */
             effort: "none" | "little" | "some" | "much";
@@ -570,12 +586,13 @@ export interface components {
             battery_temperature_degc?: number | null;
             payload_mass_kg?: number | null;
             climate?: ("auto" | "off" | "heat" | "cool") | null;
-            extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights")[] | null;
+            extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights" | "heated_seats")[] | null;
             terrain?: ("unknown" | "flat" | "hilly" | "mountains") | null;
             wind_speed_m_s?: number | null;
             wind_from_deg?: number | null;
             rain_mm_h?: number | null;
             pressure_pa?: number | null;
+            tyre_pressure?: number | null;
             trip?: string;
             samples?: {
                 time_s: number[];
@@ -611,6 +628,7 @@ export interface components {
             charge_to: number;
             least: components["schemas"]["AdvisedDocument"][];
             singly: components["schemas"]["AdvisedDocument"][];
+            whole: components["schemas"]["WholeDocument"] | null;
             pace: components["schemas"]["PaceDocument"] | null;
             flags: components["schemas"]["FlagDocument"][];
         };
@@ -623,6 +641,7 @@ export interface components {
             effort: "none" | "little" | "some" | "much";
             wall_wh: number;
             interaction_wh: number;
+            whole: components["schemas"]["WholeDocument"] | null;
         };
         AlikeDocument: {
             what: string;
@@ -876,12 +895,13 @@ export interface components {
             battery_temperature_degc?: number | null;
             payload_mass_kg?: number | null;
             climate?: ("auto" | "off" | "heat" | "cool") | null;
-            extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights")[] | null;
+            extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights" | "heated_seats")[] | null;
             terrain?: ("unknown" | "flat" | "hilly" | "mountains") | null;
             wind_speed_m_s?: number | null;
             wind_from_deg?: number | null;
             rain_mm_h?: number | null;
             pressure_pa?: number | null;
+            tyre_pressure?: number | null;
             trip?: string;
             samples?: {
                 time_s: number[];
@@ -953,12 +973,13 @@ export interface components {
             battery_temperature_degc?: number | null;
             payload_mass_kg?: number | null;
             climate?: ("auto" | "off" | "heat" | "cool") | null;
-            extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights")[] | null;
+            extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights" | "heated_seats")[] | null;
             terrain?: ("unknown" | "flat" | "hilly" | "mountains") | null;
             wind_speed_m_s?: number | null;
             wind_from_deg?: number | null;
             rain_mm_h?: number | null;
             pressure_pa?: number | null;
+            tyre_pressure?: number | null;
             departure_utc?: string | null;
             /** @deprecated */
             weather?: components["schemas"]["WeatherRequest"] | null;
@@ -971,6 +992,11 @@ export interface components {
             stop_overhead_s?: number;
             preheat_battery?: boolean;
             chance?: number;
+        };
+        JourneyDifferenceRequest: {
+            one: components["schemas"]["PlanRequest"];
+            other: components["schemas"]["PlanRequest"];
+            road?: number;
         };
         KeptSpeed: {
             highest_m_s: number;
@@ -1085,12 +1111,13 @@ export interface components {
             battery_temperature_degc?: number | null;
             payload_mass_kg?: number | null;
             climate?: ("auto" | "off" | "heat" | "cool") | null;
-            extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights")[] | null;
+            extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights" | "heated_seats")[] | null;
             terrain?: ("unknown" | "flat" | "hilly" | "mountains") | null;
             wind_speed_m_s?: number | null;
             wind_from_deg?: number | null;
             rain_mm_h?: number | null;
             pressure_pa?: number | null;
+            tyre_pressure?: number | null;
             trip?: string;
             samples?: {
                 time_s: number[];
@@ -1300,12 +1327,13 @@ export interface components {
             battery_temperature_degc?: number | null;
             payload_mass_kg?: number | null;
             climate?: ("auto" | "off" | "heat" | "cool") | null;
-            extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights")[] | null;
+            extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights" | "heated_seats")[] | null;
             terrain?: ("unknown" | "flat" | "hilly" | "mountains") | null;
             wind_speed_m_s?: number | null;
             wind_from_deg?: number | null;
             rain_mm_h?: number | null;
             pressure_pa?: number | null;
+            tyre_pressure?: number | null;
             departure_utc?: string | null;
             /** @deprecated */
             weather?: components["schemas"]["WeatherRequest"] | null;
@@ -1389,12 +1417,13 @@ export interface components {
             battery_temperature_degc?: number | null;
             payload_mass_kg?: number | null;
             climate?: ("auto" | "off" | "heat" | "cool") | null;
-            extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights")[] | null;
+            extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights" | "heated_seats")[] | null;
             terrain?: ("unknown" | "flat" | "hilly" | "mountains") | null;
             wind_speed_m_s?: number | null;
             wind_from_deg?: number | null;
             rain_mm_h?: number | null;
             pressure_pa?: number | null;
+            tyre_pressure?: number | null;
             departure_utc?: string | null;
             /** @deprecated */
             weather?: components["schemas"]["WeatherRequest"] | null;
@@ -1516,12 +1545,13 @@ export interface components {
             battery_temperature_degc?: number | null;
             payload_mass_kg?: number | null;
             climate?: ("auto" | "off" | "heat" | "cool") | null;
-            extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights")[] | null;
+            extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights" | "heated_seats")[] | null;
             terrain?: ("unknown" | "flat" | "hilly" | "mountains") | null;
             wind_speed_m_s?: number | null;
             wind_from_deg?: number | null;
             rain_mm_h?: number | null;
             pressure_pa?: number | null;
+            tyre_pressure?: number | null;
             trip?: string;
             samples?: {
                 time_s: number[];
@@ -1623,6 +1653,11 @@ export interface components {
             rain_mm_h?: number;
             pressure_pa?: number | null;
         };
+        WholeDocument: {
+            duration_s: number;
+            charges: number;
+            p_reserve: number;
+        };
     };
     responses: never;
     parameters: never;
@@ -1664,6 +1699,7 @@ export type ForecastResponse = components['schemas']['ForecastResponse'];
 export type Forgotten = components['schemas']['Forgotten'];
 export type HealthResponse = components['schemas']['HealthResponse'];
 export type JourneyAdviceRequest = components['schemas']['JourneyAdviceRequest'];
+export type JourneyDifferenceRequest = components['schemas']['JourneyDifferenceRequest'];
 export type KeptSpeed = components['schemas']['KeptSpeed'];
 export type KindChanges = components['schemas']['KindChanges'];
 export type KindDocument = components['schemas']['KindDocument'];
@@ -1730,6 +1766,7 @@ export type VehiclesResponse = components['schemas']['VehiclesResponse'];
 export type VerdictDocument = components['schemas']['VerdictDocument'];
 export type ViewResponse = components['schemas']['ViewResponse'];
 export type WeatherRequest = components['schemas']['WeatherRequest'];
+export type WholeDocument = components['schemas']['WholeDocument'];
 export type $defs = Record<string, never>;
 export interface operations {
     forecast_v1_forecast_post: {
@@ -1925,6 +1962,29 @@ export interface operations {
             };
         };
     };
+    journey_difference_v1_journeys_difference_post: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["JourneyDifferenceRequest"];
+            };
+        };
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["DifferenceDocument"];
+                };
+            };
+        };
+    };
     journey_advice_v1_journeys_advice_post: {
         parameters: {
             query?: never;
@@ -1982,12 +2042,13 @@ export interface operations {
                 payload_mass_kg?: number | null;
                 departure_utc?: number | null;
                 climate?: ("auto" | "off" | "heat" | "cool") | null;
-                extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights")[] | null;
+                extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights" | "heated_seats")[] | null;
                 terrain?: ("unknown" | "flat" | "hilly" | "mountains") | null;
                 wind_speed_m_s?: number | null;
                 wind_from_deg?: number | null;
                 rain_mm_h?: number | null;
                 pressure_pa?: number | null;
+                tyre_pressure?: number | null;
                 kind?: "city" | "country" | "motorway" | "mixed";
                 model?: string | null;
                 vehicle?: string | null;
@@ -2028,12 +2089,13 @@ export interface operations {
                 payload_mass_kg?: number | null;
                 departure_utc?: string | null;
                 climate?: ("auto" | "off" | "heat" | "cool") | null;
-                extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights")[] | null;
+                extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights" | "heated_seats")[] | null;
                 terrain?: ("unknown" | "flat" | "hilly" | "mountains") | null;
                 wind_speed_m_s?: number | null;
                 wind_from_deg?: number | null;
                 rain_mm_h?: number | null;
                 pressure_pa?: number | null;
+                tyre_pressure?: number | null;
                 kind?: "city" | "country" | "motorway" | "mixed";
                 model?: string | null;
                 vehicle?: string | null;
