@@ -39,7 +39,7 @@ from tripwatt.trips import Plan, plan_from_trip
 from tripwatt.trips.weather import WIND_AT_CAR, PlanWeather
 from tripwatt.uncertainty.charge import CAPACITY_SD, PUBLISHED_DISPLAY_SD
 from tripwatt.uncertainty.coverage import clopper_pearson
-from tripwatt.units import SECONDS_PER_HOUR, WH_PER_J
+from tripwatt.units import WH_PER_J
 
 CAR: Final = "tesla_model_3_lr"
 CHANCE: Final = 0.95
@@ -304,17 +304,12 @@ def followed(names: Sequence[str], seed: int, base: ForecastModel) -> dict[str, 
         key = (truth.vehicle is car.vehicle, truth.weather, *(id(action) for action in chosen))
         if not key[0] or key not in made:
             made[key] = Taken.of(truth.vehicle, other, *truth.weather)
-        return truth.taken_wh(made[key]) + extra_wh(chosen, other)
+        return truth.taken_wh(made[key])
 
     return {
         name: _outcome(advice, [taken_wh(truth, first), *(taken_wh(truth, way) for way in ways)], truth)
         for name, truth in truths.items()
     }
-
-
-def extra_wh(chosen: Sequence[Action], plan: Plan) -> float:
-    """What heated seats and the like take."""
-    return sum(action.extra_w for action in chosen) * plan.duration_s / SECONDS_PER_HOUR
 
 
 def _outcome(advice: Advice, taken_wh: Sequence[float], truth: Truth) -> Followed:
@@ -331,8 +326,7 @@ def _outcome(advice: Advice, taken_wh: Sequence[float], truth: Truth) -> Followe
         return Followed(saved, stays, None, None)
     best = advice.least[0]
     follows = best.p_arrive, truth.left(forecast, soc, others[-1]) >= advice.reserve
-    extra = extra_wh(best.actions, best.forecast.plan) / best.forecast.charge.wh_per_display
-    leaves = best.forecast.soc_needed(advice.reserve + extra, CHANCE)
+    leaves = best.forecast.soc_needed(advice.reserve, CHANCE)
     just = truth.left(forecast, leaves, others[-1]) >= advice.reserve if leaves <= 1.0 else None
     return Followed(saved, stays, follows, just)
 

@@ -94,7 +94,7 @@ def test_what_is_warmed_on_the_plug_is_warm_on_the_first_leg_alone(model: tw.For
     cold = replace(COLD, soc=0.8, ambient_temperature_degc=-8.0, cabin_temperature_degc=-8.0)
     found = journey(model, cold, (A, FAR), replace(MADE, stations=row(14)))
     assert found.corridor is not None
-    (warm,) = (action for action in actions(found.forecast) if action.code == "preheat_cabin")
+    warm = next(action for action in actions(found.forecast) if action.code == "preheat_cabin")
     forecast = maker_like(found.forecast)(warm.applied(found.forecast.plan))
     plan = with_action(found.corridor, warm, forecast, found.corridor.road)
     assert plan is not None
