@@ -27,7 +27,7 @@ from tripwatt.arrays import FloatArray
 from tripwatt.forecasting import Forecast, ForecastModel
 from tripwatt.forecasting.difference import LEAST_SHARE
 from tripwatt.hybrid import segment_table
-from tripwatt.hybrid.factors import USUAL_SHARE, USUAL_W, USUAL_WH, factor_power
+from tripwatt.hybrid.factors import USUAL_SHARE, USUAL_W, USUAL_WH, FactorCorrector, factor_power
 from tripwatt.hybrid.learning import Experts
 from tripwatt.hybrid.parameters import changed
 from tripwatt.physics import DriveConditions, Simulation, simulate, simulate_trip
@@ -40,6 +40,7 @@ from tripwatt.trips.weather import WIND_AT_CAR, PlanWeather
 from tripwatt.uncertainty.charge import CAPACITY_SD, PUBLISHED_DISPLAY_SD
 from tripwatt.uncertainty.coverage import clopper_pearson
 from tripwatt.units import WH_PER_J
+from tripwatt.vehicles import Vehicle
 
 CAR: Final = "tesla_model_3_lr"
 CHANCE: Final = 0.95
@@ -160,7 +161,7 @@ class Taken:
     day: FloatArray
 
     @classmethod
-    def of(cls, vehicle: tw.Vehicle, plan: Plan, warmer_k: float = 0.0, headwind_m_s: float = 0.0) -> Taken:
+    def of(cls, vehicle: Vehicle, plan: Plan, warmer_k: float = 0.0, headwind_m_s: float = 0.0) -> Taken:
         """Of a plan, in other weather than that of its departure."""
         degc = plan.departure.ambient_temperature_degc
         assert degc is not None  # every synthetic trip has it
@@ -185,7 +186,7 @@ class Taken:
 class Truth:
     """A true car on a day: its vehicle, relative changes of factors, shapes and causes, errors of the day, of capacity and display, and the weather."""
 
-    vehicle: tw.Vehicle
+    vehicle: Vehicle
     factors: FloatArray
     shapes: FloatArray
     causes: Mapping[str, float]
@@ -270,7 +271,8 @@ def advised_drive(setting: str, seed: int, base: ForecastModel, truth: Truth) ->
     model = for_car(base, tw.load_vehicle(CAR))
     if setting == KNOWN_CAR:
         corrector = model.fitted_parts("car")[0]
-        known_car = replace(corrector, mean=truth.factors, factor=1e-3 * corrector.factor)  # type: ignore[type-var]
+        assert isinstance(corrector, FactorCorrector)
+        known_car = replace(corrector, mean=truth.factors, factor=1e-3 * corrector.factor)
         model = replace(model, corrector_=known_car)
     (trip,) = tw.synthetic_fleet(1, 40_000 + seed, vehicle=tw.load_vehicle(CAR), hours=(0.5, 2.0)).trips
     driven = plan_from_trip(trip)
@@ -297,29 +299,45 @@ def followed(names: Sequence[str], seed: int, base: ForecastModel) -> dict[str, 
     first, *ways = ((), *(one.actions for one in (*advice.singly, *advice.least[:1])))
     made: dict[tuple[object, ...], Taken] = {}
 
-    def taken_wh(truth: Truth, chosen: tuple[Action, ...]) -> float:
+    luck = np.random.default_rng((seed, len(names))).normal()
+
+    def taken_wh(truth: Truth, chosen: tuple[Action, ...], *, before: bool = False) -> float:
         other = driven
         for action in chosen:
-            other = action.applied(other)
-        key = (truth.vehicle is car.vehicle, truth.weather, *(id(action) for action in chosen))
+            other = other.with_departure(as_it_may_be(action, luck)) if before else action.applied(other)
+        key = (truth.vehicle is car.vehicle, truth.weather, before, *(id(action) for action in chosen))
         if not key[0] or key not in made:
             made[key] = Taken.of(truth.vehicle, other, *truth.weather)
         return truth.taken_wh(made[key])
 
     return {
-        name: _outcome(advice, [taken_wh(truth, first), *(taken_wh(truth, way) for way in ways)], truth)
+        name: _outcome(
+            advice,
+            [taken_wh(truth, way, before=True) for way in (first, *ways)],
+            [taken_wh(truth, way) for way in (first, *ways)],
+            truth,
+        )
         for name, truth in truths.items()
     }
 
 
-def _outcome(advice: Advice, taken_wh: Sequence[float], truth: Truth) -> Followed:
+def as_it_may_be(action: Action, luck: float) -> tw.Departure:
+    """What an action assumes of a departure, such as the tyre pressure of a car that nobody checked, so many standard deviations off."""
+    drawn = {
+        name: action.changed[name] + (assumed - action.changed[name]) * (1.0 + action.spread * luck)
+        for name, assumed in action.assumed.items()
+    }
+    return tw.Departure(**drawn)
+
+
+def _outcome(advice: Advice, before_wh: Sequence[float], taken_wh: Sequence[float], truth: Truth) -> Followed:
     """What a drive took as it is, with each action, and with the first set that reaches the chance if there is one."""
     forecast = advice.forecast
     soc = float(forecast.plan.departure.soc or 0.0)
     as_it_is, *others = taken_wh
     saved = [
-        Saved(one.actions[0].code, one.difference.energy_wh, *one.difference.interval(0.9), wh - as_it_is)
-        for one, wh in zip(advice.singly, others, strict=False)
+        Saved(one.actions[0].code, one.difference.energy_wh, *one.difference.interval(0.9), wh - before)
+        for one, before, wh in zip(advice.singly, before_wh[1:], others, strict=False)
     ]
     stays = advice.p_arrive, truth.left(forecast, soc, as_it_is) >= advice.reserve
     if not advice.least:

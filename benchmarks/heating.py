@@ -28,7 +28,7 @@ from tripwatt.population.adapting import Adaptation, population_of
 from tripwatt.trips import Trip
 from tripwatt.uncertainty.coverage import clopper_pearson
 from tripwatt.units import SECONDS_PER_HOUR, WH_PER_J
-from tripwatt.vehicles import without_data
+from tripwatt.vehicles import Vehicle, without_data
 
 COLD_DEGC = 15.0
 HEATED_W, UNHEATED_W = 300.0, 100.0
@@ -79,7 +79,7 @@ class Heated:
         return replace(scale, values=scale.values * (1.0, 1.0, 1.0, 0.0)).sd_wh(self.auto.drive.segments)
 
 
-def unseen_model(name: str, vehicle: tw.Vehicle) -> ForecastModel:
+def unseen_model(name: str, vehicle: Vehicle) -> ForecastModel:
     """The model of a car to which no log of a data set gave anything."""
     base = tw.load_model()
     others = population_of(base).without([name])

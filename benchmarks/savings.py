@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -173,7 +173,7 @@ def main(
     data: Annotated[Path, Argument(metavar="[FOLDER]")] = DATA, worlds: int = 1000, only: str | None = None
 ) -> int:
     """Print the rows; 1 when a bound is missed. `--only` lab, links, heating or worlds; `--worlds` is the number of drives."""
-    parts = {
+    parts: dict[str, Callable[[], Iterator[Row]]] = {
         "lab": partial(lab_rows, data),
         "links": partial(link_rows, data),
         "heating": partial(heating_rows, data),

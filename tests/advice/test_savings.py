@@ -96,7 +96,7 @@ def test_shapes_err_about_as_a_car_on_a_dynamometer() -> None:
 @needs_cycles
 @needs_lists
 def test_savings_hold_in_worlds_as_stated_and_not_always(model: tw.ForecastModel) -> None:
-    made = advised.drives(8, model, "known road", jobs=1, first=0)
+    made = advised.drives(16, model, "known road", jobs=1, first=0)
     held = {
         name: np.mean([low <= true <= high for drive in some for _, _, low, high, true in drive.saved])
         for name, some in made.items()

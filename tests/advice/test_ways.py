@@ -99,7 +99,7 @@ def test_what_is_warmed_on_the_plug_is_warm_on_the_first_leg_alone(model: tw.For
     plan = with_action(found.corridor, warm, forecast, found.corridor.road)
     assert plan is not None
     degc = [leg.forecast.plan.departure.cabin_temperature_degc for leg in plan.legs]
-    assert degc[0] == pytest.approx(warm.value)
+    assert degc[0] == pytest.approx(warm.changed["cabin_temperature_degc"])
     assert degc[0] > 15.0
     assert {*degc[1:]} == {-8.0}
 
