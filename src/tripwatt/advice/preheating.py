@@ -89,6 +89,16 @@ class Preheating:
     def to_dict(self, departs_at: dt.datetime | None = None) -> dict[str, Any]:
         """Convert to plain values, with the time at which it begins where that of the departure is known.
 
+        Parameters
+        ----------
+        departs_at : datetime, optional
+            Time of departure.
+
+        Returns
+        -------
+        dict
+            Texts and numbers.
+
         Examples
         --------
         >>> heat = Preheating(22.0, 600.0, None, 0.0, 800.0, 600.0, {})
