@@ -10,7 +10,7 @@ export interface paths {
         };
         get?: never;
         put?: never;
-        post: operations["forecast_v1_forecast_post"];
+        post: operations["forecast"];
         delete?: never;
         options?: never;
         head?: never;
@@ -26,7 +26,7 @@ export interface paths {
         };
         get?: never;
         put?: never;
-        post: operations["update_v1_forecast_update_post"];
+        post: operations["update"];
         delete?: never;
         options?: never;
         head?: never;
@@ -42,7 +42,7 @@ export interface paths {
         };
         get?: never;
         put?: never;
-        post: operations["difference_v1_forecast_difference_post"];
+        post: operations["difference"];
         delete?: never;
         options?: never;
         head?: never;
@@ -58,7 +58,7 @@ export interface paths {
         };
         get?: never;
         put?: never;
-        post: operations["advice_v1_advice_post"];
+        post: operations["advice"];
         delete?: never;
         options?: never;
         head?: never;
@@ -74,7 +74,7 @@ export interface paths {
         };
         get?: never;
         put?: never;
-        post: operations["batch_v1_forecast_batch_post"];
+        post: operations["batch"];
         delete?: never;
         options?: never;
         head?: never;
@@ -90,7 +90,7 @@ export interface paths {
         };
         get?: never;
         put?: never;
-        post: operations["route_v1_routes_post"];
+        post: operations["route"];
         delete?: never;
         options?: never;
         head?: never;
@@ -106,7 +106,7 @@ export interface paths {
         };
         get?: never;
         put?: never;
-        post: operations["plan_v1_journeys_post"];
+        post: operations["plan"];
         delete?: never;
         options?: never;
         head?: never;
@@ -123,7 +123,7 @@ export interface paths {
         get?: never;
         put?: never;
         /** @deprecated */
-        post: operations["plan_v1_plan_post"];
+        post: operations["plan_alias"];
         delete?: never;
         options?: never;
         head?: never;
@@ -139,7 +139,7 @@ export interface paths {
         };
         get?: never;
         put?: never;
-        post: operations["journey_advice_v1_journeys_advice_post"];
+        post: operations["journey_advice"];
         delete?: never;
         options?: never;
         head?: never;
@@ -155,7 +155,7 @@ export interface paths {
         };
         get?: never;
         put?: never;
-        post: operations["reach_v1_reachable_post"];
+        post: operations["reach"];
         delete?: never;
         options?: never;
         head?: never;
@@ -169,7 +169,7 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        get: operations["get_need_v1_need_get"];
+        get: operations["get_need"];
         put?: never;
         post?: never;
         delete?: never;
@@ -185,7 +185,7 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        get: operations["get_range_v1_range_get"];
+        get: operations["get_range"];
         put?: never;
         post?: never;
         delete?: never;
@@ -201,7 +201,7 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        get: operations["get_places_v1_places_get"];
+        get: operations["get_places"];
         put?: never;
         post?: never;
         delete?: never;
@@ -217,7 +217,7 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        get: operations["get_map_v1_map_get"];
+        get: operations["get_map"];
         put?: never;
         post?: never;
         delete?: never;
@@ -233,7 +233,7 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        get: operations["get_view_v1_map_view_get"];
+        get: operations["get_view"];
         put?: never;
         post?: never;
         delete?: never;
@@ -249,7 +249,7 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        get: operations["get_tile_v1_tiles__zoom___column___row__get"];
+        get: operations["get_tile"];
         put?: never;
         post?: never;
         delete?: never;
@@ -265,7 +265,7 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        get: operations["get_models_v1_models_get"];
+        get: operations["get_models"];
         put?: never;
         post?: never;
         delete?: never;
@@ -281,9 +281,9 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        get: operations["get_vehicles_v1_vehicles_get"];
+        get: operations["get_vehicles"];
         put?: never;
-        post: operations["describe_v1_vehicles_post"];
+        post: operations["describe"];
         delete?: never;
         options?: never;
         head?: never;
@@ -297,7 +297,7 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        get: operations["get_examples_v1_examples_get"];
+        get: operations["get_examples"];
         put?: never;
         post?: never;
         delete?: never;
@@ -313,7 +313,7 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        get: operations["get_example_v1_examples__trip__get"];
+        get: operations["get_example"];
         put?: never;
         post?: never;
         delete?: never;
@@ -329,7 +329,7 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        get: operations["healthz_healthz_get"];
+        get: operations["healthz"];
         put?: never;
         post?: never;
         delete?: never;
@@ -345,7 +345,7 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        get: operations["readyz_readyz_get"];
+        get: operations["readyz"];
         put?: never;
         post?: never;
         delete?: never;
@@ -361,7 +361,7 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        get: operations["get_metrics_metrics_get"];
+        get: operations["get_metrics"];
         put?: never;
         post?: never;
         delete?: never;
@@ -379,7 +379,7 @@ export interface paths {
         };
         get?: never;
         put?: never;
-        post: operations["telemetry_v1_telemetry_post"];
+        post: operations["telemetry"];
         delete?: never;
         options?: never;
         head?: never;
@@ -393,7 +393,7 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        get: operations["list_live_v1_live_get"];
+        get: operations["list_live"];
         put?: never;
         post?: never;
         delete?: never;
@@ -409,7 +409,7 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        get: operations["get_live_v1_live__vehicle__get"];
+        get: operations["get_live"];
         put?: never;
         post?: never;
         delete?: never;
@@ -426,7 +426,7 @@ export interface paths {
             cookie?: never;
         };
         get?: never;
-        put: operations["put_plan_v1_live__vehicle__plan_put"];
+        put: operations["put_plan"];
         post?: never;
         delete?: never;
         options?: never;
@@ -441,7 +441,7 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        get: operations["get_events_v1_live__vehicle__events_get"];
+        get: operations["get_events"];
         put?: never;
         post?: never;
         delete?: never;
@@ -457,9 +457,9 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        get: operations["list_cars_v1_cars_get"];
+        get: operations["list_cars"];
         put?: never;
-        post: operations["new_car_v1_cars_post"];
+        post: operations["new_car"];
         delete?: never;
         options?: never;
         head?: never;
@@ -473,10 +473,10 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        get: operations["get_car_v1_cars__car__get"];
+        get: operations["get_car"];
         put?: never;
         post?: never;
-        delete: operations["forget_car_v1_cars__car__delete"];
+        delete: operations["forget_car"];
         options?: never;
         head?: never;
         patch?: never;
@@ -491,7 +491,7 @@ export interface paths {
         };
         get?: never;
         put?: never;
-        post: operations["new_token_v1_cars__car__token_post"];
+        post: operations["new_token"];
         delete?: never;
         options?: never;
         head?: never;
@@ -506,7 +506,7 @@ export interface paths {
             cookie?: never;
         };
         get?: never;
-        put: operations["put_file_v1_cars__car__uploads__upload___file__put"];
+        put: operations["put_file"];
         post?: never;
         delete?: never;
         options?: never;
@@ -523,7 +523,7 @@ export interface paths {
         };
         get?: never;
         put?: never;
-        post: operations["read_logs_v1_cars__car__uploads__upload__post"];
+        post: operations["read_logs"];
         delete?: never;
         options?: never;
         head?: never;
@@ -539,7 +539,7 @@ export interface paths {
         };
         get?: never;
         put?: never;
-        post: operations["learn_v1_cars__car__uploads__upload__learn_post"];
+        post: operations["learn"];
         delete?: never;
         options?: never;
         head?: never;
@@ -596,6 +596,7 @@ export interface components {
                 requested_heating_power_w?: (number | null)[];
                 aircon_power_w?: (number | null)[];
                 climate_power_w?: (number | null)[];
+                bms_soc?: (number | null)[];
             } | null;
             links?: components["schemas"]["Link"][] | null;
             elevation?: components["schemas"]["Elevation"] | null;
@@ -895,6 +896,7 @@ export interface components {
                 requested_heating_power_w?: (number | null)[];
                 aircon_power_w?: (number | null)[];
                 climate_power_w?: (number | null)[];
+                bms_soc?: (number | null)[];
             } | null;
             links?: components["schemas"]["Link"][] | null;
             elevation?: components["schemas"]["Elevation"] | null;
@@ -915,6 +917,10 @@ export interface components {
             empty_at_m: components["schemas"]["EmptyAt"];
             missing_wh: components["schemas"]["Missing"];
             wh_per_display: number;
+            p_arrive_by_soc: {
+                [key: string]: number;
+            };
+            /** @deprecated */
             p_arrive: {
                 [key: string]: number;
             };
@@ -1104,6 +1110,7 @@ export interface components {
                 requested_heating_power_w?: (number | null)[];
                 aircon_power_w?: (number | null)[];
                 climate_power_w?: (number | null)[];
+                bms_soc?: (number | null)[];
             } | null;
             links?: components["schemas"]["Link"][] | null;
             elevation?: components["schemas"]["Elevation"] | null;
@@ -1332,7 +1339,8 @@ export interface components {
             coordinates: number[][][];
         };
         ProblemDocument: {
-            type: string;
+            /** @enum {string} */
+            type: "/problems/not-json" | "/problems/bad-request" | "/problems/host-not-served" | "/problems/token-needed" | "/problems/not-found" | "/problems/no-such-car" | "/problems/no-plan" | "/problems/method-not-allowed" | "/problems/not-acceptable" | "/problems/body-late" | "/problems/too-large" | "/problems/media-type" | "/problems/invalid-input" | "/problems/key-used" | "/problems/head-too-large" | "/problems/too-many-requests" | "/problems/internal" | "/problems/no-map" | "/problems/no-live" | "/problems/remote" | "/problems/busy" | "/problems/timeout";
             title: string;
             status: number;
             detail?: string | null;
@@ -1343,6 +1351,7 @@ export interface components {
         ProblemFault: {
             what: string;
             where: string;
+            pointer?: string | null;
             got?: string | null;
             allowed?: string | null;
             fix?: string | null;
@@ -1520,6 +1529,7 @@ export interface components {
                 requested_heating_power_w?: (number | null)[];
                 aircon_power_w?: (number | null)[];
                 climate_power_w?: (number | null)[];
+                bms_soc?: (number | null)[];
             } | null;
             links?: components["schemas"]["Link"][] | null;
             elevation?: components["schemas"]["Elevation"] | null;
@@ -1544,6 +1554,7 @@ export interface components {
                 requested_heating_power_w?: (number | null)[];
                 aircon_power_w?: (number | null)[];
                 climate_power_w?: (number | null)[];
+                bms_soc?: (number | null)[];
             };
         };
         UploadResponse: {
@@ -1709,9 +1720,11 @@ export type ViewResponse = components['schemas']['ViewResponse'];
 export type WeatherRequest = components['schemas']['WeatherRequest'];
 export type $defs = Record<string, never>;
 export interface operations {
-    forecast_v1_forecast_post: {
+    forecast: {
         parameters: {
-            query?: never;
+            query?: {
+                fields?: string | null;
+            };
             header?: never;
             path?: never;
             cookie?: never;
@@ -1732,9 +1745,11 @@ export interface operations {
             };
         };
     };
-    update_v1_forecast_update_post: {
+    update: {
         parameters: {
-            query?: never;
+            query?: {
+                fields?: string | null;
+            };
             header?: never;
             path?: never;
             cookie?: never;
@@ -1755,7 +1770,7 @@ export interface operations {
             };
         };
     };
-    difference_v1_forecast_difference_post: {
+    difference: {
         parameters: {
             query?: never;
             header?: never;
@@ -1778,7 +1793,7 @@ export interface operations {
             };
         };
     };
-    advice_v1_advice_post: {
+    advice: {
         parameters: {
             query?: never;
             header?: never;
@@ -1801,9 +1816,11 @@ export interface operations {
             };
         };
     };
-    batch_v1_forecast_batch_post: {
+    batch: {
         parameters: {
-            query?: never;
+            query?: {
+                fields?: string | null;
+            };
             header?: never;
             path?: never;
             cookie?: never;
@@ -1824,7 +1841,7 @@ export interface operations {
             };
         };
     };
-    route_v1_routes_post: {
+    route: {
         parameters: {
             query?: {
                 speed_m_s?: number | null;
@@ -1842,7 +1859,7 @@ export interface operations {
                 "text/csv": string;
                 "application/octet-stream": string;
                 "application/geo+json": Record<string, unknown>;
-                "application/json": Record<string, unknown> | unknown[];
+                "application/json": unknown;
             };
         };
         responses: {
@@ -1856,9 +1873,11 @@ export interface operations {
             };
         };
     };
-    plan_v1_journeys_post: {
+    plan: {
         parameters: {
-            query?: never;
+            query?: {
+                fields?: string | null;
+            };
             header?: never;
             path?: never;
             cookie?: never;
@@ -1879,9 +1898,11 @@ export interface operations {
             };
         };
     };
-    plan_v1_plan_post: {
+    plan_alias: {
         parameters: {
-            query?: never;
+            query?: {
+                fields?: string | null;
+            };
             header?: never;
             path?: never;
             cookie?: never;
@@ -1902,7 +1923,7 @@ export interface operations {
             };
         };
     };
-    journey_advice_v1_journeys_advice_post: {
+    journey_advice: {
         parameters: {
             query?: never;
             header?: never;
@@ -1925,7 +1946,7 @@ export interface operations {
             };
         };
     };
-    reach_v1_reachable_post: {
+    reach: {
         parameters: {
             query?: never;
             header?: never;
@@ -1948,7 +1969,7 @@ export interface operations {
             };
         };
     };
-    get_need_v1_need_get: {
+    get_need: {
         parameters: {
             query?: {
                 soc?: number | null;
@@ -1993,7 +2014,7 @@ export interface operations {
             };
         };
     };
-    get_range_v1_range_get: {
+    get_range: {
         parameters: {
             query?: {
                 soc?: number | null;
@@ -2033,7 +2054,7 @@ export interface operations {
             };
         };
     };
-    get_places_v1_places_get: {
+    get_places: {
         parameters: {
             query: {
                 q: string;
@@ -2055,7 +2076,7 @@ export interface operations {
             };
         };
     };
-    get_map_v1_map_get: {
+    get_map: {
         parameters: {
             query?: never;
             header?: never;
@@ -2074,7 +2095,7 @@ export interface operations {
             };
         };
     };
-    get_view_v1_map_view_get: {
+    get_view: {
         parameters: {
             query: {
                 south: number;
@@ -2099,7 +2120,7 @@ export interface operations {
             };
         };
     };
-    get_tile_v1_tiles__zoom___column___row__get: {
+    get_tile: {
         parameters: {
             query?: never;
             header?: never;
@@ -2122,7 +2143,7 @@ export interface operations {
             };
         };
     };
-    get_models_v1_models_get: {
+    get_models: {
         parameters: {
             query?: never;
             header?: never;
@@ -2141,7 +2162,7 @@ export interface operations {
             };
         };
     };
-    get_vehicles_v1_vehicles_get: {
+    get_vehicles: {
         parameters: {
             query?: {
                 search?: string | null;
@@ -2162,7 +2183,7 @@ export interface operations {
             };
         };
     };
-    describe_v1_vehicles_post: {
+    describe: {
         parameters: {
             query?: never;
             header?: never;
@@ -2185,7 +2206,7 @@ export interface operations {
             };
         };
     };
-    get_examples_v1_examples_get: {
+    get_examples: {
         parameters: {
             query?: never;
             header?: never;
@@ -2204,7 +2225,7 @@ export interface operations {
             };
         };
     };
-    get_example_v1_examples__trip__get: {
+    get_example: {
         parameters: {
             query?: never;
             header?: never;
@@ -2225,7 +2246,7 @@ export interface operations {
             };
         };
     };
-    healthz_healthz_get: {
+    healthz: {
         parameters: {
             query?: never;
             header?: never;
@@ -2244,7 +2265,7 @@ export interface operations {
             };
         };
     };
-    readyz_readyz_get: {
+    readyz: {
         parameters: {
             query?: never;
             header?: never;
@@ -2263,7 +2284,7 @@ export interface operations {
             };
         };
     };
-    get_metrics_metrics_get: {
+    get_metrics: {
         parameters: {
             query?: never;
             header?: never;
@@ -2282,9 +2303,11 @@ export interface operations {
             };
         };
     };
-    telemetry_v1_telemetry_post: {
+    telemetry: {
         parameters: {
-            query?: never;
+            query?: {
+                token?: string | null;
+            };
             header?: never;
             path?: never;
             cookie?: never;
@@ -2306,7 +2329,7 @@ export interface operations {
             };
         };
     };
-    list_live_v1_live_get: {
+    list_live: {
         parameters: {
             query?: never;
             header?: never;
@@ -2325,7 +2348,7 @@ export interface operations {
             };
         };
     };
-    get_live_v1_live__vehicle__get: {
+    get_live: {
         parameters: {
             query?: never;
             header?: never;
@@ -2346,7 +2369,7 @@ export interface operations {
             };
         };
     };
-    put_plan_v1_live__vehicle__plan_put: {
+    put_plan: {
         parameters: {
             query?: never;
             header?: never;
@@ -2371,7 +2394,7 @@ export interface operations {
             };
         };
     };
-    get_events_v1_live__vehicle__events_get: {
+    get_events: {
         parameters: {
             query?: never;
             header?: never;
@@ -2392,7 +2415,7 @@ export interface operations {
             };
         };
     };
-    list_cars_v1_cars_get: {
+    list_cars: {
         parameters: {
             query?: never;
             header?: never;
@@ -2411,7 +2434,7 @@ export interface operations {
             };
         };
     };
-    new_car_v1_cars_post: {
+    new_car: {
         parameters: {
             query?: never;
             header?: never;
@@ -2434,7 +2457,7 @@ export interface operations {
             };
         };
     };
-    get_car_v1_cars__car__get: {
+    get_car: {
         parameters: {
             query?: never;
             header?: never;
@@ -2455,7 +2478,7 @@ export interface operations {
             };
         };
     };
-    forget_car_v1_cars__car__delete: {
+    forget_car: {
         parameters: {
             query?: never;
             header?: never;
@@ -2476,7 +2499,7 @@ export interface operations {
             };
         };
     };
-    new_token_v1_cars__car__token_post: {
+    new_token: {
         parameters: {
             query?: never;
             header?: never;
@@ -2497,7 +2520,7 @@ export interface operations {
             };
         };
     };
-    put_file_v1_cars__car__uploads__upload___file__put: {
+    put_file: {
         parameters: {
             query?: never;
             header?: never;
@@ -2524,7 +2547,7 @@ export interface operations {
             };
         };
     };
-    read_logs_v1_cars__car__uploads__upload__post: {
+    read_logs: {
         parameters: {
             query?: never;
             header?: never;
@@ -2550,7 +2573,7 @@ export interface operations {
             };
         };
     };
-    learn_v1_cars__car__uploads__upload__learn_post: {
+    learn: {
         parameters: {
             query?: never;
             header?: never;
