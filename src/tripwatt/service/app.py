@@ -32,6 +32,7 @@ from tripwatt.service.advice_schemas import AdviceResponse, DifferenceDocument
 from tripwatt.service.answering import Answering, json_response
 from tripwatt.service.batching import LineSplitter, forecast_lines
 from tripwatt.service.car_operations import CarOperations
+from tripwatt.service.contract import Fields, only, tagged
 from tripwatt.service.example_requests import UPLOADS
 from tripwatt.service.journey_schemas import (
     JourneyAdviceRequest,
@@ -206,14 +207,14 @@ class Api:
         await self.pool.stop()
 
     @operation("POST /v1/forecast", "forecast", ForecastResponse, schemas.ForecastRequest)
-    async def forecast(self, request: Request) -> Response:
+    async def forecast(self, request: Request, fields: Fields = None) -> Response:
         """Forecast a trip from a speed trace or from the links of a planned route."""
-        return await self.answering.body_job(request, "forecast")
+        return await self.answering.body_job(request, "forecast", **only(fields))
 
     @operation("POST /v1/forecast/update", "forecast", ForecastResponse, schemas.UpdateRequest)
-    async def update(self, request: Request) -> Response:
+    async def update(self, request: Request, fields: Fields = None) -> Response:
         """Update the forecast of a trip with the samples measured so far."""
-        return await self.answering.body_job(request, "update")
+        return await self.answering.body_job(request, "update", **only(fields))
 
     @operation("POST /v1/forecast/difference", "forecast", DifferenceDocument, schemas.DifferenceRequest)
     async def difference(self, request: Request) -> Response:
@@ -233,7 +234,7 @@ class Api:
         only=(*COMMON_PROBLEMS, *BODY_PROBLEMS, "busy"),
         description="One ForecastResponse or ProblemDocument per line, in the order of the requests",
     )
-    async def batch(self, request: Request) -> Response:
+    async def batch(self, request: Request, fields: Fields = None) -> Response:
         """Forecast many trips: one request per line in, one forecast or problem per line out, in the same order."""
         require_accepts(request, NDJSON)
         limits = self.settings.limits
@@ -245,7 +246,7 @@ class Api:
         lines = splitter.lines()
         self._require_place_for_batch()  # another body may have been faster
         self.running_batches += 1
-        return BatchResponse(forecast_lines(lines, self.pool, self.metrics), self._end_batch)
+        return BatchResponse(forecast_lines(lines, self.pool, self.metrics, fields), self._end_batch)
 
     def _require_place_for_batch(self) -> None:
         if self.running_batches >= self.settings.limits.batches:
@@ -269,10 +270,10 @@ class Api:
         return await self.answering.job(request, "route", body, speed_m_s=speed)
 
     @operation("POST /v1/journeys", "journeys", PlanResponse, PlanRequest, alias="/v1/plan")
-    async def plan(self, request: Request) -> Response:
+    async def plan(self, request: Request, fields: Fields = None) -> Response:
         """Plan a journey: roads, their forecasts, the charge to leave with, a charging stop."""
         self._require_map()
-        return await self.answering.body_job(request, "plan")
+        return await self.answering.body_job(request, "plan", **only(fields))
 
     @operation("POST /v1/journeys/difference", "journeys", DifferenceDocument, JourneyDifferenceRequest)
     async def journey_difference(self, request: Request) -> Response:
@@ -324,7 +325,7 @@ class Api:
         """Return the roads, places and weather of the service."""
         return await self.answering.kept(request, "map")
 
-    @operation("GET /v1/map/view", "journeys", ViewResponse)
+    @operation("GET /v1/map/view", "journeys", ViewResponse, internal=True)
     async def get_view(
         self,
         request: Request,
@@ -342,6 +343,7 @@ class Api:
         "GET /v1/tiles/{zoom}/{column}/{row}",
         "journeys",
         {TILE: BINARY},
+        internal=True,
         description="The tile; empty without roads",
     )
     async def get_tile(
@@ -367,7 +369,7 @@ class Api:
     async def get_models(self, request: Request) -> Response:
         """List the models with their inputs, provenance and scores."""
         require_accepts(request, JSON)
-        return Response(self.models, media_type=JSON)
+        return tagged(request, self.models, JSON)
 
     @operation("POST /v1/vehicles", "library", schemas.DescribedVehicle, schemas.VehicleFigures)
     async def describe(self, request: Request) -> Response:
@@ -388,12 +390,14 @@ class Api:
             return await self.answering.job(request, "vehicles", search=search)
         return await self.answering.kept(request, "vehicles")
 
-    @operation("GET /v1/examples", "library", schemas.ExamplesResponse)
+    @operation("GET /v1/examples", "library", schemas.ExamplesResponse, internal=True)
     async def get_examples(self, request: Request) -> Response:
         """List synthetic trips as examples."""
         return await self.answering.kept(request, "examples")
 
-    @operation("GET /v1/examples/{trip}", "library", schemas.ExampleResponse, also=("not-found",))
+    @operation(
+        "GET /v1/examples/{trip}", "library", schemas.ExampleResponse, also=("not-found",), internal=True
+    )
     async def get_example(self, request: Request, trip: str) -> Response:
         """Return one synthetic trip: a request for a forecast, and the samples simulated for it."""
         return await self.answering.kept(request, "example", trip=trip)

@@ -19,6 +19,7 @@ from typing import Final
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from tripwatt.service.contract import DEPRECATED_SINCE
 from tripwatt.service.metrics import Metrics
 from tripwatt.service.problems import Problem
 from tripwatt.service.settings import Settings
@@ -233,6 +234,8 @@ class _RequestHandling:
     def _add_headers(self, message: Message) -> None:
         headers = MutableHeaders(scope=message)
         headers["X-Request-ID"] = self.request_id
+        if self.scope["state"].get("deprecated"):
+            headers["Deprecation"] = DEPRECATED_SINCE
         for name, value in SECURITY_HEADERS.items():
             headers[name] = value
         headers.setdefault("Cache-Control", "no-store")
