@@ -160,3 +160,21 @@ def test_a_repeated_request_is_done_once() -> None:
 
     asyncio.run(run())
     assert len(done) == 5
+
+
+def test_another_site_changes_nothing(service: Service, document: dict[str, Any]) -> None:
+    """Every operation that changes something; a program sends neither header, and the page those of its own origin."""
+    client, changing = service.client, set[tuple[str, str]]()
+    for path, of_path in document["paths"].items():
+        changing |= {(method, path) for method in of_path if method not in ("get", "head")}
+    assert len(changing) >= 18
+    foreign = ({"Sec-Fetch-Site": "cross-site"}, {"Sec-Fetch-Site": "same-site"}, {"Origin": "null"})
+    own = ({}, {"Origin": service.url}, {"Sec-Fetch-Site": "same-origin", "Origin": service.url})
+    for method, path in changing:
+        place = re.sub(r"\{\w+\}", "abcdefgh", path)
+        for headers in (*foreign, {"Origin": "https://evil.example"}):
+            refused = client.request(method, place, headers=headers)
+            assert (refused.status_code, refused.json()["type"]) == (403, "/problems/foreign-site"), path
+        assert all(client.request(method, place, headers=sent).status_code != 403 for sent in own), path
+        assert "403" in document["paths"][path][method]["responses"]
+    assert client.get("/v1/models", headers={"Sec-Fetch-Site": "cross-site"}).status_code == 200

@@ -15,13 +15,14 @@ import time
 from collections import OrderedDict
 from collections.abc import Callable
 from typing import Final
+from urllib.parse import urlsplit
 
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from tripwatt.service.contract import DEPRECATED_SINCE
 from tripwatt.service.metrics import Metrics
-from tripwatt.service.problems import Problem
+from tripwatt.service.problems import SAFE_METHODS, Problem
 from tripwatt.service.settings import Settings
 
 OPEN_PATHS: Final = ("/healthz", "/readyz")
@@ -35,6 +36,9 @@ CAR_TOKEN_PATHS: Final = ("/v1/telemetry",)
 
 VALID_REQUEST_ID: Final = re.compile(r"[A-Za-z0-9._-]{1,64}")
 KNOWN_METHODS: Final = frozenset({"GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS"})
+OWN_SITES: Final = ("same-origin", "none")
+"""Values of `Sec-Fetch-Site` of a request that the page of the service, or a person, made."""
+
 MAX_CLIENTS: Final = 10_000
 """Most clients with a token bucket; the least recently active ones are removed first."""
 
@@ -148,9 +152,11 @@ class ServiceMiddleware:
         Raises
         ------
         Problem
-            `host-not-served`, `too-many-requests` or `token-needed`.
+            `host-not-served`, `foreign-site`, `too-many-requests` or `token-needed`.
         """
         self._check_host(headers.getlist("host"))
+        if scope["method"] not in SAFE_METHODS:
+            _check_site(headers)
         path = scope["path"]
         if path in OPEN_PATHS:
             return
@@ -182,6 +188,17 @@ class ServiceMiddleware:
             raise Problem(
                 "token-needed", "Authorization: Bearer ...", headers={"WWW-Authenticate": challenge}
             )
+
+
+def _check_site(headers: Headers) -> None:
+    """Refuse what a page of another site makes a browser send; programs send neither header."""
+    site, origin = headers.get("sec-fetch-site"), headers.get("origin")
+    if site is not None:
+        is_foreign = site not in OWN_SITES
+    else:
+        is_foreign = origin is not None and urlsplit(origin).netloc.lower() != headers.get("host", "").lower()
+    if is_foreign:
+        raise Problem("foreign-site", "a page of another site sent the request")
 
 
 class _RequestHandling:

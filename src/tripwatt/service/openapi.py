@@ -14,7 +14,7 @@ from starlette.responses import Response
 
 from tripwatt.service.contract import known_parameters, mark_deprecated
 from tripwatt.service.example_requests import EXAMPLES
-from tripwatt.service.problems import MEDIA_TYPE, TITLES
+from tripwatt.service.problems import MEDIA_TYPE, SAFE_METHODS, TITLES
 from tripwatt.service.schemas import ProblemDocument
 
 DESCRIPTION: Final = """The service returns the same forecast as `tripwatt forecast --json`, with the same field names. The
@@ -93,6 +93,8 @@ class Operation:
         if self.takes:
             extra["requestBody"] = {"required": True, "content": _contents(self.takes)}
         kinds = self._kinds() if self.only is None else self.only
+        if self.method not in SAFE_METHODS:
+            kinds = (*kinds, "foreign-site")
         checks = known_parameters(handler, self.path) if "invalid-input" in kinds else []
         answer = {"description": self._description(), "content": _contents(self.answer)}
         for path in (self.path, self.alias):

@@ -24,11 +24,15 @@ IN_BODY: Final = re.compile(r"\w+(\.\w+|\[\d+\])*")
 OUTSIDE: Final = ("query.", "path.", "header.")
 """Places of faults: in a link, elsewhere in the body, and not in the body."""
 
+SAFE_METHODS: Final = frozenset({"GET", "HEAD", "OPTIONS"})
+"""Methods of requests that change nothing."""
+
 TITLES: Final[Mapping[str, tuple[int, str]]] = {
     "not-json": (400, "The body is not JSON"),
     "bad-request": (400, "The request is malformed"),
     "host-not-served": (400, "The host is not served"),
     "token-needed": (401, "A token is required"),
+    "foreign-site": (403, "Another site sent the request"),
     "not-found": (404, "The resource does not exist"),
     "no-such-car": (404, "The car does not exist"),
     "no-plan": (404, "The car has no plan"),
