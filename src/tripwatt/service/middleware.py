@@ -17,6 +17,7 @@ from collections.abc import Callable
 from typing import Final
 
 from starlette.datastructures import Headers, MutableHeaders
+from starlette.responses import RedirectResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from tripwatt.service.metrics import Metrics
@@ -139,6 +140,12 @@ class ServiceMiddleware:
         if scope["type"] != "http":
             await self.app(scope, receive, send)
             return
+        prefix, path = self.settings.prefix, scope["path"]
+        if prefix and path == prefix:  # the page asks for what is beside it
+            await RedirectResponse(f"{prefix}/", 308)(scope, receive, send)
+            return
+        if prefix and path.startswith(f"{prefix}/"):  # a proxy that takes it off is as good
+            scope = {**scope, "path": path.removeprefix(prefix)}
         await _RequestHandling(self, scope).run(receive, send)
 
     def check(self, scope: Scope, headers: Headers) -> None:
