@@ -16,24 +16,24 @@ from fastapi import Path as PathValue
 from fastapi.exceptions import RequestValidationError
 from prometheus_client import CONTENT_TYPE_LATEST
 from starlette.exceptions import HTTPException
+from starlette.middleware.cors import CORSMiddleware
 from starlette.middleware.gzip import GZipMiddleware
 from starlette.responses import StreamingResponse
 from starlette.routing import Route
 from starlette.staticfiles import StaticFiles
-from starlette.types import Receive, Scope, Send
+from starlette.types import ASGIApp, Receive, Scope, Send
 
 import tripwatt
 from tripwatt.errors import InvalidInput
-from tripwatt.forecasting import load_metadata, load_model
 from tripwatt.forecasting.document import ForecastResponse
-from tripwatt.forecasting.storage import DEFAULT_MODEL
 from tripwatt.service import schemas
 from tripwatt.service.advice_schemas import AdviceResponse, DifferenceDocument
 from tripwatt.service.answering import Answering, json_response
 from tripwatt.service.batching import LineSplitter, forecast_lines
 from tripwatt.service.car_operations import CarOperations
-from tripwatt.service.contract import Fields, only, tagged
+from tripwatt.service.contract import Fields, only
 from tripwatt.service.example_requests import UPLOADS
+from tripwatt.service.jobs import Jobs
 from tripwatt.service.journey_schemas import (
     JourneyAdviceRequest,
     JourneyDifferenceRequest,
@@ -57,7 +57,6 @@ from tripwatt.service.openapi import (
     BODY_PROBLEMS,
     COMMON_PROBLEMS,
     DESCRIPTION,
-    JSON,
     NDJSON,
     TEXT,
     TILE,
@@ -85,6 +84,10 @@ MIN_GZIP_BYTES: Final = 1000
 
 GZIP_LEVEL: Final = 4
 """Higher levels take longer and hardly shrink series of numbers further."""
+
+CORS_METHODS: Final = ("GET", "POST", "PUT", "DELETE")
+CORS_HEADERS: Final = ("Authorization", "Content-Type", "X-Request-ID")
+"""What a page of another origin may ask with, beside what a browser always lets pass."""
 
 MAX_ZOOM: Final = 22
 """Finest zoom of a tile, as maps have it."""
@@ -141,7 +144,7 @@ class BatchResponse(StreamingResponse):
             self.on_end = None
 
 
-def create_app(settings: Settings | None = None, log: Log = lambda **record: None) -> ServiceMiddleware:
+def create_app(settings: Settings | None = None, log: Log = lambda **record: None) -> ASGIApp:
     """Create the application; its workers start and stop with its lifespan.
 
     Parameters
@@ -158,7 +161,12 @@ def create_app(settings: Settings | None = None, log: Log = lambda **record: Non
     settings = settings or Settings()
     api = Api(settings, log)
     packed = GZipMiddleware(api.app, minimum_size=MIN_GZIP_BYTES, compresslevel=GZIP_LEVEL)
-    return ServiceMiddleware(packed, settings, api.metrics, log)
+    app = ServiceMiddleware(packed, settings, api.metrics, log)
+    if not settings.cors_origins:
+        return app
+    return CORSMiddleware(
+        app, settings.cors_origins, CORS_METHODS, CORS_HEADERS, expose_headers=["X-Request-ID", "Retry-After"]
+    )
 
 
 class Api:
@@ -183,7 +191,8 @@ class Api:
         self.metrics.lost.set_function(lambda: self.pool.lost)
         self.running_batches = 0
         self.answering = Answering(settings, self.pool, self.metrics)
-        self.models = _models_document(settings)
+        jobs = Jobs.from_folders(settings.models, settings.limits)  # raises faults before a worker starts
+        self.kept = self.answering.job if jobs.fleets else self.answering.kept
         self.live = LiveOperations(settings, self.pool, self.answering.read, log)
         self.cars = CarOperations(self.answering, lambda: self.live.cars, log_event)
         self.app: FastAPI = FastAPI(
@@ -193,6 +202,7 @@ class Api:
             description=DESCRIPTION,
             docs_url=None,  # the page of FastAPI loads scripts from another host
             redoc_url=None,
+            servers=[{"url": settings.prefix}] if settings.prefix else None,
             lifespan=self._lifespan,
         )
         add_handlers(self.app)
@@ -368,8 +378,7 @@ class Api:
     @operation("GET /v1/models", "library", schemas.ModelsResponse)
     async def get_models(self, request: Request) -> Response:
         """List the models with their inputs, provenance and scores."""
-        require_accepts(request, JSON)
-        return tagged(request, self.models, JSON)
+        return await self.kept(request, "models")
 
     @operation("POST /v1/vehicles", "library", schemas.DescribedVehicle, schemas.VehicleFigures)
     async def describe(self, request: Request) -> Response:
@@ -388,7 +397,7 @@ class Api:
         """List the cars of the library, or those that words find, and the models fitted on each."""
         if search is not None:
             return await self.answering.job(request, "vehicles", search=search)
-        return await self.answering.kept(request, "vehicles")
+        return await self.kept(request, "vehicles")
 
     @operation("GET /v1/examples", "library", schemas.ExamplesResponse, internal=True)
     async def get_examples(self, request: Request) -> Response:
@@ -471,16 +480,6 @@ def add_handlers(app: FastAPI) -> None:
     app.add_exception_handler(InvalidInput, on_invalid)
     app.add_exception_handler(HTTPException, on_http)
     app.add_exception_handler(RequestValidationError, on_parameters)
-
-
-def _models_document(settings: Settings) -> bytes:
-    """The response of `/v1/models`; loading the models here raises their faults before a worker starts."""
-    folders: dict[str, Path | None] = {**settings.models} or {DEFAULT_MODEL: None}
-    for folder in folders.values():
-        load_model(folder)
-    return orjson.dumps(
-        {"models": [{"name": name, **load_metadata(folder)} for name, folder in folders.items()]}
-    )
 
 
 if __name__ == "__main__":  # the OpenAPI document of a service with the model of the package

@@ -120,19 +120,22 @@ async def forecast_lines(
 
 
 async def _forecast_line(line: bytes, pool: WorkerPool, metrics: Metrics, job: dict[str, Any]) -> bytes:
-    most_bytes = pool.settings.limits.body_bytes
-    if len(line) > most_bytes:
-        metrics.trips.labels("refused").inc()
-        return _problem_line(Problem("too-large", f"at most {most_bytes} bytes per trip"))
+    """A forecast, or a problem document with the trip of the request as far as the line shows it."""
+    most_bytes, outcome = pool.settings.limits.body_bytes, "refused"
     try:
+        if len(line) > most_bytes:
+            raise Problem("too-large", f"at most {most_bytes} bytes per trip")
+        outcome = "failed"
         result = await pool.run(job, line, may_queue=True)
     except Problem as problem:
-        metrics.trips.labels("failed").inc()
-        return _problem_line(problem)
-    metrics.trips.labels("answered" if result.status == 200 else "refused").inc()
-    metrics.job_seconds.labels("batch").observe(result.seconds)
-    return result.content + b"\n"
-
-
-def _problem_line(problem: Problem) -> bytes:
-    return orjson.dumps(problem.document()) + b"\n"
+        document = problem.document()
+    else:
+        metrics.job_seconds.labels("batch").observe(result.seconds)
+        outcome = "answered" if result.status == 200 else "refused"
+        document = {} if result.status == 200 else orjson.loads(result.content)
+    metrics.trips.labels(outcome).inc()
+    if outcome == "answered":
+        return result.content + b"\n"
+    with contextlib.suppress(orjson.JSONDecodeError, AttributeError):
+        document["trip"] = orjson.loads(line if len(line) <= most_bytes else b"[]").get("trip", "trip")
+    return orjson.dumps(document) + b"\n"

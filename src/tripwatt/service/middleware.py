@@ -13,11 +13,12 @@ import re
 import secrets
 import time
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Final
 from urllib.parse import urlsplit
 
 from starlette.datastructures import Headers, MutableHeaders
+from starlette.responses import RedirectResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from tripwatt.service.contract import DEPRECATED_SINCE
@@ -144,6 +145,12 @@ class ServiceMiddleware:
         if scope["type"] != "http":
             await self.app(scope, receive, send)
             return
+        prefix, path = self.settings.prefix, scope["path"]
+        if prefix and path == prefix:  # the page asks for what is beside it
+            await RedirectResponse(f"{prefix}/", 308)(scope, receive, send)
+            return
+        if prefix and path.startswith(f"{prefix}/"):  # a proxy that takes it off is as good
+            scope = {**scope, "path": path.removeprefix(prefix)}
         await _RequestHandling(self, scope).run(receive, send)
 
     def check(self, scope: Scope, headers: Headers) -> None:
@@ -156,7 +163,7 @@ class ServiceMiddleware:
         """
         self._check_host(headers.getlist("host"))
         if scope["method"] not in SAFE_METHODS:
-            _check_site(headers)
+            _check_site(headers, self.settings.cors_origins)
         path = scope["path"]
         if path in OPEN_PATHS:
             return
@@ -190,9 +197,11 @@ class ServiceMiddleware:
             )
 
 
-def _check_site(headers: Headers) -> None:
-    """Refuse what a page of another site makes a browser send; programs send neither header."""
+def _check_site(headers: Headers, allowed: Sequence[str]) -> None:
+    """Refuse what a page of another site, whose origin is not allowed, makes a browser send; programs send neither header."""
     site, origin = headers.get("sec-fetch-site"), headers.get("origin")
+    if origin in allowed:
+        return
     if site is not None:
         is_foreign = site not in OWN_SITES
     else:

@@ -195,6 +195,10 @@ class CarRequest(StrictModel):
     """one of /v1/vehicles; default: the car of the model"""
     vehicle_figures: VehicleFigures | None = None
     """a car of your own in place of `vehicle`"""
+    vehicle_id: str | None = Field(None, max_length=100)
+    """of the model of a fleet: one of its vehicles, or with `vehicle` a new one"""
+    driver: str | None = Field(None, max_length=100)
+    """of the model of a fleet: who drives"""
 
 
 def asked(name: str, field: DepartureField) -> tuple[Any, Any]:
@@ -301,6 +305,8 @@ class ProblemDocument(ResponseModel):
     """all faults of the input"""
     more_faults: int | None = None
     """number of faults that are not listed"""
+    trip: str | None = None
+    """of a line of a batch: the trip of its request"""
 
 
 class VehicleSummary(ResponseModel):

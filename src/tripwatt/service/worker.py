@@ -77,7 +77,7 @@ def main() -> None:
     journeys = JourneyJobs.from_settings(first[0]["atlas"])
     folder = first[0].get("cars")
     cars = CarJobs(None if folder is None else Path(folder))
-    jobs = Jobs.from_folders(models, Limits(**first[0]["limits"]), journeys, cars)
+    jobs = Jobs.from_folders(models, Limits(**first[0]["limits"]), journeys, cars, log_json)
     jobs.warm_up()
     gc.collect()
     gc.freeze()
