@@ -1004,6 +1004,7 @@ def forecast_document(
     early, expected, late = forecast.empty_at_m
     least, middle, most = forecast.missing_wh
     energies_wh, charges = quantiles(forecast, QUANTILES)
+    chances = {f"{level:g}": forecast.p_arrive(level) for level in levels}
     return {
         "trip": forecast.plan.trip_id,
         "given": forecast.given,
@@ -1014,7 +1015,8 @@ def forecast_document(
         "wh_per_display": forecast.charge.wh_per_display,
         "empty_at_m": {"early": early, "expected": expected, "late": late},
         "missing_wh": {"least": least, "expected": middle, "most": most},
-        "p_arrive": {f"{level:g}": forecast.p_arrive(level) for level in levels},
+        "p_arrive_by_soc": chances,
+        "p_arrive": chances,
         "climb": climb_document(forecast, levels),
         "leave_with": None if probability is None else leave_document(forecast, reserve or 0.0, probability),
         "series": Series(**{name: values.tolist() for name, values in forecast._series().items()}),  # type: ignore[typeddict-item]

@@ -96,6 +96,6 @@ UPLOADS: Final[dict[str, dict[str, Any]]] = {
     "text/csv": {"schema": {"type": "string"}, "example": CSV},
     "application/octet-stream": {"schema": {"type": "string", "format": "binary"}},
     "application/geo+json": {"schema": {"type": "object"}, "example": GEOJSON},
-    "application/json": {"schema": {"type": ["object", "array"]}, "example": PLANNED_REQUEST["links"]},
+    "application/json": {"schema": {}, "example": PLANNED_REQUEST["links"]},
 }
 """Media type of the upload of a route -> its media type object."""

@@ -19,6 +19,7 @@ from tripwatt.advice import advise
 from tripwatt.advice.preheating import before_departure, need_before_departure
 from tripwatt.certification import describe_car
 from tripwatt.errors import Check, Fault, InvalidInput
+from tripwatt.fleet.registry import FollowedModel
 from tripwatt.forecasting import (
     Forecast,
     ForecastModel,
@@ -32,6 +33,7 @@ from tripwatt.routes import Track, is_links_table, parse_route, plan_from_route,
 from tripwatt.routes.link_objects import fields_of_route
 from tripwatt.service.car_jobs import CarJobs
 from tripwatt.service.car_schemas import LogsRequest, NewCarRequest
+from tripwatt.service.fleets import followed, is_registry, model_summary, vehicle_model
 from tripwatt.service.journey_schemas import (
     JourneyAdviceRequest,
     JourneyDifferenceRequest,
@@ -89,7 +91,7 @@ class Jobs:
     Attributes
     ----------
     models : mapping of str to ForecastModel
-        Models that requests may name; the first is the default.
+        Models of one car that requests may name; the first is the default.
     limits : Limits
     journeys : JourneyJobs
         The atlas of the service.
@@ -97,6 +99,10 @@ class Jobs:
         Models transferred to other cars, made when first used, by model and car.
     cars : CarJobs
         Cars whose models requests may name as well.
+    fleets : mapping of str to FollowedModel
+        Models of fleets that requests may name; without `models` the first is the default.
+    folders : mapping of str to Path
+        Of models and registries.
     """
 
     models: Mapping[str, ForecastModel]
@@ -106,6 +112,8 @@ class Jobs:
         default_factory=lambda: LRUCache(MOST_TRANSFERRED)
     )
     cars: CarJobs = field(default_factory=CarJobs)
+    fleets: Mapping[str, FollowedModel] = field(default_factory=dict)
+    folders: Mapping[str, Path] = field(default_factory=dict)
 
     @classmethod
     def from_folders(
@@ -114,25 +122,35 @@ class Jobs:
         limits: Limits,
         journeys: JourneyJobs | None = None,
         cars: CarJobs | None = None,
+        log: Callable[..., None] = lambda **record: None,
     ) -> Jobs:
         """Load the models.
 
         Parameters
         ----------
         folders : mapping of str to Path
-            Name -> folder; empty for the model of the package.
+            Name -> folder of a model or of a registry; empty for the model of the package.
         limits : Limits
         journeys : JourneyJobs, optional
         cars : CarJobs, optional
+        log : callable, optional
+            Called with what happened to the models of fleets as keywords.
         """
-        models = {name: load_model(folder) for name, folder in folders.items()}
-        models = models or {DEFAULT_MODEL: load_model()}
-        return cls(models, limits, journeys or JourneyJobs(), cars=cars or CarJobs())
+        fleets = {
+            name: followed(name, folder, log) for name, folder in folders.items() if is_registry(folder)
+        }
+        models = {name: load_model(folder) for name, folder in folders.items() if name not in fleets}
+        if not folders:
+            models = {DEFAULT_MODEL: load_model()}
+        return cls(
+            models, limits, journeys or JourneyJobs(), cars=cars or CarJobs(), fleets=fleets, folders=folders
+        )
 
     def warm_up(self) -> None:
         """Compute one forecast per model, so that the first request takes no longer than the others."""
         plan = plan_from_samples(example_trip(), "warm-up")
-        for model in self.models.values():
+        of_fleets = (vehicle_model(fleet.get(), {}) for fleet in self.fleets.values())
+        for model in (*self.models.values(), *of_fleets):
             model.forecast(plan).to_dict()
 
     def run(self, job: Mapping[str, Any], body: bytes) -> dict[str, Any] | bytes:
@@ -309,13 +327,13 @@ class Jobs:
     def _model(self, document: Mapping[str, Any]) -> Callable[[], ForecastModel]:
         """What gives the model of a request for its car; model and car are checked here, and transferred there."""
         name, vehicle = document.get("model"), document.get("vehicle")
-        name = next(iter(self.models)) if name is None else name
+        name = next(iter((*self.models, *self.fleets))) if name is None else name
         label, fitted = name, self.models.get(name) if isinstance(name, str) else None
         faults: list[Fault] = []
-        if isinstance(name, str) and fitted is None:
+        if isinstance(name, str) and name not in self.fleets and fitted is None:
             label, fitted = self.cars.model(name) or (name, None)
             if fitted is None:
-                faults.append(_unknown("model", name, [*self.models, *self.cars.names()]))
+                faults.append(_unknown("model", name, [*self.models, *self.fleets, *self.cars.names()]))
         # only names of the library, never a path of a file
         measured = (model.vehicle.name for model in (*self.models.values(), fitted) if model is not None)
         if isinstance(vehicle, str) and vehicle not in (*vehicle_names(), *measured):
@@ -323,6 +341,12 @@ class Jobs:
                 require_vehicle(vehicle)
             except InvalidInput as error:
                 faults += error.faults
+        if not faults and name in self.fleets:
+            own = vehicle_model(self.fleets[name].get(), document)
+            return lambda: own
+        if fitted is not None and (document.get("vehicle_id") or document.get("driver")) is not None:
+            got, allowed = f"a model of one car, {name}", "the model of a fleet"
+            faults.append(Fault("no fleet", "vehicle_id, driver", got, allowed))
         if faults or fitted is None or not isinstance(vehicle, str | None):
             raise InvalidInput(faults)  # another type is a fault of its field
         figures = document.get("vehicle_figures")
@@ -338,10 +362,10 @@ class Jobs:
         car = vehicle if described is None else describe(described)
 
         def transferred() -> ForecastModel:
-            own = for_car(fitted, car)
-            if own is not fitted:
-                self.transferred[key] = own
-            return own
+            moved = for_car(fitted, car)
+            if moved is not fitted:
+                self.transferred[key] = moved
+            return moved
 
         return transferred
 
@@ -352,7 +376,7 @@ class Jobs:
     def new_car(self, body: bytes) -> dict[str, Any]:
         """Make the car of a `NewCarRequest`, and return it."""
         request = check_request(parse_json(body), NewCarRequest)
-        if request.name in self.models:
+        if request.name in (*self.models, *self.fleets):
             got = f"{request.name}"
             raise InvalidInput.of("name is taken", "name", got, "another name: a model of the service has it")
         if (request.vehicle is None) == (request.vehicle_figures is None):
@@ -415,14 +439,25 @@ class Jobs:
             "notes": [flag_to_dict(flag) for flag in flags],
         }
 
+    def summaries(self) -> dict[str, Any]:
+        """Return the models with their inputs, provenance and scores; the first is the default."""
+        names = (*self.models, *self.fleets)
+        return {
+            "models": [
+                {"name": name, **model_summary(self.folders.get(name), self.fleets.get(name))}
+                for name in names
+            ]
+        }
+
     def vehicles(self, search: str | None = None) -> dict[str, Any]:
         """Return the cars of the library, or those that words find, each with the models fitted on its trips."""
-        cars = {name: model.vehicle.name for name, model in self.models.items()}
+        cars = {name: {model.vehicle.name} for name, model in self.models.items()}
+        cars |= {name: {*fleet.get().vehicles().values()} for name, fleet in self.fleets.items()}
         by_name = {row["name"]: row for row in vehicles()}
         names = tuple(by_name) if search is None else find_vehicles(search)
         return {
             "vehicles": [
-                {**by_name[name], "models": [model for model, car in cars.items() if car == name]}
+                {**by_name[name], "models": [model for model, its in cars.items() if name in its]}
                 for name in names
             ]
         }
@@ -469,6 +504,7 @@ JOB_KINDS: Final[Mapping[str, Callable[[Jobs, Mapping[str, Any], bytes], dict[st
     "map": lambda jobs, job, body: jobs.journeys.describe(),
     "tile": lambda jobs, job, body: jobs.journeys.tile(job["zoom"], job["column"], job["row"]),
     "view": lambda jobs, job, body: jobs.journeys.view(job["bounds_deg"], job["limit"]),
+    "models": lambda jobs, job, body: jobs.summaries(),
     "vehicles": lambda jobs, job, body: jobs.vehicles(job.get("search")),
     "describe": lambda jobs, job, body: jobs.describe(body),
     "examples": lambda jobs, job, body: example_summaries(),

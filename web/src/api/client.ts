@@ -37,7 +37,7 @@ export function setTokenProvider(provider: TokenProvider): void {
 }
 
 async function problemOf(response: Response): Promise<Problem> {
-  const plain = { type: FAILED, title: response.statusText, status: response.status, detail: "" };
+  const plain: Problem = { type: FAILED, title: response.statusText, status: response.status, detail: "" };
   if (!response.headers.get("content-type")?.includes("json")) return plain;
   return { ...plain, ...((await response.json()) as Partial<Problem>) };
 }

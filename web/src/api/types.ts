@@ -10,7 +10,7 @@ export interface paths {
         };
         get?: never;
         put?: never;
-        post: operations["forecast_v1_forecast_post"];
+        post: operations["forecast"];
         delete?: never;
         options?: never;
         head?: never;
@@ -26,7 +26,7 @@ export interface paths {
         };
         get?: never;
         put?: never;
-        post: operations["update_v1_forecast_update_post"];
+        post: operations["update"];
         delete?: never;
         options?: never;
         head?: never;
@@ -42,7 +42,7 @@ export interface paths {
         };
         get?: never;
         put?: never;
-        post: operations["difference_v1_forecast_difference_post"];
+        post: operations["difference"];
         delete?: never;
         options?: never;
         head?: never;
@@ -58,7 +58,7 @@ export interface paths {
         };
         get?: never;
         put?: never;
-        post: operations["advice_v1_advice_post"];
+        post: operations["advice"];
         delete?: never;
         options?: never;
         head?: never;
@@ -74,7 +74,7 @@ export interface paths {
         };
         get?: never;
         put?: never;
-        post: operations["batch_v1_forecast_batch_post"];
+        post: operations["batch"];
         delete?: never;
         options?: never;
         head?: never;
@@ -90,7 +90,7 @@ export interface paths {
         };
         get?: never;
         put?: never;
-        post: operations["route_v1_routes_post"];
+        post: operations["route"];
         delete?: never;
         options?: never;
         head?: never;
@@ -106,7 +106,7 @@ export interface paths {
         };
         get?: never;
         put?: never;
-        post: operations["plan_v1_journeys_post"];
+        post: operations["plan"];
         delete?: never;
         options?: never;
         head?: never;
@@ -123,7 +123,7 @@ export interface paths {
         get?: never;
         put?: never;
         /** @deprecated */
-        post: operations["plan_v1_plan_post"];
+        post: operations["plan_alias"];
         delete?: never;
         options?: never;
         head?: never;
@@ -139,7 +139,7 @@ export interface paths {
         };
         get?: never;
         put?: never;
-        post: operations["journey_difference_v1_journeys_difference_post"];
+        post: operations["journey_difference"];
         delete?: never;
         options?: never;
         head?: never;
@@ -155,7 +155,7 @@ export interface paths {
         };
         get?: never;
         put?: never;
-        post: operations["journey_advice_v1_journeys_advice_post"];
+        post: operations["journey_advice"];
         delete?: never;
         options?: never;
         head?: never;
@@ -171,7 +171,7 @@ export interface paths {
         };
         get?: never;
         put?: never;
-        post: operations["reach_v1_reachable_post"];
+        post: operations["reach"];
         delete?: never;
         options?: never;
         head?: never;
@@ -185,7 +185,7 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        get: operations["get_need_v1_need_get"];
+        get: operations["get_need"];
         put?: never;
         post?: never;
         delete?: never;
@@ -201,7 +201,7 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        get: operations["get_range_v1_range_get"];
+        get: operations["get_range"];
         put?: never;
         post?: never;
         delete?: never;
@@ -217,7 +217,7 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        get: operations["get_places_v1_places_get"];
+        get: operations["get_places"];
         put?: never;
         post?: never;
         delete?: never;
@@ -233,7 +233,7 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        get: operations["get_map_v1_map_get"];
+        get: operations["get_map"];
         put?: never;
         post?: never;
         delete?: never;
@@ -249,7 +249,7 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        get: operations["get_view_v1_map_view_get"];
+        get: operations["get_view"];
         put?: never;
         post?: never;
         delete?: never;
@@ -265,7 +265,7 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        get: operations["get_tile_v1_tiles__zoom___column___row__get"];
+        get: operations["get_tile"];
         put?: never;
         post?: never;
         delete?: never;
@@ -281,7 +281,7 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        get: operations["get_models_v1_models_get"];
+        get: operations["get_models"];
         put?: never;
         post?: never;
         delete?: never;
@@ -297,9 +297,9 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        get: operations["get_vehicles_v1_vehicles_get"];
+        get: operations["get_vehicles"];
         put?: never;
-        post: operations["describe_v1_vehicles_post"];
+        post: operations["describe"];
         delete?: never;
         options?: never;
         head?: never;
@@ -313,7 +313,7 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        get: operations["get_examples_v1_examples_get"];
+        get: operations["get_examples"];
         put?: never;
         post?: never;
         delete?: never;
@@ -329,7 +329,7 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        get: operations["get_example_v1_examples__trip__get"];
+        get: operations["get_example"];
         put?: never;
         post?: never;
         delete?: never;
@@ -345,7 +345,7 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        get: operations["healthz_healthz_get"];
+        get: operations["healthz"];
         put?: never;
         post?: never;
         delete?: never;
@@ -361,7 +361,7 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        get: operations["readyz_readyz_get"];
+        get: operations["readyz"];
         put?: never;
         post?: never;
         delete?: never;
@@ -377,7 +377,7 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        get: operations["get_metrics_metrics_get"];
+        get: operations["get_metrics"];
         put?: never;
         post?: never;
         delete?: never;
@@ -395,7 +395,7 @@ export interface paths {
         };
         get?: never;
         put?: never;
-        post: operations["telemetry_v1_telemetry_post"];
+        post: operations["telemetry"];
         delete?: never;
         options?: never;
         head?: never;
@@ -409,7 +409,7 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        get: operations["list_live_v1_live_get"];
+        get: operations["list_live"];
         put?: never;
         post?: never;
         delete?: never;
@@ -425,7 +425,7 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        get: operations["get_live_v1_live__vehicle__get"];
+        get: operations["get_live"];
         put?: never;
         post?: never;
         delete?: never;
@@ -442,7 +442,7 @@ export interface paths {
             cookie?: never;
         };
         get?: never;
-        put: operations["put_plan_v1_live__vehicle__plan_put"];
+        put: operations["put_plan"];
         post?: never;
         delete?: never;
         options?: never;
@@ -457,7 +457,7 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        get: operations["get_events_v1_live__vehicle__events_get"];
+        get: operations["get_events"];
         put?: never;
         post?: never;
         delete?: never;
@@ -473,9 +473,9 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        get: operations["list_cars_v1_cars_get"];
+        get: operations["list_cars"];
         put?: never;
-        post: operations["new_car_v1_cars_post"];
+        post: operations["new_car"];
         delete?: never;
         options?: never;
         head?: never;
@@ -489,10 +489,10 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        get: operations["get_car_v1_cars__car__get"];
+        get: operations["get_car"];
         put?: never;
         post?: never;
-        delete: operations["forget_car_v1_cars__car__delete"];
+        delete: operations["forget_car"];
         options?: never;
         head?: never;
         patch?: never;
@@ -507,7 +507,7 @@ export interface paths {
         };
         get?: never;
         put?: never;
-        post: operations["new_token_v1_cars__car__token_post"];
+        post: operations["new_token"];
         delete?: never;
         options?: never;
         head?: never;
@@ -522,7 +522,7 @@ export interface paths {
             cookie?: never;
         };
         get?: never;
-        put: operations["put_file_v1_cars__car__uploads__upload___file__put"];
+        put: operations["put_file"];
         post?: never;
         delete?: never;
         options?: never;
@@ -539,7 +539,7 @@ export interface paths {
         };
         get?: never;
         put?: never;
-        post: operations["read_logs_v1_cars__car__uploads__upload__post"];
+        post: operations["read_logs"];
         delete?: never;
         options?: never;
         head?: never;
@@ -555,7 +555,7 @@ export interface paths {
         };
         get?: never;
         put?: never;
-        post: operations["learn_v1_cars__car__uploads__upload__learn_post"];
+        post: operations["learn"];
         delete?: never;
         options?: never;
         head?: never;
@@ -613,6 +613,7 @@ export interface components {
                 requested_heating_power_w?: (number | null)[];
                 aircon_power_w?: (number | null)[];
                 climate_power_w?: (number | null)[];
+                bms_soc?: (number | null)[];
             } | null;
             links?: components["schemas"]["Link"][] | null;
             elevation?: components["schemas"]["Elevation"] | null;
@@ -922,6 +923,7 @@ export interface components {
                 requested_heating_power_w?: (number | null)[];
                 aircon_power_w?: (number | null)[];
                 climate_power_w?: (number | null)[];
+                bms_soc?: (number | null)[];
             } | null;
             links?: components["schemas"]["Link"][] | null;
             elevation?: components["schemas"]["Elevation"] | null;
@@ -942,6 +944,10 @@ export interface components {
             empty_at_m: components["schemas"]["EmptyAt"];
             missing_wh: components["schemas"]["Missing"];
             wh_per_display: number;
+            p_arrive_by_soc: {
+                [key: string]: number;
+            };
+            /** @deprecated */
             p_arrive: {
                 [key: string]: number;
             };
@@ -1138,6 +1144,7 @@ export interface components {
                 requested_heating_power_w?: (number | null)[];
                 aircon_power_w?: (number | null)[];
                 climate_power_w?: (number | null)[];
+                bms_soc?: (number | null)[];
             } | null;
             links?: components["schemas"]["Link"][] | null;
             elevation?: components["schemas"]["Elevation"] | null;
@@ -1382,7 +1389,8 @@ export interface components {
             saved_wh: number;
         };
         ProblemDocument: {
-            type: string;
+            /** @enum {string} */
+            type: "/problems/not-json" | "/problems/bad-request" | "/problems/host-not-served" | "/problems/token-needed" | "/problems/not-found" | "/problems/no-such-car" | "/problems/no-plan" | "/problems/method-not-allowed" | "/problems/not-acceptable" | "/problems/body-late" | "/problems/too-large" | "/problems/media-type" | "/problems/invalid-input" | "/problems/key-used" | "/problems/head-too-large" | "/problems/too-many-requests" | "/problems/internal" | "/problems/no-map" | "/problems/no-live" | "/problems/remote" | "/problems/busy" | "/problems/timeout";
             title: string;
             status: number;
             detail?: string | null;
@@ -1393,6 +1401,7 @@ export interface components {
         ProblemFault: {
             what: string;
             where: string;
+            pointer?: string | null;
             got?: string | null;
             allowed?: string | null;
             fix?: string | null;
@@ -1572,6 +1581,7 @@ export interface components {
                 requested_heating_power_w?: (number | null)[];
                 aircon_power_w?: (number | null)[];
                 climate_power_w?: (number | null)[];
+                bms_soc?: (number | null)[];
             } | null;
             links?: components["schemas"]["Link"][] | null;
             elevation?: components["schemas"]["Elevation"] | null;
@@ -1596,6 +1606,7 @@ export interface components {
                 requested_heating_power_w?: (number | null)[];
                 aircon_power_w?: (number | null)[];
                 climate_power_w?: (number | null)[];
+                bms_soc?: (number | null)[];
             };
         };
         UploadResponse: {
@@ -1769,9 +1780,11 @@ export type WeatherRequest = components['schemas']['WeatherRequest'];
 export type WholeDocument = components['schemas']['WholeDocument'];
 export type $defs = Record<string, never>;
 export interface operations {
-    forecast_v1_forecast_post: {
+    forecast: {
         parameters: {
-            query?: never;
+            query?: {
+                fields?: string | null;
+            };
             header?: never;
             path?: never;
             cookie?: never;
@@ -1792,9 +1805,11 @@ export interface operations {
             };
         };
     };
-    update_v1_forecast_update_post: {
+    update: {
         parameters: {
-            query?: never;
+            query?: {
+                fields?: string | null;
+            };
             header?: never;
             path?: never;
             cookie?: never;
@@ -1815,7 +1830,7 @@ export interface operations {
             };
         };
     };
-    difference_v1_forecast_difference_post: {
+    difference: {
         parameters: {
             query?: never;
             header?: never;
@@ -1838,7 +1853,7 @@ export interface operations {
             };
         };
     };
-    advice_v1_advice_post: {
+    advice: {
         parameters: {
             query?: never;
             header?: never;
@@ -1861,9 +1876,11 @@ export interface operations {
             };
         };
     };
-    batch_v1_forecast_batch_post: {
+    batch: {
         parameters: {
-            query?: never;
+            query?: {
+                fields?: string | null;
+            };
             header?: never;
             path?: never;
             cookie?: never;
@@ -1884,7 +1901,7 @@ export interface operations {
             };
         };
     };
-    route_v1_routes_post: {
+    route: {
         parameters: {
             query?: {
                 speed_m_s?: number | null;
@@ -1902,7 +1919,7 @@ export interface operations {
                 "text/csv": string;
                 "application/octet-stream": string;
                 "application/geo+json": Record<string, unknown>;
-                "application/json": Record<string, unknown> | unknown[];
+                "application/json": unknown;
             };
         };
         responses: {
@@ -1916,9 +1933,11 @@ export interface operations {
             };
         };
     };
-    plan_v1_journeys_post: {
+    plan: {
         parameters: {
-            query?: never;
+            query?: {
+                fields?: string | null;
+            };
             header?: never;
             path?: never;
             cookie?: never;
@@ -1939,9 +1958,11 @@ export interface operations {
             };
         };
     };
-    plan_v1_plan_post: {
+    plan_alias: {
         parameters: {
-            query?: never;
+            query?: {
+                fields?: string | null;
+            };
             header?: never;
             path?: never;
             cookie?: never;
@@ -1962,7 +1983,7 @@ export interface operations {
             };
         };
     };
-    journey_difference_v1_journeys_difference_post: {
+    journey_difference: {
         parameters: {
             query?: never;
             header?: never;
@@ -1985,7 +2006,7 @@ export interface operations {
             };
         };
     };
-    journey_advice_v1_journeys_advice_post: {
+    journey_advice: {
         parameters: {
             query?: never;
             header?: never;
@@ -2008,7 +2029,7 @@ export interface operations {
             };
         };
     };
-    reach_v1_reachable_post: {
+    reach: {
         parameters: {
             query?: never;
             header?: never;
@@ -2031,7 +2052,7 @@ export interface operations {
             };
         };
     };
-    get_need_v1_need_get: {
+    get_need: {
         parameters: {
             query?: {
                 soc?: number | null;
@@ -2078,7 +2099,7 @@ export interface operations {
             };
         };
     };
-    get_range_v1_range_get: {
+    get_range: {
         parameters: {
             query?: {
                 soc?: number | null;
@@ -2119,7 +2140,7 @@ export interface operations {
             };
         };
     };
-    get_places_v1_places_get: {
+    get_places: {
         parameters: {
             query: {
                 q: string;
@@ -2141,7 +2162,7 @@ export interface operations {
             };
         };
     };
-    get_map_v1_map_get: {
+    get_map: {
         parameters: {
             query?: never;
             header?: never;
@@ -2160,7 +2181,7 @@ export interface operations {
             };
         };
     };
-    get_view_v1_map_view_get: {
+    get_view: {
         parameters: {
             query: {
                 south: number;
@@ -2185,7 +2206,7 @@ export interface operations {
             };
         };
     };
-    get_tile_v1_tiles__zoom___column___row__get: {
+    get_tile: {
         parameters: {
             query?: never;
             header?: never;
@@ -2208,7 +2229,7 @@ export interface operations {
             };
         };
     };
-    get_models_v1_models_get: {
+    get_models: {
         parameters: {
             query?: never;
             header?: never;
@@ -2227,7 +2248,7 @@ export interface operations {
             };
         };
     };
-    get_vehicles_v1_vehicles_get: {
+    get_vehicles: {
         parameters: {
             query?: {
                 search?: string | null;
@@ -2248,7 +2269,7 @@ export interface operations {
             };
         };
     };
-    describe_v1_vehicles_post: {
+    describe: {
         parameters: {
             query?: never;
             header?: never;
@@ -2271,7 +2292,7 @@ export interface operations {
             };
         };
     };
-    get_examples_v1_examples_get: {
+    get_examples: {
         parameters: {
             query?: never;
             header?: never;
@@ -2290,7 +2311,7 @@ export interface operations {
             };
         };
     };
-    get_example_v1_examples__trip__get: {
+    get_example: {
         parameters: {
             query?: never;
             header?: never;
@@ -2311,7 +2332,7 @@ export interface operations {
             };
         };
     };
-    healthz_healthz_get: {
+    healthz: {
         parameters: {
             query?: never;
             header?: never;
@@ -2330,7 +2351,7 @@ export interface operations {
             };
         };
     };
-    readyz_readyz_get: {
+    readyz: {
         parameters: {
             query?: never;
             header?: never;
@@ -2349,7 +2370,7 @@ export interface operations {
             };
         };
     };
-    get_metrics_metrics_get: {
+    get_metrics: {
         parameters: {
             query?: never;
             header?: never;
@@ -2368,9 +2389,11 @@ export interface operations {
             };
         };
     };
-    telemetry_v1_telemetry_post: {
+    telemetry: {
         parameters: {
-            query?: never;
+            query?: {
+                token?: string | null;
+            };
             header?: never;
             path?: never;
             cookie?: never;
@@ -2392,7 +2415,7 @@ export interface operations {
             };
         };
     };
-    list_live_v1_live_get: {
+    list_live: {
         parameters: {
             query?: never;
             header?: never;
@@ -2411,7 +2434,7 @@ export interface operations {
             };
         };
     };
-    get_live_v1_live__vehicle__get: {
+    get_live: {
         parameters: {
             query?: never;
             header?: never;
@@ -2432,7 +2455,7 @@ export interface operations {
             };
         };
     };
-    put_plan_v1_live__vehicle__plan_put: {
+    put_plan: {
         parameters: {
             query?: never;
             header?: never;
@@ -2457,7 +2480,7 @@ export interface operations {
             };
         };
     };
-    get_events_v1_live__vehicle__events_get: {
+    get_events: {
         parameters: {
             query?: never;
             header?: never;
@@ -2478,7 +2501,7 @@ export interface operations {
             };
         };
     };
-    list_cars_v1_cars_get: {
+    list_cars: {
         parameters: {
             query?: never;
             header?: never;
@@ -2497,7 +2520,7 @@ export interface operations {
             };
         };
     };
-    new_car_v1_cars_post: {
+    new_car: {
         parameters: {
             query?: never;
             header?: never;
@@ -2520,7 +2543,7 @@ export interface operations {
             };
         };
     };
-    get_car_v1_cars__car__get: {
+    get_car: {
         parameters: {
             query?: never;
             header?: never;
@@ -2541,7 +2564,7 @@ export interface operations {
             };
         };
     };
-    forget_car_v1_cars__car__delete: {
+    forget_car: {
         parameters: {
             query?: never;
             header?: never;
@@ -2562,7 +2585,7 @@ export interface operations {
             };
         };
     };
-    new_token_v1_cars__car__token_post: {
+    new_token: {
         parameters: {
             query?: never;
             header?: never;
@@ -2583,7 +2606,7 @@ export interface operations {
             };
         };
     };
-    put_file_v1_cars__car__uploads__upload___file__put: {
+    put_file: {
         parameters: {
             query?: never;
             header?: never;
@@ -2610,7 +2633,7 @@ export interface operations {
             };
         };
     };
-    read_logs_v1_cars__car__uploads__upload__post: {
+    read_logs: {
         parameters: {
             query?: never;
             header?: never;
@@ -2636,7 +2659,7 @@ export interface operations {
             };
         };
     };
-    learn_v1_cars__car__uploads__upload__learn_post: {
+    learn: {
         parameters: {
             query?: never;
             header?: never;
