@@ -579,6 +579,8 @@ export interface components {
             model?: string | null;
             vehicle?: string | null;
             vehicle_figures?: components["schemas"]["VehicleFigures"] | null;
+            vehicle_id?: string | null;
+            driver?: string | null;
             soc?: number | null;
             ambient_temperature_degc?: number | null;
             cabin_setpoint_degc?: number | null;
@@ -889,6 +891,8 @@ export interface components {
             model?: string | null;
             vehicle?: string | null;
             vehicle_figures?: components["schemas"]["VehicleFigures"] | null;
+            vehicle_id?: string | null;
+            driver?: string | null;
             soc?: number | null;
             ambient_temperature_degc?: number | null;
             cabin_setpoint_degc?: number | null;
@@ -972,6 +976,8 @@ export interface components {
             model?: string | null;
             vehicle?: string | null;
             vehicle_figures?: components["schemas"]["VehicleFigures"] | null;
+            vehicle_id?: string | null;
+            driver?: string | null;
             soc?: number | null;
             ambient_temperature_degc?: number | null;
             cabin_setpoint_degc?: number | null;
@@ -1110,6 +1116,8 @@ export interface components {
             model?: string | null;
             vehicle?: string | null;
             vehicle_figures?: components["schemas"]["VehicleFigures"] | null;
+            vehicle_id?: string | null;
+            driver?: string | null;
             soc?: number | null;
             ambient_temperature_degc?: number | null;
             cabin_setpoint_degc?: number | null;
@@ -1327,6 +1335,8 @@ export interface components {
             model?: string | null;
             vehicle?: string | null;
             vehicle_figures?: components["schemas"]["VehicleFigures"] | null;
+            vehicle_id?: string | null;
+            driver?: string | null;
             soc?: number | null;
             ambient_temperature_degc?: number | null;
             cabin_setpoint_degc?: number | null;
@@ -1390,13 +1400,14 @@ export interface components {
         };
         ProblemDocument: {
             /** @enum {string} */
-            type: "/problems/not-json" | "/problems/bad-request" | "/problems/host-not-served" | "/problems/token-needed" | "/problems/not-found" | "/problems/no-such-car" | "/problems/no-plan" | "/problems/method-not-allowed" | "/problems/not-acceptable" | "/problems/body-late" | "/problems/too-large" | "/problems/media-type" | "/problems/invalid-input" | "/problems/key-used" | "/problems/head-too-large" | "/problems/too-many-requests" | "/problems/internal" | "/problems/no-map" | "/problems/no-live" | "/problems/remote" | "/problems/busy" | "/problems/timeout";
+            type: "/problems/not-json" | "/problems/bad-request" | "/problems/host-not-served" | "/problems/token-needed" | "/problems/foreign-site" | "/problems/not-found" | "/problems/no-such-car" | "/problems/no-plan" | "/problems/method-not-allowed" | "/problems/not-acceptable" | "/problems/body-late" | "/problems/too-large" | "/problems/media-type" | "/problems/invalid-input" | "/problems/key-used" | "/problems/head-too-large" | "/problems/too-many-requests" | "/problems/internal" | "/problems/no-map" | "/problems/no-live" | "/problems/remote" | "/problems/busy" | "/problems/timeout";
             title: string;
             status: number;
             detail?: string | null;
             instance?: string | null;
             faults?: components["schemas"]["ProblemFault"][] | null;
             more_faults?: number | null;
+            trip?: string | null;
         };
         ProblemFault: {
             what: string;
@@ -1419,6 +1430,8 @@ export interface components {
             model?: string | null;
             vehicle?: string | null;
             vehicle_figures?: components["schemas"]["VehicleFigures"] | null;
+            vehicle_id?: string | null;
+            driver?: string | null;
             soc?: number | null;
             ambient_temperature_degc?: number | null;
             cabin_setpoint_degc?: number | null;
@@ -1547,6 +1560,8 @@ export interface components {
             model?: string | null;
             vehicle?: string | null;
             vehicle_figures?: components["schemas"]["VehicleFigures"] | null;
+            vehicle_id?: string | null;
+            driver?: string | null;
             soc?: number | null;
             ambient_temperature_degc?: number | null;
             cabin_setpoint_degc?: number | null;
