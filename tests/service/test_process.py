@@ -102,7 +102,7 @@ def test_models_are_named_after_their_folders(tmp_path: Path) -> None:
     (tmp_path / "two").symlink_to(model_folder())
     assert list(models_of([f"{tmp_path / 'two'}"], None)) == [model_folder().name]
     with pytest.raises(InvalidInput, match="duplicate model name"):
-        models_of([tmp_path / "one", tmp_path / "two"], None)
+        models_of([f"{tmp_path / 'one'}", f"{tmp_path / 'two'}"], None)
     with pytest.raises(InvalidInput, match="no models"):
         models_of([], tmp_path / "nowhere")
 

@@ -283,7 +283,12 @@ class Jobs:
             raise InvalidInput.of("two cars", "car", "a model or vehicle too", "one of them")
         car: dict[str, Any] = {"model": request.car or request.model, "vehicle": request.vehicle}
         if given is not None:
-            figures = check_request(parse_json(given.encode(), "vehicle_figures: "), VehicleFigures)
+            try:
+                figures = check_request(orjson.loads(given), VehicleFigures)
+            except orjson.JSONDecodeError as error:
+                raise InvalidInput.of(
+                    "not JSON", "query.vehicle_figures", f"{error}"[:80], "an object"
+                ) from error
             car["vehicle_figures"] = figures.model_dump()
         return self.model_of(car)
 
@@ -341,7 +346,7 @@ class Jobs:
                 require_vehicle(vehicle)
             except InvalidInput as error:
                 faults += error.faults
-        if not faults and name in self.fleets:
+        if not faults and isinstance(name, str) and name in self.fleets:
             own = vehicle_model(self.fleets[name].get(), document)
             return lambda: own
         if fitted is not None and (document.get("vehicle_id") or document.get("driver")) is not None:

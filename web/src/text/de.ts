@@ -819,6 +819,8 @@ const de: Text = {
       "bad-request": "Die Anfrage ist ungültig",
       "host-not-served": "Der Dienst bedient diesen Hostnamen nicht",
       "token-needed": "Token erforderlich",
+      "foreign-site": "Eine andere Website hat die Anfrage gestellt",
+      "key-used": "Der Idempotency-Key kam schon mit einer anderen Anfrage",
       "not-found": "Nicht gefunden",
       "no-such-car": "Der Dienst hat kein solches Auto",
       "no-plan": "Das Auto hat keinen Plan",

@@ -812,6 +812,8 @@ export const en = {
       "bad-request": "The request is not valid",
       "host-not-served": "The service does not serve this host name",
       "token-needed": "A token is required",
+      "foreign-site": "Another site sent the request",
+      "key-used": "The Idempotency-Key came before with another request",
       "not-found": "Not found",
       "no-such-car": "The service has no such car",
       "no-plan": "The car has no plan",
