@@ -8,6 +8,7 @@ from typing import Any, Final
 
 import orjson
 
+from tripwatt.advice.preheating import PLUG_W
 from tripwatt.errors import InvalidInput
 from tripwatt.live import Follower, MqttSettings, RoadCar, Sample
 from tripwatt.service.live import CAR_FIELDS, LiveCars
@@ -79,8 +80,9 @@ class OverMqtt:
     async def _need(self, car: RoadCar) -> dict[str, Any] | None:
         """What the next trip of a car needs, as `NeedResponse`; None on a trip, and where it is unknown."""
         needed: Any = None
+        how = {"probability": PROBABILITY, "departure_s": time.time(), "plug_w": PLUG_W}
         with contextlib.suppress(Problem, InvalidInput):
-            needed = None if car.trip else await self.cars.need(car, PROBABILITY, time.time(), {})
+            needed = None if car.trip else await self.cars.need(car, how, {})
         return needed if isinstance(needed, dict) else None
 
     async def _range(self, car: RoadCar, soc: float | None) -> dict[str, Any] | None:
