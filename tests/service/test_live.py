@@ -667,7 +667,7 @@ def test_the_operations_of_cars_conform_to_the_openapi_document(
         road[0].url,
         6,
         seed=3,
-        only=r"^/v1/(live(/\{vehicle\}(/plan)?)?|need)$",
+        only=r"^/v1/(live(/\{car\}(/plan)?)?|need)$",
         phases="examples,fuzzing",
         timeout_s=400,
     )

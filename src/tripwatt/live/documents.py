@@ -49,8 +49,10 @@ class LiveForecastDocument(TypedDict):
 class LiveTripDocument(TypedDict):
     """The trip that a car is on."""
 
+    departs_at: str
+    """UTC"""
     departure_utc: float
-    """[s since 1970]"""
+    """deprecated: old form of `departs_at` [s since 1970]"""
     duration_s: float
     distance_m: float
     samples: int
@@ -68,7 +70,10 @@ class LiveMessages(TypedDict):
 class LiveDocument(TypedDict):
     """A car on the road."""
 
+    car: str
+    """name of its folder"""
     vehicle: str
+    """deprecated: old name of `car`"""
     seconds_since_message: float | None
     """null before the first message"""
     messages: LiveMessages

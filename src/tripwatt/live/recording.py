@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime as dt
 import math
 import time
 from collections.abc import Mapping
@@ -395,6 +396,7 @@ class Recorder:
         """
         trip = self.trip
         return {
+            "car": self.name,
             "vehicle": self.name,
             "seconds_since_message": None if self.received_s is None else max(0.0, now_s - self.received_s),
             "messages": self.counts.copy(),
@@ -403,6 +405,7 @@ class Recorder:
             "trip": None
             if trip is None
             else {
+                "departs_at": dt.datetime.fromtimestamp(trip.start_s, dt.UTC).isoformat(),
                 "departure_utc": trip.start_s,
                 "duration_s": trip.last_s - trip.start_s,
                 "distance_m": trip.distance_m,

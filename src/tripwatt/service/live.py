@@ -164,27 +164,28 @@ class LiveCars:
         except OSError as error:
             raise self._not_stored("message", car, error) from error
         ignored = [fault_document(fault) for fault in sample.faults]
-        return {"status": "ok", "vehicle": car.name, "arrival": arrival, "ignored": ignored}
+        return {"status": "ok", "car": car.name, "vehicle": car.name, "arrival": arrival, "ignored": ignored}
 
-    async def set_plan(self, car: RoadCar, request: dict[str, Any]) -> JobResult:
+    async def set_plan(self, car: RoadCar, plan: dict[str, Any], departure_s: float | None) -> JobResult:
         """Give a car the plan of its trip, if it can be forecast.
 
         Parameters
         ----------
         car : RoadCar
-        request : dict
-            A `ForecastRequest`, and `departure_utc` within its bounds.
+        plan : dict
+            A `ForecastRequest`.
+        departure_s : float or None
+            When it leaves [s since 1970].
 
         Returns
         -------
         JobResult
             Of the forecast at departure; the plan is taken when its status is 200.
         """
-        plan = {name: value for name, value in request.items() if name != "departure_utc"}
         checked = await self.pool.run({"kind": "forecast"}, orjson.dumps(self.by_own_model(car.name, plan)))
         if checked.status == 200:
             try:
-                await self.run(car.set_plan, plan, request.get("departure_utc"))
+                await self.run(car.set_plan, plan, departure_s)
             except OSError as error:
                 raise self._not_stored("plan", car, error) from error
         return checked
@@ -260,6 +261,7 @@ class LiveCars:
         if result.status != 200:
             return result
         return {
+            "car": car.name,
             "vehicle": car.name,
             "plan": "given" if plan.usual_trip is None else "usual",
             "usual_trip": plan.usual_trip,
@@ -271,16 +273,16 @@ class LiveCars:
         """The cars, as `LiveCarsResponse`."""
         now_s = time.time()
         rows = (car.about(now_s) for _, car in sorted(self.cars.items()))
-        return {
-            "vehicles": [
-                {
-                    "vehicle": row["vehicle"],
-                    "seconds_since_message": row["seconds_since_message"],
-                    "on_trip": row["trip"] is not None,
-                }
-                for row in rows
-            ]
-        }
+        cars = [
+            {
+                "car": row["car"],
+                "vehicle": row["car"],
+                "seconds_since_message": row["seconds_since_message"],
+                "on_trip": row["trip"] is not None,
+            }
+            for row in rows
+        ]
+        return {"cars": cars, "vehicles": cars}
 
     def stream(self, car: RoadCar) -> EventSourceResponse:
         """The forecasts of a car as server-sent events.
