@@ -9,9 +9,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
-import numpy as np
 import orjson
-import pandas as pd
 from cachetools import LRUCache
 from pydantic import ValidationError
 
@@ -29,8 +27,7 @@ from tripwatt.forecasting.storage import DEFAULT_MODEL
 from tripwatt.journey import range_km
 from tripwatt.live.usual import usual_plan
 from tripwatt.population.cars import for_car
-from tripwatt.routes import Track, is_links_table, parse_route, plan_from_route, route_from_track
-from tripwatt.routes.link_objects import fields_of_route
+from tripwatt.routes import plan_from_route
 from tripwatt.service.car_jobs import CarJobs
 from tripwatt.service.car_schemas import LogsRequest, NewCarRequest
 from tripwatt.service.fleets import followed, is_registry, model_summary, vehicle_model
@@ -44,6 +41,7 @@ from tripwatt.service.journey_schemas import (
 )
 from tripwatt.service.journeys import JourneyJobs
 from tripwatt.service.library import described, example, example_summaries, vehicles
+from tripwatt.service.route_uploads import read_route
 from tripwatt.service.schemas import (
     AdviceRequest,
     DifferenceRequest,
@@ -58,30 +56,20 @@ from tripwatt.service.schemas import (
     parse_links,
     parse_observed,
     parse_samples,
-    require_duration,
 )
 from tripwatt.service.settings import Limits
-from tripwatt.sources.canonical import canonical_of_text
 from tripwatt.synthetic import example_trip
 from tripwatt.trips import (
-    Flag,
     Plan,
-    gap_flags,
     plan_from_samples,
-    raise_faults,
-    time_faults,
 )
-from tripwatt.trips.messages import flag_to_dict, leave_in_words
-from tripwatt.trips.samples import columns_of
+from tripwatt.trips.messages import leave_in_words
 from tripwatt.vehicles import Vehicle, find_vehicles, require_vehicle, vehicle_names
 
 Forecasting = TypeVar("Forecasting", bound=ForecastRequest)
 
 MOST_TRANSFERRED: Final = 64
 """Models on other cars that a worker keeps; the one that was used least recently goes first."""
-
-ROUTE_FIRST_BYTES: Final = (b"<", b"{", b"[", b"\xff", b"\xfe")
-"""First bytes of XML, JSON and UTF-16."""
 
 
 @dataclass(frozen=True)
@@ -402,50 +390,6 @@ class Jobs:
             return plan_from_samples(parse_samples(samples, self.limits), "samples")
         return plan_from_route(parse_links(links, _elevation(document.get("elevation")), self.limits))
 
-    def route(self, body: bytes, speed_m_s: float | None) -> dict[str, Any]:
-        """Read an upload and return it as fields of a `ForecastRequest`.
-
-        Parameters
-        ----------
-        body : bytes
-            GPX, GeoJSON, the response of a router, links as JSON or CSV, or CSV of samples. The content determines
-            the format.
-        speed_m_s : float or None
-            Mean speed [m/s] of parts of a track without times and speeds.
-        """
-        if body.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] not in ROUTE_FIRST_BYTES and not is_links_table(body):
-            return self._route_response(canonical_of_text(body, "upload"))
-        route = parse_route(body, where="upload")
-        if isinstance(route, Track):
-            if route.is_log and route.time_s is not None:
-                require_duration(float(route.time_s[-1]), "upload", self.limits)
-                plan = plan_from_route(route)
-                return self._route_response(plan.samples, plan.flags)
-            route = route_from_track(route, speed_m_s)
-        if len(route) > self.limits.links:
-            raise InvalidInput.of("too many links", "upload", f"{len(route)}", f"at most {self.limits.links}")
-        require_duration(route.duration_s, "upload", self.limits)
-        plan = plan_from_route(route)
-        return self._route_response(plan.samples, plan.flags) | fields_of_route(route)
-
-    def _route_response(self, samples: pd.DataFrame, flags: tuple[Flag, ...] = ()) -> dict[str, Any]:
-        """The response to an upload, without links."""
-        time, speed = samples["time_s"].to_numpy(), samples["speed_m_s"].to_numpy()
-        if len(samples) > self.limits.samples:
-            allowed = f"at most {self.limits.samples}"
-            raise InvalidInput.of("too many samples", "upload", f"{len(samples)}", allowed)
-        require_duration(float(time[-1] - time[0]), "upload", self.limits)
-        raise_faults(time_faults(time, "upload"))
-        flags = flags or gap_flags(time)
-        return {
-            "samples": columns_of(samples),
-            "links": None,
-            "elevation": None,
-            "duration_s": float(time[-1] - time[0]),
-            "distance_m": float(np.trapezoid(speed, time)),
-            "notes": [flag_to_dict(flag) for flag in flags],
-        }
-
     def summaries(self) -> dict[str, Any]:
         """Return the models with their inputs, provenance and scores; the first is the default."""
         names = (*self.models, *self.fleets)
@@ -500,7 +444,7 @@ JOB_KINDS: Final[Mapping[str, Callable[[Jobs, Mapping[str, Any], bytes], dict[st
     "advice": lambda jobs, job, body: jobs.advice(body),
     "need": lambda jobs, job, body: jobs.need(body, job),
     "update": lambda jobs, job, body: jobs.update(body),
-    "route": lambda jobs, job, body: jobs.route(body, job["speed_m_s"]),
+    "route": lambda jobs, job, body: read_route(body, job["speed_m_s"], jobs.limits),
     "plan": lambda jobs, job, body: jobs.plan(body),
     "journey difference": lambda jobs, job, body: jobs.journey_difference(body),
     "journey advice": lambda jobs, job, body: jobs.journey_advice(body),
