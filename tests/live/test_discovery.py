@@ -16,7 +16,7 @@ DOCUMENT = {
         "p_arrive": 0.98765,
         "p_arrive_at_all": 0.9987,
     },
-    "need": {"energy_wh": 5432.1, "soc_needed": 0.4567, "charge_wh": 2100.0},
+    "need": {"energy_quantile_wh": 5432.1, "soc_needed": 0.4567, "charge_wh": 2100.0},
     "range": {"range_m": 123_456.0},
 }
 
@@ -52,7 +52,7 @@ def test_templates_give_the_figures_in_the_units_of_the_sensors() -> None:
 def test_what_is_unknown_has_no_figure() -> None:
     nothing = dict.fromkeys(DOCUMENT)
     assert set(values(nothing).values()) == {"None"}
-    on_a_trip = {**nothing, "need": {"energy_wh": 5432.1, "soc_needed": 0.4567, "charge_wh": None}}
+    on_a_trip = {**nothing, "need": {"energy_quantile_wh": 5432.1, "soc_needed": 0.4567, "charge_wh": None}}
     assert {key: value for key, value in values(on_a_trip).items() if value != "None"} == {
         "need": "5.43",
         "soc_needed": "45.7",

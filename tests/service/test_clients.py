@@ -122,7 +122,7 @@ def test_a_typescript_client_is_typed_and_runs(
     web = with_packages(tmp_path)
     place = tmp_path / "client"
     place.mkdir()
-    found = run(web, "npx", "openapi-typescript", f"{document}", "--output", f"{place / 'tripwatt.ts'}")
+    found = run(web, "npx", "openapi-typescript", f"{document}", "--output", f"{place / 'api.ts'}")
     assert found.returncode == 0, found.stderr
     more = f"""
 const updated = await post("/v1/forecast/update", {orjson.dumps(raw["trip"] | {"observed": OBSERVED}).decode()});

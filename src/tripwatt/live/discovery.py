@@ -54,7 +54,12 @@ SENSORS: Final = (
     Sensor("p_arrive_at_all", "Chance to arrive at all", _percent("forecast.p_arrive_at_all"), "%"),
     Sensor("range", "Range", _thousands("range.range_m", 0), "km", "distance", "value_json.range"),
     Sensor(
-        "need", "Energy of the next trip", _thousands("need.energy_quantile_wh", 2), "kWh", "energy", "value_json.need"
+        "need",
+        "Energy of the next trip",
+        _thousands("need.energy_quantile_wh", 2),
+        "kWh",
+        "energy",
+        "value_json.need",
     ),
     Sensor(
         "soc_needed", "Charge to leave with", _percent("need.soc_needed"), "%", "battery", "value_json.need"

@@ -112,6 +112,7 @@ class MqttSettings:
     Attributes
     ----------
     broker : Broker
+        Where the cars send to.
     cars : mapping of str to tuple of str
         Name of a car -> what sends (see `TopicJoiner`), and its topic.
     publish_to : str
@@ -138,6 +139,7 @@ class Follower:
     Attributes
     ----------
     settings : MqttSettings
+        What is followed and published.
     take : callable
         Called with the name of a car and a sample of it; what it raises as `InvalidInput` is noted.
     documents : callable

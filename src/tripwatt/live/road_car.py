@@ -140,12 +140,22 @@ class RoadCar(Recorder):
         return forecast if len(observed) < 2 else forecast.update(observed)
 
     def shown_soc(self) -> float | None:
-        """The displayed charge by the latest message that has a charge.
+        """Return the displayed charge by the latest message that has a charge.
 
         Returns
         -------
         float or None
             A charge of the battery management is converted by the model of the car; None without one, and without a charge.
+
+        Examples
+        --------
+        >>> import tempfile
+        >>> from tripwatt.live import Sample
+        >>> with tempfile.TemporaryDirectory() as folder, RoadCar(f"{folder}/leaf") as car:
+        ...     car.add(Sample(1.7e9, {"displayed_soc": 0.8}))
+        ...     car.shown_soc()
+        'new'
+        0.8
         """
         if self._soc is None or self._soc[1] == "soc" or self.model_of is None:
             return None if self._soc is None or self._soc[1] != "soc" else self._soc[2]
