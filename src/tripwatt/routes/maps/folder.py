@@ -95,6 +95,7 @@ def build_map(
     folder: Path | str,
     *,
     elevation: Path | str | None = None,
+    attribution: str = ATTRIBUTION,
     progress: Callable[[str], object] = lambda step: None,
 ) -> MapFolder:
     """Build a map of an OpenStreetMap extract. The folder is complete or not there.
@@ -108,6 +109,8 @@ def build_map(
     elevation : path, optional
         Folder with elevation tiles, in it or in folders below: of SRTM (`N47E009.hgt`, also `.hgt.gz` or in a `.zip`), or GeoTIFF with
         the extra `tripwatt[elevation]`. Those that the map needs are taken.
+    attribution : str
+        What has to be shown with the map; that of an extract of OpenStreetMap by default.
     progress : callable
         Called with the name of each step.
 
@@ -139,7 +142,7 @@ def build_map(
             "format": FORMAT,
             "extract": extract.name,
             "extract_bytes": extract.stat().st_size,
-            "attribution": ATTRIBUTION,
+            "attribution": attribution,
             "bounds_deg": bounds,
             "terrain": terrain,
             **counts,
