@@ -1,19 +1,19 @@
-"""One HTML page on a fleet: how well it is forecast, and which vehicles take more than their sisters, and since when."""
+"""HTML pages on a fleet: how well it is forecast; and for its manager, which vehicles changed, and what planned trips need."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from typing import Any, Final
 
 import pandas as pd
-from matplotlib.figure import Figure
 
 from tripwatt.evaluation.fleets import FleetEvaluation
+from tripwatt.fleet.deviations import PARTS
+from tripwatt.fleet.statistics import TripRows
 from tripwatt.report.html import page_text
 from tripwatt.report.panel import Panel
-from tripwatt.report.style import PLAIN_COLOUR, WARM_COLOUR, new_figure, row_names, style_context
-from tripwatt.report.tables import Column, Table, in_percent, in_words, tabulated
-from tripwatt.report.view import plain
+from tripwatt.report.tables import Column, Table, in_kwh, in_percent, in_words, tabulated
 
 CLASSES: Final = {
     "car_model": "car model",
@@ -23,50 +23,12 @@ CLASSES: Final = {
 LEAST_TRIPS: Final = 10
 """Trips of a vehicle whose share inside of the intervals is looked at."""
 
-_SHARES: Final = (
-    "Share of energy on the usual trip of the car model, with one standard deviation. A day is given where the mean consumption before and "
-    "after it differs clearly."
-)
-
-
-def report_page(title: str, evaluation: FleetEvaluation, vehicles: pd.DataFrame, most: int = 40) -> str:
-    """The page as one file without scripts.
-
-    Parameters
-    ----------
-    title : str
-    evaluation : FleetEvaluation
-    vehicles : DataFrame
-        From `sisters`.
-    most : int
-        Vehicles that are listed.
-    """
-    listed = vehicles.reindex(vehicles["share"].abs().sort_values(ascending=False).index[:most])
-    listed = listed.sort_values("share", ascending=False)
-    tables = (
-        *(accuracy_table(evaluation, by) for by in CLASSES),
-        own_table(evaluation),
-        inside_table(evaluation),
-    )
-    with style_context():
-        figure, shares = plot_shares(listed), (shares_table(listed),)
-    facts = {
-        "Trips": vehicles["trips"].sum(),
-        "Vehicles": len(vehicles),
-        "With a change": vehicles["since"].notna().sum(),
-    }
-    panels = [
-        Panel(
-            "vehicles",
-            "Vehicles that take more or less than others of their car model",
-            _SHARES,
-            figure,
-            shares,
-            wide=True,
-        ),
-        Panel("accuracy", "Accuracy on held-out trips", said_of_errors(evaluation), tables=tables, wide=True),
-    ]
-    return page_text("fleet.html.jinja", panels, title=title, facts=facts.items())
+def evaluation_page(title: str, evaluation: FleetEvaluation, rows: TripRows) -> str:
+    """The page on how well a fleet is forecast as one file without scripts."""
+    tables = (*(accuracy_table(evaluation, by) for by in CLASSES), own_table(evaluation), inside_table(evaluation))
+    facts = {"Trips": len(rows), "Vehicles": len(set(rows.texts("vehicle_id").tolist()))}
+    panel = Panel("accuracy", "Accuracy on held-out trips", said_of_errors(evaluation), tables=tables, wide=True)
+    return page_text("fleet.html.jinja", [panel], title=title, facts=facts.items())
 
 
 def said_of_errors(evaluation: FleetEvaluation) -> str:
@@ -122,29 +84,119 @@ def inside_table(evaluation: FleetEvaluation) -> Table:
     )
 
 
-def shares_table(vehicles: pd.DataFrame) -> Table:
-    """A row for each vehicle that is listed."""
-    return tabulated(
-        "Vehicles, by deviation",
-        vehicles.to_dict("records"),
-        Column("vehicle", "vehicle_id"),
-        in_words("car model", "car_model"),
-        Column("trips", "trips", digits=0),
-        Column("more [%]", lambda row: f"{100.0 * row['share']:+.1f} ± {100.0 * row['sd']:.1f}"),
-        in_words("change", _change),
+def manager_page(
+    title: str,
+    changed: pd.DataFrame,
+    vehicles: pd.DataFrame,
+    needs: pd.DataFrame | None = None,
+    by_car: pd.DataFrame | None = None,
+    week: str = "",
+    drivers: pd.DataFrame | None = None,
+) -> str:
+    """The fleet manager's page as one file without scripts.
+
+    Parameters
+    ----------
+    title : str
+    changed, vehicles, drivers : DataFrame
+        From `changes` and `deviations`; `drivers` None where nobody asked for them.
+    needs, by_car : DataFrame, optional
+        From `needs_by_hour` and `needs_by_car`; None without planned trips.
+    week : str
+        The coldest week in words.
+    """
+    panels = [
+        Panel("changes", "Vehicles that changed", said_of_changes(changed, vehicles), tables=(changes_table(changed),) if len(changed) else ())
+    ]  # fmt: skip
+    if needs is not None:
+        panels.append(Panel("need", "What the planned trips need", said_of_needs(needs), tables=(needs_table(needs),)))
+    if by_car is not None:
+        panels.append(Panel("routes", f"Cars for the planned routes, {week}", _ROUTES, tables=(routes_table(by_car),)))
+    for key, table in (("vehicle", vehicles), ("driver", drivers)):
+        if table is not None:
+            panels.append(Panel(f"{key}s", f"{key.title()}s beside others", _SHARES[key], tables=(shares_table(table, key),), folded=True))
+    facts = {"Trips": vehicles["trips"].sum(), "Vehicles": len(vehicles), "Vehicles that changed": changed["vehicle_id"].nunique()}
+    return page_text("fleet.html.jinja", [replace(p, wide=True) for p in panels], title=title, facts=facts.items())
+
+
+_SHARES: Final = {
+    "vehicle": "Energy beyond that of the car model on the usual trip of the car model, with one standard deviation.",
+    "driver": "Energy beyond that of the vehicle's drivers together on the usual trip of the car model, with one standard deviation.",
+}
+_ROUTES: Final = "Displayed charge [%] that suffices in 19 of 20 trips with each car model, whichever vehicle it is. A dash: more than a full battery."
+NONE_CHANGED: Final = "No vehicle changed by 2 % or more beyond chance."
+
+
+def said_of_changes(changed: pd.DataFrame, vehicles: pd.DataFrame) -> str:
+    """How many vehicles changed, and by which causes."""
+    if not len(changed):
+        return NONE_CHANGED
+    causes = ", ".join(f"{n} by {cause}" for cause, n in changed["cause"].value_counts().items())
+    return (
+        f"{changed['vehicle_id'].nunique()} of {len(vehicles)} vehicles: {causes}. A change of the consumption is a share of it; one of the battery is a "
+        "share of the displayed charge that an energy takes. What all vehicles of a car model share in a month does not count."
     )
 
 
-def _change(row: Mapping[str, Any]) -> str:
-    return "" if pd.isna(row["since"]) else f"{100.0 * row['change']:+.1f} % since {row['since']}"
+def changes_table(changed: pd.DataFrame) -> Table:
+    """A row for each change."""
+    return tabulated(
+        "Every change, the largest first",
+        changed.to_dict("records"),
+        Column("vehicle", "vehicle_id"),
+        in_words("car model", "car_model"),
+        in_words("cause", lambda row: f"{row['cause']} ({row['probability']:.0%})"),
+        in_words("since", "since"),
+        in_words("95 % interval", lambda row: f"{row['from_day']} to {row['to_day']}"),
+        Column("more [%]", _more("change")),
+        Column("trips before", "before", digits=0),
+        Column("after", "after", digits=0),
+    )
 
 
-def plot_shares(vehicles: pd.DataFrame) -> Figure:
-    """What each vehicle takes beyond others of its car model, with one standard deviation."""
-    figure = new_figure(1.0 + 0.22 * len(vehicles), "More energy than others of the car model", "", False)
-    axes, shares = figure.add_subplot(), 100.0 * vehicles["share"]
-    colours = [WARM_COLOUR if share >= 0.0 else PLAIN_COLOUR for share in shares]
-    axes.barh(range(len(vehicles)), shares, xerr=100.0 * vehicles["sd"], color=colours)
-    row_names(axes, [plain(name, 28) for name in vehicles["vehicle_id"]])
-    axes.set_xlabel("more energy [%]")
-    return figure
+def _more(name: str) -> Callable[[Mapping[str, Any]], str]:
+    return lambda row: f"{100.0 * row[name]:+.1f} ± {100.0 * row['sd']:.1f}"
+
+
+def said_of_needs(needs: pd.DataFrame) -> str:
+    """The sums of the night."""
+    known = needs["charge_wh"].dropna()
+    charge = f" {known.sum() / 1000.0:.0f} kWh are to be charged for {len(known)} departures whose charge now is known." if len(known) else ""
+    return f"{needs['trips'].sum()} trips need {needs['energy_quantile_wh'].sum() / 1000.0:.0f} kWh at most in 19 of 20 cases each.{charge}"
+
+
+def needs_table(needs: pd.DataFrame) -> Table:
+    """A row for each vehicle and hour of departure."""
+    return tabulated(
+        "By vehicle and hour of departure",
+        needs.to_dict("records"),
+        Column("vehicle", "vehicle_id"),
+        in_words("first departure", lambda row: f"{row['departs_at']:%Y-%m-%d %H:%M}"),
+        Column("trips", "trips", digits=0),
+        Column("distance [km]", "distance_m", 1e-3, 0),
+        in_kwh("energy, median [kWh]", "energy_wh", 1),
+        in_kwh("suffices in 19 of 20 [kWh]", "energy_quantile_wh", 1),
+        in_percent("leave with [%]", "soc_needed", 0),
+        in_percent("charge now [%]", "soc", 0),
+        in_kwh("to charge [kWh]", "charge_wh", 1),
+    )
+
+
+def routes_table(by_car: pd.DataFrame) -> Table:
+    """A row for each route and a column for each car model."""
+    columns = (in_percent(car, lambda row, car=car: row[car] if row[car] <= 1.0 else None, 0) for car in by_car)
+    rows = by_car.reset_index().to_dict("records")
+    return tabulated("Charge that suffices", rows, Column("route", "trip"), *columns)
+
+
+def shares_table(table: pd.DataFrame, key: str) -> Table:
+    """A row for each vehicle or driver."""
+    return tabulated(
+        f"Every {key}, by deviation",
+        table.to_dict("records"),
+        Column(key, "driver" if key == "driver" else "vehicle_id"),
+        in_words("car model", "car_model"),
+        Column("trips", "trips", digits=0),
+        Column("more [%]", _more("share")),
+        *(in_percent(f"{part.replace('_', ' ')} [%]", part) for part in PARTS),
+    )
