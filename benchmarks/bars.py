@@ -40,6 +40,7 @@ from benchmarks import (
     own_way,
     physics_trips,
     pipeline,
+    savings,
     service,
     six_numbers,
     stops,
@@ -88,6 +89,11 @@ def suites(results: Path | None, forecast: Path | None, links: Path | None) -> I
     yield Suite(f"{bench}hostile", hostile.rows)
     yield Suite(f"{bench}leave_with", leave_with.rows)
     yield Suite(f"{bench}anchors", anchors.bars)
+    yield Suite(
+        f"{bench}savings",
+        savings.rows,
+        (tum, ved, DATA / "sedan", DATA / "cycles", REFERENCE / "anl_d3_i3.csv"),
+    )
     yield Suite(f"{bench}six_numbers", six_numbers.bars, (CATALOGUE / "wltp.csv",))
     for selection, every_car in TESTS.items():
         yield Suite(f"pytest {selection}", partial(tests, selection, every_car))

@@ -1,10 +1,11 @@
-"""A fleet beyond one machine, measured: `python -m benchmarks.fleet [scale] [store] [truth] [update] [peers] [real] [same]`.
+"""A fleet beyond one machine, measured: `python -m benchmarks.fleet [scale] [store] [truth] [update] [batch] [peers] [real] [same]`.
 
     scale   store add and fleet fit on a local Dask cluster at two sizes (--trips SMALL LARGE --workers N)
     same    forecasts of one process, of a Dask cluster and of a cluster with a killed worker
     store   four writers at once, one killed; a million rows listed and filtered
     truth   deviations of vehicles found again; errors by number of own trips; coverage by car model
     update  one night against the whole fit
+    batch   a thousand planned trips on two processes; cost and memory at two sizes (--trips SMALL LARGE)
     peers   statsmodels MixedLM and single fits on the same rows
     real    the TUM i3 and the Leafs of the VED set as one fleet
 
@@ -21,6 +22,8 @@ import os
 import resource
 import shutil
 import signal
+import subprocess
+import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
@@ -29,6 +32,8 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 from tools import DATA
 from tools.command import run
 from tools.docs import pages
@@ -41,6 +46,7 @@ from tripwatt.fleet.executors import InProcess
 from tripwatt.fleet.features import FEATURES, SCALES, START
 from tripwatt.fleet.mapping import map_store, read_rows, row_of, segments_of, tasks_of
 from tripwatt.fleet.model import fit_fleet, predict_rows, update_fleet
+from tripwatt.fleet.registry import Registry
 from tripwatt.fleet.statistics import ROWS, TripRows
 from tripwatt.hybrid.groups import fit_scales, group_posterior
 from tripwatt.store import add_files, create_store, open_store
@@ -250,9 +256,74 @@ def update(trips: int = 5000, vehicles: int = 100) -> Iterator[Row]:
     shutil.rmtree(folder, ignore_errors=True)
 
 
+def links_file(path: Path, trips: int, vehicles: int, links: int = 60) -> None:
+    """Planned trips of some links each, of 100 m to 1 km, written a thousand at a time."""
+    rng = np.random.default_rng(1)
+    writer = None
+    for first in range(0, trips, 1000):
+        some = np.arange(first, min(first + 1000, trips))
+        of_link = np.repeat(some, links)
+        table = pa.table(
+            {
+                "trip": [f"T{trip:06d}" for trip in of_link],
+                "vehicle_id": [f"V{trip % vehicles:05d}" for trip in of_link],
+                "length_m": rng.uniform(100.0, 1000.0, len(of_link)),
+                "speed_m_s": rng.uniform(7.0, 30.0, len(of_link)),
+                "grade": rng.normal(0.0, 0.01, len(of_link)),
+                "soc": np.repeat(rng.uniform(0.6, 0.95, len(some)), links),
+                "ambient_temperature_degc": np.repeat(rng.uniform(-5.0, 25.0, len(some)), links),
+            }
+        )
+        writer = writer or pq.ParquetWriter(path, table.schema)
+        writer.write_table(table)
+    assert writer is not None
+    writer.close()
+
+
+MEASURED = """
+import re, sys, time
+from pathlib import Path
+from tripwatt.cli import app
+app(sys.argv[1:], standalone_mode=False)
+print(time.process_time(), re.search(r"VmHWM:\\s+(\\d+)", Path("/proc/self/status").read_text())[1])
+"""
+"""Runs a command, then prints its CPU time [s] and its peak memory [KB]; `ru_maxrss` would have that of the benchmark."""
+
+
+def batch_once(folder: str, trips: int, vehicles: int, jobs: int) -> tuple[float, float, float]:
+    """Wall time [s] of `tripwatt fleet batch`, and CPU time [s] and peak memory [GB] of its first process."""
+    links, out = Path(folder) / f"{trips}.parquet", Path(folder) / "out.parquet"
+    links_file(links, trips, vehicles)
+    arguments = ["fleet", "batch", f"{folder}/models", f"{links}", "--out", f"{out}", "--jobs", f"{jobs}"]
+    began = time.perf_counter()
+    command = [sys.executable, "-c", MEASURED, *arguments]
+    printed = subprocess.run(command, capture_output=True, check=True, text=True).stdout
+    wall = time.perf_counter() - began
+    assert pq.read_metadata(out).num_rows == trips
+    spent, peak = printed.split()[-2:]
+    return wall, float(spent), float(peak) * MB / 1024.0
+
+
+def batch(small: int, large: int, vehicles: int = 40) -> Iterator[Row]:
+    """Planned trips of 60 links, from file to file."""
+    *_, model, folder = fitted(10 * vehicles, vehicles)
+    registry = Registry(Path(folder) / "models")
+    registry.promote(registry.add(model))
+    wall, *_ = batch_once(folder, 1000, vehicles, 2)
+    yield Row("1,000 planned trips of 60 links, two processes", wall, "s", most=8.0)
+    (_, first_s, first_gb), (_, last_s, last_gb) = (
+        batch_once(folder, n, vehicles, 1) for n in (small, large)
+    )
+    exponent = float(np.log(last_s / first_s) / np.log(large / small))
+    yield Row(f"exponent of the CPU cost, {small} to {large} planned trips", exponent, most=1.05)
+    yield Row("CPU of each", 1000.0 * last_s / large, "ms")
+    yield Row(f"peak memory of {large} planned trips over that of {small}", last_gb / first_gb, most=1.1)
+    yield Row(f"peak memory of {large} planned trips", last_gb, "GB")
+    shutil.rmtree(folder, ignore_errors=True)
+
+
 def store_bars(rows: int = 1_000_000) -> Iterator[Row]:
     """Writers at once, and a long table of trips."""
-    import pyarrow as pa
     import pyarrow.dataset as ds
 
     folder = tempfile.mkdtemp()
@@ -340,8 +411,6 @@ def peers(trips: int = 2000, vehicles: int = 100) -> Iterator[Row]:
 
 def synthetic_rows(trips: int, vehicles: int) -> Any:
     """Rows of a synthetic fleet without a store."""
-    import pyarrow as pa
-
     plan = FleetPlan(trips, vehicles=vehicles)
     rows = []
     for log in many_vehicles(plan):
@@ -447,6 +516,7 @@ def main(
         "store": store_bars,
         "truth": truth,
         "update": update,
+        "batch": lambda: batch(*trips),
         "peers": peers,
         "real": real,
     }

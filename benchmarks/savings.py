@@ -3,15 +3,17 @@
 Constant speeds of the sedan on a dynamometer: the steady parts of its runs, the mean of the repetitions. Each pair of speeds has a saving, which is
 predicted from certified values alone and by the car with its own road trips; no laboratory run enters a fit. `LEAST_SHARE` of a difference comes from
 another car on another dynamometer: schedules that Argonne drove with a warm BMW i3.
-Synthetic worlds: cars of `benchmarks.worlds`, whose values are not the published ones, drive trips with and without what is advised. `--worlds N` of them.
+Other speeds on planned roads: `OTHER_SPEEDS` comes from trips of TUM, driven and on their links.
+Heating off: `benchmarks.heating`. Synthetic worlds: `benchmarks.advised`, `--worlds N` drives of each.
 """
 
 from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -22,21 +24,25 @@ from tools.command import run
 from typer import Argument
 
 import tripwatt as tw
+from benchmarks.advised import world_rows
 from benchmarks.argonne import TEST_MASS_KG
+from benchmarks.heating import heating_rows
 from benchmarks.measure import Row, report
 from benchmarks.need import trips_and_car
-from benchmarks.worlds import WORLDS
+from tripwatt.advice.actions import GENTLE_M_S2, SPEEDS_KM_H, calmer, capped
 from tripwatt.forecasting import Forecast, ForecastModel
-from tripwatt.forecasting.difference import LEAST_SHARE
-from tripwatt.hybrid.parameters import changed
+from tripwatt.forecasting.difference import LEAST_SHARE, OTHER_SPEEDS
 from tripwatt.physics import DriveConditions, simulate, simulate_trip
 from tripwatt.population import for_car
 from tripwatt.population.adapting import Adaptation, population_of
+from tripwatt.routes.links import links_of_trip, plan_from_links
 from tripwatt.trips import Plan, plan_from_trip
+from tripwatt.uncertainty.route import LENGTHS_M
 from tripwatt.units import M_PER_MILE, M_S_PER_KM_H, SECONDS_PER_HOUR
 
 STEADY_M_S = 0.3
 DISTANCE_M = 20_000.0
+MOST_LINKED = 60
 SEDAN = "tesla_model_3_lr"
 LAB_DEGC = 23.0
 COLD_START = "01"
@@ -129,68 +135,74 @@ def schedules(data: Path, reference: Path) -> Iterator[Row]:
     )
 
 
-def followed(world: str, seed: int, base: ForecastModel) -> tuple[list[bool], bool | None]:
-    """Whether the true saving of each action is in its 90 % interval, and whether a driver who follows the advice arrives; None where none suffices."""
-    rng = np.random.default_rng(seed)
-    book = tw.load_vehicle(SEDAN)
-    true = changed(book, WORLDS[world][1](rng))
-    (trip,) = tw.synthetic_fleet(1, 40_000 + seed, vehicle=book, hours=(0.5, 2.0)).trips
-    known = replace(plan_from_trip(trip).departure, extras=("roof_box",), soc=None, bms_soc=None)
-    plan = replace(plan_from_trip(trip), departure=known)
-    model = for_car(base, book)
-    needed = model.forecast(plan).soc_needed(0.1, float(rng.uniform(0.75, 0.94)))
-    advice = tw.advise(model.forecast(plan, tw.Departure(soc=min(max(needed, 0.11), 1.0))))
-
-    def taken_wh(of: Plan) -> float:
-        return simulate_trip(true, of).simulated_energy_wh
-
-    before = advice.forecast.plan
-    as_it_is = taken_wh(before)
-    held = []
-    for advised in advice.singly:
-        saved = taken_wh(advised.forecast.plan) - as_it_is
-        low, high = advised.difference.interval(0.9)
-        held.append(bool(low <= saved <= high))
-    if not advice.least:
-        return held, None
-    best = advice.least[0]
-    left = (
-        float(before.departure.soc or 0.0)
-        - taken_wh(best.forecast.plan) / best.forecast.charge.wh_per_display
-    )
-    return held, left >= advice.reserve
+def link_rows(data: Path) -> Iterator[Row]:
+    """What other speeds change on driven traces and on plans of the same trips: the error over that which links cause."""
+    route = tw.load_model().fitted_parts("links")[1].route
+    assert route is not None
+    for name in ("tum", "sedan"):
+        trips, car = trips_and_car(name, data)
+        squares = []
+        for length_m in LENGTHS_M:
+            errors: dict[float | None, list[float]] = {}
+            for trip in trips[:MOST_LINKED]:
+                plans = (
+                    plan_from_trip(trip),
+                    plan_from_links(links_of_trip(trip, length_m)).with_departure(trip.departure),
+                )
+                before = [simulate_trip(car, plan).simulated_energy_wh for plan in plans]
+                for km_h in (None, *SPEEDS_KM_H):
+                    if km_h is not None and plans[1].array("speed_m_s").max() < km_h * M_S_PER_KM_H + 1.0:
+                        continue
+                    driven, planned = (
+                        simulate_trip(car, slower(plan, km_h)).simulated_energy_wh for plan in plans
+                    )
+                    error = planned - before[1] - (driven - before[0])
+                    errors.setdefault(km_h, []).append(error / (route.share(length_m) * before[1]))
+            squares += [float(np.mean(np.square(each))) for each in errors.values()]
+        ends = (0.9 * OTHER_SPEEDS, 1.1 * OTHER_SPEEDS) if name == "tum" else (-np.inf, np.inf)
+        spread = float(np.sqrt(np.mean(squares)))
+        yield Row(f"{name}, error of other speeds on links over that of the links", spread, "", *ends)
 
 
-def world_rows(worlds: int, base: ForecastModel) -> Iterator[Row]:
-    """Coverage of savings, and the share that arrives, in worlds that the intervals do not know and in one whose spreads they contain."""
-    for world in ("published", "siblings"):
-        results = [followed(world, seed, base) for seed in range(worlds)]
-        held = [inside for each, _ in results for inside in each]
-        arrived = [there for _, there in results if there is not None]
-        yield Row(
-            f"{world}: savings in their 90 % interval, of {len(held)}", float(np.mean(held)), "", 0.86, 0.94
-        )
-        yield Row(f"{world}: arrived as advised, of {len(arrived)}", float(np.mean(arrived)), "", 0.93, 0.97)
+def slower(plan: Plan, km_h: float | None) -> Plan:
+    """A plan driven no faster than a speed, or calmly without one."""
+    return calmer(plan, GENTLE_M_S2) if km_h is None else capped(plan, km_h * M_S_PER_KM_H)
 
 
 def main(
-    data: Annotated[Path, Argument(metavar="[FOLDER]")] = DATA, worlds: int = 100, only: str | None = None
+    data: Annotated[Path, Argument(metavar="[FOLDER]")] = DATA, worlds: int = 1000, only: str | None = None
 ) -> int:
-    """Print the rows; 1 when a bound is missed. `--only` lab or worlds."""
-    if only == "worlds":
-        return report(world_rows(worlds, tw.load_model()))
+    """Print the rows; 1 when a bound is missed. `--only` lab, links, heating or worlds; `--worlds` is the number of drives."""
+    parts: dict[str, Callable[[], Iterator[Row]]] = {
+        "lab": partial(lab_rows, data),
+        "links": partial(link_rows, data),
+        "heating": partial(heating_rows, data),
+        "worlds": lambda: world_rows(worlds, tw.load_model()),
+    }
+    return report(
+        itertools.chain.from_iterable(part() for name, part in parts.items() if only in (None, name))
+    )
+
+
+def lab_rows(data: Path) -> Iterator[Row]:
+    """The sedan and the BMW i3 on dynamometers."""
     measured, base = steady(data), tw.load_model()
     trips, car = trips_and_car("sedan", data)
     own = Adaptation.before_trips(base, car, population_of(base).without(["sedan"])).with_trips(trips).model
-    return report(
-        itertools.chain(
-            (Row(f"sedan, measured at {speed:g} km/h", value, "Wh/km") for speed, value in measured.items()),
-            schedules(data, REFERENCE),
-            pair_rows("from certified values", for_car(base, SEDAN), measured, 6.0),
-            pair_rows("with its road trips", own, measured, 4.0),
-            () if only == "lab" else world_rows(worlds, base),
-        )
+    yield from (
+        Row(f"sedan, measured at {speed:g} km/h", value, "Wh/km") for speed, value in measured.items()
     )
+    yield from schedules(data, REFERENCE)
+    yield from pair_rows("from certified values", for_car(base, SEDAN), measured, 6.0)
+    yield from pair_rows("with its road trips", own, measured, 4.0)
+
+
+def rows() -> Iterator[Row]:
+    """All bars."""
+    yield from lab_rows(DATA)
+    yield from link_rows(DATA)
+    yield from heating_rows(DATA)
+    yield from world_rows(1000, tw.load_model())
 
 
 if __name__ == "__main__":

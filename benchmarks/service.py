@@ -79,6 +79,24 @@ def links_request() -> dict[str, Any]:
     return {"links": links, "soc": 0.8, "ambient_temperature_degc": 5.0}
 
 
+def planned_roads(number: int, links: int = 60) -> list[dict[str, Any]]:
+    """Requests for planned roads of links of 100 m to 1 km, each with a departure of its own."""
+    rng = np.random.default_rng(1)
+    names = ("length_m", "speed_m_s", "grade")
+    requests = []
+    for k in range(number):
+        columns = (
+            rng.uniform(100.0, 1000.0, links),
+            rng.uniform(7.0, 30.0, links),
+            rng.normal(0.0, 0.01, links),
+        )
+        rows = [dict(zip(names, map(float, row), strict=True)) for row in zip(*columns, strict=True)]
+        requests.append(
+            {"trip": f"road {k}", "links": rows, "soc": 0.9, "ambient_temperature_degc": float(k % 25)}
+        )
+    return requests
+
+
 def answers_of(service: Service, asked: list[dict[str, Any]]) -> list[bytes]:
     """What each request is answered with when nothing else goes on."""
     return [service.client.post("/v1/forecast", json=one).content for one in asked]
@@ -167,6 +185,16 @@ def times(seconds: float) -> Iterator[Row]:
         yield Row("forecast of 100 links of 250 m, one at a time: p50", alone.quantile_ms(0.5), "ms", most=8)
         together, _ = under_load(service, road, min(seconds, 15.0), 4)
         yield Row("forecast of 100 links of 250 m, 4 at a time: p50", together.quantile_ms(0.5), "ms")
+        many, _ = under_load(service, planned_roads(40), min(seconds, 15.0), 20)
+        text = "forecast of 60 links, 20 at a time, 2 workers"
+        yield Row(f"{text}: answered a second", len(many.seconds) / min(seconds, 15.0), "1/s", least=150)
+        yield Row(f"{text}: p99", many.quantile_ms(0.99), "ms", most=150)
+        yield Row(
+            "batch of planned roads of 60 links",
+            batch_rate(service, planned_roads(1000)),
+            "trips/s",
+            least=125,
+        )
         yield Row("batch of trips of 1,300 samples", batch_rate(service, trips(BATCH)), "trips/s", least=200)
 
 

@@ -11,10 +11,21 @@ import pytest
 from tests.support.cars import some_cars
 
 import tripwatt as tw
-from tripwatt.advice.actions import MILD_DEGC, SPEEDS_KM_H, actions, calmer, capped
+from tripwatt.advice import Advised
+from tripwatt.advice.actions import (
+    MILD_DEGC,
+    SPEEDS_KM_H,
+    UNCHECKED,
+    UNCHECKED_SPREAD,
+    actions,
+    calmer,
+    capped,
+)
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import Forecast, ForecastModel
+from tripwatt.physics import simulate_trip
 from tripwatt.trips import Departure, Plan, plan_from_trip
+from tripwatt.vehicles import Vehicle
 
 LONG = (
     {"length_m": 8_000.0, "speed_m_s": 12.0, "stop_s": 20.0, "grade": 0.0},
@@ -66,13 +77,22 @@ def test_slower_saves_more_above_the_best_speed(model: ForecastModel) -> None:
     assert times == sorted(times)
 
 
+def taken_wh(vehicle: Vehicle, plan: Plan) -> float:
+    """What a trip takes from the charge, by simulation: energy at the terminals, and the heat in the battery."""
+    run = simulate_trip(vehicle, plan)
+    return float(np.diff(run.time_s) @ (run.battery_power_w + run.battery_loss_w)[1:]) / 3600.0
+
+
 @pytest.mark.parametrize("degc", [-15.0, 0.0, 35.0])
 def test_what_is_done_on_the_plug_takes_nothing_from_the_battery(model: ForecastModel, degc: float) -> None:
     base = model.forecast(road(ambient_temperature_degc=degc, soc=0.9))
     for action in actions(base):
         if action.wall_wh:
-            assert model.forecast(action.applied(base.plan)).energy_wh <= base.energy_wh
-            assert action.before_s >= 0.0
+            changed = action.applied(base.plan)
+            assert taken_wh(base.vehicle, changed) <= taken_wh(base.vehicle, base.plan) + 1e-6
+            if action.code == "preheat_cabin":
+                assert model.forecast(changed).energy_wh <= base.energy_wh
+            assert action.before_s > 0.0
 
 
 def test_a_difference_is_narrower_than_two_forecasts(model: ForecastModel) -> None:
@@ -149,6 +169,36 @@ def test_no_car_gets_absurd_advice(model: ForecastModel, name: str) -> None:
         for one in advice.least:
             assert len({action.group for action in one.actions}) == len(one.actions)
             assert one.difference.energy_wh < 0.0
+
+
+def test_tyres_are_checked_where_their_pressure_is_not_known_and_pumped_up_where_it_is_low(
+    model: ForecastModel,
+) -> None:
+    def given(**known: Any) -> tuple[tw.Advice, dict[str, Advised]]:
+        advice = tw.advise(model.forecast(road(0.6, soc=0.8, ambient_temperature_degc=15.0, **known)))
+        return advice, {one.actions[0].code: one for one in advice.singly}
+
+    advice, unknown = given()
+    check = unknown["check_tyres"]
+    assert "pump_up" not in unknown
+    # what is not known of the pressure neither helps nor harms the trip as it is forecast
+    assert check.p_arrive == advice.p_arrive
+    low_advice, low = given(tyre_pressure=UNCHECKED)
+    pump_up = low["pump_up"]
+    assert check.difference.energy_wh == pytest.approx(pump_up.difference.energy_wh)
+    more = UNCHECKED_SPREAD * check.difference.energy_wh
+    assert check.difference.sd_wh == pytest.approx(np.hypot(pump_up.difference.sd_wh, more))
+    assert pump_up.p_arrive > low_advice.p_arrive
+    assert pump_up.effort == "some"
+    for pressure in (1.0, 1.1):
+        assert not {"check_tyres", "pump_up"} & {*given(tyre_pressure=pressure)[1]}
+
+
+def test_what_is_assumed_is_no_way_to_arrive(model: ForecastModel) -> None:
+    advice = tw.advise(charged_for(model, road(0.6, ambient_temperature_degc=5.0), 0.75))
+    assert "check_tyres" in [one.actions[0].code for one in advice.singly]
+    assert advice.least
+    assert "check_tyres" not in [action.code for one in advice.least for action in one.actions]
 
 
 def test_what_cannot_be_advised_is_refused(model: ForecastModel) -> None:

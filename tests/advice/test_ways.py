@@ -8,11 +8,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.journey.made import COLD, A, B, journey, straight
+from tests.journey.made import COLD, MADE, A, B, journey, straight
+from tests.journey.test_stops import FAR, row
 
 import tripwatt as tw
 from tripwatt.advice import leaving_later
-from tripwatt.advice.actions import ALONE, actions
+from tripwatt.advice.actions import ALONE, Action, actions, with_action
 from tripwatt.advice.advise import _advised, maker_like
 from tripwatt.journey import Place, RoadForecaster
 from tripwatt.routes.weather import Weather
@@ -44,6 +45,69 @@ def test_the_slower_road_of_a_journey_is_a_way_to_arrive(model: tw.ForecastModel
     assert other.p_arrive == slower.p_arrive(0.1)
     for one in advice.least:
         assert len(one.actions) == 1 or not {action.group for action in one.actions} & {*ALONE}
+
+
+@pytest.fixture(scope="module")
+def with_stops(model: tw.ForecastModel) -> tuple[tw.Journey, tw.Advice]:
+    departure = tw.Departure(soc=0.8, ambient_temperature_degc=12.0, extras=("roof_box",))
+    found = journey(model, departure, (A, FAR), replace(MADE, stations=row(14)), alternatives=1)
+    return found, tw.advise(found)
+
+
+def test_a_stop_to_charge_is_a_way_to_arrive(with_stops: tuple[tw.Journey, tw.Advice]) -> None:
+    found, advice = with_stops
+    plan = found.charging
+    assert plan is not None
+    assert advice.p_arrive < 0.95 <= plan.p_reserve
+    (stop,) = (one for one in advice.least if one.actions[0].code == "stop")
+    assert stop.actions[0].value == len(plan.stops) >= 2
+    assert (stop.p_arrive, stop.soc_arrival) == (plan.p_reserve, plan.soc_arrival)
+    assert stop.difference.duration_s == pytest.approx(plan.duration_s - found.forecast.plan.duration_s)
+    assert advice.to_dict()["whole"]["charges"] == len(plan.stops)
+
+
+def test_an_action_has_the_time_of_the_journey_with_the_stops_that_it_then_needs(
+    with_stops: tuple[tw.Journey, tw.Advice], model: tw.ForecastModel
+) -> None:
+    found, advice = with_stops
+    assert found.charging is not None
+    by_code = {one.actions[0].code: one.whole for one in advice.singly}
+    lighter, slower, road = (by_code[code] for code in ("no_roof_box", "slower", "other_road"))
+    assert lighter is not None
+    assert slower is not None
+    assert road is not None
+    # the same journey, planned without the box
+    departure = tw.Departure(soc=0.8, ambient_temperature_degc=12.0, extras=())
+    again = journey(model, departure, (A, FAR), replace(MADE, stations=row(14))).charging
+    assert again is not None
+    assert lighter.duration_s == pytest.approx(again.duration_s, rel=0.01)
+    assert lighter.duration_s < found.charging.duration_s
+    assert lighter.driving_s == pytest.approx(found.charging.driving_s, rel=0.01)
+    # what is driven longer is charged shorter
+    assert slower.driving_s > found.charging.driving_s + 120.0
+    assert slower.charging_s < found.charging.charging_s - 120.0
+    for plan in (lighter, slower, road):
+        assert plan.p_reserve >= 0.95
+
+
+def test_what_is_warmed_on_the_plug_is_warm_on_the_first_leg_alone(model: tw.ForecastModel) -> None:
+    cold = replace(COLD, soc=0.8, ambient_temperature_degc=-8.0, cabin_temperature_degc=-8.0)
+    found = journey(model, cold, (A, FAR), replace(MADE, stations=row(14)))
+    assert found.corridor is not None
+    warm = next(action for action in actions(found.forecast) if action.code == "preheat_cabin")
+    forecast = maker_like(found.forecast)(warm.applied(found.forecast.plan))
+    plan = with_action(found.corridor, warm, forecast, found.corridor.road)
+    assert plan is not None
+    degc = [leg.forecast.plan.departure.cabin_temperature_degc for leg in plan.legs]
+    assert degc[0] == pytest.approx(warm.changed["cabin_temperature_degc"])
+    assert degc[0] > 15.0
+    assert {*degc[1:]} == {-8.0}
+
+
+def test_a_trip_without_stops_has_no_whole(model: tw.ForecastModel) -> None:
+    advice = tw.advise(journey(model, replace(COLD, soc=0.93), alternatives=1, charge=False))
+    assert advice.to_dict()["whole"] is None
+    assert {one.whole for one in (*advice.singly, *advice.least)} == {None}
 
 
 def test_two_roads_share_neither_climb_nor_traffic(model: tw.ForecastModel) -> None:
@@ -88,11 +152,27 @@ def test_a_saving_is_not_known_better_than_to_a_fifth_of_what_changes(model: tw.
     assert saved.sd_wh >= 0.2 * float(np.linalg.norm(causes)) > 0.0
 
 
+def test_extras_that_several_actions_change_are_all_changed(model: tw.ForecastModel) -> None:
+    departure = replace(COLD, extras=("roof_box", "winter_tyres", "headlights"))
+    plan = RoadForecaster(model, departure).forecast(straight(A, B, 80.0)).plan
+    for action in (
+        Action("no_roof_box", "roof", "some", {}, removed="roof_box"),
+        Action("seats", "climate", "some", {}, fitted="heated_seats"),
+        Action("summer_tyres", "tyres", "much", {}, removed="winter_tyres"),
+    ):
+        plan = action.applied(plan)
+    assert plan.departure.extras == ("headlights", "heated_seats")
+
+
 def test_heated_seats_are_part_of_the_energy_and_of_the_charge(model: tw.ForecastModel) -> None:
     base = RoadForecaster(model, replace(COLD, ambient_temperature_degc=-10.0)).forecast(straight(A, B, 80.0))
     seats = next(action for action in actions(base) if action.code == "seats")
     one = _advised(base, maker_like(base), (seats,), 0.1)
     assert one.difference.energy_wh == pytest.approx(sum(one.difference.by_cause_wh.values()))
     hours = base.plan.duration_s / 3600.0
-    assert one.difference.energy_wh == pytest.approx(one.forecast.energy_wh - base.energy_wh + 100.0 * hours)
+    warm_air = replace(base.plan, departure=replace(base.plan.departure, cabin_setpoint_degc=16.0))
+    without_seats = maker_like(base)(warm_air)
+    taken = one.forecast.by_cause_wh["base_load"] - without_seats.by_cause_wh["base_load"]
+    assert taken == pytest.approx(100.0 * hours, rel=0.01)
+    assert one.difference.energy_wh == pytest.approx(one.forecast.energy_wh - base.energy_wh)
     assert one.soc_arrival - base.soc_arrival == pytest.approx(one.difference.soc_arrival)

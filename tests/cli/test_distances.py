@@ -19,7 +19,9 @@ COLD = tw.Departure(ambient_temperature_degc=-5.0)
 
 def test_need_has_the_numbers_of_python(run: Run) -> None:
     printed = run("need", "50", "km", "--ambient", -5, "--kind", "country", "--quantile", 0.95, "--json")
-    assert json.loads(printed.out) == need(50, "country", COLD, quantile=0.95).to_dict()
+    expected = need(50, "country", COLD, quantile=0.95).to_dict()
+    printed_need = json.loads(printed.out)
+    assert {name: printed_need[name] for name in expected} == expected
     same = run("need", "50km", "--ambient", -5, "--kind", "country", "--quantile", 0.95, "--json")
     assert same.out == printed.out
 
@@ -50,7 +52,8 @@ def test_a_usual_trip_of_my_car(run: Run, tmp_path: Path) -> None:
     name = logs[0].trip_id
     printed = run("need", "--car", car.folder, "--trip", name, "--ambient", -5, "--json")
     found = json.loads(printed.out)
-    assert found == need(usual_plan(car, name), departure=COLD, model=car.model()).to_dict()
+    expected = need(usual_plan(car, name), departure=COLD, model=car.model()).to_dict()
+    assert {name: found[name] for name in expected} == expected
     assert (found["kind"], found["distance_m"]) == ("trip", pytest.approx(logs[0].distance_m, rel=0.01))
     refused = run("need", "--car", car.folder, "--trip", "moon")
     assert refused.code != 0

@@ -9,6 +9,7 @@ from tripwatt.fleet.batch import forecast_batch, quantile_column, schema_of
 from tripwatt.fleet.executors import InProcess
 from tripwatt.fleet.storage import save_fleet
 from tripwatt.trips import Departure
+from tripwatt.trips.messages import message
 
 pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
 
@@ -47,14 +48,17 @@ def test_a_batch_is_the_forecasts_of_its_trips(fleet, tmp_path):
     found = pq.read_table(tmp_path / "out.parquet")
     assert found.schema.names == schema_of((0.1, 0.975)).names
     out = {row["trip"]: row for row in found.to_pylist()}
-    assert list(out) == ["a", "e", "f", "b", "c", "d"]  # by vehicle and trip
+    assert list(out) == ["b", "a", "c", "d", "e", "f"]  # as in the input
     plan = tw.read_route([{"length_m": 1500.0, "speed_m_s": v} for v in (12.0, 20.0, 15.0)], trip_id="a")
     departure = Departure(soc=0.8, ambient_temperature_degc=4.0)
     own = model.forecast(plan, departure, vehicle_id="V00000")
+    unknown = model.forecast(plan, vehicle_id="V00000")
     assert out["a"]["energy_wh"] == pytest.approx(own.energy_wh, rel=1e-12)
     assert out["a"]["energy_wh_q10"] == pytest.approx(own.quantile(0.1), rel=1e-12)
     assert out["a"]["energy_wh_q97_5"] == pytest.approx(own.quantile(0.975), rel=1e-12)
     assert out["a"]["soc_arrival"] == pytest.approx(own.soc_arrival, rel=1e-12)
+    ends = [out["a"]["soc_arrival_q10"], out["a"]["soc_arrival_q97_5"]]
+    assert ends == pytest.approx([own.soc_quantile(0.1), own.soc_quantile(0.975)], rel=1e-12)
     assert out["a"]["p_arrive"] == pytest.approx(own.p_arrive(0.1), rel=1e-12)
     assert (out["a"]["distance_m"], out["a"]["sd_wh"]) == (
         pytest.approx(4500.0, rel=1e-4),
@@ -65,11 +69,67 @@ def test_a_batch_is_the_forecasts_of_its_trips(fleet, tmp_path):
     usual = "ambient_temperature_degc, cabin_temperature_degc, cabin_setpoint_degc, battery_temperature_degc"
     assert out["f"]["assumed"] == f"{usual}, soc"
     assert out["a"]["assumed"] == usual.partition(", ")[2]
-    assert out["d"]["assumed"] is None
+    assert out["f"]["flags"] == list(dict.fromkeys(flag.code for flag in unknown.flags))
+    assert out["f"]["reasons"] == "; ".join(map(message, unknown.flags))
+    assert "soc_assumed" in out["f"]["flags"]
+    assert (out["d"]["assumed"], out["d"]["flags"], out["d"]["reasons"]) == (None, None, None)
     assert "such as 'V00000'" in out["d"]["error"]
     assert "unknown vehicle" in out["d"]["error"]
     assert "ambient_temperature_degc" in out["e"]["error"]
     assert out["e"]["energy_wh"] is None
+
+
+class Stopping(InProcess):
+    """Runs so many tasks, then fails as a batch does that is interrupted."""
+
+    def __init__(self, most):
+        self.left = self.most = most
+
+    def submit(self, fn, /, *args, **kwargs):
+        if self.left == 0:
+            raise KeyboardInterrupt
+        self.left -= 1
+        return super().submit(fn, *args, **kwargs)
+
+
+def test_a_batch_that_was_stopped_goes_on_and_ends_in_the_same_file(fleet, tmp_path, monkeypatch):
+    *_, model, _ = fleet
+    save_fleet(model, tmp_path / "m")
+    monkeypatch.setattr("tripwatt.fleet.batch.TRIPS_AT_ONCE", 2)
+    monkeypatch.setattr("tripwatt.fleet.executors.AHEAD", 1)
+    trips = [links(f"t{k}", f"V{k % 8:05d}", soc=0.5 + 0.05 * k if k else float("nan")) for k in range(9)]
+    table = pa.Table.from_pylist([row for trip in trips for row in trip])
+    pq.write_table(table, tmp_path / "in.parquet", row_group_size=7)  # trips go on in the next group
+
+    def run(executor, out, reserve=0.0):
+        given = (tmp_path / "m", tmp_path / "in.parquet", tmp_path / out, executor)
+        return forecast_batch(*given, reserve=reserve)
+
+    assert run(InProcess(), "whole") == 9
+    assert pq.read_table(tmp_path / "whole")["trip"].to_pylist() == [f"t{k}" for k in range(9)]
+    assert "soc_assumed" in pq.read_table(tmp_path / "whole")["flags"][0].as_py()
+    with pytest.raises(KeyboardInterrupt):
+        run(Stopping(3), "out")
+    assert not (tmp_path / "out").exists()
+    assert len(list((tmp_path / "out.unfinished").iterdir())) == 3
+    rest = Stopping(2)  # of five parts
+    assert run(rest, "out") == 9
+    assert rest.left == 0
+    assert (tmp_path / "out").read_bytes() == (tmp_path / "whole").read_bytes()
+    assert not (tmp_path / "out.unfinished").exists()
+    with pytest.raises(KeyboardInterrupt):
+        run(Stopping(3), "out")
+    with pytest.raises(KeyboardInterrupt):
+        run(Stopping(4), "out", reserve=0.2)  # finished parts of another question do not count
+    assert len(list((tmp_path / "out.unfinished").iterdir())) == 7
+
+
+def test_a_batch_without_trips_is_a_file_without_rows(fleet, tmp_path):
+    *_, model, _ = fleet
+    save_fleet(model, tmp_path / "m")
+    pq.write_table(pa.Table.from_pylist(links("a", "b"))[:0], tmp_path / "in.parquet")
+    assert forecast_batch(tmp_path / "m", tmp_path / "in.parquet", tmp_path / "out", InProcess()) == 0
+    assert pq.read_table(tmp_path / "out").schema.names == schema_of((0.05, 0.5, 0.95)).names
 
 
 def test_a_batch_that_cannot_be_read_is_one_error(fleet, tmp_path):

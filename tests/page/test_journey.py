@@ -308,7 +308,9 @@ def test_verdict_list_and_chart_speak_of_the_journey_with_its_charging_stop(page
         assert part in stops.inner_text()
     assert page.locator(".mark-arrival").inner_text() == "42\u00a0%"
     assert page.locator(".mark-stop").inner_text() == "1"
-    causes = page.locator(".causes tr")  # of the whole journey too, with what warms the battery for the stop
+    causes = page.locator(
+        "section.causes tr"
+    )  # of the whole journey too, with what warms the battery for the stop
     assert causes.filter(has_text="Heating and cooling").locator(".value").inner_text() == "0.04"
     total = page.locator(".whole dd").last.inner_text().split()[0]
     assert causes.last.locator(".value").inner_text() == total
@@ -432,8 +434,8 @@ def test_other_names_the_region_of_the_map_and_the_source_of_heights_are_told(
     page.get_by_text(f"No place is called “Qqxz”. The map covers {covers}.").wait_for()
     page.route("**/v1/map", with_heights)
     page.reload()
-    page.locator(".causes .note").get_by_text("Its heights are from SRTM tiles of NASA.").wait_for()
-    assert "The road climbs " in page.locator(".causes .note").inner_text()
+    page.locator("section.causes .note").get_by_text("Its heights are from SRTM tiles of NASA.").wait_for()
+    assert "The road climbs " in page.locator("section.causes .note").inner_text()
     page.unroute("**/v1/map")
     opened[1].clear()
 

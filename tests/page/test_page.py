@@ -161,11 +161,11 @@ def test_a_battery_that_is_empty_before_the_end_is_told_with_what_it_lacks(look:
 
 def test_causes_add_up(look: Look) -> None:
     page = look()
-    cells = page.locator(".causes tbody .value").all_inner_texts()
+    cells = page.locator("section.causes tbody .value").all_inner_texts()
     parts = [float(text.replace("−", "-")) for text in cells]
-    total = float(page.locator(".causes tfoot .value").inner_text())
+    total = float(page.locator("section.causes tfoot .value").inner_text())
     assert sum(parts) == pytest.approx(total, abs=0.01 * len(parts))
-    boxes = [row.bounding_box() for row in page.locator(".causes tbody .picture span").all()]
+    boxes = [row.bounding_box() for row in page.locator("section.causes tbody .picture span").all()]
     for (above, part), (below, _) in pairwise(zip(boxes, parts, strict=True)):
         end = above["x"] + above["width"] if part > 0 else above["x"]
         assert min(abs(below["x"] - end), abs(below["x"] + below["width"] - end)) < 4.0
@@ -290,7 +290,7 @@ def test_a_road_of_unknown_heights_is_judged_by_its_chances(look: Look) -> None:
     page.locator(".chance-good").get_by_text("Very likely").wait_for()
     changes = f"With a climb of {answer['climb']['changes_at_m']['0.1']:,.0f}\u00a0m"
     page.locator("details.sure summary").click()
-    for part in (".sure .given", ".causes .note"):
+    for part in (".sure .given", "section.causes .note"):
         assert "Climb unknown" in page.locator(part).inner_text()
         assert changes in page.locator(part).inner_text()
     country = page.get_by_label("Terrain")
@@ -385,7 +385,7 @@ def test_compares_two_speeds_on_the_motorway(look: Look) -> None:
         float, re.findall(r"([\d.]+)\u00a0kWh less energy \(([\d.]+) to ([\d.]+)", told)[0]
     )
     assert 0.0 < low < middle < high
-    change = page.locator(".causes tbody tr", has_text="Air drag").locator(".change").inner_text()
+    change = page.locator("section.causes tbody tr", has_text="Air drag").locator(".change").inner_text()
     assert change.startswith("−")
 
 

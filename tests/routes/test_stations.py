@@ -1,5 +1,6 @@
 """Charging stations: of a file, near a line, inside of bounds."""
 
+import os
 from dataclasses import replace
 
 import pytest
@@ -51,10 +52,21 @@ def test_the_most_stations_of_a_file(tmp_path, monkeypatch):
         read_stations(table(path, *["0,0,50"] * 5))
 
 
-def test_words_about_a_file_of_stations_are_cut(tmp_path):
-    with pytest.raises(InvalidInput, match="cannot read the stations") as caught:
-        read_stations(tmp_path / ("x" * 100))
-    assert len(caught.value.faults[0].got) == 80
+@pytest.mark.parametrize("cell", ["0101000020E610000000289516", "1" * 400_000, "9e99999999", "0x10", "nan"])
+def test_what_is_no_number_is_a_fault_and_no_crash(tmp_path, cell):
+    """A hexadecimal geometry ended the interpreter in the float parser of pandas."""
+    for row in (f"{cell},0,50", f"0,0,{cell}"):
+        with pytest.raises(InvalidInput, match=r"value out of range|cannot read") as caught:
+            read_stations(table(tmp_path / "s.csv", row))
+        assert len(caught.value.faults[0].got) <= 80
+
+
+def test_a_device_or_pipe_is_no_file_of_stations(tmp_path):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    for path in ("/dev/zero", pipe):
+        with pytest.raises(InvalidInput, match="cannot read the stations"):
+            read_stations(path)
 
 
 def test_a_station_is_near_up_to_a_distance():
@@ -108,11 +120,11 @@ def test_a_file_of_stations(tmp_path):
         ("latitude_deg,power_kw\n1,2\n", "missing column: stations.csv: got longitude_deg"),
         (
             "latitude_deg,longitude_deg,power_kw\n91,9,150\n47,181,x\n",
-            "value out of range: stations.csv, column 'latitude_deg', row 1: got 91; allowed: -90 to 90\n"
-            "value out of range: stations.csv, column 'longitude_deg', row 2: got 181; allowed: -180 to 180\n"
-            "value out of range: stations.csv, column 'power_kw', row 2: got x; allowed: 1 to 1500",
+            "value out of range: stations.csv, column 'latitude_deg', row 1: got '91'; allowed: -90 to 90\n"
+            "value out of range: stations.csv, column 'longitude_deg', row 2: got '181'; allowed: -180 to 180\n"
+            "value out of range: stations.csv, column 'power_kw', row 2: got 'x'; allowed: 1 to 1500",
         ),
-        ("", "cannot read the stations"),
+        ("", "missing column: stations.csv: got latitude_deg, longitude_deg, power_kw"),
     ],
 )
 def test_every_fault_of_a_file_of_stations_is_named(tmp_path, text, message):

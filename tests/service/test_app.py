@@ -389,3 +389,31 @@ def test_the_page_and_foreign_documentation_are_not_in_the_document() -> None:
     assert "/" not in document["paths"]
     assert [served(path).status_code for path in ("/docs", "/redoc")] == [404, 404]
     assert "security" not in document
+
+
+def test_pages_of_other_origins_read_answers_only_where_they_are_named() -> None:
+    asked = {"Origin": "https://a.example", "Access-Control-Request-Method": "POST"}
+    served = Served()
+    for method, status in (("OPTIONS", 405), ("GET", 200)):
+        found = served("/healthz", method, headers=asked)
+        assert found.status_code == status
+        assert not [name for name in found.headers if name.startswith("access-control")]
+    served.app = create_app(Settings(token="x" * 16, cors_origins=("https://a.example",)))
+    allowed = served("/v1/forecast", "OPTIONS", headers=asked)  # before the token is asked for
+    assert allowed.status_code == 200
+    assert allowed.headers["access-control-allow-origin"] == "https://a.example"
+    assert "Authorization" in allowed.headers["access-control-allow-headers"]
+    assert (
+        served("/v1/forecast", "OPTIONS", headers={**asked, "Origin": "https://b.example"}).status_code == 400
+    )
+    answer = served("/v1/models", headers={"Origin": "https://a.example"})
+    assert answer.status_code == 401
+    assert answer.headers["access-control-allow-origin"] == "https://a.example"
+    assert "access-control-allow-credentials" not in answer.headers
+
+
+def test_the_document_has_the_path_in_front() -> None:
+    served = Served()
+    assert "servers" not in served("/openapi.json").json()
+    served.app = create_app(Settings(prefix="/tripwatt"))
+    assert served("/tripwatt/openapi.json").json()["servers"] == [{"url": "/tripwatt"}]

@@ -93,9 +93,10 @@ class Pool:
             raise
         finally:
             self.running -= 1
-        if body == b"busy":
+        if b"busy" in body:
             raise Problem("busy", "try again")
-        return JobResult(422 if body == b"wrong" else 200, body, 0.01)
+        refused = orjson.dumps(Problem("invalid-input").document())
+        return JobResult(422, refused, 0.01) if b"wrong" in body else JobResult(200, body, 0.01)
 
 
 async def all_of(lines: list[bytes], pool: Pool, metrics: Metrics) -> list[bytes]:
@@ -114,7 +115,8 @@ def test_what_fails_is_a_problem_document_in_its_place() -> None:
     metrics = Metrics()
     lines = [b"a" * 7, b"a" * 8, b"busy", b"wrong", b"last"]
     found = asyncio.run(all_of(lines, Pool(1, body_bytes=7), metrics))
-    assert (found[0], found[3], found[4]) == (b"aaaaaaa\n", b"wrong\n", b"last\n")
+    assert (found[0], found[4]) == (b"aaaaaaa\n", b"last\n")
+    assert orjson.loads(found[3]) == Problem("invalid-input").document()
     assert orjson.loads(found[1]) == Problem("too-large", "at most 7 bytes per trip").document()
     assert found[2] == orjson.dumps(Problem("busy", "try again").document()) + b"\n"
     counted = {
@@ -124,6 +126,13 @@ def test_what_fails_is_a_problem_document_in_its_place() -> None:
     assert counted == {"answered": 2.0, "refused": 2.0, "failed": 1.0}
     labels = {"kind": "batch"}
     assert metrics.registry.get_sample_value("tripwatt_work_seconds_count", labels) == 3.0
+
+
+def test_a_problem_has_the_trip_of_its_line() -> None:
+    lines = [b'{"trip": "busy"}', b'{"trip": "wrong"}', b'{"of": "wrong"}', b'["wrong"]', b'{"trip": "a"}']
+    found = asyncio.run(all_of(lines, Pool(2), Metrics()))
+    assert [orjson.loads(line).get("trip") for line in found] == ["busy", "wrong", "trip", None, "a"]
+    assert [orjson.loads(line).get("status") for line in found] == [503, 422, 422, 422, None]
 
 
 def test_no_lines_give_nothing() -> None:

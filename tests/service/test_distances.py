@@ -19,7 +19,10 @@ def asked(service: Service, path: str, **query: Any) -> Any:
 
 def test_need_has_the_numbers_of_python(service: Service) -> None:
     found = asked(service, "/v1/need", distance_km=50, kind="motorway", trips=3, vehicle="vw_id3").json()
-    assert found == need(50, "motorway", COLD, trips=3, vehicle="vw_id3").to_dict()
+    expected = need(50, "motorway", COLD, trips=3, vehicle="vw_id3").to_dict()
+    assert {name: found[name] for name in expected} == expected
+    assert found["target_soc"] == min(found["soc_needed"], 1.0)
+    assert found["preheat"]["before_s"] > 0.0
 
 
 def test_range_has_the_numbers_of_python(service: Service) -> None:

@@ -15,6 +15,7 @@ from tripwatt.forecasting.storage import DEFAULT_MODEL
 from tripwatt.service import jobs as room
 from tripwatt.service.jobs import JOB_KINDS, Jobs, require_finite
 from tripwatt.service.problems import Problem
+from tripwatt.service.route_uploads import read_route
 from tripwatt.service.settings import Limits
 from tripwatt.service.worker import run_job
 
@@ -169,38 +170,38 @@ def test_the_flags_of_a_transfer_come_first(jobs: Jobs) -> None:
 
 
 def test_an_uploaded_trip_is_measured_from_its_first_sample(jobs: Jobs) -> None:
-    found = limited(jobs, samples=3, duration_s=2.0).route(CSV, None)
+    found = read_route(CSV, None, limited(jobs, samples=3, duration_s=2.0).limits)
     assert (found["duration_s"], found["distance_m"]) == (2.0, 21.0)
     assert (found["links"], found["elevation"], found["notes"]) == (None, None, [])
     assert found["samples"]["speed_m_s"] == [10.0, 10.0, 12.0]
 
 
 def test_an_uploaded_trip_has_its_limits(jobs: Jobs) -> None:
-    assert faults_of(limited(jobs, samples=2).route, CSV, None) == (
+    assert faults_of(read_route, CSV, None, limited(jobs, samples=2).limits) == (
         Fault("too many samples", "upload", "3", "at most 2"),
     )
-    (fault,) = faults_of(limited(jobs, duration_s=1.9).route, CSV, None)
+    (fault,) = faults_of(read_route, CSV, None, limited(jobs, duration_s=1.9).limits)
     assert (fault.what, fault.got) == ("duration out of range", "2 s")
 
 
 def test_an_uploaded_route_has_its_limits(jobs: Jobs) -> None:
     body = orjson.dumps(LINKS)
-    found = limited(jobs, links=2, duration_s=150.0).route(body, None)
+    found = read_route(body, None, limited(jobs, links=2, duration_s=150.0).limits)
     assert [link["length_m"] for link in found["links"]] == [800.0, 400.0]
     assert found["elevation"] is None
     assert [note["code"] for note in found["notes"]] == ["no_elevation"]
-    assert faults_of(limited(jobs, links=1).route, body, None) == (
+    assert faults_of(read_route, body, None, limited(jobs, links=1).limits) == (
         Fault("too many links", "upload", "2", "at most 1"),
     )
-    assert faults_of(limited(jobs, duration_s=149.0).route, body, None)[0].got == "150 s"
+    assert faults_of(read_route, body, None, limited(jobs, duration_s=149.0).limits)[0].got == "150 s"
 
 
 @pytest.mark.parametrize("before", [b"", b"\xef\xbb\xbf", b" \t\r\n"])
 def test_the_content_of_an_upload_decides(jobs: Jobs, before: bytes) -> None:
-    assert jobs.route(before + orjson.dumps(LINKS), None)["links"] is not None
+    assert read_route(before + orjson.dumps(LINKS), None, jobs.limits)["links"] is not None
     table = b"length_m,speed_m_s\n800,8\n"
-    assert jobs.route(table, None)["links"] is not None
-    assert jobs.route(CSV, None)["links"] is None
+    assert read_route(table, None, jobs.limits)["links"] is not None
+    assert read_route(CSV, None, jobs.limits)["links"] is None
 
 
 def line_of(*points: list[float]) -> bytes:
@@ -227,9 +228,9 @@ def gpx_of(*seconds: int) -> bytes:
 
 def test_a_log_has_its_duration_and_no_links(jobs: Jobs) -> None:
     log = gpx_of(*range(0, 124, 4))
-    found = limited(jobs, duration_s=120.0).route(log, None)
+    found = read_route(log, None, limited(jobs, duration_s=120.0).limits)
     assert (found["links"], found["duration_s"]) == (None, 120.0)
-    (fault,) = faults_of(limited(jobs, duration_s=119.0).route, log, None)
+    (fault,) = faults_of(read_route, log, None, limited(jobs, duration_s=119.0).limits)
     assert (fault.where, fault.got) == ("upload", "120 s")
 
 
@@ -276,7 +277,7 @@ def test_a_forecast_that_physics_forbids_is_a_fault_of_the_request(jobs: Jobs) -
 
 
 def test_every_kind_of_job_is_run(jobs: Jobs) -> None:
-    kinds = "advice describe difference distance example examples forecast map need places plan range reach route tile update vehicles view"
+    kinds = "advice describe difference distance example examples forecast map models need places plan range reach route tile update vehicles view"
     of_cars = (
         "car",
         "car token",
@@ -287,6 +288,7 @@ def test_every_kind_of_job_is_run(jobs: Jobs) -> None:
         "logs",
         "new car",
         "journey advice",
+        "journey difference",
     )
     assert sorted(JOB_KINDS) == sorted([*kinds.split(), *of_cars])
     assert jobs.run({"kind": "map"}, b"") == jobs.journeys.describe()

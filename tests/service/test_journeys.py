@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime as dt
+import math
 from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
@@ -10,16 +11,19 @@ from typing import Any
 
 import httpx
 import pytest
+from tests.journey.made import MADE, A, B
 from tests.support.command import answered
 from tests.support.roads import osrm
 from tests.support.router_server import RouterServer, answering, write_map
 from tests.support.service_process import Service, serving
 from tests.support.service_schema import conformance
 
+import tripwatt as tw
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.journey import Atlas, AtlasSettings, Place
 from tripwatt.service import journeys
-from tripwatt.service.journey_schemas import PlaceRequest, PlanRequest, ReachRequest
+from tripwatt.service.advice_schemas import AdviceResponse
+from tripwatt.service.journey_schemas import JourneyAdviceRequest, PlaceRequest, PlanRequest, ReachRequest
 from tripwatt.service.journeys import JourneyJobs, departure_of_journey, place_of
 from tripwatt.service.schemas import check_request
 
@@ -77,7 +81,44 @@ def test_advice_on_a_journey_is_that_on_its_road(planner: Service) -> None:
     assert advice["p_arrive"] == pytest.approx(road["forecast"]["p_arrive"]["0.1"])
     codes = [one["actions"][0]["code"] for one in advice["singly"]]
     assert "no_roof_box" in codes
+    assert advice["whole"] is None
     assert planner.client.post("/v1/journeys/advice", json={**asked, "chance": 2.0}).status_code == 422
+
+
+def test_advice_on_a_journey_that_needs_a_stop_has_the_time_in_all() -> None:
+    stops = [{"latitude_deg": place.latitude_deg, "longitude_deg": place.longitude_deg} for place in (A, B)]
+    asked = {"stops": stops, "soc": 0.7, "ambient_temperature_degc": 0.0}
+    jobs, model = JourneyJobs(MADE), tw.load_model()
+    charging = jobs.plan(check_request(asked, PlanRequest), model)["charging"]
+    advice = jobs.advice(check_request(asked, JourneyAdviceRequest), model)
+    assert advice["whole"]["duration_s"] == pytest.approx(charging["duration_s"])
+    assert advice["whole"]["charges"] == len(charging["stops"]) == 1
+    (stop,) = (one for one in advice["least"] if one["actions"][0]["code"] == "stop")
+    assert stop["p_arrive"] == pytest.approx(charging["p_reserve"])
+    assert [one["whole"]["charges"] for one in advice["singly"] if one["whole"]] != []
+    AdviceResponse.model_validate(advice)
+    alone = jobs.advice(check_request({**asked, "charge": False}, JourneyAdviceRequest), model)
+    assert alone["whole"] is None
+
+
+def test_the_difference_of_two_journeys_is_that_of_their_roads(planner: Service) -> None:
+    asked = {**ASKED, "soc": 0.5}
+    warmer = {**asked, "ambient_temperature_degc": 15.0}
+    one, other = (plan(planner, **each).json()["roads"][0]["forecast"] for each in (warmer, asked))
+    found = planner.client.post("/v1/journeys/difference", json={"one": warmer, "other": asked})
+    assert found.status_code == 200, found.text
+    difference = found.json()
+    assert difference["energy_wh"] == pytest.approx(one["energy_wh"] - other["energy_wh"])
+    assert difference["soc_arrival"] == pytest.approx(one["soc_arrival"] - other["soc_arrival"])
+    low, high = difference["interval_wh"]
+    (one_low, one_high), (other_low, other_high) = (
+        (each["quantiles_wh"]["0.05"], each["quantiles_wh"]["0.95"]) for each in (one, other)
+    )
+    assert low < difference["energy_wh"] < high
+    # what both share cancels
+    assert high - low < 0.7 * math.hypot(one_high - one_low, other_high - other_low)
+    for wrong in ({"one": warmer}, {"one": warmer, "other": asked, "road": 7}):
+        assert planner.client.post("/v1/journeys/difference", json=wrong).status_code == 422
 
 
 def test_a_round_trip_and_answers_that_are_not_asked(planner: Service) -> None:

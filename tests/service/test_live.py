@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import dataclasses
+import datetime as dt
 import json
 import urllib.parse
 from collections.abc import Callable, Iterator
@@ -20,6 +21,7 @@ from tests.support.service_process import TOKEN, Service, serving, wait_for
 from tests.support.service_schema import conformance
 
 import tripwatt as tw
+from tripwatt.advice.preheating import CHARGER, preheating
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import Forecast, ForecastModel
 from tripwatt.live import RoadCar, Sample, issue_token
@@ -230,7 +232,14 @@ def test_the_need_of_a_plan_is_a_quantile_and_the_charge_to_leave_with(served: S
     served.send(message(0.0, speed=0, soc=30.0))
     served.put({"links": LINKS, "soc": 0.8, "ambient_temperature_degc": -5.0, "reserve": 0.25})
     own = tw.forecast(LINKS, tw.Departure(soc=0.8, ambient_temperature_degc=-5.0))
-    found = need(served, probability=0.95).json()
+    found = need(served, probability=0.95, departure_utc=NOON_S, plug_w=3700.0).json()
+    until = {name: found.pop(name) for name in ("wall_wh", "charging_s", "preheat")}
+    assert until["wall_wh"] == pytest.approx(found["charge_wh"] / CHARGER)
+    assert until["charging_s"] == pytest.approx(until["wall_wh"] / 3700.0 * 3600.0)
+    heat = preheating(own.vehicle, own.plan, plug_w=3700.0)
+    assert heat is not None
+    leaves = dt.datetime.fromtimestamp(NOON_S, dt.UTC)
+    assert until["preheat"] == heat.to_dict(leaves)
     assert found == {
         "vehicle": "leaf",
         "plan": "given",
@@ -242,6 +251,8 @@ def test_the_need_of_a_plan_is_a_quantile_and_the_charge_to_leave_with(served: S
         "soc_needed": pytest.approx(own.soc_needed(0.25, 0.95), abs=1e-9),
         "wh_per_display": pytest.approx(own.charge.wh_per_display, abs=1e-6),
         "message": leave_in_words(own.soc_needed(0.25, 0.95), 0.25, 0.95),
+        "target_soc": pytest.approx(own.soc_needed(0.25, 0.95), abs=1e-9),
+        "departs_at": leaves.isoformat(),
         "soc": 0.3,
         "charge_wh": pytest.approx((own.soc_needed(0.25, 0.95) - 0.3) * own.charge.wh_per_display, abs=1e-3),
     }
@@ -280,6 +291,7 @@ def test_the_need_without_a_plan_is_that_of_the_usual_trip(served: Served, drive
         {"reserve": -0.1},
         {"reserve": 1.1},
         {"departure_utc": 5},
+        {"plug_w": -1},
         {"ambient_temperature_degc": 58},
         {"probability": "nan"},
     ],

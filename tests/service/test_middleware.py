@@ -537,3 +537,16 @@ def test_a_bug_after_the_response_is_logged() -> None:
     assert asked() == 200
     assert len(asked.sent) == 3
     assert asked.log[0]["error"] == "KeyError('x')"
+
+
+def test_a_path_in_front_is_taken_off_before_anything_is_checked() -> None:
+    asked = Asked(Settings(token=TOKEN, prefix="/tripwatt"))
+    assert asked("/tripwatt/v1/models") == 401
+    assert asked("/v1/models") == 401  # a proxy that has taken it off
+    given = [("host", "localhost"), ("authorization", f"Bearer {TOKEN}")]
+    assert asked("/tripwatt/v1/models", headers=given) == 200
+    assert asked("/tripwattv1/models") == 200
+    assert [scope["path"] for scope in asked.app.scopes] == ["/v1/models", "/tripwattv1/models"]
+    assert asked.log[0]["path"] == "/v1/models"
+    assert asked("/tripwatt") == 308
+    assert (b"location", b"/tripwatt/") in asked.sent[0]["headers"]

@@ -27,6 +27,8 @@ STATUSES = {
     "internal": 500,
     "no-live": 501,
     "no-map": 501,
+    "key-used": 422,
+    "foreign-site": 403,
     "remote": 502,
     "busy": 503,
     "timeout": 504,
@@ -55,7 +57,7 @@ def test_fifty_faults_are_listed_and_further_ones_counted() -> None:
     assert (len(fifty["faults"]), "more_faults" in fifty) == (50, False)
     one_more = invalid_input(faults[:51]).document()
     assert (len(one_more["faults"]), one_more["more_faults"]) == (50, 1)
-    assert one_more["faults"][49] == {"what": "wrong", "where": "f49"}
+    assert one_more["faults"][49] == {"what": "wrong", "where": "f49", "pointer": "/f49"}
     assert invalid_input(faults).document()["more_faults"] == 2
 
 

@@ -15,16 +15,19 @@ from typing import Any
 import httpx
 import orjson
 import pytest
+import typer.main
 from tests.support.command import answered
 from tests.support.service_fuzz import fuzz
 from tests.support.service_process import Service, serving, wait_for
 from tests.support.service_schema import PLAIN, conformance
 
+from tripwatt.cli import app
 from tripwatt.cli.serve import models_of, serve
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting.storage import model_folder
+from tripwatt.journey import AtlasSettings
 from tripwatt.service.problems import TITLES
-from tripwatt.service.settings import Limits
+from tripwatt.service.settings import Limits, Settings
 
 
 def refused(*arguments: str, token: str = "") -> str:
@@ -53,6 +56,41 @@ def test_it_does_not_start_with_unsafe_settings(tmp_path: Path) -> None:
     assert "nothing" in refused(str(tmp_path / "nothing"))
 
 
+def test_every_option_has_a_variable(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    given: list[Settings] = []
+    monkeypatch.setattr("tripwatt.service.serving.serve", lambda settings, on_start: given.append(settings))
+    options = {
+        "MODEL": f"registry:{tmp_path / 'a'} {tmp_path / 'b'}",
+        "HOST": "127.0.0.2",
+        "PORT": "8123",
+        "WORKERS": "3",
+        "PLACES": "photon=http://localhost",
+        "WEATHER": "http://localhost:1",
+        "STATIONS": "stations.csv",
+        "CARS": f"{tmp_path / 'cars'}",
+        "KEEP_DAYS": "2.5",
+        "LIMIT": "timeout_s=5 burst=7",
+        "PREFIX": "/under/",
+        "CORS_ORIGIN": "https://a.example https://b.example",
+        "TOKEN": "x" * 16,
+    }
+    command = typer.main.get_command(app).commands["serve"]  # type: ignore[attr-defined]
+    named = {p.name for p in command.params if p.param_type_name == "option"} - {"also"}
+    assert {name.upper() for name in named} == {*options, "MODELS", "MAP_"} - {"MODEL", "TOKEN"}
+    for name, value in options.items():
+        monkeypatch.setenv(f"TRIPWATT_{name}", value)
+    assert answered("serve", "--port", "8124").code == 0  # an option counts more than its variable
+    (found,) = given
+    assert (found.host, found.port, found.workers, found.token) == ("127.0.0.2", 8124, 3, "x" * 16)
+    assert found.models == {name: (tmp_path / name).resolve() for name in "ab"}
+    assert (found.limits.timeout_s, found.limits.burst, found.keep_days) == (5.0, 7, 2.5)
+    atlas = AtlasSettings("", "photon=http://localhost", "http://localhost:1", "stations.csv")
+    assert (found.atlas, found.cars) == (atlas, tmp_path / "cars")
+    assert (found.prefix, found.cors_origins) == ("/under", ("https://a.example", "https://b.example"))
+    monkeypatch.setenv("TRIPWATT_PORT", "none")
+    assert "'--port'" in answered("serve").err
+
+
 def test_without_the_extra_the_error_names_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "fastapi", None)
     with pytest.raises(InvalidInput, match=r"\.\[service\]"):
@@ -62,9 +100,9 @@ def test_without_the_extra_the_error_names_it(monkeypatch: pytest.MonkeyPatch) -
 def test_models_are_named_after_their_folders(tmp_path: Path) -> None:
     (tmp_path / "one").symlink_to(model_folder())
     (tmp_path / "two").symlink_to(model_folder())
-    assert list(models_of([tmp_path / "two"], None)) == [model_folder().name]
+    assert list(models_of([f"{tmp_path / 'two'}"], None)) == [model_folder().name]
     with pytest.raises(InvalidInput, match="duplicate model name"):
-        models_of([tmp_path / "one", tmp_path / "two"], None)
+        models_of([f"{tmp_path / 'one'}", f"{tmp_path / 'two'}"], None)
     with pytest.raises(InvalidInput, match="no models"):
         models_of([], tmp_path / "nowhere")
 

@@ -46,6 +46,14 @@ def test_there_is_a_worker() -> None:
     assert refusals(workers=0) == ["no workers: 0"]
 
 
+def test_a_prefix_is_a_path_and_an_origin_has_none() -> None:
+    assert refusals(prefix="/tripwatt", cors_origins=("https://a.example:8443", "http://localhost")) == []
+    assert refusals(prefix="tripwatt") == ["no path: tripwatt"]
+    assert refusals(prefix="/a//b") == ["no path: /a//b"]
+    wrong = ("*", "https://a.example/", "a.example", "https://*.example")
+    assert refusals(cors_origins=wrong) == [f"no origin: {origin}" for origin in wrong]
+
+
 def test_all_that_is_not_safe_is_said_together() -> None:
     assert len(refusals(host="0.0.0.0", workers=-1)) == 2
 

@@ -120,7 +120,7 @@ def _arrival(forecast: Forecast) -> dict[str, Any]:
         "soc_quantiles",
         "empty_at_m",
         "wh_per_display",
-        "p_arrive",
+        "p_arrive_by_soc",
         "series",
         "by_cause_wh",
         "measured_until_s",

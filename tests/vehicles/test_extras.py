@@ -1,4 +1,4 @@
-"""Winter tyres, a roof box, a trailer and headlights."""
+"""Winter tyres, a roof box, a trailer, headlights and the pressure of the tyres."""
 
 import pytest
 
@@ -35,6 +35,26 @@ def test_extras_change_what_they_say(name: str) -> None:
     assert lit.auxiliaries.base_load_w == car.auxiliaries.base_load_w + 100.0
     assert (lit.body, lit.road_load) == (car.body, car.road_load)
     assert with_extras(car, ()) is car
+
+
+def test_soft_tyres_roll_harder_by_the_share_of_the_source() -> None:
+    car = load_vehicle("vw_id3")
+    assert with_extras(car, (), 1.0) is car
+    # 1 psi of 30 is 1.4 %
+    one_psi = with_extras(car, (), 29.0 / 30.0).road_load
+    assert one_psi.rolling_coefficients[0] / car.road_load.rolling_coefficients[0] - 1.0 == pytest.approx(
+        0.014, abs=0.001
+    )
+    assert one_psi.drag_area_m2 == car.road_load.drag_area_m2
+    plan = tw.read_route([{"length_m": 30_000.0, "speed_m_s": 20.0}])
+    energies = [
+        tw.simulate(plan, "vw_id3", Departure(soc=0.8, tyre_pressure=p)).simulated_energy_wh
+        for p in (1.2, None, 0.8)
+    ]
+    assert energies == sorted(energies)
+    assert tw.simulate(
+        plan, "vw_id3", Departure(soc=0.8, tyre_pressure=1.0)
+    ).simulated_energy_wh == pytest.approx(energies[1])
 
 
 def test_a_departure_takes_known_extras_and_merges_them() -> None:

@@ -10,6 +10,7 @@ import json
 import re
 import shutil
 import tempfile
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -30,6 +31,7 @@ SCHEMES: Final = ("light", "dark")
 MODES: Final = ("Plan", "Compare", "Drive")
 SHOWN: Final = ".result .plot canvas"
 MAP_SHOWN: Final = ".map-canvas[data-ready]"
+ADVICE_MOVES: Final = 10
 MOVES: Final = 60
 DRAGS: Final = 20
 DRAGGED: Final = 0.7
@@ -119,6 +121,23 @@ def follow_times(page: Any, moves: int) -> list[float]:
     return times
 
 
+def advice_times(page: Any, moves: int) -> list[float]:
+    """How long the advice with its speeds takes to follow a slider, a value a move [ms]."""
+    times = []
+    for k in range(moves):
+        started = time.perf_counter()
+        page.evaluate(FOLLOW, ["Outside", -2 if k % 2 else 2])
+        page.wait_for_selector(".advice[aria-busy=false]")
+        times.append(1000.0 * (time.perf_counter() - started))
+        page.wait_for_timeout(1000)  # a slider at rest: the page spaces what it asks
+    return times
+
+
+def quantiles_ms(times: list[float]) -> dict[str, float]:
+    """The middle and the slowest of some times."""
+    return {f"p{q}_ms": round(float(np.percentile(times, q)), 1) for q in (50, 95, 100)}
+
+
 def violations(page: Any) -> list[tuple[str, str]]:
     """What axe-core finds on the page as it is: impact and rule."""
     from axe_playwright_python.sync_playwright import Axe
@@ -143,11 +162,11 @@ def measure() -> dict[str, Any]:
                     at = f"{size} {scheme} {mode.lower()}"
                     figures.setdefault("axe", {})[at] = violations(page)
                     if mode != "Drive" and scheme == "light":
-                        times = np.array(follow_times(page, MOVES))
-                        quantiles = {
-                            f"p{q}_ms": round(float(np.percentile(times, q)), 1) for q in (50, 95, 100)
-                        }
-                        figures.setdefault("slider", {})[at] = quantiles
+                        figures.setdefault("slider", {})[at] = quantiles_ms(follow_times(page, MOVES))
+                    if mode == "Plan" and scheme == "light":
+                        figures.setdefault("advice", {})[size] = quantiles_ms(
+                            advice_times(page, ADVICE_MOVES)
+                        )
                 page.context.close()
     return figures
 

@@ -7,6 +7,7 @@ from tripwatt.advice.cruise_advice import CruiseAdvice, followable
 from tripwatt.advice.cruise_problem import CruiseProblem, CruiseRoad
 from tripwatt.advice.on_the_way import Companion, Message
 from tripwatt.advice.pacing import Pace
+from tripwatt.advice.preheating import Preheating, preheating
 
 __all__ = [
     "Action",
@@ -20,10 +21,12 @@ __all__ = [
     "Front",
     "Message",
     "Pace",
+    "Preheating",
     "advise",
     "followable",
     "front",
     "least_energy",
     "least_total_time",
     "leaving_later",
+    "preheating",
 ]

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import datetime as dt
+import itertools
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Final, Literal
 
 import numpy as np
 
+from tripwatt.advice.preheating import SCARCE, WORTH, preheating
 from tripwatt.arrays import FloatArray
 from tripwatt.forecasting import Forecast
-from tripwatt.journey import RoadForecaster
-from tripwatt.physics import DriveConditions, simulate
+from tripwatt.journey import ChargingPlan, RoadForecaster
+from tripwatt.journey.corridor import Corridor
+from tripwatt.journey.plans import fastest_plan
 from tripwatt.physics.simulate import conditions_at_departure
 from tripwatt.routes.routers import Road
 from tripwatt.trips import Departure, Plan
@@ -30,18 +33,12 @@ GENTLE_M_S2: Final = 0.9
 """Acceleration and braking of a calm driver; a usual value of eco-driving courses."""
 WARMER_K: Final = (2.0, 4.0)
 """Steps of the set-point. A cabin of 22 °C stays at 18 °C or more."""
-SEAT_W: Final = 100.0
-"""Two heated seats, in place of warm air. A usual value."""
 SEATS_SETPOINT_DEGC: Final = 16.0
+"""Of the cabin with heated seats in place of warm air."""
+SEATS_FROM_K: Final = 8.0
+"""Milder cabins need no heated seats."""
 MILD_DEGC: Final = (8.0, 30.0)
 """Outside temperatures in which a car can be driven without climate control: below, windows mist; above, drivers tire."""
-PREHEAT_FROM_K: Final = 8.0
-"""Cabins nearer to the set-point are not conditioned before departure."""
-LONGEST_PREHEAT_S: Final = 2400.0
-WARM_BATTERY_DEGC: Final = 20.0
-COLD_BATTERY_DEGC: Final = 10.0
-CHARGER: Final = 0.9
-"""Energy that reaches the car over that of the wall; on-board chargers are a little better, a choice."""
 LUGGAGE_KG: Final = 50.0
 ALONE: Final = ("road", "departure")
 """Groups of actions that make another trip, and are not combined."""
@@ -49,6 +46,10 @@ LATER_H: Final = (-1, 1, 2, 3)
 """Hours by which a car may leave earlier or later."""
 SUMMER_DEGC: Final = 7.0
 """Winter tyres are kept below this outside temperature."""
+UNCHECKED: Final = 0.9
+"""Tyre pressure over the recommended one after two months without a look: tyres lose 1 to 2 psi a month (GAO-07-246R, 2007), of about 32 psi."""
+UNCHECKED_SPREAD: Final = 1.0 / 3.0
+"""Standard deviation of what is lost, over its mean: 1 to 2 psi are 1.5 ± 0.5 psi."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -69,12 +70,16 @@ class Action:
         Such as a speed [m/s] or a temperature [°C], in SI units.
     speed_m_s, acceleration_m_s2 : float or None
         Highest speed, and highest acceleration.
-    extra_w : float
-        Power that the plan does not have [W].
+    fitted, removed : str
+        An extra that is switched on, and one that is taken off.
     wall_wh : float
         Energy from the plug [Wh].
     before_s : float
         How long before the departure it begins [s].
+    assumed : dict of str to object
+        Fields of the departure that are not known: the saving is that where they are so, and the chance to arrive stays.
+    spread : float
+        Standard deviation of the effect over its mean, beside that of the forecasts.
 
     Examples
     --------
@@ -92,9 +97,12 @@ class Action:
     value: float | None = None
     speed_m_s: float | None = None
     acceleration_m_s2: float | None = None
-    extra_w: float = 0.0
+    fitted: str = ""
+    removed: str = ""
     wall_wh: float = 0.0
     before_s: float = 0.0
+    assumed: Mapping[str, Any] = field(default_factory=dict)
+    spread: float = 0.0
 
     def applied(self, plan: Plan) -> Plan:
         """Change a plan. O(samples).
@@ -120,7 +128,11 @@ class Action:
             plan = capped(plan, self.speed_m_s)
         if self.acceleration_m_s2 is not None:
             plan = calmer(plan, self.acceleration_m_s2)
-        return replace(plan, departure=replace(plan.departure, **self.changed)) if self.changed else plan
+        changed = dict(self.changed)
+        if self.fitted or self.removed:
+            others = (extra for extra in plan.departure.extras or () if extra != self.removed)
+            changed["extras"] = (*others, *((self.fitted,) if self.fitted else ()))
+        return replace(plan, departure=replace(plan.departure, **changed)) if changed else plan
 
 
 def capped(plan: Plan, speed_m_s: float, after_s: float = -np.inf) -> Plan:
@@ -184,6 +196,7 @@ def actions(forecast: Forecast) -> Iterator[Action]:
     plan, vehicle = forecast.plan, forecast.vehicle
     yield from _of_driving(plan)
     yield from _of_climate(vehicle, plan)
+    yield from _of_plug(vehicle, plan)
     yield from _of_load(plan.departure)
 
 
@@ -207,53 +220,39 @@ def _of_climate(vehicle: Vehicle, plan: Plan) -> Iterator[Action]:
         other = setpoint - k if cold else setpoint + k
         if min(abs(outside - setpoint), 26.0 - other, other - 17.0) >= 1.0:
             yield Action("setpoint", "climate", "some", {"cabin_setpoint_degc": other}, other)
-    if cold and setpoint - outside > PREHEAT_FROM_K:
+    if cold and setpoint - outside > SEATS_FROM_K and "heated_seats" not in (known.extras or ()):
         seats = {"cabin_setpoint_degc": SEATS_SETPOINT_DEGC}
-        yield Action("seats", "climate", "some", seats, extra_w=SEAT_W)
+        yield Action("seats", "climate", "some", seats, fitted="heated_seats")
     if MILD_DEGC[0] <= outside <= MILD_DEGC[1]:
         yield Action("climate_off", "climate", "much", {"climate": "off"})
-    cabin = conditions.cabin_start(vehicle).temperature_degc
-    if abs(cabin - setpoint) > PREHEAT_FROM_K:
-        yield _preheating(vehicle, conditions, setpoint)
-    battery = conditions.battery_start_degc
-    if battery < COLD_BATTERY_DEGC and vehicle.battery.heat_capacity_j_k > 0.0:
-        kelvin = WARM_BATTERY_DEGC - battery
-        wall_wh = vehicle.battery.heat_capacity_j_k * kelvin / SECONDS_PER_HOUR / CHARGER
-        warm = {"battery_temperature_degc": WARM_BATTERY_DEGC}
-        yield Action("preheat_battery", "battery", "little", warm, WARM_BATTERY_DEGC, wall_wh=wall_wh)
 
 
-def _preheating(vehicle: Vehicle, conditions: DriveConditions, setpoint: float) -> Action:
-    """The cabin at its set-point at departure: as late as it can begin, so that the least heat is lost."""
-    time = np.arange(0.0, LONGEST_PREHEAT_S + 1.0, 10.0)
-    run = simulate(vehicle, time, np.zeros_like(time), conditions=conditions)
-    there = np.abs(run.cabin_temperature_degc - setpoint) < 1.0
-    end = int(np.argmax(there)) if there.any() else len(time) - 1
-    power, step = run.power_by_cause_w["climate"][: end + 1], float(time[1])
-    reached = float(run.cabin_temperature_degc[end])
-    wall_wh = float(power.sum()) * step / SECONDS_PER_HOUR / CHARGER
-    return Action(
-        "preheat_cabin",
-        "cabin",
-        "little",
-        {"cabin_temperature_degc": reached, "cabin_logged": None},
-        reached,
-        wall_wh=wall_wh,
-        before_s=float(time[end]),
-    )
+def _of_plug(vehicle: Vehicle, plan: Plan) -> Iterator[Action]:
+    """Cabin and battery on the plug: what is worth it on any day, then what is worth it where the charge does not suffice."""
+    for part, worth in itertools.product(("cabin", "battery"), (WORTH, SCARCE)):
+        warmed = preheating(vehicle, plan, worth=worth, only=part)
+        if warmed is not None:
+            action = Action(
+                f"preheat_{part}", part, "little", warmed.changed, getattr(warmed, f"{part}_degc")
+            )
+            yield replace(action, wall_wh=warmed.wall_wh, before_s=warmed.before_s)
 
 
 def _of_load(known: Departure) -> Iterator[Action]:
     fitted = known.extras or ()
     ambient = known.ambient_temperature_degc
-
-    def without(name: str) -> Mapping[str, Any]:
-        return {"extras": tuple(extra for extra in fitted if extra != name)}
-
     if "roof_box" in fitted:
-        yield Action("no_roof_box", "roof", "some", without("roof_box"))
+        yield Action("no_roof_box", "roof", "some", {}, removed="roof_box")
     if "winter_tyres" in fitted and ambient is not None and ambient > SUMMER_DEGC:
-        yield Action("summer_tyres", "tyres", "much", without("winter_tyres"))
+        yield Action("summer_tyres", "tyres", "much", {}, removed="winter_tyres")
+    right = {"tyre_pressure": 1.0}
+    if known.tyre_pressure is None:
+        low = {"tyre_pressure": UNCHECKED}
+        yield Action(
+            "check_tyres", "pressure", "some", right, UNCHECKED, assumed=low, spread=UNCHECKED_SPREAD
+        )
+    elif known.tyre_pressure < 1.0:
+        yield Action("pump_up", "pressure", "some", right, known.tyre_pressure)
     if (known.payload_mass_kg or 0.0) > LUGGAGE_KG:
         lighter = {"payload_mass_kg": (known.payload_mass_kg or 0.0) - LUGGAGE_KG}
         yield Action("less_luggage", "load", "some", lighter, LUGGAGE_KG)
@@ -262,6 +261,23 @@ def _of_load(known: Departure) -> Iterator[Action]:
 def other_road(number: int) -> Action:
     """Take another road of a journey: its place among the journey's roads, from 1."""
     return Action("other_road", "road", "none", {}, float(number))
+
+
+def with_action(corridor: Corridor, action: Action, forecast: Forecast, road: Road) -> ChargingPlan | None:
+    """Plan the stops of a journey again with an action, which has a forecast and a road; None where none is sure enough.
+
+    What was warmed on the plug is so for the first leg alone.
+    """
+
+    def change(plan: Plan) -> Plan:
+        return plan if action.wall_wh and plan.departure.follows_trip else action.applied(plan)
+
+    before = corridor.forecaster
+    departure = before.departure
+    if action.group == "departure":
+        departs_at = before.departs_at + dt.timedelta(seconds=action.value or 0.0)
+        departure = replace(departure, departs_at=departs_at)
+    return fastest_plan(corridor.of(replace(before, departure=departure, change=change), road, forecast))
 
 
 def leaving_later(forecaster: RoadForecaster, road: Road, now: dt.datetime) -> list[tuple[Action, Forecast]]:

@@ -4,22 +4,24 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
-from tripwatt.advice.actions import ALONE, EFFORTS, Action, actions, other_road
+from tripwatt.advice.actions import ALONE, EFFORTS, Action, actions, other_road, with_action
 from tripwatt.advice.pacing import Pace
+from tripwatt.advice.preheating import LEAST_WH
 from tripwatt.errors import InvalidInput, or_none
 from tripwatt.forecasting import Difference, Forecast, ForecastModel
-from tripwatt.journey import Journey
+from tripwatt.forecasting.difference import LEAST_SHARE
+from tripwatt.journey import ChargingPlan, Journey
 from tripwatt.population import for_car
 from tripwatt.trips import Departure, Plan, Trip
 from tripwatt.trips.columns import require_fraction
 from tripwatt.trips.messages import flag_to_dict
-from tripwatt.units import SECONDS_PER_HOUR, SECONDS_PER_MINUTE
+from tripwatt.units import SECONDS_PER_MINUTE
 from tripwatt.vehicles import Vehicle
 
 CHANCE: Final = 0.95
@@ -28,14 +30,15 @@ MOST_TOGETHER: Final = 3
 """Actions that are advised together."""
 LEAST_SURE: Final = 0.95
 """Chance that an action saves at all, for it to be advice."""
-LEAST_WH: Final = 20.0
-"""Savings that nobody sees on a display are no advice [Wh]."""
 MOST_SETS: Final = 3
 MOST_TRIED: Final = 12
 HOPEFUL: Final = 0.8
 """Share of the energy that lacks, from which the savings of a set are forecast together: actions help or hinder each other."""
 A_MINUTE_OF: Final = {"none": 0.0, "little": 1.0, "some": 4.0, "much": 15.0}
 """Minutes that an effort counts for, in the order of the sets; a choice."""
+
+SHOWN_OF_ACTION: Final = ("code", "value", "effort", "wall_wh", "before_s")
+SHOWN: Final = ("soc_arrival", "p_arrive", "effort", "wall_wh", "interaction_wh")
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -49,13 +52,15 @@ class Advised:
     forecast : Forecast
         Of the trip with them.
     difference : Difference
-        To the trip without them; below 0 is saved. Heated seats and the like are part of its energy.
+        To the trip without them; below 0 is saved.
     soc_arrival : float
         Expected displayed charge at arrival.
     p_arrive : float
         Chance to arrive with the reserve.
     interaction_wh : float
         What several actions take together beyond the sum of each alone [Wh].
+    whole : ChargingPlan or None
+        The journey with its stops to charge; None for a trip without one, or where no plan is sure enough.
 
     Examples
     --------
@@ -72,6 +77,7 @@ class Advised:
     soc_arrival: float
     p_arrive: float
     interaction_wh: float = 0.0
+    whole: ChargingPlan | None = None
 
     @property
     def effort(self) -> str:
@@ -106,22 +112,10 @@ class Advised:
         'slower'
         """
         return {
-            "actions": [
-                {
-                    "code": action.code,
-                    "value": action.value,
-                    "effort": action.effort,
-                    "wall_wh": action.wall_wh,
-                    "before_s": action.before_s,
-                }
-                for action in self.actions
-            ],
+            "actions": [{name: getattr(action, name) for name in SHOWN_OF_ACTION} for action in self.actions],
             "difference": self.difference.to_dict(),
-            "soc_arrival": self.soc_arrival,
-            "p_arrive": self.p_arrive,
-            "effort": self.effort,
-            "wall_wh": self.wall_wh,
-            "interaction_wh": self.interaction_wh,
+            **{name: getattr(self, name) for name in SHOWN},
+            "whole": _in_short(self.whole),
         }
 
 
@@ -143,6 +137,8 @@ class Advice:
         Sets of actions that reach the chance, the least minutes and effort first; empty where it is reached, or none does.
     singly : tuple of Advised
         Of each group the mildest action that saves for sure, the largest saving first.
+    whole : ChargingPlan or None
+        The journey as it is with its stops to charge; None for a trip without one.
 
     Examples
     --------
@@ -162,6 +158,7 @@ class Advice:
     charge_to: float
     least: tuple[Advised, ...]
     singly: tuple[Advised, ...]
+    whole: ChargingPlan | None = None
 
     def pace(self) -> Pace | None:
         """Find what minutes cost on the road: the front of time and energy, and the speeds to keep.
@@ -203,9 +200,16 @@ class Advice:
             "charge_to": self.charge_to,
             "least": [advised.to_dict() for advised in self.least],
             "singly": [advised.to_dict() for advised in self.singly],
+            "whole": _in_short(self.whole),
             "pace": None if (pace := self.pace()) is None else pace.to_dict(),
             "flags": [flag_to_dict(flag) for flag in self.forecast.flags],
         }
+
+
+def _in_short(plan: ChargingPlan | None) -> dict[str, Any] | None:
+    if plan is None:
+        return None
+    return {"duration_s": plan.duration_s, "charges": len(plan.stops), "p_reserve": plan.p_reserve}
 
 
 def advise(
@@ -253,7 +257,7 @@ def advise(
     >>> road = tw.read_route([{"length_m": 30_000.0, "speed_m_s": 20.0}])
     >>> cold = tw.advise(road, tw.Departure(soc=0.8, ambient_temperature_degc=-5.0, extras=("roof_box",)))
     >>> cold.least, [advised.actions[0].code for advised in cold.singly][:2]
-    ((), ['preheat_cabin', 'no_roof_box'])
+    ((), ['no_roof_box', 'preheat_cabin'])
     """
     reserve, chance = require_fraction("reserve", reserve), require_fraction("chance", chance, 0.5)
     forecast = _forecast(trip, departure, car, model)
@@ -273,12 +277,44 @@ def advise(
     singly = sorted(mildest.values(), key=lambda one: one.difference.energy_wh)
     charge_to = forecast.soc_needed(reserve, chance)
     lacking_wh = (charge_to - float(forecast.soc_along(0.5)[0])) * forecast.charge.wh_per_display
+    known = [one for one in sure if not one.actions[0].assumed]
     least = (
         ()
         if now >= chance
-        else tuple(_least(partial(_together, forecast, again, reserve), sure, chance, lacking_wh))
+        else tuple(_least(partial(_together, forecast, again, reserve), known, chance, lacking_wh))
     )
+    if isinstance(trip, Journey) and trip.charging is not None and now < chance:
+        least = tuple(sorted((*least, *_stops(trip, trip.charging, chance)), key=lambda one: one.cost_min))
+        singly = [_on_the_whole(trip, one) for one in singly]
+        return Advice(forecast, reserve, chance, now, charge_to, least, tuple(singly), trip.charging)
     return Advice(forecast, reserve, chance, now, charge_to, least, tuple(singly))
+
+
+def _stops(journey: Journey, plan: ChargingPlan, chance: float) -> Iterator[Advised]:
+    """To stop and charge, as a way to arrive; its way and time are those of the whole journey."""
+    if plan.p_reserve < chance:
+        return
+    base = journey.forecast
+    causes = {cause: wh - base.by_cause_wh[cause] for cause, wh in plan.by_cause_wh.items()}
+    difference = Difference(
+        plan.energy_wh - base.energy_wh,
+        LEAST_SHARE * math.hypot(*causes.values()),
+        plan.duration_s - base.plan.duration_s,
+        plan.soc_arrival - base.soc_arrival,
+        causes,
+        base.uncertainty.scores,
+    )
+    stop = Action("stop", "stops", "some", {}, float(len(plan.stops)))
+    yield Advised((stop,), plan.legs[-1].forecast, difference, plan.soc_arrival, plan.p_reserve, whole=plan)
+
+
+def _on_the_whole(journey: Journey, one: Advised) -> Advised:
+    """An action with the stops that the journey then has."""
+    (action,), corridor = one.actions, journey.corridor
+    if corridor is None or action.assumed:
+        return one
+    road = journey.roads[int(action.value or 0)].road if action.group == "road" else corridor.road
+    return replace(one, whole=with_action(corridor, action, one.forecast, road))
 
 
 def _forecast(
@@ -306,19 +342,12 @@ def _advised(
     for action in chosen:
         plan = action.applied(plan)
     changed = again(plan)
-    difference = changed.difference(forecast)
-    extra_wh = sum(action.extra_w for action in chosen) * plan.duration_s / SECONDS_PER_HOUR
-    taken = extra_wh / forecast.charge.wh_per_display
-    if extra_wh:
-        causes = difference.by_cause_wh
-        difference = replace(
-            difference,
-            energy_wh=difference.energy_wh + extra_wh,
-            soc_arrival=difference.soc_arrival - taken,
-            by_cause_wh={**causes, "climate": causes["climate"] + extra_wh},
-        )
-    soc = changed.soc_arrival - taken
-    return Advised(chosen, changed, difference, soc, changed.p_arrive(min(reserve + taken, 1.0)))
+    assumed = {name: value for action in chosen for name, value in action.assumed.items()}
+    before = again(forecast.plan.with_departure(Departure(**assumed))) if assumed else forecast
+    difference = changed.difference(before)
+    spread_wh = difference.energy_wh * max(action.spread for action in chosen)
+    difference = replace(difference, sd_wh=math.hypot(difference.sd_wh, spread_wh))
+    return Advised(chosen, changed, difference, changed.soc_arrival, changed.p_arrive(reserve))
 
 
 def maker_like(forecast: Forecast) -> Callable[[Plan], Forecast]:

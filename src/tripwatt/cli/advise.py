@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime as dt
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
@@ -12,7 +13,7 @@ from tripwatt.cli.departing import DepartureOf, departure_options
 from tripwatt.cli.forecast import model_and_trip
 from tripwatt.cli.options import JsonOption, add_command, argument, model_of, option, options_named
 from tripwatt.cli.printing import print_json, print_notes, print_table
-from tripwatt.cli.sentences import chance
+from tripwatt.cli.sentences import begins, chance
 from tripwatt.errors import Check
 
 if TYPE_CHECKING:
@@ -24,10 +25,13 @@ WORDS: Final[Mapping[str, str]] = {
     "setpoint": "set the cabin to {value:.0f} °C",
     "seats": "heat the seats in place of the cabin",
     "climate_off": "switch off climate control",
-    "preheat_cabin": "bring the cabin to {value:.0f} °C on the plug, {before:.0f} min before you leave",
-    "preheat_battery": "warm the battery on the plug",
+    "preheat_cabin": "set the cabin to {value:.0f} °C on the plug, {begins}",
+    "preheat_battery": "warm the battery to {value:.0f} °C on the plug, {begins}",
     "no_roof_box": "take off the roof box",
     "summer_tyres": "fit summer tyres",
+    "check_tyres": "check the tyre pressure, if you last did two months ago",
+    "pump_up": "pump up the tyres, from {value:.0%} to all of the recommended pressure",
+    "stop": "stop {value:.0f} times to charge",
     "less_luggage": "leave {value:.0f} kg at home",
     "other_road": "take road {road:.0f}",
     "leave_later": "leave {hours:+.0f} h from then",
@@ -40,7 +44,7 @@ def add_commands(app: typer.Typer) -> None:
     add_command(app, advise)
 
 
-@departure_options(without=("departs_at",))
+@departure_options()
 def advise(
     paths: Annotated[
         list[Path],
@@ -89,7 +93,7 @@ def _show(advice: Advice) -> None:
     typer.echo(f"You arrive with {arrival:.0f} %, with {100.0 * advice.reserve:.0f} % or more: {now}.")
     if advice.p_arrive < advice.chance:
         for advised in advice.least:
-            words = _all(advised)
+            words = _all(advised, advice)
             typer.echo(f"{words[0].upper()}{words[1:]}: {chance(advised.p_arrive)}{_longer(advised)}.")
         if not advice.least:
             typer.echo("No three actions suffice.")
@@ -98,7 +102,7 @@ def _show(advice: Advice) -> None:
     typer.echo("")
     rows = [
         (
-            _all(advised),
+            _all(advised, advice),
             _kwh(-advised.difference.energy_wh),
             f"{_kwh(-advised.difference.interval()[1])} to {_kwh(-advised.difference.interval()[0])}",
             f"{advised.difference.duration_s / 60.0:+.0f} min",
@@ -143,15 +147,16 @@ def _show_pace(pace: Pace) -> None:
     print_table("Speeds to keep", names, table, numbers=names[2:])
 
 
-def _all(advised: Advised) -> str:
-    return " and ".join(in_words(action) for action in advised.actions)
+def _all(advised: Advised, advice: Advice) -> str:
+    leaves = advice.forecast.plan.departure.departs_at
+    return " and ".join(in_words(action, leaves) for action in advised.actions)
 
 
-def in_words(action: Action) -> str:
+def in_words(action: Action, departs_at: dt.datetime | None = None) -> str:
     """An action as an imperative."""
-    value = action.value or 0.0
+    value, when = action.value or 0.0, begins(action.before_s, departs_at)
     return WORDS[action.code].format(
-        value=value, road=value + 1.0, hours=value / 3600.0, km_h=3.6 * value, before=action.before_s / 60.0
+        value=value, road=value + 1.0, hours=value / 3600.0, km_h=3.6 * value, begins=when
     )
 
 

@@ -11,6 +11,7 @@ from tripwatt.cli.departing import DepartureOf, departure_options
 from tripwatt.cli.journey import CarOption, ModelOption
 from tripwatt.cli.options import JsonOption, add_command, options_named
 from tripwatt.cli.printing import print_json, print_notes, print_table
+from tripwatt.cli.sentences import begins
 
 KindOption = Annotated[
     str,
@@ -48,11 +49,15 @@ def need(
             "--trip", metavar="NAME", help="A usual trip of your own car, in place of the distance."
         ),
     ] = None,
+    plug: Annotated[
+        float,
+        typer.Option(min=0.0, metavar="W", help="Power of the plug at home; 0: the car is not plugged in."),
+    ] = 7400.0,
     vehicle: CarOption = None,
     model: ModelOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Forecast what some kilometres need, without a road: energy and charge, with a margin.
+    """Forecast what some kilometres need, without a road: energy and charge, with a margin, and what to do until then.
 
     For example:
 
@@ -60,11 +65,13 @@ def need(
       tripwatt need 50 km --ambient -5
       # five days to work and back on the motorway, enough in 19 of 20 weeks
       tripwatt need 80 km --kind motorway --trips 5 --quantile 0.95 --vehicle vw_id3
+      # by when to charge, and when to preheat
+      tripwatt need 50 km --ambient -5 --soc 0.3 --depart 07:30 --plug 3700 --json
       # a usual trip of your own car
       tripwatt need --car my-leaf --trip 2026-01-12T07-30 --ambient -5
     """
+    from tripwatt.advice.preheating import need_before_departure
     from tripwatt.errors import InvalidInput
-    from tripwatt.journey import need as forecast_need
 
     with options_named():
         if (distance is None) == (trip is None) or (trip is not None and car is None):
@@ -76,9 +83,10 @@ def need(
         own = _own(car, vehicle, model)
         again = own.pop("plan", None)
         ahead: Any = again(trip) if trip else _kilometres(distance or [])
-        found = forecast_need(ahead, kind, departure(), quantile=quantile, trips=trips, **own)
+        known = departure()
+        found, until = need_before_departure(ahead, kind, known, plug, quantile=quantile, trips=trips, **own)
     if as_json:
-        print_json(found.to_dict())
+        print_json(found.to_dict() | until)
         return
     low, high = (wh / 1000.0 for wh in found.interval_wh)
     rows = [
@@ -86,6 +94,12 @@ def need(
         (f"enough in {quantile:.0%}", f"{found.energy_quantile_wh / 1000.0:.2f} kWh"),
         ("charge for it", f"{100.0 * found.soc_needed:.0f} %"),
     ]
+    if until["charging_s"]:
+        rows.append(
+            ("on the plug", f"{until['wall_wh'] / 1000.0:.2f} kWh, {until['charging_s'] / 3600.0:.1f} h")
+        )
+    if until["preheat"]:
+        rows.append(("preheat", begins(until["preheat"]["before_s"], known.departs_at)))
     print_table(f"{found.distance_m / 1000.0:.1f} km, {found.kind}, {found.car}", ("what", "value"), rows)
     print_notes(found.flags)
 

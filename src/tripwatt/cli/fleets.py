@@ -294,21 +294,22 @@ def batch(
 ) -> None:
     """Forecast many planned trips with the version in use, Parquet in and Parquet out.
 
-    The exit code is 1 if a trip cannot be forecast; the column error of FILE has the reason.
+    The exit code is 1 if a trip cannot be forecast; the column error of FILE has the reason. Repeat a batch that was stopped:
+    it goes on with the parts that are finished, in FILE.unfinished.
 
     For example:
 
       # forecast many planned trips
       tripwatt fleet batch models tomorrow.parquet --out forecasts.parquet
     """
-    import pyarrow.compute as pc
-    import pyarrow.parquet as pq
+    with _running(jobs, cluster) as (executor, workers):  # its processes import while this one does
+        import pyarrow.compute as pc
+        import pyarrow.parquet as pq
 
-    from tripwatt.fleet.batch import QUANTILES, forecast_batch
+        from tripwatt.fleet.batch import QUANTILES, forecast_batch
 
-    target = _registry(registry)
-    folder = target.path(target.current())
-    with _running(jobs, cluster) as (executor, workers):
+        target = _registry(registry)
+        folder = target.path(target.current())
         count = forecast_batch(
             folder, trips, out, executor, workers, quantiles=quantile or QUANTILES, reserve=reserve
         )

@@ -39,6 +39,7 @@ def live(
             "TOPIC",
             "Topic below which the metrics of the car are: ovms/USER/CAR/metric, teslamate/cars/1. Of abrp, the topic "
             "of the messages.",
+            "--topic",
         ),
     ],
     plan: Annotated[
@@ -49,7 +50,9 @@ def live(
             "about the same time of day.",
         ),
     ] = None,
-    model: Annotated[Path | None, option("MODEL", "Folder of a model. Default: the bundled model.")] = None,
+    model: Annotated[
+        Path | None, option("MODEL", "Folder of a model. Default: the bundled model.", "--model")
+    ] = None,
     vehicle: Annotated[
         str | None, option("NAME|FILE", "A car other than that of the model, or a TOML file.")
     ] = None,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime as dt
 from typing import TYPE_CHECKING, Any, Final
 
 from tripwatt.trips.showing import period
@@ -149,6 +150,19 @@ def held_out_in_words(trip: Mapping[str, Any], subject: str) -> str:
         f"{subject}, {trip['distance_m'] / 1000.0:.1f} km: {_kwh(trip['energy_wh'])} kWh; 9 in 10 such trips take "
         f"{_kwh(trip['low_90'])} to {_kwh(trip['high_90'])} kWh. Measured: {_kwh(trip['observed_energy_wh'])} kWh."
     )
+
+
+def begins(before_s: float, departs_at: dt.datetime | None) -> str:
+    """When something on the plug begins.
+
+    Examples
+    --------
+    >>> begins(1200.0, None), begins(1200.0, dt.datetime(2026, 1, 5, 7, 30))
+    ('20 min before you leave', 'start at 07:10')
+    """
+    if departs_at is None:
+        return f"{before_s / SECONDS_PER_MINUTE:.0f} min before you leave"
+    return f"start at {departs_at - dt.timedelta(seconds=before_s):%H:%M}"
 
 
 UNCERTAIN: Final = 0.99

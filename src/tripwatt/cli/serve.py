@@ -16,9 +16,18 @@ from tripwatt.errors import Check, Fault, raise_faults, system_errors
 
 def serve(
     model: Annotated[
-        list[Path] | None,
+        list[str] | None,
         argument(
             "[MODEL ...]", "Folders of models; the folder name is the model name. Default: the bundled model."
+        ),
+    ] = None,
+    also: Annotated[
+        list[str] | None,
+        option(
+            "FOLDER|registry:FOLDER",
+            "One more model, or the version in use of a fleet's registry, which the service follows. You can repeat the option.",
+            "--model",
+            envvar="TRIPWATT_MODEL",
         ),
     ] = None,
     models: Annotated[Path | None, option("DIR", "Also serve every model in this folder.")] = None,
@@ -26,11 +35,11 @@ def serve(
         str, option("ADDRESS", "Address to listen on. Addresses other than loopback require a token.")
     ] = "127.0.0.1",
     port: Annotated[
-        int, option("PORT", "Port to listen on; 0 selects a free port.", min=0, max=65535)
+        int, option("PORT", "Port to listen on; 0 selects a free port.", "--port", min=0, max=65535)
     ] = 8000,
     workers: Annotated[int, option("N", "Number of worker processes.", min=1)] = 2,
     map_: MapOption = "",
-    places_url: PlacesOption = "",
+    places: PlacesOption = "",
     weather: WeatherOption = "",
     stations: StationsOption = None,
     cars: Annotated[
@@ -57,11 +66,23 @@ def serve(
             "Change a limit, for example timeout_s=5. You can repeat the option. docs/reference/service.md lists the limits.",
         ),
     ] = None,
+    prefix: Annotated[
+        str, option("PATH", "Path under which a proxy serves the service, for example /tripwatt.")
+    ] = "",
+    cors_origin: Annotated[
+        list[str] | None,
+        option(
+            "ORIGIN",
+            "Let pages of this origin read answers, for example https://example.org. You can repeat the option. Default: no "
+            "other origin.",
+        ),
+    ] = None,
 ) -> None:
     """Serve the HTTP API and the web page until you interrupt the command.
 
-    The command requires the extra `tripwatt[service]`. It reads the token for other machines from TRIPWATT_TOKEN. It logs
-    each request as one line of JSON to standard error.
+    The command requires the extra `tripwatt[service]`. It reads the token for other machines from TRIPWATT_TOKEN. Each option
+    has a variable of the environment, which counts where the option is not given; several values are separated by spaces. The
+    command logs each request as one line of JSON to standard error.
 
     For example:
 
@@ -69,6 +90,8 @@ def serve(
       tripwatt serve
       # serve your own models; the first is the default
       tripwatt serve my-i3 my-id3 --workers 4
+      # forecast the vehicles of a fleet, and follow the version in use
+      tripwatt serve --model registry:models
       # also plan journeys on a map (see `tripwatt map build`)
       tripwatt serve --map map
       # also keep cars that learn, and follow them on the road
@@ -81,7 +104,7 @@ def serve(
     needed = {"service": "tripwatt serve"}
     if cars is not None:
         needed["fleet"] = "--cars"
-    atlas = AtlasSettings(map_, places_url, weather, "" if stations is None else str(stations))
+    atlas = AtlasSettings(map_, places, weather, "" if stations is None else str(stations))
     with Check() as check:
         check(require_extras, needed)
         if map_:
@@ -91,12 +114,15 @@ def serve(
     from tripwatt.service.settings import TOKEN_VARIABLE, Limits, Settings, parse_limits
 
     with Check() as check:
-        folders = check(models_of, model or [], models)
+        folders = check(models_of, [*(model or ()), *(also or ())], models)
         limits = check(parse_limits, limit) if limit else Limits()
         check(make_cars_folder, cars)
     token = os.environ.get(TOKEN_VARIABLE, "")
     days = math.inf if keep_days is None else keep_days
-    settings = Settings(folders, host, port, workers, token, limits, atlas, cars, days)
+    origins = tuple(cors_origin or ())
+    settings = Settings(
+        folders, host, port, workers, token, limits, atlas, cars, days, prefix.rstrip("/"), origins
+    )
     require_safe(settings)
     run(settings, lambda address: typer.echo(f"tripwatt: {address}"))
 
@@ -115,7 +141,7 @@ def make_cars_folder(folder: Path | None) -> None:
         folder.mkdir()
 
 
-def models_of(given: list[Path], folder: Path | None) -> dict[str, Path]:
+def models_of(given: list[str], folder: Path | None) -> dict[str, Path]:
     """Models by the names of their folders, those that are named first.
 
     Raises
@@ -123,7 +149,7 @@ def models_of(given: list[Path], folder: Path | None) -> dict[str, Path]:
     InvalidInput
         When the folder holds none, or two have one name.
     """
-    folders = list(given)
+    folders = [Path(place.removeprefix("registry:")) for place in given]
     faults = []
     if folder is not None:
         inside = sorted(p.parent for p in folder.glob("*/metadata.json")) if folder.is_dir() else []

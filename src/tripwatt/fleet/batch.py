@@ -1,33 +1,50 @@
 """Forecasts of many planned trips at once, Parquet in and Parquet out.
 
 The input has one row for each link of a trip, in their order: `trip` and `vehicle_id`, the fields of a link (`length_m`,
-`speed_m_s` and so on), and what is known at departure, the same in all rows of a trip. The output has one row a trip.
+`speed_m_s` and so on), and what is known at departure, the same in all rows of a trip. The output has one row a trip, in the
+order of the input. Input and output pass in parts, so that memory does not grow with the number of trips. A finished part is a
+file whose name is a digest of everything that it depends on: a batch that was stopped goes on with the parts that are finished.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Mapping, Sequence
+import hashlib
+import json
+import shutil
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
+from importlib.metadata import version
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from tripwatt.errors import Fault, InvalidInput
+from tripwatt.files import write_file
 from tripwatt.fleet.executors import map_bounded
-from tripwatt.fleet.mapping import write_whole
 from tripwatt.fleet.model import FleetModel
 from tripwatt.fleet.storage import load_fleet
+from tripwatt.forecasting.forecast import quantiles as quantiles_of
+from tripwatt.modelfile import METADATA
 from tripwatt.routes import plan_from_route, route_from_links
 from tripwatt.trips import LINK_COLUMNS, Departure, raise_faults
 from tripwatt.trips.columns import Column, number_faults, scalar_faults
+from tripwatt.trips.messages import message
+
+VERSION: Final = 1
+"""Changes whenever the forecasts of the same trips by the same model change."""
 
 QUANTILES: Final = (0.05, 0.5, 0.95)
-TRIPS_AT_ONCE: Final = 200
+TRIPS_AT_ONCE: Final = 50
+PARTS_AT_ONCE: Final = 400
+"""Finished parts that make one group of rows of the output."""
+
 WRITE_IT: Final = "pandas writes one: pandas.read_csv('links.csv').to_parquet('links.parquet')"
 ASSUMED: Final = frozenset({"usual_value_assumed", "soc_assumed"})
 """Codes of flags about a value of the departure that was not given."""
@@ -45,12 +62,31 @@ KNOWN: Final = (
 
 @dataclass(frozen=True, slots=True)
 class BatchPart:
-    """Some trips of a batch: the model's folder and the rows of their links."""
+    """Some trips of a batch.
+
+    Attributes
+    ----------
+    model : str
+        Folder of the model.
+    digest : str
+        Of the model.
+    quantiles : tuple of float
+    reserve : float
+    rows : bytes
+        Rows of the links as a stream of Arrow.
+    """
 
     model: str
-    rows: tuple[dict[str, Any], ...]
+    digest: str
     quantiles: tuple[float, ...]
     reserve: float
+    rows: bytes = b""
+
+    @property
+    def name(self) -> str:
+        """Digest of everything that the forecasts depend on."""
+        settings = json.dumps([VERSION, version("tripwatt"), self.digest, self.quantiles, self.reserve])
+        return hashlib.sha256(settings.encode() + self.rows).hexdigest()[:32]
 
 
 def forecast_batch(
@@ -63,7 +99,9 @@ def forecast_batch(
     quantiles: Sequence[float] = QUANTILES,
     reserve: float = 0.0,
 ) -> int:
-    """Forecast every trip of a Parquet file and write one row a trip. O(links).
+    """Forecast every trip of a Parquet file and write one row a trip. O(links), in memory that does not grow with them.
+
+    Finished parts wait in the folder ``OUT.unfinished``: repeat a batch that was stopped, and it goes on with them.
 
     Parameters
     ----------
@@ -74,21 +112,49 @@ def forecast_batch(
     executor : Executor
     workers : int
     quantiles : sequence of float
-        Of the energy, in the columns `energy_wh_q05` and so on.
+        Of the energy, in the columns `energy_wh_q05` and so on, and of the displayed charge at arrival, in `soc_arrival_q05`.
     reserve : float
         Displayed charge to arrive with, for `p_arrive`.
 
     Returns
     -------
     int
-        Trips. One that cannot be forecast has the reason in `error` and no numbers. `assumed` names what was not known at
-        departure, for which the usual value counts.
+        Trips. One that cannot be forecast has the reason in `error` and no numbers. `flags` has the codes of what was assumed or
+        limits the forecast, `reasons` the same as sentences, and `assumed` names what was not known at departure, for which the
+        usual value counts.
 
     Raises
     ------
     InvalidInput
         When a file cannot be read, a column is missing, or a quantile cannot be one.
     """
+    _check(quantiles, reserve)
+    with _opened(source) as file:
+        columns = _columns(file, source)
+        folder, unfinished = Path(model).absolute(), Path(f"{out}.unfinished")
+        load_fleet(folder)  # a model that cannot be read is one fault, not one for each trip
+        digest = hashlib.sha256((folder / METADATA).read_bytes()).hexdigest()
+        asked = BatchPart(str(folder), digest, tuple(quantiles), reserve)
+        unfinished.mkdir(exist_ok=True)
+        names: list[str] = []
+
+        def open_parts() -> Iterator[BatchPart]:
+            for table in _parts(file, columns):
+                part = replace(asked, rows=_stream(table))
+                names.append(part.name)
+                if not (unfinished / part.name).is_file():
+                    yield part
+
+        for name, forecasts in map_bounded(executor, workers, forecast_part, open_parts()):
+            write_file(unfinished / name, _writer([forecasts], forecasts.schema))
+    groups = (names[k : k + PARTS_AT_ONCE] for k in range(0, len(names), PARTS_AT_ONCE))
+    tables = (pa.concat_tables([pq.read_table(unfinished / name) for name in group]) for group in groups)
+    write_file(Path(out), _writer(tables, schema_of(quantiles)))
+    shutil.rmtree(unfinished)
+    return int(pq.read_metadata(out).num_rows)
+
+
+def _check(quantiles: Sequence[float], reserve: float) -> None:
     inside = Column("1", 0.0, 1.0, "")
     faults = [fault for q in quantiles for fault in number_faults("quantiles", q, inside)]
     faults += [
@@ -100,118 +166,134 @@ def forecast_batch(
     if reserve == 1.0:
         faults.append(Fault("value out of range", "reserve", "1", "0 or more and less than 1"))
     raise_faults(faults)
+
+
+def _opened(source: Path | str) -> pq.ParquetFile:
     try:
-        file = pq.ParquetFile(source)
+        return pq.ParquetFile(source)
     except (OSError, pa.ArrowException) as error:
         got = (str(error).splitlines() or [type(error).__name__])[0][:160]
         raise InvalidInput.of(
             "unreadable Parquet file", f"{source}", got, "a Parquet file of links", WRITE_IT
         ) from error
-    with file:
-        names = set(file.schema_arrow.names)
-        raise_faults(
-            Fault("missing column", f"{source}", ", ".join(sorted(names))[:200], f"a column {name!r}")
-            for name in ("trip", "vehicle_id", "length_m")
-            if name not in names
-        )
-        columns = [n for n in (*NAMES, *KNOWN, *LINK_COLUMNS) if n in names]
-        parts = [
-            BatchPart(str(Path(model).absolute()), rows, tuple(quantiles), reserve)
-            for rows in _parts(file, columns)
-        ]
-    load_fleet(model)  # a model that cannot be read is one fault, not one for each trip
-    forecasts = [row for rows in map_bounded(executor, workers, forecast_part, parts) for row in rows]
-    forecasts.sort(key=lambda row: (row["vehicle_id"], row["trip"]))
-    write_whole(pa.Table.from_pylist(forecasts, schema=schema_of(quantiles)), Path(out))
-    return len(forecasts)
+
+
+def _columns(file: pq.ParquetFile, source: Path | str) -> list[str]:
+    """Columns of the input that count."""
+    there = set(file.schema_arrow.names)
+    raise_faults(
+        Fault("missing column", f"{source}", ", ".join(sorted(there))[:200], f"a column {name!r}")
+        for name in ("trip", "vehicle_id", "length_m")
+        if name not in there
+    )
+    return [name for name in (*NAMES, *KNOWN, *LINK_COLUMNS) if name in there]
+
+
+def _writer(tables: Iterable[pa.Table], schema: pa.Schema) -> Callable[[Path], None]:
+    """What writes tables to a Parquet file, each as one group of rows."""
+
+    def write(path: Path) -> None:
+        with pq.ParquetWriter(path, schema, compression="zstd") as writer:
+            for table in tables:
+                writer.write_table(table)
+
+    return write
+
+
+def _stream(table: pa.Table) -> bytes:
+    sink = pa.BufferOutputStream()
+    with pa.ipc.new_stream(sink, table.schema) as writer:
+        writer.write_table(table)
+    return bytes(sink.getvalue())
 
 
 def schema_of(quantiles: Sequence[float]) -> pa.Schema:
     """Columns of the output."""
+    texts = ("assumed", "reasons", "error")
     numbers = [
-        "distance_m",
-        "duration_s",
-        "energy_wh",
-        "sd_wh",
-        *map(quantile_column, quantiles),
+        *("distance_m", "duration_s", "energy_wh", "sd_wh"),
+        *(quantile_column(q) for q in quantiles),
         "soc_arrival",
+        *(quantile_column(q, "soc_arrival") for q in quantiles),
         "p_arrive",
     ]
     return pa.schema(
         [
             *(pa.field(name, pa.string()) for name in ("vehicle_id", "trip")),
             *(pa.field(name, pa.float64()) for name in numbers),
-            pa.field("assumed", pa.string()),
-            pa.field("error", pa.string()),
+            pa.field("flags", pa.list_(pa.string())),
+            *(pa.field(name, pa.string()) for name in texts),
         ]
     )
 
 
-def quantile_column(quantile: float) -> str:
+def quantile_column(quantile: float, of: str = "energy_wh") -> str:
     """Column of a quantile.
 
     Examples
     --------
-    >>> quantile_column(0.05), quantile_column(0.975)
-    ('energy_wh_q05', 'energy_wh_q97_5')
+    >>> quantile_column(0.05), quantile_column(0.975, "soc_arrival")
+    ('energy_wh_q05', 'soc_arrival_q97_5')
     """
     percent = f"{100.0 * quantile:g}"
     whole, _, rest = percent.partition(".")
-    return f"energy_wh_q{whole.zfill(2)}" + (f"_{rest}" if rest else "")
+    return f"{of}_q{whole.zfill(2)}" + (f"_{rest}" if rest else "")
 
 
-def _parts(file: pq.ParquetFile, columns: list[str]) -> Iterator[tuple[dict[str, Any], ...]]:
+def _parts(file: pq.ParquetFile, columns: list[str]) -> Iterator[pa.Table]:
     """Rows of whole trips, some trips at a time; the rows of a trip follow each other."""
-    held: list[dict[str, Any]] = []
-    trips = 0
-    last: tuple[Any, Any] | None = None
+    held: list[pa.RecordBatch] = []
     for batch in file.iter_batches(columns=columns):
-        for row in batch.to_pylist():
-            key = (row["vehicle_id"], row["trip"])
-            if key != last:
-                if trips == TRIPS_AT_ONCE:
-                    yield tuple(held)
-                    held, trips = [], 0
-                trips += 1
-                last = key
-            held.append(row)
+        table = pa.Table.from_batches([*held, batch])
+        *cuts, last = _starts(table)[
+            ::TRIPS_AT_ONCE
+        ]  # the trips from the last cut on may go on in the next rows
+        yield from (table.slice(a, b - a).combine_chunks() for a, b in pairwise([*cuts, last]))
+        held = table.slice(last).to_batches()
     if held:
-        yield tuple(held)
+        yield pa.Table.from_batches(held).combine_chunks()
+
+
+def _starts(table: pa.Table) -> list[int]:
+    """Rows at which another trip begins."""
+    keys = [table[name].to_numpy() for name in ("vehicle_id", "trip")]
+    other = np.logical_or.reduce([key[1:] != key[:-1] for key in keys])
+    return [0, *(np.flatnonzero(other) + 1).tolist()] if len(table) else []
 
 
 @lru_cache(maxsize=2)
-def _model(folder: str) -> FleetModel:
+def _model(folder: str, digest: str) -> FleetModel:
     return load_fleet(folder)
 
 
-def forecast_part(part: BatchPart) -> list[dict[str, Any]]:
-    """Rows of the output for some trips."""
-    model = _model(part.model)
-    by_trip: dict[tuple[Any, Any], list[dict[str, Any]]] = {}
-    for row in part.rows:
-        by_trip.setdefault((row["vehicle_id"], row["trip"]), []).append(row)
-    return [_row(model, links, part) for links in by_trip.values()]
+def forecast_part(part: BatchPart) -> tuple[str, pa.Table]:
+    """Name of a part and the rows of its trips in the output."""
+    model = _model(part.model, part.digest)
+    table = pa.ipc.open_stream(part.rows).read_all()
+    for i, field in enumerate(table.schema):
+        if pa.types.is_floating(field.type):  # NaN, as pandas writes it, is a value that is not known
+            table = table.set_column(i, field, pc.if_else(pc.is_nan(table[i]), None, table[i]))
+    rows, starts = table.to_pylist(), _starts(table)
+    forecasts = [_row(model, rows[a:b], part) for a, b in pairwise([*starts, len(rows)])]
+    return part.name, pa.Table.from_pylist(forecasts, schema=schema_of(part.quantiles))
 
 
 def _row(model: FleetModel, links: Sequence[Mapping[str, Any]], part: BatchPart) -> dict[str, Any]:
     first = links[0]
     name, vehicle = f"{first['trip']}", f"{first['vehicle_id']}"
     try:
-        fields = [
-            {n: v for n, v in link.items() if n in LINK_COLUMNS and v is not None and not math.isnan(v)}
-            for link in links
-        ]
+        fields = [{n: v for n, v in link.items() if n in LINK_COLUMNS and v is not None} for link in links]
         plan = plan_from_route(route_from_links(fields), trip_id=name)
-        known = {n: first[n] for n in KNOWN if first.get(n) is not None and not math.isnan(first[n])}
         forecast = model.forecast(
             plan,
-            Departure(**known),
+            Departure(**{n: first[n] for n in KNOWN if first.get(n) is not None}),
             vehicle_id=vehicle,
             car_model=first.get("car_model"),
             driver=first.get("driver"),
         )
     except InvalidInput as error:
         return {"vehicle_id": vehicle, "trip": name, "error": f"{error}"}
+    columns = [quantile_column(q, of) for of in ("energy_wh", "soc_arrival") for q in part.quantiles]
     return {
         "vehicle_id": vehicle,
         "trip": name,
@@ -219,9 +301,10 @@ def _row(model: FleetModel, links: Sequence[Mapping[str, Any]], part: BatchPart)
         "duration_s": plan.duration_s,
         "energy_wh": forecast.energy_wh,
         "sd_wh": forecast.sd_wh,
-        **{quantile_column(q): forecast.quantile(q) for q in part.quantiles},
+        **dict(zip(columns, np.concatenate(quantiles_of(forecast, part.quantiles)), strict=True)),
         "soc_arrival": forecast.soc_arrival,
         "p_arrive": forecast.p_arrive(part.reserve),
+        "flags": list(dict.fromkeys(flag.code for flag in forecast.flags)),
         "assumed": ", ".join(dict.fromkeys(f.subject for f in forecast.flags if f.code in ASSUMED)) or None,
-        "error": None,
+        "reasons": "; ".join(map(message, forecast.flags)) or None,
     }

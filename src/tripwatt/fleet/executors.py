@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import multiprocessing
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from contextlib import contextmanager
+from multiprocessing.context import BaseContext
 from typing import Any, Final, TypeVar
 
 from tripwatt.errors import InvalidInput
-from tripwatt.store.delta import imported
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
@@ -70,12 +70,26 @@ def executor_for(n_jobs: int = 1, cluster: str | None = None) -> Iterator[tuple[
     elif n_jobs < 1:
         raise InvalidInput.of("value out of range", "n_jobs", f"{n_jobs}", "at least 1")
     else:
-        with ProcessPoolExecutor(n_jobs, mp_context=multiprocessing.get_context("spawn")) as pool:
+        with ProcessPoolExecutor(n_jobs, mp_context=_processes()) as pool:
             yield pool, n_jobs
+
+
+def _processes() -> BaseContext:
+    """How processes start: where the system can, as forks of one process that has imported what they need, and nothing else."""
+    if "forkserver" not in multiprocessing.get_all_start_methods():
+        return multiprocessing.get_context("spawn")
+    from multiprocessing import forkserver
+
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(["tripwatt.fleet.batch"])
+    forkserver.ensure_running()  # it imports while this process does
+    return context
 
 
 @contextmanager
 def _dask(cluster: str) -> Iterator[tuple[Executor, int]]:
+    from tripwatt.store.delta import imported  # slow to import
+
     distributed = imported("distributed", "for clusters", "fleet")
     try:
         client = distributed.Client(cluster, timeout=CLUSTER_WAIT_S, set_as_default=False)
@@ -95,7 +109,7 @@ def _dask(cluster: str) -> Iterator[tuple[Executor, int]]:
 
 
 def map_bounded(
-    executor: Executor, workers: int, function: Callable[[Task], Result], tasks: Sequence[Task]
+    executor: Executor, workers: int, function: Callable[[Task], Result], tasks: Iterable[Task]
 ) -> Iterator[Result]:
     """Results as they finish; at most `AHEAD` tasks a worker wait at once."""
     waiting: set[Future[Result]] = set()

@@ -10,6 +10,7 @@ import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Final
 
@@ -106,9 +107,22 @@ class FleetModel:
         """Trips that the linear part has seen."""
         return round(float(self.sums.count.sum()))
 
-    def vehicles(self) -> dict[str, str]:
+    @cached_property
+    def _counts(self) -> dict[tuple[str, str], float]:
+        """Car model and vehicle -> its trips; once for all forecasts."""
+        counts: dict[tuple[str, str], float] = {}
+        for group, count in zip(self.sums.groups, self.sums.count.tolist(), strict=True):
+            key = group[0], group[1]
+            counts[key] = counts.get(key, 0.0) + count
+        return counts
+
+    @cached_property
+    def _models(self) -> dict[str, str]:
+        return {vehicle: name for name, vehicle in self._counts}
+
+    def vehicles(self) -> Mapping[str, str]:
         """Vehicle -> its car model."""
-        return {group[1]: group[0] for group in self.sums.groups}
+        return self._models
 
     def of_vehicle(
         self,
@@ -148,9 +162,7 @@ class FleetModel:
         made.corrector_ = FleetCorrector.from_weights(mean, covariance, self.trees)
         made.uncertainty_ = self.uncertainty_of(name, cold)
         made.ranges_ = self.ranges
-        its = [group for group in self.sums.groups if group[:2] == (name, vehicle_id)]
-        count = sum(float(self.sums.count[i]) for i, group in enumerate(self.sums.groups) if group in its)
-        made.trip_ids_ = ("",) * round(count)
+        made.trip_ids_ = ("",) * round(self._counts.get((name, vehicle_id or ""), 0.0))
         return made
 
     def uncertainty_of(self, car_model: str, cold: bool | None = None) -> UncertaintyModel:

@@ -17,7 +17,7 @@ import json
 import os
 import threading
 import uuid
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -286,37 +286,57 @@ class Registry:
 class FollowedModel:
     """The model of the version in use, for a program that runs on: it is read again when the pointer has moved.
 
-    While a new version is read, and where it cannot be, callers get the one before. Safe for many threads.
+    While a new version is read, and where it cannot be, callers get the one before; a version that was refused is read again
+    once another one was in use. Safe for many threads.
 
     Parameters
     ----------
     registry : Registry
+    on_change : callable, optional
+        Called with the version that the pointer has moved to, and the error of one that was refused, else None.
     """
 
-    def __init__(self, registry: Registry) -> None:
-        self._registry = registry
+    def __init__(
+        self,
+        registry: Registry,
+        on_change: Callable[[str, InvalidInput | None], None] = lambda version, error: None,
+    ) -> None:
+        self._registry, self._on_change = registry, on_change
         self._lock = threading.Lock()
         version = registry.current()
         self._held = (version, registry.load(version))
+        self._last = version
 
     @property
     def version(self) -> str:
         """The version that callers get."""
         return self._held[0]
 
+    @property
+    def folder(self) -> Path:
+        """Folder of this version."""
+        return self._registry.path(self.version)
+
     def get(self) -> FleetModel:
         """The model; at most one caller at a time reads a new version, the others go on with the old one."""
         try:
-            wanted = self._registry.current()
+            if self._registry.current() != self._last and self._lock.acquire(blocking=False):
+                try:
+                    self._read()
+                finally:
+                    self._lock.release()
         except InvalidInput:
-            return self._held[1]
-        if wanted != self._held[0] and self._lock.acquire(blocking=False):
-            try:
-                wanted = self._registry.current()  # it may have moved on while this caller waited
-                if wanted != self._held[0]:
-                    self._held = (wanted, self._registry.load(wanted))
-            except InvalidInput:
-                pass  # the version before goes on
-            finally:
-                self._lock.release()
+            pass  # no pointer: the version before goes on
         return self._held[1]
+
+    def _read(self) -> None:
+        wanted = self._registry.current()  # it may have moved on while this caller waited
+        if wanted == self._last:
+            return
+        self._last, error = wanted, None
+        try:
+            if wanted != self._held[0]:
+                self._held = (wanted, self._registry.load(wanted))
+        except InvalidInput as refused:
+            error = refused
+        self._on_change(wanted, error)

@@ -18,6 +18,9 @@ SAME_ROAD: Final = 0.002
 LEAST_SHARE: Final = 0.2
 """Standard deviation of a difference over the norm of its causes, at least: root mean square of those between the schedules that Argonne drove with
 a warm BMW i3, `python -m benchmarks.savings`. A sample of one car."""
+OTHER_SPEEDS: Final = 0.54
+"""Error of what other speeds on a planned road change, over the error that its links cause: root mean square over trips of TUM, driven and on their
+links, `python -m benchmarks.savings --only links`. The car drives another trace than the plan has, at both speeds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,8 +141,10 @@ class Shared:
         For which an error of power adds up [h], and energy moved at the wheels [Wh].
     weights_wh : ndarray, shape (weights,)
         Energy of the trip by one standard deviation of each of the corrector's weights [Wh].
-    outside_wh, state_wh, route_wh, climb_wh : float
-        Standard deviations by what is outside of the training, the state at departure, the travel times and an unknown climb [Wh].
+    outside_wh, state_wh, route_wh, links_wh, climb_wh : float
+        Standard deviations by what is outside of the training, the state at departure, the travel times, the links alone and an unknown climb [Wh].
+    climate_wh : float
+        Expected energy of climate control, through which the state at departure and the weather act [Wh].
     distance_m : float
     """
 
@@ -149,7 +154,9 @@ class Shared:
     outside_wh: float
     state_wh: float
     route_wh: float
+    links_wh: float
     climb_wh: float
+    climate_wh: float
     distance_m: float
 
 
@@ -159,17 +166,20 @@ def sd_between(one: Shared, other: Shared, scale: TotalScale, causes_wh: Iterabl
     It has the parts of `TotalScale` of a trip that takes the difference alone: the error of every trip cancels, that of every hour counts for
     the hours by which they differ, a share of the energy moved for the difference of it. The corrector's own uncertainty is linear in the weights
     that both share; it is at least `LEAST_SHARE` of what changes. Climb, traffic and the state at departure are the same for both on one
-    road; on two roads the first two are independent.
+    road; on two roads the first two are independent. What is unknown of the state and of the weather counts at least in the share by which climate
+    control changes. At other speeds on a planned road the errors of its links cancel in part.
     """
     hours, moved_wh = abs(one.hours - other.hours), abs(one.moved_wh - other.moved_wh)
     growing = math.hypot(scale.values[1] * hours, scale.values[2] * moved_wh)
     weights = scale.values[3] * float(np.linalg.norm(one.weights_wh - other.weights_wh))
+    heat = abs(one.climate_wh - other.climate_wh) / max(abs(one.climate_wh), abs(other.climate_wh), 1.0)
     is_one = abs(one.distance_m / other.distance_m - 1.0) < SAME_ROAD
     return math.hypot(
         max(growing, scale.least_share * moved_wh),
         max(weights, LEAST_SHARE * math.hypot(*causes_wh)),
         math.sqrt(abs(one.outside_wh**2 - other.outside_wh**2)),
-        one.state_wh - other.state_wh,
+        max(abs(one.state_wh - other.state_wh), heat * max(one.state_wh, other.state_wh)),
+        OTHER_SPEEDS * max(one.links_wh, other.links_wh) * (is_one and hours > 0.0),
         *(
             a - b if is_one else math.hypot(a, b)
             for a, b in ((one.route_wh, other.route_wh), (one.climb_wh, other.climb_wh))

@@ -954,11 +954,14 @@ def difference(one: Forecast, other: Forecast) -> Difference:
         got = "of two cars" if one.vehicle != other.vehicle else "one that was updated on the way"
         allowed = "two forecasts of one car by one model before departure"
         raise InvalidInput.of("forecasts without a common part", "forecasts", got, allowed)
-    causes = {cause: wh - other.by_cause_wh[cause] for cause, wh in one.by_cause_wh.items()}
+    ours, theirs = one.by_cause_wh, other.by_cause_wh
+    causes = {cause: wh - theirs[cause] for cause, wh in ours.items()}
     simulated = (wh for cause, wh in causes.items() if cause != "correction")
     return Difference(
         one.energy_wh - other.energy_wh,
-        sd_between(_shared(one), _shared(other), one.uncertainty.scale, simulated),
+        sd_between(
+            _shared(one, ours["climate"]), _shared(other, theirs["climate"]), one.uncertainty.scale, simulated
+        ),
         one.plan.duration_s - other.plan.duration_s,
         one.soc_arrival - other.soc_arrival,
         causes,
@@ -966,9 +969,9 @@ def difference(one: Forecast, other: Forecast) -> Difference:
     )
 
 
-def _shared(forecast: Forecast) -> Shared:
+def _shared(forecast: Forecast, climate_wh: float) -> Shared:
     drive, hours = forecast.drive, forecast.drive.table.hours
-    climb = forecast._climb
+    climb, route, link_m = forecast._climb, forecast.uncertainty.route, forecast.plan.link_m
     return Shared(
         forecast.uncertainty.scale.course.hours(float(hours.sum())),
         float(drive.segments.moved_w @ hours),
@@ -976,7 +979,9 @@ def _shared(forecast: Forecast) -> Shared:
         drive.segments.outside_sd_wh,
         forecast.state_sd_wh,
         forecast.route_sd_wh,
+        0.0 if route is None or link_m is None else route.share(link_m) * abs(forecast.energy_wh),
         0.0 if climb is None else float(climb.core_sd_wh[-1]),
+        climate_wh,
         float(drive.distance_m[-1]),
     )
 
@@ -999,6 +1004,7 @@ def forecast_document(
     early, expected, late = forecast.empty_at_m
     least, middle, most = forecast.missing_wh
     energies_wh, charges = quantiles(forecast, QUANTILES)
+    chances = {f"{level:g}": forecast.p_arrive(level) for level in levels}
     return {
         "trip": forecast.plan.trip_id,
         "given": forecast.given,
@@ -1009,7 +1015,8 @@ def forecast_document(
         "wh_per_display": forecast.charge.wh_per_display,
         "empty_at_m": {"early": early, "expected": expected, "late": late},
         "missing_wh": {"least": least, "expected": middle, "most": most},
-        "p_arrive": {f"{level:g}": forecast.p_arrive(level) for level in levels},
+        "p_arrive_by_soc": chances,
+        "p_arrive": chances,
         "climb": climb_document(forecast, levels),
         "leave_with": None if probability is None else leave_document(forecast, reserve or 0.0, probability),
         "series": Series(**{name: values.tolist() for name, values in forecast._series().items()}),  # type: ignore[typeddict-item]

@@ -353,7 +353,12 @@ class ForecastModel:
             posterior,
             sd_factor=uncertainty.scale.sd_wh(segments) / float(posterior.energy_wh(segments.hours)[1][-1]),
             state_sd_wh=math.hypot(
-                unknown_state_sd_wh(self.vehicle, unfamiliar.unknown, float(segments.hours.sum())),
+                unknown_state_sd_wh(
+                    self.vehicle,
+                    unfamiliar.unknown,
+                    float(segments.hours.sum()),
+                    plan.departure.climate == "off",
+                ),
                 unknown_wind_sd_wh(self.vehicle, plan),
             ),
             climbing=None

@@ -63,7 +63,9 @@ class Unfamiliar:
         ]
 
 
-def unknown_state_sd_wh(vehicle: Vehicle, unknown: Collection[str], hours: float) -> float:
+def unknown_state_sd_wh(
+    vehicle: Vehicle, unknown: Collection[str], hours: float, is_off: bool = False
+) -> float:
     """Standard deviation of a trip's energy by what is unknown of the state at departure [Wh].
 
     A cabin in other air needs another power, by its heat loss; one that starts at another temperature another energy,
@@ -76,6 +78,8 @@ def unknown_state_sd_wh(vehicle: Vehicle, unknown: Collection[str], hours: float
         Temperatures of `UNKNOWN_SD_K`.
     hours : float
         Duration of the trip.
+    is_off : bool
+        Climate control is off: no temperature of air or cabin costs heat.
 
     Examples
     --------
@@ -83,7 +87,7 @@ def unknown_state_sd_wh(vehicle: Vehicle, unknown: Collection[str], hours: float
     >>> round(unknown_state_sd_wh(load_vehicle("bmw_i3_60ah"), ["ambient_temperature_degc"], 0.5), 1)
     294.7
     """
-    climate = vehicle.climate
+    climate = None if is_off else vehicle.climate
     parts = [0.0]
     for name in unknown:
         kelvin = UNKNOWN_SD_K[name]

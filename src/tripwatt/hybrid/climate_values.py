@@ -162,7 +162,7 @@ def _by_minute(requests: Sequence[tuple[Climate, Sequence[ClimateRecord]]]) -> l
     controls = [control_values(c, r.ambient_temperature_degc, r.start) for c, r in pairs]
     steps = control_steps(controls, [r.speed_m_s for _, r in pairs])
     powers = []
-    for (_, record), (heat, _, _) in zip(pairs, steps, strict=True):
+    for (_, record), (heat, *_) in zip(pairs, steps, strict=True):
         reached = np.interp(record.ends, np.arange(len(heat) + 1.0), running_sum(heat))
         sums = (reached[1:] - reached[:-1]) / record.lengths
         sums[0] += heat[0]  # the first sample has no interval

@@ -106,6 +106,11 @@ class Corridor:
     _widths: dict[float, FloatArray] = field(default_factory=dict)
     _legs: dict[tuple[Leg, float], tuple[float, float]] = field(default_factory=dict)
 
+    def of(self, forecaster: RoadForecaster, road: Road, forecast: Forecast) -> Corridor:
+        """The same rules for another road, or for another forecast of it."""
+        other = replace(self, forecaster=forecaster, road=road, forecast=forecast)
+        return replace(other, routed={}, _widths={}, _legs={})
+
     @cached_property
     def _found(self) -> list[tuple[float, Station]]:
         """Stations by their position on the road, on the way out and on the way back; of too many the strongest of each stretch."""

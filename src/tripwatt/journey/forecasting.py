@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime as dt
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
@@ -31,6 +32,8 @@ class RoadForecaster:
         When the car leaves, and what is known then.
     weather : WeatherSource or None
         Where the weather comes from that the departure does not name; None where it is not known.
+    change : callable
+        Of every plan, such as a slower drive.
 
     Examples
     --------
@@ -52,6 +55,7 @@ class RoadForecaster:
     model: ForecastModel
     departure: Departure
     weather: WeatherSource | None = None
+    change: Callable[[Plan], Plan] = lambda plan: plan
 
     @property
     def departs_at(self) -> dt.datetime:
@@ -111,9 +115,9 @@ class RoadForecaster:
         departure = replace(self.departure, **changed)
         plan = road.plan(trip_id).with_departure(departure)
         if self.weather is None or departure.has_weather:
-            return plan, ()
+            return self.change(plan), ()
         position, weather = weather_along(road, self.weather, self.departs_at)
-        return plan_with_weather(plan, road, position, weather), weather
+        return self.change(plan_with_weather(plan, road, position, weather)), weather
 
     def expected(self, road: Road) -> Road:
         """Replace free-flow travel times by those that are expected on the road, where the model has them.

@@ -242,6 +242,8 @@ class Journey:
         Assumptions of the answers; those of a road are with its forecast.
     attribution : str
         What has to be shown beside the road.
+    corridor : Corridor or None
+        The stations that were looked at; None where no stop is needed, or none is known.
 
     Examples
     --------
@@ -261,6 +263,7 @@ class Journey:
     charging_alternatives: tuple[ChargingPlan, ...] = ()
     flags: tuple[Flag, ...] = ()
     attribution: str = ""
+    corridor: Corridor | None = None
 
     @property
     def forecast(self) -> Forecast:
@@ -576,7 +579,8 @@ def _with_stops(
     flags += [Flag(code, "charging") for is_known, code in codes.items() if is_known in known]
     if float(corridor.cell_degc.min()) < WARM_DEGC and any(s.station.direct_current for s in plans[0].stops):
         flags.append(Flag("cold_charging_assumed", "charging"))
-    return replace(journey, charging=plans[0], charging_alternatives=plans[1:], flags=tuple(flags))
+    found = replace(journey, corridor=corridor, charging=plans[0], charging_alternatives=plans[1:])
+    return replace(found, flags=tuple(flags))
 
 
 def _labelled(roads: list[RoadForecast]) -> tuple[RoadForecast, ...]:

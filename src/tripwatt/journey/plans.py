@@ -64,6 +64,11 @@ def find_plans(corridor: Corridor) -> tuple[ChargingPlan, ...]:
     return tuple(plans)
 
 
+def fastest_plan(corridor: Corridor) -> ChargingPlan | None:
+    """The plan with stops that takes least time, by its first search alone; None where none has the chance that a journey has to have."""
+    return _certain(corridor, "fastest", RISKS[1])[0]
+
+
 def _certain(corridor: Corridor, label: str, risk: float) -> tuple[ChargingPlan | None, float]:
     """The plan with the least of what a label names whose whole chance is `CERTAIN`, or None; and the risk of each leg, looked for from a guess.
 

@@ -101,6 +101,8 @@ class CabinStart:
         0 after a long stop, 1 when windows and seats are warm and dry from a drive just before.
     mode : {"auto", "heat", "cool"}
         What climate control may do.
+    interior_degc : float, optional
+        Of the interior where it differs from the air, as after a short preheating [°C].
     """
 
     temperature_degc: float
@@ -108,6 +110,7 @@ class CabinStart:
     solar_irradiance_w_m2: float = UNKNOWN_SUN_W_M2
     warmth: float = 0.0
     mode: str = "auto"
+    interior_degc: float | None = None
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -121,8 +124,8 @@ class CabinRun:
         Times between the steps of the control [s].
     heat_w, fan_w : ndarray, shape (steps,)
         Electric power of heater and compressor, and of blower, rear window and seats.
-    air_degc : ndarray, shape (steps + 1,)
-        Temperature of the air at the edges.
+    air_degc, interior_degc : ndarray, shape (steps + 1,)
+        Temperature of the air, and of seats, trim and glass, at the edges.
     """
 
     time_s: FloatArray
@@ -130,6 +133,7 @@ class CabinRun:
     heat_w: FloatArray
     fan_w: FloatArray
     air_degc: FloatArray
+    interior_degc: FloatArray
 
     @property
     def power_w(self) -> FloatArray:
@@ -176,15 +180,15 @@ class CabinTask:
         distance = np.interp(edges, self.time_s, distance_driven(self.time_s, self.speed_m_s))
         return np.asarray((distance[1:] - distance[:-1]) / CONTROL_STEP_S)
 
-    def run(self, edges: FloatArray, heat_w: FloatArray, fan: FloatArray, air_degc: FloatArray) -> CabinRun:
-        """The steps of the control: power of heater and compressor, share of the fans, air at the edges."""
+    def run(self, edges: FloatArray, heat_w: FloatArray, fan: FloatArray, *degc: FloatArray) -> CabinRun:
+        """The steps of the control: power of heater and compressor, share of the fans, air and interior at the edges."""
         climate = self.climate
         fans = climate.blower_low_power_w + (climate.blower_high_power_w - climate.blower_low_power_w) * fan
         frost = 0.5 + (climate.defrost_below_degc - self.ambient_temperature_degc) / DEFROST_WITHIN_K
         if frost > 0.0 and self.start.mode != "cool":
             share = min(frost, 1.0) * (1.0 - self.start.warmth)
             fans[: math.ceil(climate.defrost_time_s / CONTROL_STEP_S)] += share * climate.defrost_power_w
-        return CabinRun(self.time_s, edges, heat_w, fans, air_degc)
+        return CabinRun(self.time_s, edges, heat_w, fans, *degc)
 
 
 def condition_cabins(tasks: Sequence[CabinTask]) -> list[CabinRun]:
@@ -212,11 +216,11 @@ def condition_cabins(tasks: Sequence[CabinTask]) -> list[CabinRun]:
 
 def control_steps(
     controls: Sequence[tuple[float, ...]], speeds: Sequence[FloatArray]
-) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
+) -> list[tuple[FloatArray, ...]]:
     """Steps of the control of several cabins, from their `control_values` and the speed in each step [m/s]. O(steps).
 
-    Of each cabin the power of heater and compressor [W] and the share of the fans in each step, and the temperature of the air before
-    the first and after each of them [°C].
+    Of each cabin the power of heater and compressor [W] and the share of the fans in each step, and the temperatures of air and
+    interior before the first and after each of them [°C].
     """
     if len(speeds) < LEAST_SIDE_BY_SIDE:
         return [
@@ -226,9 +230,9 @@ def control_steps(
     together = np.zeros((max(map(len, speeds)), len(speeds)))
     for column, own in enumerate(speeds):
         together[: len(own), column] = own
-    power, fan, air = _control_steps(np.array(controls).T, together, np.minimum, np.maximum, np.any)
+    steps = _control_steps(np.array(controls).T, together, np.minimum, np.maximum, np.any)
     return [
-        (power[:n, column], fan[:n, column], air[: n + 1, column])
+        tuple(of[: n + (len(of) > len(together)), column] for of in steps)
         for column, n in enumerate(map(len, speeds))
     ]
 
@@ -245,7 +249,8 @@ def control_values(climate: Climate, ambient: float, start: CabinStart) -> tuple
     most_heat, most_cooling = climate.heater_max_heat_w, climate.cooler_max_heat_w
     resistive, pumped = 1.0 / climate.heater_efficiency, 1.0 / heat_pump_cop(ambient, climate)
     settled = interior_rate + exchange
-    air = start.temperature_degc, ambient, air_rate, exchange, air_rate + shell + exchange, inflow
+    within = start.temperature_degc if start.interior_degc is None else start.interior_degc
+    air = start.temperature_degc, within, ambient, air_rate, exchange, air_rate + shell + exchange, inflow
     flows = climate.shell_per_speed_w_s_k_m, fresh - climate.fresh_air_low_w_k
     aims = 1.0 - approach, approach * start.setpoint_degc
     limits = most_heat * (start.mode != "cool"), most_cooling * (start.mode != "heat")
@@ -257,16 +262,16 @@ def control_values(climate: Climate, ambient: float, start: CabinStart) -> tuple
 
 def _control_steps(
     control: Iterable[Any], speeds: Iterable[Any], smaller: Any, larger: Any, some: Any
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Power of heater and compressor [W] and share of the fans in each control step, and air temperature at its edges [°C].
+) -> tuple[FloatArray, ...]:
+    """Power of heater and compressor [W] and share of the fans in each control step, air and interior temperature at its edges [°C].
 
     Numbers of one cabin with `_smaller`, `_larger` and `truth`, arrays of several with NumPy's functions.
     """
-    air, ambient, air_rate, exchange, rates, inflow, per_speed, fan_range, keep, aim, *others = control
-    most_heat, most_cooling, most_pumped, resistive, pumped, cooler, idle, *others = others
+    air, interior, ambient, air_rate, exchange, rates, inflow, per_speed, fan_range, *others = control
+    keep, aim, most_heat, most_cooling, most_pumped, resistive, pumped, cooler, idle, *others = others
     per_heat, per_cooling, interior_keeps, interior_takes, interior_gains = others
-    interior, fan = air, 0.0 * air
-    powers, shares, temperatures = [], [], [air]
+    fan = 0.0 * air
+    powers, shares, temperatures, interiors = [], [], [air], [interior]
     for speed in speeds:
         through = per_speed * speed + fan * fan_range
         total = rates + through
@@ -289,7 +294,8 @@ def _control_steps(
         powers.append(power)
         shares.append(fan)
         temperatures.append(air)
-    return np.array(powers), np.array(shares), np.array(temperatures)
+        interiors.append(interior)
+    return np.array(powers), np.array(shares), np.array(temperatures), np.array(interiors)
 
 
 def _smaller(a: float, b: float) -> float:

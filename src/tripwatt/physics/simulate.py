@@ -302,6 +302,8 @@ def conditions_at_departure(
     warmth = warmth_from_cabin(vehicle, cabin, setpoint, ambient, logged=logged)
     if known.follows_trip:
         warmth = 1.0
+    if known.warmth is not None:
+        warmth = known.warmth
     return DriveConditions(
         ambient_temperature_degc=ambient,
         initial_soc=0.8 if soc is None else soc,
@@ -391,7 +393,7 @@ def drive_of_trip(vehicle: Vehicle, trip: Recorded | Plan, road: FloatArray | No
     """`drive_of` a trip or a plan, as `simulate_trip` takes it. O(samples)."""
     weather = trip.air if isinstance(trip, Plan) else None
     return drive_of(
-        with_extras(vehicle, trip.departure.extras or ()),
+        with_extras(vehicle, trip.departure.extras or (), trip.departure.tyre_pressure),
         trip.array("time_s"),
         trip.array("speed_m_s"),
         trip.array("grade") if "grade" in trip and trip.has("grade") else None,

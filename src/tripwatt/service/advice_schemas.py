@@ -21,12 +21,15 @@ class ActionDocument(ResponseModel):
         "preheat_battery",
         "no_roof_box",
         "summer_tyres",
+        "check_tyres",
+        "pump_up",
         "less_luggage",
         "other_road",
         "leave_later",
+        "stop",
     ]
     value: float | None
-    """speed [m/s], temperature [°C], mass [kg], number of the road, or time later [s]"""
+    """speed [m/s], temperature [°C], mass [kg], tyre pressure over the recommended one, number of the road, stops to charge, or time later [s]"""
     effort: Literal["none", "little", "some", "much"]
     wall_wh: float
     """energy from the plug [Wh]"""
@@ -49,6 +52,16 @@ class DifferenceDocument(ResponseModel):
     by_cause_wh: dict[str, float]
 
 
+class WholeDocument(ResponseModel):
+    """A journey with its stops to charge."""
+
+    duration_s: float
+    """driving and charging [s]"""
+    charges: int
+    p_reserve: float
+    """chance to have the reserve at every stop and at the end"""
+
+
 class AdvisedDocument(ResponseModel):
     """One action, or several together."""
 
@@ -61,6 +74,8 @@ class AdvisedDocument(ResponseModel):
     wall_wh: float
     interaction_wh: float
     """what several actions take together beyond the sum of each alone [Wh]"""
+    whole: WholeDocument | None
+    """with it; null for a trip without stops to charge, or where no plan is sure enough"""
 
 
 class PaceRow(ResponseModel):
@@ -120,6 +135,46 @@ class AdviceResponse(ResponseModel):
     """the smallest sets of actions that reach the chance"""
     singly: list[AdvisedDocument]
     """the mildest action of each group that saves for sure, the largest saving first"""
+    whole: WholeDocument | None
+    """null for a trip without stops to charge"""
     pace: PaceDocument | None
     """null where the car cannot hold the speeds of the plan"""
     flags: list[FlagDocument]
+
+
+class PreheatDocument(ResponseModel):
+    """What to warm before departure, at the least cost of wall energy, battery energy and comfort."""
+
+    starts_at: str | None
+    """when it begins; null without a time of departure"""
+    before_s: float
+    """how long before the departure it begins [s]"""
+    cabin_degc: float | None
+    """set-point of the cabin [°C]; null: leave it as it is"""
+    cabin_before_s: float
+    battery_degc: float | None
+    """temperature of the battery at departure [°C]; null: leave it as it is"""
+    battery_before_s: float
+    wall_wh: float
+    """energy from the wall [Wh]"""
+    saved_wh: float
+    """what the battery gives less, preheating and trip together [Wh]"""
+
+
+class UntilDeparture(ResponseModel):
+    """What to do until a trip."""
+
+    target_soc: float
+    """displayed state of charge to leave with, at most 1"""
+    departs_at: str | None
+    """by when: the time of departure"""
+    soc: float | None
+    """displayed state of charge now: that of the request or of the last messages; null where unknown or on a trip"""
+    charge_wh: float | None
+    """energy that is missing in the battery, up to a full one [Wh]"""
+    wall_wh: float | None
+    """the same from the wall [Wh]"""
+    charging_s: float | None
+    """time that it takes at the power of the plug [s]; null off the plug"""
+    preheat: PreheatDocument | None
+    """null where it is not worth it, as off the plug"""

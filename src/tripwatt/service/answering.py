@@ -9,6 +9,7 @@ import orjson
 from starlette.requests import Request
 from starlette.responses import Response
 
+from tripwatt.service.contract import OLD_COLUMN, Repeats, mark_deprecated, tagged
 from tripwatt.service.metrics import Metrics
 from tripwatt.service.openapi import JSON
 from tripwatt.service.pool import WorkerPool
@@ -30,11 +31,14 @@ class Answering:
     ----------
     bodies, batch_bodies : Arrivals
         Bodies that are arriving, and those of batches and of files.
+    repeats : Repeats
+        Of requests that create something.
     """
 
     def __init__(self, settings: Settings, pool: WorkerPool, metrics: Metrics) -> None:
         self.settings, self.pool, self.metrics = settings, pool, metrics
         self.bodies, self.batch_bodies = Arrivals(settings.limits.bodies), Arrivals(settings.limits.batches)
+        self.repeats = Repeats()
         self._kept: dict[bytes, bytes] = {}
 
     async def read(
@@ -73,7 +77,10 @@ class Answering:
 
     async def body_job(self, request: Request, kind: str, **parameters: Any) -> Response:
         """Return the document of a job of the body of a request."""
-        return await self.job(request, kind, await self.read(request), **parameters)
+        body = await self.read(request)
+        if OLD_COLUMN.search(body):
+            mark_deprecated(request)
+        return await self.job(request, kind, body, **parameters)
 
     async def kept(self, request: Request, kind: str, **parameters: Any) -> Response:
         """Return the document of a job that stays the same while the service runs, computed once."""
@@ -86,7 +93,7 @@ class Answering:
             if response.status_code != 200:
                 raise Problem("internal")  # without input there is nothing to correct
             self._kept[key] = bytes(response.body)
-        return Response(self._kept[key], media_type=JSON)
+        return tagged(request, self._kept[key], JSON)
 
 
 def json_response(document: Mapping[str, Any]) -> Response:

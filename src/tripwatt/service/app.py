@@ -16,25 +16,27 @@ from fastapi import Path as PathValue
 from fastapi.exceptions import RequestValidationError
 from prometheus_client import CONTENT_TYPE_LATEST
 from starlette.exceptions import HTTPException
+from starlette.middleware.cors import CORSMiddleware
 from starlette.middleware.gzip import GZipMiddleware
 from starlette.responses import StreamingResponse
 from starlette.routing import Route
 from starlette.staticfiles import StaticFiles
-from starlette.types import Receive, Scope, Send
+from starlette.types import ASGIApp, Receive, Scope, Send
 
 import tripwatt
 from tripwatt.errors import InvalidInput
-from tripwatt.forecasting import load_metadata, load_model
 from tripwatt.forecasting.document import ForecastResponse
-from tripwatt.forecasting.storage import DEFAULT_MODEL
 from tripwatt.service import schemas
 from tripwatt.service.advice_schemas import AdviceResponse, DifferenceDocument
 from tripwatt.service.answering import Answering, json_response
 from tripwatt.service.batching import LineSplitter, forecast_lines
 from tripwatt.service.car_operations import CarOperations
+from tripwatt.service.contract import Fields, only
 from tripwatt.service.example_requests import UPLOADS
+from tripwatt.service.jobs import Jobs
 from tripwatt.service.journey_schemas import (
     JourneyAdviceRequest,
+    JourneyDifferenceRequest,
     MapResponse,
     NeedAnswer,
     NeedQuery,
@@ -55,7 +57,6 @@ from tripwatt.service.openapi import (
     BODY_PROBLEMS,
     COMMON_PROBLEMS,
     DESCRIPTION,
-    JSON,
     NDJSON,
     TEXT,
     TILE,
@@ -83,6 +84,10 @@ MIN_GZIP_BYTES: Final = 1000
 
 GZIP_LEVEL: Final = 4
 """Higher levels take longer and hardly shrink series of numbers further."""
+
+CORS_METHODS: Final = ("GET", "POST", "PUT", "DELETE")
+CORS_HEADERS: Final = ("Authorization", "Content-Type", "X-Request-ID")
+"""What a page of another origin may ask with, beside what a browser always lets pass."""
 
 MAX_ZOOM: Final = 22
 """Finest zoom of a tile, as maps have it."""
@@ -139,7 +144,7 @@ class BatchResponse(StreamingResponse):
             self.on_end = None
 
 
-def create_app(settings: Settings | None = None, log: Log = lambda **record: None) -> ServiceMiddleware:
+def create_app(settings: Settings | None = None, log: Log = lambda **record: None) -> ASGIApp:
     """Create the application; its workers start and stop with its lifespan.
 
     Parameters
@@ -156,7 +161,12 @@ def create_app(settings: Settings | None = None, log: Log = lambda **record: Non
     settings = settings or Settings()
     api = Api(settings, log)
     packed = GZipMiddleware(api.app, minimum_size=MIN_GZIP_BYTES, compresslevel=GZIP_LEVEL)
-    return ServiceMiddleware(packed, settings, api.metrics, log)
+    app = ServiceMiddleware(packed, settings, api.metrics, log)
+    if not settings.cors_origins:
+        return app
+    return CORSMiddleware(
+        app, settings.cors_origins, CORS_METHODS, CORS_HEADERS, expose_headers=["X-Request-ID", "Retry-After"]
+    )
 
 
 class Api:
@@ -181,7 +191,8 @@ class Api:
         self.metrics.lost.set_function(lambda: self.pool.lost)
         self.running_batches = 0
         self.answering = Answering(settings, self.pool, self.metrics)
-        self.models = _models_document(settings)
+        jobs = Jobs.from_folders(settings.models, settings.limits)  # raises faults before a worker starts
+        self.kept = self.answering.job if jobs.fleets else self.answering.kept
         self.live = LiveOperations(settings, self.pool, self.answering.read, log)
         self.cars = CarOperations(self.answering, lambda: self.live.cars, log_event)
         self.app: FastAPI = FastAPI(
@@ -191,6 +202,7 @@ class Api:
             description=DESCRIPTION,
             docs_url=None,  # the page of FastAPI loads scripts from another host
             redoc_url=None,
+            servers=[{"url": settings.prefix}] if settings.prefix else None,
             lifespan=self._lifespan,
         )
         add_handlers(self.app)
@@ -205,14 +217,14 @@ class Api:
         await self.pool.stop()
 
     @operation("POST /v1/forecast", "forecast", ForecastResponse, schemas.ForecastRequest)
-    async def forecast(self, request: Request) -> Response:
+    async def forecast(self, request: Request, fields: Fields = None) -> Response:
         """Forecast a trip from a speed trace or from the links of a planned route."""
-        return await self.answering.body_job(request, "forecast")
+        return await self.answering.body_job(request, "forecast", **only(fields))
 
     @operation("POST /v1/forecast/update", "forecast", ForecastResponse, schemas.UpdateRequest)
-    async def update(self, request: Request) -> Response:
+    async def update(self, request: Request, fields: Fields = None) -> Response:
         """Update the forecast of a trip with the samples measured so far."""
-        return await self.answering.body_job(request, "update")
+        return await self.answering.body_job(request, "update", **only(fields))
 
     @operation("POST /v1/forecast/difference", "forecast", DifferenceDocument, schemas.DifferenceRequest)
     async def difference(self, request: Request) -> Response:
@@ -232,7 +244,7 @@ class Api:
         only=(*COMMON_PROBLEMS, *BODY_PROBLEMS, "busy"),
         description="One ForecastResponse or ProblemDocument per line, in the order of the requests",
     )
-    async def batch(self, request: Request) -> Response:
+    async def batch(self, request: Request, fields: Fields = None) -> Response:
         """Forecast many trips: one request per line in, one forecast or problem per line out, in the same order."""
         require_accepts(request, NDJSON)
         limits = self.settings.limits
@@ -244,7 +256,7 @@ class Api:
         lines = splitter.lines()
         self._require_place_for_batch()  # another body may have been faster
         self.running_batches += 1
-        return BatchResponse(forecast_lines(lines, self.pool, self.metrics), self._end_batch)
+        return BatchResponse(forecast_lines(lines, self.pool, self.metrics, fields), self._end_batch)
 
     def _require_place_for_batch(self) -> None:
         if self.running_batches >= self.settings.limits.batches:
@@ -268,14 +280,20 @@ class Api:
         return await self.answering.job(request, "route", body, speed_m_s=speed)
 
     @operation("POST /v1/journeys", "journeys", PlanResponse, PlanRequest, alias="/v1/plan")
-    async def plan(self, request: Request) -> Response:
+    async def plan(self, request: Request, fields: Fields = None) -> Response:
         """Plan a journey: roads, their forecasts, the charge to leave with, a charging stop."""
         self._require_map()
-        return await self.answering.body_job(request, "plan")
+        return await self.answering.body_job(request, "plan", **only(fields))
+
+    @operation("POST /v1/journeys/difference", "journeys", DifferenceDocument, JourneyDifferenceRequest)
+    async def journey_difference(self, request: Request) -> Response:
+        """Compare two journeys of one car without their stops to charge, as `POST /v1/forecast/difference` does trips."""
+        self._require_map()
+        return await self.answering.body_job(request, "journey difference")
 
     @operation("POST /v1/journeys/advice", "journeys", AdviceResponse, JourneyAdviceRequest)
     async def journey_advice(self, request: Request) -> Response:
-        """Return what to do about a journey without a charging stop: the least that helps, and what each action saves."""
+        """Return what to do about a journey with its charging stops: the least that helps, what each action saves, and the time in all."""
         self._require_map()
         return await self.answering.body_job(request, "journey advice")
 
@@ -317,7 +335,7 @@ class Api:
         """Return the roads, places and weather of the service."""
         return await self.answering.kept(request, "map")
 
-    @operation("GET /v1/map/view", "journeys", ViewResponse)
+    @operation("GET /v1/map/view", "journeys", ViewResponse, internal=True)
     async def get_view(
         self,
         request: Request,
@@ -335,6 +353,7 @@ class Api:
         "GET /v1/tiles/{zoom}/{column}/{row}",
         "journeys",
         {TILE: BINARY},
+        internal=True,
         description="The tile; empty without roads",
     )
     async def get_tile(
@@ -359,8 +378,7 @@ class Api:
     @operation("GET /v1/models", "library", schemas.ModelsResponse)
     async def get_models(self, request: Request) -> Response:
         """List the models with their inputs, provenance and scores."""
-        require_accepts(request, JSON)
-        return Response(self.models, media_type=JSON)
+        return await self.kept(request, "models")
 
     @operation("POST /v1/vehicles", "library", schemas.DescribedVehicle, schemas.VehicleFigures)
     async def describe(self, request: Request) -> Response:
@@ -379,14 +397,16 @@ class Api:
         """List the cars of the library, or those that words find, and the models fitted on each."""
         if search is not None:
             return await self.answering.job(request, "vehicles", search=search)
-        return await self.answering.kept(request, "vehicles")
+        return await self.kept(request, "vehicles")
 
-    @operation("GET /v1/examples", "library", schemas.ExamplesResponse)
+    @operation("GET /v1/examples", "library", schemas.ExamplesResponse, internal=True)
     async def get_examples(self, request: Request) -> Response:
         """List synthetic trips as examples."""
         return await self.answering.kept(request, "examples")
 
-    @operation("GET /v1/examples/{trip}", "library", schemas.ExampleResponse, also=("not-found",))
+    @operation(
+        "GET /v1/examples/{trip}", "library", schemas.ExampleResponse, also=("not-found",), internal=True
+    )
     async def get_example(self, request: Request, trip: str) -> Response:
         """Return one synthetic trip: a request for a forecast, and the samples simulated for it."""
         return await self.answering.kept(request, "example", trip=trip)
@@ -460,16 +480,6 @@ def add_handlers(app: FastAPI) -> None:
     app.add_exception_handler(InvalidInput, on_invalid)
     app.add_exception_handler(HTTPException, on_http)
     app.add_exception_handler(RequestValidationError, on_parameters)
-
-
-def _models_document(settings: Settings) -> bytes:
-    """The response of `/v1/models`; loading the models here raises their faults before a worker starts."""
-    folders: dict[str, Path | None] = {**settings.models} or {DEFAULT_MODEL: None}
-    for folder in folders.values():
-        load_model(folder)
-    return orjson.dumps(
-        {"models": [{"name": name, **load_metadata(folder)} for name, folder in folders.items()]}
-    )
 
 
 if __name__ == "__main__":  # the OpenAPI document of a service with the model of the package

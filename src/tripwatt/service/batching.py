@@ -6,11 +6,12 @@ import asyncio
 import contextlib
 from collections import deque
 from collections.abc import AsyncIterator
-from typing import Final
+from typing import Any, Final
 
 import orjson
 
 from tripwatt.errors import Fault
+from tripwatt.service.contract import only
 from tripwatt.service.metrics import Metrics
 from tripwatt.service.pool import WorkerPool
 from tripwatt.service.problems import Problem, invalid_input
@@ -82,7 +83,9 @@ class LineSplitter:
         return Problem("too-large", f"at most {self.most} trips", headers={"Connection": "close"})
 
 
-async def forecast_lines(lines: list[bytes], pool: WorkerPool, metrics: Metrics) -> AsyncIterator[bytes]:
+async def forecast_lines(
+    lines: list[bytes], pool: WorkerPool, metrics: Metrics, fields: str | None = None
+) -> AsyncIterator[bytes]:
     """Forecast the trips of a batch.
 
     Parameters
@@ -91,6 +94,8 @@ async def forecast_lines(lines: list[bytes], pool: WorkerPool, metrics: Metrics)
         One `ForecastRequest` each.
     pool : WorkerPool
     metrics : Metrics
+    fields : str, optional
+        Names of fields of a forecast, with commas.
 
     Yields
     ------
@@ -98,12 +103,12 @@ async def forecast_lines(lines: list[bytes], pool: WorkerPool, metrics: Metrics)
         A forecast or a problem document and a line feed, in the order of the requests.
     """
     running: deque[asyncio.Task[bytes]] = deque()
-    remaining = iter(lines)
+    remaining, job = iter(lines), {"kind": "forecast", **only(fields)}
     most_running = pool.settings.workers + QUEUED_JOBS
     try:
         while True:
             while len(running) < most_running and (line := next(remaining, None)) is not None:
-                running.append(asyncio.ensure_future(_forecast_line(line, pool, metrics)))
+                running.append(asyncio.ensure_future(_forecast_line(line, pool, metrics, job)))
             if not running:
                 return
             yield await running.popleft()
@@ -114,20 +119,23 @@ async def forecast_lines(lines: list[bytes], pool: WorkerPool, metrics: Metrics)
             await asyncio.gather(*running, return_exceptions=True)
 
 
-async def _forecast_line(line: bytes, pool: WorkerPool, metrics: Metrics) -> bytes:
-    most_bytes = pool.settings.limits.body_bytes
-    if len(line) > most_bytes:
-        metrics.trips.labels("refused").inc()
-        return _problem_line(Problem("too-large", f"at most {most_bytes} bytes per trip"))
+async def _forecast_line(line: bytes, pool: WorkerPool, metrics: Metrics, job: dict[str, Any]) -> bytes:
+    """A forecast, or a problem document with the trip of the request as far as the line shows it."""
+    most_bytes, outcome = pool.settings.limits.body_bytes, "refused"
     try:
-        result = await pool.run({"kind": "forecast"}, line, may_queue=True)
+        if len(line) > most_bytes:
+            raise Problem("too-large", f"at most {most_bytes} bytes per trip")
+        outcome = "failed"
+        result = await pool.run(job, line, may_queue=True)
     except Problem as problem:
-        metrics.trips.labels("failed").inc()
-        return _problem_line(problem)
-    metrics.trips.labels("answered" if result.status == 200 else "refused").inc()
-    metrics.job_seconds.labels("batch").observe(result.seconds)
-    return result.content + b"\n"
-
-
-def _problem_line(problem: Problem) -> bytes:
-    return orjson.dumps(problem.document()) + b"\n"
+        document = problem.document()
+    else:
+        metrics.job_seconds.labels("batch").observe(result.seconds)
+        outcome = "answered" if result.status == 200 else "refused"
+        document = {} if result.status == 200 else orjson.loads(result.content)
+    metrics.trips.labels(outcome).inc()
+    if outcome == "answered":
+        return result.content + b"\n"
+    with contextlib.suppress(orjson.JSONDecodeError, AttributeError):
+        document["trip"] = orjson.loads(line if len(line) <= most_bytes else b"[]").get("trip", "trip")
+    return orjson.dumps(document) + b"\n"

@@ -12,6 +12,7 @@ import time
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Final
 
@@ -135,7 +136,12 @@ class CarOperations:
     async def new_car(self, request: Request) -> Response:
         """Make a car."""
         require_folder(self.settings.cars)
-        return _shown(await self.answering.body_job(request, "new car"), None)
+        body = await self.answering.read(request)
+
+        async def made() -> Response:
+            return _shown(await self.answering.job(request, "new car", body), None)
+
+        return await self.answering.repeats.once(request, body, made)
 
     @operation("GET /v1/cars/{car}", "cars", CarResponse)
     async def get_car(self, request: Request, car: CarName) -> Response:
@@ -157,10 +163,14 @@ class CarOperations:
     @operation("POST /v1/cars/{car}/token", "cars", TokenResponse)
     async def new_token(self, request: Request, car: CarName) -> Response:
         """Make a token with which a car sends its messages; an earlier one is no longer accepted."""
-        response = await self.answering.job(request, "car token", car=car)
-        if response.status_code == 200:
-            await self.live().follow(car_folder(self.settings.cars, car))
-        return response
+
+        async def made() -> Response:
+            response = await self.answering.job(request, "car token", car=car)
+            if response.status_code == 200:
+                await self.live().follow(car_folder(self.settings.cars, car))
+            return response
+
+        return await self.answering.repeats.once(request, b"", made)
 
     @operation("PUT /v1/cars/{car}/uploads/{upload}/{file}", "cars", UploadResponse, {BYTES: BINARY})
     async def put_file(self, request: Request, car: CarName, upload: UploadName, file: FileName) -> Response:
@@ -180,6 +190,11 @@ class CarOperations:
     async def learn(self, request: Request, car: CarName, upload: UploadName) -> Response:
         """Learn the trips of an upload: the response comes at once, and the car shows the progress."""
         body = await self.answering.read(request)
+        return await self.answering.repeats.once(
+            request, body, partial(self._begin, request, car, upload, body)
+        )
+
+    async def _begin(self, request: Request, car: str, upload: str, body: bytes) -> Response:
         checked = await self.answering.job(request, "logs", body, car=car, upload=upload)
         if checked.status_code != 200:
             return checked

@@ -56,6 +56,9 @@ EXAMPLES: Final[Mapping[str, Mapping[str, Any]]] = {
     "LogsRequest": {"as proposed": {}},
     "PlanRequest": {"a journey": JOURNEY},
     "JourneyAdviceRequest": {"a journey": {**JOURNEY, "chance": 0.95}},
+    "JourneyDifferenceRequest": {
+        "warmer": {"one": {**JOURNEY, "ambient_temperature_degc": 10.0}, "other": JOURNEY}
+    },
     "AdviceRequest": {"planned road": {**PLANNED_REQUEST, "chance": 0.95, "extras": ["roof_box"]}},
     "DifferenceRequest": {
         "warmer": {"one": {**PLANNED_REQUEST, "cabin_setpoint_degc": 18.0}, "other": PLANNED_REQUEST}
@@ -93,6 +96,6 @@ UPLOADS: Final[dict[str, dict[str, Any]]] = {
     "text/csv": {"schema": {"type": "string"}, "example": CSV},
     "application/octet-stream": {"schema": {"type": "string", "format": "binary"}},
     "application/geo+json": {"schema": {"type": "object"}, "example": GEOJSON},
-    "application/json": {"schema": {"type": ["object", "array"]}, "example": PLANNED_REQUEST["links"]},
+    "application/json": {"schema": {}, "example": PLANNED_REQUEST["links"]},
 }
 """Media type of the upload of a route -> its media type object."""

@@ -2,36 +2,38 @@
 
 from __future__ import annotations
 
+import datetime as dt
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
-import numpy as np
 import orjson
-import pandas as pd
 from cachetools import LRUCache
 from pydantic import ValidationError
 
 from tripwatt.advice import advise
+from tripwatt.advice.preheating import before_departure, need_before_departure
 from tripwatt.certification import describe_car
 from tripwatt.errors import Check, Fault, InvalidInput
+from tripwatt.fleet.registry import FollowedModel
 from tripwatt.forecasting import (
     Forecast,
     ForecastModel,
     load_model,
 )
 from tripwatt.forecasting.storage import DEFAULT_MODEL
-from tripwatt.journey import need, range_km
+from tripwatt.journey import range_km
 from tripwatt.live.usual import usual_plan
 from tripwatt.population.cars import for_car
-from tripwatt.routes import Track, is_links_table, parse_route, plan_from_route, route_from_track
-from tripwatt.routes.link_objects import fields_of_route
+from tripwatt.routes import plan_from_route
 from tripwatt.service.car_jobs import CarJobs
 from tripwatt.service.car_schemas import LogsRequest, NewCarRequest
+from tripwatt.service.fleets import followed, is_registry, model_summary, vehicle_model
 from tripwatt.service.journey_schemas import (
     JourneyAdviceRequest,
+    JourneyDifferenceRequest,
     NeedQuery,
     PlanRequest,
     RangeQuery,
@@ -39,6 +41,7 @@ from tripwatt.service.journey_schemas import (
 )
 from tripwatt.service.journeys import JourneyJobs
 from tripwatt.service.library import described, example, example_summaries, vehicles
+from tripwatt.service.route_uploads import read_route
 from tripwatt.service.schemas import (
     AdviceRequest,
     DifferenceRequest,
@@ -53,30 +56,20 @@ from tripwatt.service.schemas import (
     parse_links,
     parse_observed,
     parse_samples,
-    require_duration,
 )
 from tripwatt.service.settings import Limits
-from tripwatt.sources.canonical import canonical_of_text
 from tripwatt.synthetic import example_trip
 from tripwatt.trips import (
-    Flag,
     Plan,
-    gap_flags,
     plan_from_samples,
-    raise_faults,
-    time_faults,
 )
-from tripwatt.trips.messages import flag_to_dict, leave_in_words
-from tripwatt.trips.samples import columns_of
+from tripwatt.trips.messages import leave_in_words
 from tripwatt.vehicles import Vehicle, find_vehicles, require_vehicle, vehicle_names
 
 Forecasting = TypeVar("Forecasting", bound=ForecastRequest)
 
 MOST_TRANSFERRED: Final = 64
 """Models on other cars that a worker keeps; the one that was used least recently goes first."""
-
-ROUTE_FIRST_BYTES: Final = (b"<", b"{", b"[", b"\xff", b"\xfe")
-"""First bytes of XML, JSON and UTF-16."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +79,7 @@ class Jobs:
     Attributes
     ----------
     models : mapping of str to ForecastModel
-        Models that requests may name; the first is the default.
+        Models of one car that requests may name; the first is the default.
     limits : Limits
     journeys : JourneyJobs
         The atlas of the service.
@@ -94,6 +87,10 @@ class Jobs:
         Models transferred to other cars, made when first used, by model and car.
     cars : CarJobs
         Cars whose models requests may name as well.
+    fleets : mapping of str to FollowedModel
+        Models of fleets that requests may name; without `models` the first is the default.
+    folders : mapping of str to Path
+        Of models and registries.
     """
 
     models: Mapping[str, ForecastModel]
@@ -103,6 +100,8 @@ class Jobs:
         default_factory=lambda: LRUCache(MOST_TRANSFERRED)
     )
     cars: CarJobs = field(default_factory=CarJobs)
+    fleets: Mapping[str, FollowedModel] = field(default_factory=dict)
+    folders: Mapping[str, Path] = field(default_factory=dict)
 
     @classmethod
     def from_folders(
@@ -111,25 +110,35 @@ class Jobs:
         limits: Limits,
         journeys: JourneyJobs | None = None,
         cars: CarJobs | None = None,
+        log: Callable[..., None] = lambda **record: None,
     ) -> Jobs:
         """Load the models.
 
         Parameters
         ----------
         folders : mapping of str to Path
-            Name -> folder; empty for the model of the package.
+            Name -> folder of a model or of a registry; empty for the model of the package.
         limits : Limits
         journeys : JourneyJobs, optional
         cars : CarJobs, optional
+        log : callable, optional
+            Called with what happened to the models of fleets as keywords.
         """
-        models = {name: load_model(folder) for name, folder in folders.items()}
-        models = models or {DEFAULT_MODEL: load_model()}
-        return cls(models, limits, journeys or JourneyJobs(), cars=cars or CarJobs())
+        fleets = {
+            name: followed(name, folder, log) for name, folder in folders.items() if is_registry(folder)
+        }
+        models = {name: load_model(folder) for name, folder in folders.items() if name not in fleets}
+        if not folders:
+            models = {DEFAULT_MODEL: load_model()}
+        return cls(
+            models, limits, journeys or JourneyJobs(), cars=cars or CarJobs(), fleets=fleets, folders=folders
+        )
 
     def warm_up(self) -> None:
         """Compute one forecast per model, so that the first request takes no longer than the others."""
         plan = plan_from_samples(example_trip(), "warm-up")
-        for model in self.models.values():
+        of_fleets = (vehicle_model(fleet.get(), {}) for fleet in self.fleets.values())
+        for model in (*self.models.values(), *of_fleets):
             model.forecast(plan).to_dict()
 
     def run(self, job: Mapping[str, Any], body: bytes) -> dict[str, Any] | bytes:
@@ -165,11 +174,24 @@ class Jobs:
 
     def difference(self, body: bytes) -> dict[str, Any]:
         """Return the response to a `DifferenceRequest`: the first trip less the other one."""
-        document = parse_json(body)
-        check_request(document, DifferenceRequest)
-        one, other = (
-            self._forecast(orjson.dumps(document[name]), ForecastRequest)[1] for name in ("one", "other")
+        return self._difference(
+            body, DifferenceRequest, lambda trip, _: self._forecast(trip, ForecastRequest)[1]
         )
+
+    def journey_difference(self, body: bytes) -> dict[str, Any]:
+        """Return the response to a `JourneyDifferenceRequest`: the road of the first journey less that of the other one."""
+        return self._difference(
+            body,
+            JourneyDifferenceRequest,
+            lambda trip, asked: self.journeys.road(*self._journey(trip, PlanRequest), asked.road),
+        )
+
+    def _difference(
+        self, body: bytes, kind: type[RequestModel], forecast: Callable[[bytes, RequestModel], Forecast]
+    ) -> dict[str, Any]:
+        document = parse_json(body)
+        asked = check_request(document, kind)
+        one, other = (forecast(orjson.dumps(document[name]), asked) for name in ("one", "other"))
         return one.difference(other).to_dict()
 
     def advice(self, body: bytes) -> dict[str, Any]:
@@ -177,19 +199,21 @@ class Jobs:
         request, forecast = self._forecast(body, AdviceRequest)
         return advise(forecast, reserve=request.reserve, chance=request.chance).to_dict()
 
-    def need(self, body: bytes, probability: float) -> dict[str, Any]:
-        """Return what a `ForecastRequest` needs with a probability: energy, and displayed charge to leave with."""
+    def need(self, body: bytes, job: Mapping[str, Any]) -> dict[str, Any]:
+        """Return what a `ForecastRequest` needs with the probability of the job: energy, charge, and what to do until then."""
         request, forecast = self._forecast(body, ForecastRequest)
         needed = {
             "expected_wh": forecast.energy_wh,
-            "energy_wh": forecast.quantile(probability),
-            "soc_needed": forecast.soc_needed(request.reserve, probability),
+            "energy_wh": forecast.quantile(job["probability"]),
+            "soc_needed": forecast.soc_needed(request.reserve, job["probability"]),
             "wh_per_display": forecast.charge.wh_per_display,
         }
         if not all(map(math.isfinite, needed.values())):
             raise _no_forecast()
-        leave = leave_in_words(needed["soc_needed"], request.reserve, probability)
-        return {"reserve": request.reserve, **needed, "message": leave}
+        leave = leave_in_words(needed["soc_needed"], request.reserve, job["probability"])
+        leaves = dt.datetime.fromtimestamp(job["departure_s"], dt.UTC)
+        until = before_departure(forecast, needed["soc_needed"], job["plug_w"], job["soc"], leaves)
+        return {"reserve": request.reserve, **needed, "message": leave, **until}
 
     def plan(self, body: bytes) -> dict[str, Any]:
         """Return the response to a `PlanRequest`."""
@@ -221,15 +245,17 @@ class Jobs:
                     "car is missing", "car", "a trip without its car", "the car that drove the trip"
                 )
             ahead = usual_plan(self.cars.car(request.car), request.trip)
-        return need(
+        needed, until = need_before_departure(
             ahead,
             request.kind,
             departure_of(request),
+            request.plug_w,
             model=self._model_asked(request),
             quantile=request.quantile,
             trips=request.trips,
             reserve=request.reserve or 0.0,
-        ).to_dict()
+        )
+        return needed.to_dict() | until
 
     def range(self, body: bytes) -> dict[str, Any]:
         """Return the response to a `RangeQuery`."""
@@ -245,7 +271,12 @@ class Jobs:
             raise InvalidInput.of("two cars", "car", "a model or vehicle too", "one of them")
         car: dict[str, Any] = {"model": request.car or request.model, "vehicle": request.vehicle}
         if given is not None:
-            figures = check_request(parse_json(given.encode(), "vehicle_figures: "), VehicleFigures)
+            try:
+                figures = check_request(orjson.loads(given), VehicleFigures)
+            except orjson.JSONDecodeError as error:
+                raise InvalidInput.of(
+                    "not JSON", "query.vehicle_figures", f"{error}"[:80], "an object"
+                ) from error
             car["vehicle_figures"] = figures.model_dump()
         return self.model_of(car)
 
@@ -289,13 +320,13 @@ class Jobs:
     def _model(self, document: Mapping[str, Any]) -> Callable[[], ForecastModel]:
         """What gives the model of a request for its car; model and car are checked here, and transferred there."""
         name, vehicle = document.get("model"), document.get("vehicle")
-        name = next(iter(self.models)) if name is None else name
+        name = next(iter((*self.models, *self.fleets))) if name is None else name
         label, fitted = name, self.models.get(name) if isinstance(name, str) else None
         faults: list[Fault] = []
-        if isinstance(name, str) and fitted is None:
+        if isinstance(name, str) and name not in self.fleets and fitted is None:
             label, fitted = self.cars.model(name) or (name, None)
             if fitted is None:
-                faults.append(_unknown("model", name, [*self.models, *self.cars.names()]))
+                faults.append(_unknown("model", name, [*self.models, *self.fleets, *self.cars.names()]))
         # only names of the library, never a path of a file
         measured = (model.vehicle.name for model in (*self.models.values(), fitted) if model is not None)
         if isinstance(vehicle, str) and vehicle not in (*vehicle_names(), *measured):
@@ -303,6 +334,12 @@ class Jobs:
                 require_vehicle(vehicle)
             except InvalidInput as error:
                 faults += error.faults
+        if not faults and isinstance(name, str) and name in self.fleets:
+            own = vehicle_model(self.fleets[name].get(), document)
+            return lambda: own
+        if fitted is not None and (document.get("vehicle_id") or document.get("driver")) is not None:
+            got, allowed = f"a model of one car, {name}", "the model of a fleet"
+            faults.append(Fault("no fleet", "vehicle_id, driver", got, allowed))
         if faults or fitted is None or not isinstance(vehicle, str | None):
             raise InvalidInput(faults)  # another type is a fault of its field
         figures = document.get("vehicle_figures")
@@ -318,10 +355,10 @@ class Jobs:
         car = vehicle if described is None else describe(described)
 
         def transferred() -> ForecastModel:
-            own = for_car(fitted, car)
-            if own is not fitted:
-                self.transferred[key] = own
-            return own
+            moved = for_car(fitted, car)
+            if moved is not fitted:
+                self.transferred[key] = moved
+            return moved
 
         return transferred
 
@@ -332,7 +369,7 @@ class Jobs:
     def new_car(self, body: bytes) -> dict[str, Any]:
         """Make the car of a `NewCarRequest`, and return it."""
         request = check_request(parse_json(body), NewCarRequest)
-        if request.name in self.models:
+        if request.name in (*self.models, *self.fleets):
             got = f"{request.name}"
             raise InvalidInput.of("name is taken", "name", got, "another name: a model of the service has it")
         if (request.vehicle is None) == (request.vehicle_figures is None):
@@ -351,58 +388,25 @@ class Jobs:
             return plan_from_samples(parse_samples(samples, self.limits), "samples")
         return plan_from_route(parse_links(links, _elevation(document.get("elevation")), self.limits))
 
-    def route(self, body: bytes, speed_m_s: float | None) -> dict[str, Any]:
-        """Read an upload and return it as fields of a `ForecastRequest`.
-
-        Parameters
-        ----------
-        body : bytes
-            GPX, GeoJSON, the response of a router, links as JSON or CSV, or CSV of samples. The content determines
-            the format.
-        speed_m_s : float or None
-            Mean speed [m/s] of parts of a track without times and speeds.
-        """
-        if body.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] not in ROUTE_FIRST_BYTES and not is_links_table(body):
-            return self._route_response(canonical_of_text(body, "upload"))
-        route = parse_route(body, where="upload")
-        if isinstance(route, Track):
-            if route.is_log and route.time_s is not None:
-                require_duration(float(route.time_s[-1]), "upload", self.limits)
-                plan = plan_from_route(route)
-                return self._route_response(plan.samples, plan.flags)
-            route = route_from_track(route, speed_m_s)
-        if len(route) > self.limits.links:
-            raise InvalidInput.of("too many links", "upload", f"{len(route)}", f"at most {self.limits.links}")
-        require_duration(route.duration_s, "upload", self.limits)
-        plan = plan_from_route(route)
-        return self._route_response(plan.samples, plan.flags) | fields_of_route(route)
-
-    def _route_response(self, samples: pd.DataFrame, flags: tuple[Flag, ...] = ()) -> dict[str, Any]:
-        """The response to an upload, without links."""
-        time, speed = samples["time_s"].to_numpy(), samples["speed_m_s"].to_numpy()
-        if len(samples) > self.limits.samples:
-            allowed = f"at most {self.limits.samples}"
-            raise InvalidInput.of("too many samples", "upload", f"{len(samples)}", allowed)
-        require_duration(float(time[-1] - time[0]), "upload", self.limits)
-        raise_faults(time_faults(time, "upload"))
-        flags = flags or gap_flags(time)
+    def summaries(self) -> dict[str, Any]:
+        """Return the models with their inputs, provenance and scores; the first is the default."""
+        names = (*self.models, *self.fleets)
         return {
-            "samples": columns_of(samples),
-            "links": None,
-            "elevation": None,
-            "duration_s": float(time[-1] - time[0]),
-            "distance_m": float(np.trapezoid(speed, time)),
-            "notes": [flag_to_dict(flag) for flag in flags],
+            "models": [
+                {"name": name, **model_summary(self.folders.get(name), self.fleets.get(name))}
+                for name in names
+            ]
         }
 
     def vehicles(self, search: str | None = None) -> dict[str, Any]:
         """Return the cars of the library, or those that words find, each with the models fitted on its trips."""
-        cars = {name: model.vehicle.name for name, model in self.models.items()}
+        cars = {name: {model.vehicle.name} for name, model in self.models.items()}
+        cars |= {name: {*fleet.get().vehicles().values()} for name, fleet in self.fleets.items()}
         by_name = {row["name"]: row for row in vehicles()}
         names = tuple(by_name) if search is None else find_vehicles(search)
         return {
             "vehicles": [
-                {**by_name[name], "models": [model for model, car in cars.items() if car == name]}
+                {**by_name[name], "models": [model for model, its in cars.items() if name in its]}
                 for name in names
             ]
         }
@@ -436,10 +440,11 @@ JOB_KINDS: Final[Mapping[str, Callable[[Jobs, Mapping[str, Any], bytes], dict[st
     "forecast": lambda jobs, job, body: jobs.forecast(body),
     "difference": lambda jobs, job, body: jobs.difference(body),
     "advice": lambda jobs, job, body: jobs.advice(body),
-    "need": lambda jobs, job, body: jobs.need(body, job["probability"]),
+    "need": lambda jobs, job, body: jobs.need(body, job),
     "update": lambda jobs, job, body: jobs.update(body),
-    "route": lambda jobs, job, body: jobs.route(body, job["speed_m_s"]),
+    "route": lambda jobs, job, body: read_route(body, job["speed_m_s"], jobs.limits),
     "plan": lambda jobs, job, body: jobs.plan(body),
+    "journey difference": lambda jobs, job, body: jobs.journey_difference(body),
     "journey advice": lambda jobs, job, body: jobs.journey_advice(body),
     "reach": lambda jobs, job, body: jobs.reach(body),
     "distance": lambda jobs, job, body: jobs.distance(body),
@@ -448,6 +453,7 @@ JOB_KINDS: Final[Mapping[str, Callable[[Jobs, Mapping[str, Any], bytes], dict[st
     "map": lambda jobs, job, body: jobs.journeys.describe(),
     "tile": lambda jobs, job, body: jobs.journeys.tile(job["zoom"], job["column"], job["row"]),
     "view": lambda jobs, job, body: jobs.journeys.view(job["bounds_deg"], job["limit"]),
+    "models": lambda jobs, job, body: jobs.summaries(),
     "vehicles": lambda jobs, job, body: jobs.vehicles(job.get("search")),
     "describe": lambda jobs, job, body: jobs.describe(body),
     "examples": lambda jobs, job, body: example_summaries(),

@@ -6,8 +6,10 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import AwareDatetime, ConfigDict, Field, RootModel, create_model
 
+from tripwatt.advice.preheating import PLUG_W
 from tripwatt.forecasting.document import FlagDocument, ForecastResponse
 from tripwatt.live.telemetry import FIRST_TIME_S, LAST_TIME_S
+from tripwatt.service.advice_schemas import UntilDeparture
 from tripwatt.service.live_schemas import NeedResponse
 from tripwatt.service.schemas import (
     CarRequest,
@@ -77,6 +79,15 @@ class JourneyAdviceRequest(PlanRequest):
     """to arrive with the reserve"""
 
 
+class JourneyDifferenceRequest(StrictModel):
+    """Two journeys of one car to compare, without their stops to charge."""
+
+    one: PlanRequest
+    other: PlanRequest
+    road: int = Field(0, ge=0, le=3)
+    """which of the roads of each, from 0 for the fastest; the last where there are fewer"""
+
+
 class ReachRequest(_Departs):
     """A start, the car, and what is known at departure."""
 
@@ -126,9 +137,11 @@ class NeedQuery(RangeQuery):
     """with which the charge suffices, for the next trip of a car on the road"""
     departure_utc: float | None = Field(None, ge=FIRST_TIME_S, le=LAST_TIME_S)
     """when that trip begins [s since 1970]; default: now"""
+    plug_w: float = Field(PLUG_W, ge=0.0, le=400_000.0)
+    """power of the plug at home [W]; 0: the car is not plugged in"""
 
 
-class DistanceNeed(ResponseModel):
+class DistanceNeed(UntilDeparture):
     """What some kilometres need, without a road, as `tripwatt need --json` prints it."""
 
     distance_m: float

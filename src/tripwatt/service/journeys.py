@@ -9,7 +9,7 @@ from typing import Any
 
 from tripwatt.advice import advise, leaving_later
 from tripwatt.errors import Fault, InvalidInput, raise_faults
-from tripwatt.forecasting import ForecastModel
+from tripwatt.forecasting import Forecast, ForecastModel
 from tripwatt.journey import (
     Atlas,
     AtlasSettings,
@@ -54,10 +54,16 @@ class JourneyJobs:
         """Return the response to a `PlanRequest`."""
         return self._journey(request, self._forecaster(request, model)).to_dict()
 
+    def road(self, request: PlanRequest, model: ForecastModel, number: int) -> Forecast:
+        """Forecast one of the roads of a `PlanRequest`; the last where there are fewer."""
+        quick = request.model_copy(update={"answers": False})
+        roads = self._journey(quick, self._forecaster(request, model)).roads
+        return roads[min(number, len(roads) - 1)].forecast
+
     def advice(self, request: JourneyAdviceRequest, model: ForecastModel) -> dict[str, Any]:
-        """Return the response to a `JourneyAdviceRequest`: what to do on the fastest road without a stop to charge."""
+        """Return the response to a `JourneyAdviceRequest`: what to do on the fastest road, with its stops to charge."""
         forecaster = self._forecaster(request, model)
-        journey = self._journey(request.model_copy(update={"answers": False, "charge": False}), forecaster)
+        journey = self._journey(request, forecaster)
         later = leaving_later(forecaster, journey.roads[0].road, dt.datetime.now(dt.UTC))
         return advise(journey, reserve=request.reserve, chance=request.chance, others=later).to_dict()
 

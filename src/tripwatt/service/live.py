@@ -233,17 +233,15 @@ class LiveCars:
         return Jobs.from_folders(settings.models, settings.limits, cars=CarJobs(settings.cars))
 
     async def need(
-        self, car: RoadCar, probability: float, departure_s: float, known: Mapping[str, float]
+        self, car: RoadCar, how: Mapping[str, float], known: Mapping[str, float]
     ) -> JobResult | dict[str, Any]:
         """What the next trip of a car needs, as `NeedResponse`; the result of a job that was refused.
 
         Parameters
         ----------
         car : RoadCar
-        probability : float
-            0.5 to 1.
-        departure_s : float
-            When it leaves, for a trip without a plan [s since 1970].
+        how : mapping of str to float
+            `probability`, 0.5 to 1; `departure_s`, when it leaves [s since 1970]; `plug_w`, power of the plug [W].
         known : mapping of str to float
             Fields of the request that take the place of those of the plan.
 
@@ -252,24 +250,20 @@ class LiveCars:
         Problem
             `no-plan` without a plan and a usual trip.
         """
-        plan = await self.run(car.plan_at, departure_s)
+        plan = await self.run(car.plan_at, how["departure_s"])
         if plan is None:
             raise Problem("no-plan", "no plan, and no earlier trip at this time of day")
         soc = (await self.run(car.departure)).soc if car.trip is None else None
         request = self._by_own_model(car.name, {**plan.request, **known})
-        result = await self.pool.run({"kind": "need", "probability": probability}, orjson.dumps(request))
+        result = await self.pool.run({"kind": "need", "soc": soc, **how}, orjson.dumps(request))
         if result.status != 200:
             return result
-        needed = orjson.loads(result.content)
-        missing = None if soc is None else max(0.0, min(needed["soc_needed"], 1.0) - soc)
         return {
             "vehicle": car.name,
             "plan": "given" if plan.usual_trip is None else "usual",
             "usual_trip": plan.usual_trip,
-            "probability": probability,
-            **needed,
-            "soc": soc,
-            "charge_wh": None if missing is None else missing * needed["wh_per_display"],
+            "probability": how["probability"],
+            **orjson.loads(result.content),
         }
 
     def summary(self) -> dict[str, Any]:

@@ -105,12 +105,14 @@ class LiveOperations:
         only=(*COMMON_PROBLEMS, *BODY_PROBLEMS, "busy", "no-live"),
         more={"security": [{"car": []}, {}]},  # or the token is part of the message
     )
-    async def telemetry(self, request: Request) -> Response:
+    async def telemetry(
+        self, request: Request, token: Annotated[str | None, Query(description="token of the car")] = None
+    ) -> Response:
         """Take a message of a car in the format of A Better Routeplanner's live data."""
         cars = self.cars
         body = await self.read_body(request, (JSON, FORM), MOST_MESSAGE_BYTES)
         message = message_of(body, media_type(request))
-        car = cars.by_token(given_token(message, request))
+        car = cars.by_token(given_token(message, request, token))
         return json_response(await cars.take(car, sample_from_abrp(telemetry_of(message))))
 
     @operation("GET /v1/live", "live", LiveCarsResponse, only=(*COMMON_PROBLEMS, "not-acceptable", "no-live"))
@@ -139,10 +141,10 @@ class LiveOperations:
     async def next_need(self, request: Request, query: NeedQuery) -> Response:
         """Return what the next trip of a car needs: energy at a quantile, charge to leave with, energy to charge."""
         require_accepts(request, JSON)
+        leaves = time.time() if query.departure_utc is None else query.departure_utc
         needed = await self.cars.need(
             self.cars.by_name(query.vehicle or ""),
-            query.probability,
-            time.time() if query.departure_utc is None else query.departure_utc,
+            {"probability": query.probability, "departure_s": leaves, "plug_w": query.plug_w},
             query.model_dump(include={"reserve", "ambient_temperature_degc"}, exclude_none=True),
         )
         if isinstance(needed, dict):
@@ -186,13 +188,13 @@ def message_of(body: bytes, kind: str) -> dict[str, Any]:
         raise invalid_input([fault]) from error
 
 
-def given_token(message: Mapping[str, Any], request: Request) -> str:
+def given_token(message: Mapping[str, Any], request: Request, of_query: str | None) -> str:
     """The token of a request: a bearer token, a field of its message, or a parameter of its URL."""
     kind, _, bearer = request.headers.get("authorization", "").partition(" ")
     candidates = (
         bearer.strip() if kind.lower() == "bearer" else "",
         message.get("token"),
-        request.query_params.get("token"),
+        of_query,
     )
     return next((token for token in candidates if isinstance(token, str) and token), "")
 

@@ -13,6 +13,7 @@ from tripwatt.live.documents import (
     LiveTripDocument,
 )
 from tripwatt.live.telemetry import FIRST_TIME_S, LAST_TIME_S
+from tripwatt.service.advice_schemas import UntilDeparture
 from tripwatt.service.schemas import ForecastRequest, ProblemFault, ResponseModel, StrictModel
 
 
@@ -49,7 +50,7 @@ class LivePlanRequest(LiveDeparture, ForecastRequest):
     """The trip that a car is on or that comes next. What the plan leaves unknown of the departure is that of the car's messages."""
 
 
-class NeedResponse(ResponseModel):
+class NeedResponse(UntilDeparture):
     """What the next trip of a car needs, for charge planning."""
 
     vehicle: str
@@ -71,10 +72,6 @@ class NeedResponse(ResponseModel):
     """`soc_needed` as an English sentence"""
     wh_per_display: float
     """energy of a whole display [Wh]"""
-    soc: float | None
-    """displayed state of charge of the last messages; null where unknown or on a trip"""
-    charge_wh: float | None
-    """energy that is missing in the battery, up to a full one [Wh]"""
 
 
 class MessageDocument(ResponseModel):

@@ -13,14 +13,17 @@ import re
 import secrets
 import time
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Final
+from urllib.parse import urlsplit
 
 from starlette.datastructures import Headers, MutableHeaders
+from starlette.responses import RedirectResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from tripwatt.service.contract import DEPRECATED_SINCE
 from tripwatt.service.metrics import Metrics
-from tripwatt.service.problems import Problem
+from tripwatt.service.problems import SAFE_METHODS, Problem
 from tripwatt.service.settings import Settings
 
 OPEN_PATHS: Final = ("/healthz", "/readyz")
@@ -34,6 +37,9 @@ CAR_TOKEN_PATHS: Final = ("/v1/telemetry",)
 
 VALID_REQUEST_ID: Final = re.compile(r"[A-Za-z0-9._-]{1,64}")
 KNOWN_METHODS: Final = frozenset({"GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS"})
+OWN_SITES: Final = ("same-origin", "none")
+"""Values of `Sec-Fetch-Site` of a request that the page of the service, or a person, made."""
+
 MAX_CLIENTS: Final = 10_000
 """Most clients with a token bucket; the least recently active ones are removed first."""
 
@@ -139,6 +145,12 @@ class ServiceMiddleware:
         if scope["type"] != "http":
             await self.app(scope, receive, send)
             return
+        prefix, path = self.settings.prefix, scope["path"]
+        if prefix and path == prefix:  # the page asks for what is beside it
+            await RedirectResponse(f"{prefix}/", 308)(scope, receive, send)
+            return
+        if prefix and path.startswith(f"{prefix}/"):  # a proxy that takes it off is as good
+            scope = {**scope, "path": path.removeprefix(prefix)}
         await _RequestHandling(self, scope).run(receive, send)
 
     def check(self, scope: Scope, headers: Headers) -> None:
@@ -147,9 +159,11 @@ class ServiceMiddleware:
         Raises
         ------
         Problem
-            `host-not-served`, `too-many-requests` or `token-needed`.
+            `host-not-served`, `foreign-site`, `too-many-requests` or `token-needed`.
         """
         self._check_host(headers.getlist("host"))
+        if scope["method"] not in SAFE_METHODS:
+            _check_site(headers, self.settings.cors_origins)
         path = scope["path"]
         if path in OPEN_PATHS:
             return
@@ -181,6 +195,19 @@ class ServiceMiddleware:
             raise Problem(
                 "token-needed", "Authorization: Bearer ...", headers={"WWW-Authenticate": challenge}
             )
+
+
+def _check_site(headers: Headers, allowed: Sequence[str]) -> None:
+    """Refuse what a page of another site, whose origin is not allowed, makes a browser send; programs send neither header."""
+    site, origin = headers.get("sec-fetch-site"), headers.get("origin")
+    if origin in allowed:
+        return
+    if site is not None:
+        is_foreign = site not in OWN_SITES
+    else:
+        is_foreign = origin is not None and urlsplit(origin).netloc.lower() != headers.get("host", "").lower()
+    if is_foreign:
+        raise Problem("foreign-site", "a page of another site sent the request")
 
 
 class _RequestHandling:
@@ -233,6 +260,8 @@ class _RequestHandling:
     def _add_headers(self, message: Message) -> None:
         headers = MutableHeaders(scope=message)
         headers["X-Request-ID"] = self.request_id
+        if self.scope["state"].get("deprecated"):
+            headers["Deprecation"] = DEPRECATED_SINCE
         for name, value in SECURITY_HEADERS.items():
             headers[name] = value
         headers.setdefault("Cache-Control", "no-store")

@@ -7,12 +7,14 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final, TypeVar
 
-from fastapi import FastAPI
+from fastapi import Depends, FastAPI
 from pydantic import TypeAdapter
+from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from starlette.responses import Response
 
+from tripwatt.service.contract import known_parameters, mark_deprecated
 from tripwatt.service.example_requests import EXAMPLES
-from tripwatt.service.problems import MEDIA_TYPE, TITLES
+from tripwatt.service.problems import MEDIA_TYPE, SAFE_METHODS, TITLES
 from tripwatt.service.schemas import ProblemDocument
 
 DESCRIPTION: Final = """The service returns the same forecast as `tripwatt forecast --json`, with the same field names. The
@@ -32,6 +34,7 @@ TEXT: Final = {"schema": {"type": "string"}}
 
 COMMON_PROBLEMS: Final = ("bad-request", "token-needed", "too-many-requests", "internal")
 BODY_PROBLEMS: Final = ("not-acceptable", "body-late", "too-large", "media-type", "invalid-input")
+QUERY_PROBLEMS: Final = ("not-acceptable", "invalid-input")
 POOL_PROBLEMS: Final = ("busy", "timeout")
 TAG_PROBLEMS: Final[Mapping[str, tuple[str, ...]]] = {
     "journeys": ("no-map", "remote"),
@@ -64,6 +67,8 @@ class Operation:
         All kinds of problems, where they do not follow.
     alias : str
         An earlier path; empty for none.
+    internal : bool
+        Whether it serves the page alone and may change in any version.
     description : str
         Description of the response with status 200; that of its schema by default.
     more : mapping
@@ -78,15 +83,19 @@ class Operation:
     also: tuple[str, ...] = ()
     only: tuple[str, ...] | None = None
     alias: str = ""
+    internal: bool = False
     description: str = ""
     more: Mapping[str, Any] = field(default_factory=dict)
 
     def add_to(self, app: FastAPI, handler: Callable[..., Any]) -> None:
         """Add the operation and its alias to an application."""
-        extra = dict(self.more)
+        extra = {**self.more, **({"x-internal": True} if self.internal else {})}
         if self.takes:
             extra["requestBody"] = {"required": True, "content": _contents(self.takes)}
-        kinds = self._kinds(handler) if self.only is None else self.only
+        kinds = self._kinds() if self.only is None else self.only
+        if self.method not in SAFE_METHODS:
+            kinds = (*kinds, "foreign-site")
+        checks = known_parameters(handler, self.path) if "invalid-input" in kinds else []
         answer = {"description": self._description(), "content": _contents(self.answer)}
         for path in (self.path, self.alias):
             if path:
@@ -94,7 +103,9 @@ class Operation:
                     path,
                     handler,
                     methods=[self.method],
+                    operation_id=handler.__name__ + ("_alias" if path == self.alias else ""),
                     tags=[self.tag],
+                    dependencies=[*checks, *([Depends(mark_deprecated)] if path == self.alias else [])],
                     response_class=Response,
                     response_model=None,
                     responses={200: answer, **_problems(kinds)},
@@ -112,11 +123,21 @@ class Operation:
         summary = inspect.getdoc(content) if isinstance(content, type) else ""
         return self.description or (summary or "").partition("\n")[0]
 
-    def _kinds(self, handler: Callable[..., Any]) -> tuple[str, ...]:
-        has_parameters = len(inspect.signature(handler).parameters) > 1
-        of_query = ("not-acceptable", *(("invalid-input",) if has_parameters else ()))
-        of_input = BODY_PROBLEMS if self.takes else of_query
+    def _kinds(self) -> tuple[str, ...]:
+        of_input = BODY_PROBLEMS if self.takes else QUERY_PROBLEMS
         return (*COMMON_PROBLEMS, *of_input, *POOL_PROBLEMS, *TAG_PROBLEMS.get(self.tag, ()), *self.also)
+
+
+class Schemas(GenerateJsonSchema):
+    """Schemas of which generated clients make optional fields: some count a field with a `default` as required. Old names are marked."""
+
+    def default_schema(self, schema: Any) -> JsonSchemaValue:
+        """Return the schema of a field that has a default."""
+        made = super().default_schema(schema)
+        default = made.pop("default", None)
+        if default is not None:
+            made["x-default"] = default
+        return made
 
 
 def operation(
@@ -176,11 +197,16 @@ def add_operations(app: FastAPI, owners: Iterable[object], *, with_token: bool) 
             _, schemas = TypeAdapter.json_schemas(
                 [(model, "validation", TypeAdapter(model)) for model in ordered],
                 ref_template=REFERENCE + "{model}",
+                schema_generator=Schemas,
             )
             security = {"car": {"type": "http", "scheme": "bearer"}}
             if with_token:
                 security["token"] = {"type": "http", "scheme": "bearer"}
                 derived["security"] = [{"token": []}]
+            for schema in schemas["$defs"].values():
+                for of_field in schema.get("properties", {}).values():
+                    if str(of_field.get("description", "")).startswith("deprecated: "):
+                        of_field["deprecated"] = True
             derived["components"] = {"schemas": schemas["$defs"], "securitySchemes": security}
             app.openapi_schema = derived
         return app.openapi_schema

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
@@ -18,11 +19,20 @@ MAX_FAULTS: Final = 50
 MAX_TEXT_LENGTH: Final = 300
 """Most characters of a text of a fault, so that a document does not repeat a large input."""
 
+LINK: Final = re.compile(r"link (\d+)(?:, (\w+))?")
+IN_BODY: Final = re.compile(r"\w+(\.\w+|\[\d+\])*")
+OUTSIDE: Final = ("query.", "path.", "header.")
+"""Places of faults: in a link, elsewhere in the body, and not in the body."""
+
+SAFE_METHODS: Final = frozenset({"GET", "HEAD", "OPTIONS"})
+"""Methods of requests that change nothing."""
+
 TITLES: Final[Mapping[str, tuple[int, str]]] = {
     "not-json": (400, "The body is not JSON"),
     "bad-request": (400, "The request is malformed"),
     "host-not-served": (400, "The host is not served"),
     "token-needed": (401, "A token is required"),
+    "foreign-site": (403, "Another site sent the request"),
     "not-found": (404, "The resource does not exist"),
     "no-such-car": (404, "The car does not exist"),
     "no-plan": (404, "The car has no plan"),
@@ -32,6 +42,7 @@ TITLES: Final[Mapping[str, tuple[int, str]]] = {
     "too-large": (413, "The body is too large"),
     "media-type": (415, "The media type is not supported"),
     "invalid-input": (422, "The input is invalid"),
+    "key-used": (422, "The key belongs to another request"),
     "head-too-large": (431, "The head of the request is too large"),
     "too-many-requests": (429, "Too many requests"),
     "internal": (500, "Internal error"),
@@ -89,7 +100,7 @@ class Problem(Exception):
         if instance:
             document["instance"] = instance
         if self.faults:
-            document["faults"] = [fault_document(fault) for fault in self.faults[:MAX_FAULTS]]
+            document["faults"] = [_with_pointer(fault_document(fault)) for fault in self.faults[:MAX_FAULTS]]
             unlisted = len(self.faults) - MAX_FAULTS
             document["detail"] = "; ".join(f"{f['where']}: {f['what']}" for f in document["faults"][:3])
             if unlisted > 0:
@@ -118,6 +129,29 @@ def refusal(status: int, content: bytes, instance: str) -> Response:
 def fault_document(fault: Fault) -> dict[str, str]:
     """Return the fields of a fault that are not empty, with long texts cut and unencodable characters replaced."""
     return {name: _printable(text) for name, text in fault.texts.items()}
+
+
+def _with_pointer(fault: Mapping[str, str]) -> dict[str, str]:
+    pointer = pointer_to(fault["where"])
+    return {**fault, **({} if pointer is None else {"pointer": pointer})}
+
+
+def pointer_to(where: str) -> str | None:
+    """The JSON pointer (RFC 6901) of a place in the body of a request; None where it is not in the body.
+
+    Examples
+    --------
+    >>> pointer_to("samples.speed_m_s[3]"), pointer_to("link 2, length_m"), pointer_to("body")
+    ('/samples/speed_m_s/3', '/links/1/length_m', '')
+    """
+    if where == "body":
+        return ""
+    link = LINK.fullmatch(where)
+    if link:
+        return "/".join(["/links", str(int(link[1]) - 1), *filter(None, [link[2]])])
+    if where.startswith(OUTSIDE) or not IN_BODY.fullmatch(where):
+        return None
+    return "/" + re.sub(r"\[(\d+)\]", r".\1", where).replace(".", "/")
 
 
 def _printable(text: str) -> str:

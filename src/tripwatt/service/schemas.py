@@ -27,7 +27,7 @@ from tripwatt.errors import MOST_HINTS, Fault, InvalidInput, did_you_mean, excer
 from tripwatt.forecasting.document import FlagDocument
 from tripwatt.routes import LinkRoute, route_from_links
 from tripwatt.routes.link_objects import route_with_elevation
-from tripwatt.service.problems import Problem
+from tripwatt.service.problems import TITLES, Problem
 from tripwatt.service.settings import Limits
 from tripwatt.sources.canonical import LEAST_SAMPLES, canonical_samples
 from tripwatt.trips import ASKED, COLUMNS, LINK_COLUMNS, QUANTITIES, Column, Departure
@@ -39,13 +39,17 @@ MIN_OBSERVED: Final = 2
 MIN_DURATION_S: Final = 1.0
 """Shortest trip: the simulation has steps of one second."""
 
+BMS_SOC: Final = "bms_soc"
+"""The column `soc` of a table, the state of charge of the battery management, in a request: there, `soc` is the displayed one."""
+
 NUMBER_TYPES: Final = frozenset({float, int, NoneType})
 """Types of JSON numbers and of null. `bool` is excluded, although it is a subclass of `int`."""
 
 
 def _columns_schema(required: list[str], min_items: int, meaning: str) -> dict[str, Any]:
     properties = {}
-    for name, column in COLUMNS.items():
+    named = {**COLUMNS, BMS_SOC: COLUMNS["soc"]}
+    for name, column in named.items():
         item: dict[str, Any] = {"type": "number" if name in required else ["number", "null"]}
         if name == "time_s":
             item["minimum"] = 0.0
@@ -55,7 +59,9 @@ def _columns_schema(required: list[str], min_items: int, meaning: str) -> dict[s
             "type": "array",
             "items": item,
             "minItems": min_items,
-            "description": f"{column.meaning} [{column.unit}]",
+            "description": f"deprecated: old name of `{BMS_SOC}`"
+            if name == "soc"
+            else f"{column.meaning} [{column.unit}]",
         }
     return {
         "type": "object",
@@ -83,23 +89,10 @@ Observed = Annotated[
             ["time_s"],
             MIN_OBSERVED,
             "Samples measured so far, on the clock of the trip: voltage_v with current_a (positive when the battery "
-            "discharges), or soc or displayed_soc.",
+            "discharges), or bms_soc or displayed_soc.",
         )
     ),
 ]
-
-
-def _one_of(**fields: str) -> dict[str, Any]:
-    """Schema of an object with exactly one of two fields, of the given type."""
-    return {
-        "oneOf": [
-            {
-                "required": [name],
-                "properties": {other: {"type": kind if other == name else "null"} for other in fields},
-            }
-            for name, kind in fields.items()
-        ]
-    }
 
 
 def bounded(
@@ -120,9 +113,7 @@ def bounded(
 class Link(BaseModel):
     """A link of a planned route. Give `speed_m_s` or `travel_time_s`. Give `grade`, both elevations, or neither."""
 
-    model_config = ConfigDict(
-        extra="forbid", json_schema_extra=_one_of(speed_m_s="number", travel_time_s="number")
-    )
+    model_config = ConfigDict(extra="forbid")
 
     length_m: float = bounded(LINK_COLUMNS, "length_m", ..., positive=True)
     speed_m_s: float | None = bounded(LINK_COLUMNS, "speed_m_s", positive=True)
@@ -204,6 +195,10 @@ class CarRequest(StrictModel):
     """one of /v1/vehicles; default: the car of the model"""
     vehicle_figures: VehicleFigures | None = None
     """a car of your own in place of `vehicle`"""
+    vehicle_id: str | None = Field(None, max_length=100)
+    """of the model of a fleet: one of its vehicles, or with `vehicle` a new one"""
+    driver: str | None = Field(None, max_length=100)
+    """of the model of a fleet: who drives"""
 
 
 def asked(name: str, field: DepartureField) -> tuple[Any, Any]:
@@ -247,8 +242,6 @@ def departure_of(request: DepartureRequest) -> Departure:
 class ForecastRequest(DepartureRequest, CarRequest):
     """A trip to forecast: a speed trace (`samples`) or a planned route (`links`), and what is known at departure."""
 
-    model_config = ConfigDict(json_schema_extra=_one_of(samples="object", links="array"))
-
     trip: str = Field("trip", min_length=1, max_length=100)
     """name of the trip in the response"""
     samples: Samples | None = None
@@ -291,6 +284,8 @@ class ProblemFault(ResponseModel):
     what: str
     where: str
     """field, or position in an upload"""
+    pointer: str | None = None
+    """JSON pointer (RFC 6901) of the field in the body of the request"""
     got: str | None = None
     allowed: str | None = None
     fix: str | None = None
@@ -299,7 +294,7 @@ class ProblemFault(ResponseModel):
 class ProblemDocument(ResponseModel):
     """Problem document of RFC 9457."""
 
-    type: str
+    type: str = Field(json_schema_extra={"enum": [f"/problems/{kind}" for kind in TITLES]})
     """kind of problem, as a path"""
     title: str
     status: int
@@ -310,6 +305,8 @@ class ProblemDocument(ResponseModel):
     """all faults of the input"""
     more_faults: int | None = None
     """number of faults that are not listed"""
+    trip: str | None = None
+    """of a line of a batch: the trip of its request"""
 
 
 class VehicleSummary(ResponseModel):
@@ -568,6 +565,8 @@ def _columns(value: Any, where: str, limits: Limits) -> dict[str, FloatArray]:
         raise InvalidInput.of("not an object", where, excerpt(value), "an object of lists of numbers")
     faults = []
     columns: dict[str, FloatArray] = {}
+    if {"soc", BMS_SOC} <= value.keys():
+        faults.append(Fault("column given twice", f"{where}.{BMS_SOC}", "soc, its old name, too", "one"))
     for name, values in value.items():
         field = f"{where}.{name}"[:80]
         if not isinstance(values, list):
@@ -579,6 +578,6 @@ def _columns(value: Any, where: str, limits: Limits) -> dict[str, FloatArray]:
             got = excerpt(values[first])
             faults.append(Fault("not a number", f"{field}[{first}]", got, "a number, or null where unknown"))
         else:
-            columns[name] = np.array(values, dtype=np.float64)
+            columns["soc" if name == BMS_SOC else name] = np.array(values, dtype=np.float64)
     raise_faults(faults)
     return columns

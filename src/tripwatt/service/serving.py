@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import re
 import signal
 import socket
 import sys
@@ -33,7 +34,7 @@ def require_safe(settings: Settings) -> None:
     Raises
     ------
     InvalidInput
-        For a missing token, a token that is too short or not printable, and no workers.
+        For a missing token, a token that is too short or not printable, no workers, and what is no path or no origin.
 
     Examples
     --------
@@ -60,6 +61,13 @@ def require_safe(settings: Settings) -> None:
         )
     if settings.workers < 1:
         faults.append(Fault("no workers", "--workers", f"{settings.workers}", "1 or more"))
+    if not re.fullmatch(r"(/[\w.~-]+)*", settings.prefix, re.ASCII):
+        faults.append(Fault("no path", "--prefix", settings.prefix, "a path such as /tripwatt"))
+    faults += [
+        Fault("no origin", "--cors-origin", origin, "an origin such as https://example.org")
+        for origin in settings.cors_origins
+        if not re.fullmatch(r"https?://[^/?#*\s]+", origin)
+    ]
     raise_faults(faults)
 
 

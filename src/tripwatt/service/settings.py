@@ -92,7 +92,7 @@ class Settings:
     Attributes
     ----------
     models : mapping of str to Path
-        Name -> folder; the first is the default. Empty for the model of the package.
+        Name -> folder of a model or of a registry; the first is the default. Empty for the model of the package.
     host : str
     port : int
         0 selects a free port.
@@ -107,6 +107,10 @@ class Settings:
         Folder of cars: their trips, the models adapted to them, and what they send on the road; None for none.
     keep_days : float
         Days that finished trips of cars on the road stay on disk; without a limit they stay until the car is forgotten.
+    prefix : str
+        Path under which a proxy serves the service, such as "/tripwatt"; empty for none.
+    cors_origins : tuple of str
+        Origins whose pages a browser lets read answers.
     """
 
     models: Mapping[str, Path] = field(default_factory=lambda: MappingProxyType({}))
@@ -118,6 +122,8 @@ class Settings:
     atlas: AtlasSettings = field(default_factory=AtlasSettings)
     cars: Path | None = None
     keep_days: float = math.inf
+    prefix: str = ""
+    cors_origins: tuple[str, ...] = ()
 
     @property
     def hosts(self) -> frozenset[str]:

@@ -18,6 +18,7 @@ import orjson
 
 from tripwatt.errors import InvalidInput, RemoteError
 from tripwatt.service.car_jobs import CarJobs
+from tripwatt.service.contract import chosen
 from tripwatt.service.frames import encode_frame, read_frame
 from tripwatt.service.jobs import Jobs
 from tripwatt.service.journeys import JourneyJobs
@@ -48,7 +49,9 @@ def run_job(jobs: Jobs, job: dict[str, Any], body: bytes) -> tuple[int, bytes]:
     """
     try:
         document = jobs.run(job, body)
-        return 200, document if isinstance(document, bytes) else orjson.dumps(document)
+        if isinstance(document, bytes):
+            return 200, document
+        return 200, orjson.dumps(chosen(document, job.get("fields")))
     except RemoteError as error:
         problem = Problem("remote", faults=error.faults)
     except InvalidInput as error:
@@ -74,7 +77,7 @@ def main() -> None:
     journeys = JourneyJobs.from_settings(first[0]["atlas"])
     folder = first[0].get("cars")
     cars = CarJobs(None if folder is None else Path(folder))
-    jobs = Jobs.from_folders(models, Limits(**first[0]["limits"]), journeys, cars)
+    jobs = Jobs.from_folders(models, Limits(**first[0]["limits"]), journeys, cars, log_json)
     jobs.warm_up()
     gc.collect()
     gc.freeze()

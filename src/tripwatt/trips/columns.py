@@ -86,6 +86,7 @@ QUANTITIES: Final[Mapping[str, Column]] = {
     "wind_from_deg": Column("°", 0.0, 360.0, "direction from which the wind blows, clockwise from north"),
     "rain_mm_h": Column("mm/h", 0.0, 200.0, "rain"),
     "pressure_pa": Column("Pa", 30_000.0, 110_000.0, "air pressure at the ground"),
+    "tyre_pressure": Column("1", 0.5, 1.5, "pressure of the cold tyres over the recommended one"),
     "reserve": Column("1", 0.0, 1.0, "state of charge to arrive with, as the driver sees it"),
 }
 """Single numbers that belong to a whole trip."""

@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass, fields, replace
 from functools import wraps
 from typing import TYPE_CHECKING, Any, Final
 
-from tripwatt.trips.columns import COLUMNS, DEPARTURE_BOUNDS, QUANTITIES, raise_faults
+from tripwatt.trips.columns import COLUMNS, DEPARTURE_BOUNDS, QUANTITIES, Column, raise_faults
 from tripwatt.trips.context import Context
 from tripwatt.trips.fields import Field, entry
 
@@ -127,9 +127,9 @@ class Departure:
         metavar="MODE",
     )
     extras: tuple[str, ...] | None = entry(
-        "What is fitted to the car or switched on: winter_tyres, roof_box, trailer or headlights.",
+        "What is fitted to the car or switched on: winter_tyres, roof_box, trailer, headlights or heated_seats.",
         label="extras",
-        choices=("winter_tyres", "roof_box", "trailer", "headlights"),
+        choices=("winter_tyres", "roof_box", "trailer", "headlights", "heated_seats"),
         several=True,
         option="--extra",
         metavar="NAME",
@@ -145,6 +145,11 @@ class Departure:
     cabin_logged: bool | None = entry(
         "Whether the cabin's temperature is a reading of the car's sensor, which shows nothing below the lower end of its range.",
         type="truth",
+    )
+    warmth: float | None = entry(
+        "How warm tyres and driveline are, from 0 after a long stop to 1 after a long drive; else it follows from the cabin and the trip "
+        "before. A cabin that was warmed on the plug stands beside cold tyres.",
+        column=Column("1", 0.0, 1.0, "warmth of tyres and driveline"),
     )
     wind_speed_m_s: float | None = entry(
         "Wind 10 m above the ground.",
@@ -166,6 +171,12 @@ class Departure:
         label="air pressure",
         column=QUANTITIES["pressure_pa"],
         option="--pressure",
+    )
+    tyre_pressure: float | None = entry(
+        "Pressure of the cold tyres over the recommended one: 1 is right.",
+        label="tyre pressure",
+        column=QUANTITIES["tyre_pressure"],
+        option="--tyre-pressure",
     )
 
     def __post_init__(self) -> None:

@@ -37,7 +37,7 @@ export function setTokenProvider(provider: TokenProvider): void {
 }
 
 async function problemOf(response: Response): Promise<Problem> {
-  const plain = { type: FAILED, title: response.statusText, status: response.status, detail: "" };
+  const plain: Problem = { type: FAILED, title: response.statusText, status: response.status, detail: "" };
   if (!response.headers.get("content-type")?.includes("json")) return plain;
   return { ...plain, ...((await response.json()) as Partial<Problem>) };
 }
@@ -189,7 +189,13 @@ export const findDifference = (
   signal?: AbortSignal,
 ) => ask("post", "/v1/forecast/difference", { body, signal });
 
-/** What to do about a trip, or about a journey without a charging stop. */
+/** And of a road of two journeys, without their charging stops. */
+export const findJourneyDifference = (
+  body: { one: JourneyRequest; other: JourneyRequest; road: number },
+  signal?: AbortSignal,
+) => ask("post", "/v1/journeys/difference", { body, signal });
+
+/** What to do about a trip, or about a journey. */
 export const findAdvice = (body: ForecastRequest, signal?: AbortSignal) =>
   ask("post", "/v1/advice", { body, signal });
 export const findJourneyAdvice = (body: JourneyRequest, signal?: AbortSignal) =>

@@ -1,12 +1,13 @@
 /** Documents of the service by the names that the page has for them; `types.ts` comes from its OpenAPI document. */
 
-import type { ForecastRequest } from "./types";
+import type { ForecastRequest, ProblemDocument } from "./types";
 
 export type {
   ActionDocument as AdvisedAction,
   AdvisedDocument as Advised,
   AdviceResponse as Advice,
   DifferenceDocument as Difference,
+  WholeDocument as Whole,
   PaceDocument as Pace,
   PaceSpeeds,
   ChargingDocument as ChargingPlan,
@@ -42,7 +43,6 @@ export type {
   ModelSummary as Model,
   NewCarRequest,
   PlaceDocument as Place,
-  ProblemDocument as Problem,
   ProblemFault as Fault,
   ReachRequest,
   ReachResponse as Reach,
@@ -56,6 +56,10 @@ export type {
   ViewResponse as MapView,
 } from "./types";
 
+/** A problem of the service, or one that the page itself found. */
+export type Problem = Omit<ProblemDocument, "type"> & {
+  type: ProblemDocument["type"] | "unreachable" | "failed" | "page";
+};
 export type Column = (number | null)[];
 export type Columns = Record<string, Column>;
 export type Samples = NonNullable<ForecastRequest["samples"]>;

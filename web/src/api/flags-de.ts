@@ -173,6 +173,7 @@ export const NAMES: NamesOfFields = {
   "wind_from_deg": "die Windrichtung",
   "rain_mm_h": "der Regen",
   "pressure_pa": "der Luftdruck",
+  "tyre_pressure": "der Reifendruck",
   "duration_s": "die Fahrzeit",
   "trip_speed_m_s": "die mittlere Geschwindigkeit"
 };

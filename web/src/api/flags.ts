@@ -259,6 +259,7 @@ export const NAMES: NamesOfFields = {
   "wind_from_deg": "the direction of the wind",
   "rain_mm_h": "the rain",
   "pressure_pa": "the air pressure",
+  "tyre_pressure": "the tyre pressure",
   "duration_s": "the duration",
   "trip_speed_m_s": "the mean speed"
 };

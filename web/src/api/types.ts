@@ -10,7 +10,7 @@ export interface paths {
         };
         get?: never;
         put?: never;
-        post: operations["forecast_v1_forecast_post"];
+        post: operations["forecast"];
         delete?: never;
         options?: never;
         head?: never;
@@ -26,7 +26,7 @@ export interface paths {
         };
         get?: never;
         put?: never;
-        post: operations["update_v1_forecast_update_post"];
+        post: operations["update"];
         delete?: never;
         options?: never;
         head?: never;
@@ -42,7 +42,7 @@ export interface paths {
         };
         get?: never;
         put?: never;
-        post: operations["difference_v1_forecast_difference_post"];
+        post: operations["difference"];
         delete?: never;
         options?: never;
         head?: never;
@@ -58,7 +58,7 @@ export interface paths {
         };
         get?: never;
         put?: never;
-        post: operations["advice_v1_advice_post"];
+        post: operations["advice"];
         delete?: never;
         options?: never;
         head?: never;
@@ -74,7 +74,7 @@ export interface paths {
         };
         get?: never;
         put?: never;
-        post: operations["batch_v1_forecast_batch_post"];
+        post: operations["batch"];
         delete?: never;
         options?: never;
         head?: never;
@@ -90,7 +90,7 @@ export interface paths {
         };
         get?: never;
         put?: never;
-        post: operations["route_v1_routes_post"];
+        post: operations["route"];
         delete?: never;
         options?: never;
         head?: never;
@@ -106,7 +106,7 @@ export interface paths {
         };
         get?: never;
         put?: never;
-        post: operations["plan_v1_journeys_post"];
+        post: operations["plan"];
         delete?: never;
         options?: never;
         head?: never;
@@ -123,7 +123,23 @@ export interface paths {
         get?: never;
         put?: never;
         /** @deprecated */
-        post: operations["plan_v1_plan_post"];
+        post: operations["plan_alias"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/journeys/difference": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        post: operations["journey_difference"];
         delete?: never;
         options?: never;
         head?: never;
@@ -139,7 +155,7 @@ export interface paths {
         };
         get?: never;
         put?: never;
-        post: operations["journey_advice_v1_journeys_advice_post"];
+        post: operations["journey_advice"];
         delete?: never;
         options?: never;
         head?: never;
@@ -155,7 +171,7 @@ export interface paths {
         };
         get?: never;
         put?: never;
-        post: operations["reach_v1_reachable_post"];
+        post: operations["reach"];
         delete?: never;
         options?: never;
         head?: never;
@@ -169,7 +185,7 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        get: operations["get_need_v1_need_get"];
+        get: operations["get_need"];
         put?: never;
         post?: never;
         delete?: never;
@@ -185,7 +201,7 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        get: operations["get_range_v1_range_get"];
+        get: operations["get_range"];
         put?: never;
         post?: never;
         delete?: never;
@@ -201,7 +217,7 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        get: operations["get_places_v1_places_get"];
+        get: operations["get_places"];
         put?: never;
         post?: never;
         delete?: never;
@@ -217,7 +233,7 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        get: operations["get_map_v1_map_get"];
+        get: operations["get_map"];
         put?: never;
         post?: never;
         delete?: never;
@@ -233,7 +249,7 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        get: operations["get_view_v1_map_view_get"];
+        get: operations["get_view"];
         put?: never;
         post?: never;
         delete?: never;
@@ -249,7 +265,7 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        get: operations["get_tile_v1_tiles__zoom___column___row__get"];
+        get: operations["get_tile"];
         put?: never;
         post?: never;
         delete?: never;
@@ -265,7 +281,7 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        get: operations["get_models_v1_models_get"];
+        get: operations["get_models"];
         put?: never;
         post?: never;
         delete?: never;
@@ -281,9 +297,9 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        get: operations["get_vehicles_v1_vehicles_get"];
+        get: operations["get_vehicles"];
         put?: never;
-        post: operations["describe_v1_vehicles_post"];
+        post: operations["describe"];
         delete?: never;
         options?: never;
         head?: never;
@@ -297,7 +313,7 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        get: operations["get_examples_v1_examples_get"];
+        get: operations["get_examples"];
         put?: never;
         post?: never;
         delete?: never;
@@ -313,7 +329,7 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        get: operations["get_example_v1_examples__trip__get"];
+        get: operations["get_example"];
         put?: never;
         post?: never;
         delete?: never;
@@ -329,7 +345,7 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        get: operations["healthz_healthz_get"];
+        get: operations["healthz"];
         put?: never;
         post?: never;
         delete?: never;
@@ -345,7 +361,7 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        get: operations["readyz_readyz_get"];
+        get: operations["readyz"];
         put?: never;
         post?: never;
         delete?: never;
@@ -361,7 +377,7 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        get: operations["get_metrics_metrics_get"];
+        get: operations["get_metrics"];
         put?: never;
         post?: never;
         delete?: never;
@@ -379,7 +395,7 @@ export interface paths {
         };
         get?: never;
         put?: never;
-        post: operations["telemetry_v1_telemetry_post"];
+        post: operations["telemetry"];
         delete?: never;
         options?: never;
         head?: never;
@@ -393,7 +409,7 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        get: operations["list_live_v1_live_get"];
+        get: operations["list_live"];
         put?: never;
         post?: never;
         delete?: never;
@@ -409,7 +425,7 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        get: operations["get_live_v1_live__vehicle__get"];
+        get: operations["get_live"];
         put?: never;
         post?: never;
         delete?: never;
@@ -426,7 +442,7 @@ export interface paths {
             cookie?: never;
         };
         get?: never;
-        put: operations["put_plan_v1_live__vehicle__plan_put"];
+        put: operations["put_plan"];
         post?: never;
         delete?: never;
         options?: never;
@@ -441,7 +457,7 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        get: operations["get_events_v1_live__vehicle__events_get"];
+        get: operations["get_events"];
         put?: never;
         post?: never;
         delete?: never;
@@ -457,9 +473,9 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        get: operations["list_cars_v1_cars_get"];
+        get: operations["list_cars"];
         put?: never;
-        post: operations["new_car_v1_cars_post"];
+        post: operations["new_car"];
         delete?: never;
         options?: never;
         head?: never;
@@ -473,10 +489,10 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        get: operations["get_car_v1_cars__car__get"];
+        get: operations["get_car"];
         put?: never;
         post?: never;
-        delete: operations["forget_car_v1_cars__car__delete"];
+        delete: operations["forget_car"];
         options?: never;
         head?: never;
         patch?: never;
@@ -491,7 +507,7 @@ export interface paths {
         };
         get?: never;
         put?: never;
-        post: operations["new_token_v1_cars__car__token_post"];
+        post: operations["new_token"];
         delete?: never;
         options?: never;
         head?: never;
@@ -506,7 +522,7 @@ export interface paths {
             cookie?: never;
         };
         get?: never;
-        put: operations["put_file_v1_cars__car__uploads__upload___file__put"];
+        put: operations["put_file"];
         post?: never;
         delete?: never;
         options?: never;
@@ -523,7 +539,7 @@ export interface paths {
         };
         get?: never;
         put?: never;
-        post: operations["read_logs_v1_cars__car__uploads__upload__post"];
+        post: operations["read_logs"];
         delete?: never;
         options?: never;
         head?: never;
@@ -539,7 +555,7 @@ export interface paths {
         };
         get?: never;
         put?: never;
-        post: operations["learn_v1_cars__car__uploads__upload__learn_post"];
+        post: operations["learn"];
         delete?: never;
         options?: never;
         head?: never;
@@ -552,7 +568,7 @@ export interface components {
     schemas: {
         ActionDocument: {
             /** @enum {string} */
-            code: "slower" | "calmer" | "setpoint" | "seats" | "climate_off" | "preheat_cabin" | "preheat_battery" | "no_roof_box" | "summer_tyres" | "less_luggage" | "other_road" | "leave_later";
+            code: "slower" | "calmer" | "setpoint" | "seats" | "climate_off" | "preheat_cabin" | "preheat_battery" | "no_roof_box" | "summer_tyres" | "check_tyres" | "pump_up" | "less_luggage" | "other_road" | "leave_later" | "stop";
             value: number | null;
             /** @enum {string} */
             effort: "none" | "little" | "some" | "much";
@@ -563,6 +579,8 @@ export interface components {
             model?: string | null;
             vehicle?: string | null;
             vehicle_figures?: components["schemas"]["VehicleFigures"] | null;
+            vehicle_id?: string | null;
+            driver?: string | null;
             soc?: number | null;
             ambient_temperature_degc?: number | null;
             cabin_setpoint_degc?: number | null;
@@ -570,12 +588,13 @@ export interface components {
             battery_temperature_degc?: number | null;
             payload_mass_kg?: number | null;
             climate?: ("auto" | "off" | "heat" | "cool") | null;
-            extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights")[] | null;
+            extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights" | "heated_seats")[] | null;
             terrain?: ("unknown" | "flat" | "hilly" | "mountains") | null;
             wind_speed_m_s?: number | null;
             wind_from_deg?: number | null;
             rain_mm_h?: number | null;
             pressure_pa?: number | null;
+            tyre_pressure?: number | null;
             trip?: string;
             samples?: {
                 time_s: number[];
@@ -596,6 +615,7 @@ export interface components {
                 requested_heating_power_w?: (number | null)[];
                 aircon_power_w?: (number | null)[];
                 climate_power_w?: (number | null)[];
+                bms_soc?: (number | null)[];
             } | null;
             links?: components["schemas"]["Link"][] | null;
             elevation?: components["schemas"]["Elevation"] | null;
@@ -611,6 +631,7 @@ export interface components {
             charge_to: number;
             least: components["schemas"]["AdvisedDocument"][];
             singly: components["schemas"]["AdvisedDocument"][];
+            whole: components["schemas"]["WholeDocument"] | null;
             pace: components["schemas"]["PaceDocument"] | null;
             flags: components["schemas"]["FlagDocument"][];
         };
@@ -623,6 +644,7 @@ export interface components {
             effort: "none" | "little" | "some" | "much";
             wall_wh: number;
             interaction_wh: number;
+            whole: components["schemas"]["WholeDocument"] | null;
         };
         AlikeDocument: {
             what: string;
@@ -765,6 +787,13 @@ export interface components {
             other: components["schemas"]["ForecastRequest"];
         };
         DistanceNeed: {
+            target_soc: number;
+            departs_at: string | null;
+            soc: number | null;
+            charge_wh: number | null;
+            wall_wh: number | null;
+            charging_s: number | null;
+            preheat: components["schemas"]["PreheatDocument"] | null;
             distance_m: number;
             kind: string;
             energy_wh: number;
@@ -862,6 +891,8 @@ export interface components {
             model?: string | null;
             vehicle?: string | null;
             vehicle_figures?: components["schemas"]["VehicleFigures"] | null;
+            vehicle_id?: string | null;
+            driver?: string | null;
             soc?: number | null;
             ambient_temperature_degc?: number | null;
             cabin_setpoint_degc?: number | null;
@@ -869,12 +900,13 @@ export interface components {
             battery_temperature_degc?: number | null;
             payload_mass_kg?: number | null;
             climate?: ("auto" | "off" | "heat" | "cool") | null;
-            extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights")[] | null;
+            extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights" | "heated_seats")[] | null;
             terrain?: ("unknown" | "flat" | "hilly" | "mountains") | null;
             wind_speed_m_s?: number | null;
             wind_from_deg?: number | null;
             rain_mm_h?: number | null;
             pressure_pa?: number | null;
+            tyre_pressure?: number | null;
             trip?: string;
             samples?: {
                 time_s: number[];
@@ -895,6 +927,7 @@ export interface components {
                 requested_heating_power_w?: (number | null)[];
                 aircon_power_w?: (number | null)[];
                 climate_power_w?: (number | null)[];
+                bms_soc?: (number | null)[];
             } | null;
             links?: components["schemas"]["Link"][] | null;
             elevation?: components["schemas"]["Elevation"] | null;
@@ -915,6 +948,10 @@ export interface components {
             empty_at_m: components["schemas"]["EmptyAt"];
             missing_wh: components["schemas"]["Missing"];
             wh_per_display: number;
+            p_arrive_by_soc: {
+                [key: string]: number;
+            };
+            /** @deprecated */
             p_arrive: {
                 [key: string]: number;
             };
@@ -939,6 +976,8 @@ export interface components {
             model?: string | null;
             vehicle?: string | null;
             vehicle_figures?: components["schemas"]["VehicleFigures"] | null;
+            vehicle_id?: string | null;
+            driver?: string | null;
             soc?: number | null;
             ambient_temperature_degc?: number | null;
             cabin_setpoint_degc?: number | null;
@@ -946,12 +985,13 @@ export interface components {
             battery_temperature_degc?: number | null;
             payload_mass_kg?: number | null;
             climate?: ("auto" | "off" | "heat" | "cool") | null;
-            extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights")[] | null;
+            extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights" | "heated_seats")[] | null;
             terrain?: ("unknown" | "flat" | "hilly" | "mountains") | null;
             wind_speed_m_s?: number | null;
             wind_from_deg?: number | null;
             rain_mm_h?: number | null;
             pressure_pa?: number | null;
+            tyre_pressure?: number | null;
             departure_utc?: string | null;
             /** @deprecated */
             weather?: components["schemas"]["WeatherRequest"] | null;
@@ -964,6 +1004,11 @@ export interface components {
             stop_overhead_s?: number;
             preheat_battery?: boolean;
             chance?: number;
+        };
+        JourneyDifferenceRequest: {
+            one: components["schemas"]["PlanRequest"];
+            other: components["schemas"]["PlanRequest"];
+            road?: number;
         };
         KeptSpeed: {
             highest_m_s: number;
@@ -1071,6 +1116,8 @@ export interface components {
             model?: string | null;
             vehicle?: string | null;
             vehicle_figures?: components["schemas"]["VehicleFigures"] | null;
+            vehicle_id?: string | null;
+            driver?: string | null;
             soc?: number | null;
             ambient_temperature_degc?: number | null;
             cabin_setpoint_degc?: number | null;
@@ -1078,12 +1125,13 @@ export interface components {
             battery_temperature_degc?: number | null;
             payload_mass_kg?: number | null;
             climate?: ("auto" | "off" | "heat" | "cool") | null;
-            extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights")[] | null;
+            extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights" | "heated_seats")[] | null;
             terrain?: ("unknown" | "flat" | "hilly" | "mountains") | null;
             wind_speed_m_s?: number | null;
             wind_from_deg?: number | null;
             rain_mm_h?: number | null;
             pressure_pa?: number | null;
+            tyre_pressure?: number | null;
             trip?: string;
             samples?: {
                 time_s: number[];
@@ -1104,6 +1152,7 @@ export interface components {
                 requested_heating_power_w?: (number | null)[];
                 aircon_power_w?: (number | null)[];
                 climate_power_w?: (number | null)[];
+                bms_soc?: (number | null)[];
             } | null;
             links?: components["schemas"]["Link"][] | null;
             elevation?: components["schemas"]["Elevation"] | null;
@@ -1208,6 +1257,13 @@ export interface components {
         };
         NeedAnswer: components["schemas"]["DistanceNeed"] | components["schemas"]["NeedResponse"];
         NeedResponse: {
+            target_soc: number;
+            departs_at: string | null;
+            soc: number | null;
+            charge_wh: number | null;
+            wall_wh: number | null;
+            charging_s: number | null;
+            preheat: components["schemas"]["PreheatDocument"] | null;
             vehicle: string;
             /** @enum {string} */
             plan: "given" | "usual";
@@ -1219,8 +1275,6 @@ export interface components {
             soc_needed: number;
             message: string;
             wh_per_display: number;
-            soc: number | null;
-            charge_wh: number | null;
         };
         NewCarRequest: {
             name: string;
@@ -1281,6 +1335,8 @@ export interface components {
             model?: string | null;
             vehicle?: string | null;
             vehicle_figures?: components["schemas"]["VehicleFigures"] | null;
+            vehicle_id?: string | null;
+            driver?: string | null;
             soc?: number | null;
             ambient_temperature_degc?: number | null;
             cabin_setpoint_degc?: number | null;
@@ -1288,12 +1344,13 @@ export interface components {
             battery_temperature_degc?: number | null;
             payload_mass_kg?: number | null;
             climate?: ("auto" | "off" | "heat" | "cool") | null;
-            extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights")[] | null;
+            extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights" | "heated_seats")[] | null;
             terrain?: ("unknown" | "flat" | "hilly" | "mountains") | null;
             wind_speed_m_s?: number | null;
             wind_from_deg?: number | null;
             rain_mm_h?: number | null;
             pressure_pa?: number | null;
+            tyre_pressure?: number | null;
             departure_utc?: string | null;
             /** @deprecated */
             weather?: components["schemas"]["WeatherRequest"] | null;
@@ -1331,18 +1388,31 @@ export interface components {
             type: "Polygon";
             coordinates: number[][][];
         };
+        PreheatDocument: {
+            starts_at: string | null;
+            before_s: number;
+            cabin_degc: number | null;
+            cabin_before_s: number;
+            battery_degc: number | null;
+            battery_before_s: number;
+            wall_wh: number;
+            saved_wh: number;
+        };
         ProblemDocument: {
-            type: string;
+            /** @enum {string} */
+            type: "/problems/not-json" | "/problems/bad-request" | "/problems/host-not-served" | "/problems/token-needed" | "/problems/foreign-site" | "/problems/not-found" | "/problems/no-such-car" | "/problems/no-plan" | "/problems/method-not-allowed" | "/problems/not-acceptable" | "/problems/body-late" | "/problems/too-large" | "/problems/media-type" | "/problems/invalid-input" | "/problems/key-used" | "/problems/head-too-large" | "/problems/too-many-requests" | "/problems/internal" | "/problems/no-map" | "/problems/no-live" | "/problems/remote" | "/problems/busy" | "/problems/timeout";
             title: string;
             status: number;
             detail?: string | null;
             instance?: string | null;
             faults?: components["schemas"]["ProblemFault"][] | null;
             more_faults?: number | null;
+            trip?: string | null;
         };
         ProblemFault: {
             what: string;
             where: string;
+            pointer?: string | null;
             got?: string | null;
             allowed?: string | null;
             fix?: string | null;
@@ -1360,6 +1430,8 @@ export interface components {
             model?: string | null;
             vehicle?: string | null;
             vehicle_figures?: components["schemas"]["VehicleFigures"] | null;
+            vehicle_id?: string | null;
+            driver?: string | null;
             soc?: number | null;
             ambient_temperature_degc?: number | null;
             cabin_setpoint_degc?: number | null;
@@ -1367,12 +1439,13 @@ export interface components {
             battery_temperature_degc?: number | null;
             payload_mass_kg?: number | null;
             climate?: ("auto" | "off" | "heat" | "cool") | null;
-            extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights")[] | null;
+            extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights" | "heated_seats")[] | null;
             terrain?: ("unknown" | "flat" | "hilly" | "mountains") | null;
             wind_speed_m_s?: number | null;
             wind_from_deg?: number | null;
             rain_mm_h?: number | null;
             pressure_pa?: number | null;
+            tyre_pressure?: number | null;
             departure_utc?: string | null;
             /** @deprecated */
             weather?: components["schemas"]["WeatherRequest"] | null;
@@ -1487,6 +1560,8 @@ export interface components {
             model?: string | null;
             vehicle?: string | null;
             vehicle_figures?: components["schemas"]["VehicleFigures"] | null;
+            vehicle_id?: string | null;
+            driver?: string | null;
             soc?: number | null;
             ambient_temperature_degc?: number | null;
             cabin_setpoint_degc?: number | null;
@@ -1494,12 +1569,13 @@ export interface components {
             battery_temperature_degc?: number | null;
             payload_mass_kg?: number | null;
             climate?: ("auto" | "off" | "heat" | "cool") | null;
-            extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights")[] | null;
+            extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights" | "heated_seats")[] | null;
             terrain?: ("unknown" | "flat" | "hilly" | "mountains") | null;
             wind_speed_m_s?: number | null;
             wind_from_deg?: number | null;
             rain_mm_h?: number | null;
             pressure_pa?: number | null;
+            tyre_pressure?: number | null;
             trip?: string;
             samples?: {
                 time_s: number[];
@@ -1520,6 +1596,7 @@ export interface components {
                 requested_heating_power_w?: (number | null)[];
                 aircon_power_w?: (number | null)[];
                 climate_power_w?: (number | null)[];
+                bms_soc?: (number | null)[];
             } | null;
             links?: components["schemas"]["Link"][] | null;
             elevation?: components["schemas"]["Elevation"] | null;
@@ -1544,6 +1621,7 @@ export interface components {
                 requested_heating_power_w?: (number | null)[];
                 aircon_power_w?: (number | null)[];
                 climate_power_w?: (number | null)[];
+                bms_soc?: (number | null)[];
             };
         };
         UploadResponse: {
@@ -1601,6 +1679,11 @@ export interface components {
             rain_mm_h?: number;
             pressure_pa?: number | null;
         };
+        WholeDocument: {
+            duration_s: number;
+            charges: number;
+            p_reserve: number;
+        };
     };
     responses: never;
     parameters: never;
@@ -1642,6 +1725,7 @@ export type ForecastResponse = components['schemas']['ForecastResponse'];
 export type Forgotten = components['schemas']['Forgotten'];
 export type HealthResponse = components['schemas']['HealthResponse'];
 export type JourneyAdviceRequest = components['schemas']['JourneyAdviceRequest'];
+export type JourneyDifferenceRequest = components['schemas']['JourneyDifferenceRequest'];
 export type KeptSpeed = components['schemas']['KeptSpeed'];
 export type KindChanges = components['schemas']['KindChanges'];
 export type KindDocument = components['schemas']['KindDocument'];
@@ -1681,6 +1765,7 @@ export type PlacesResponse = components['schemas']['PlacesResponse'];
 export type PlanRequest = components['schemas']['PlanRequest'];
 export type PlanResponse = components['schemas']['PlanResponse'];
 export type PolygonDocument = components['schemas']['PolygonDocument'];
+export type PreheatDocument = components['schemas']['PreheatDocument'];
 export type ProblemDocument = components['schemas']['ProblemDocument'];
 export type ProblemFault = components['schemas']['ProblemFault'];
 export type RangeResponse = components['schemas']['RangeResponse'];
@@ -1707,11 +1792,14 @@ export type VehiclesResponse = components['schemas']['VehiclesResponse'];
 export type VerdictDocument = components['schemas']['VerdictDocument'];
 export type ViewResponse = components['schemas']['ViewResponse'];
 export type WeatherRequest = components['schemas']['WeatherRequest'];
+export type WholeDocument = components['schemas']['WholeDocument'];
 export type $defs = Record<string, never>;
 export interface operations {
-    forecast_v1_forecast_post: {
+    forecast: {
         parameters: {
-            query?: never;
+            query?: {
+                fields?: string | null;
+            };
             header?: never;
             path?: never;
             cookie?: never;
@@ -1732,9 +1820,11 @@ export interface operations {
             };
         };
     };
-    update_v1_forecast_update_post: {
+    update: {
         parameters: {
-            query?: never;
+            query?: {
+                fields?: string | null;
+            };
             header?: never;
             path?: never;
             cookie?: never;
@@ -1755,7 +1845,7 @@ export interface operations {
             };
         };
     };
-    difference_v1_forecast_difference_post: {
+    difference: {
         parameters: {
             query?: never;
             header?: never;
@@ -1778,7 +1868,7 @@ export interface operations {
             };
         };
     };
-    advice_v1_advice_post: {
+    advice: {
         parameters: {
             query?: never;
             header?: never;
@@ -1801,9 +1891,11 @@ export interface operations {
             };
         };
     };
-    batch_v1_forecast_batch_post: {
+    batch: {
         parameters: {
-            query?: never;
+            query?: {
+                fields?: string | null;
+            };
             header?: never;
             path?: never;
             cookie?: never;
@@ -1824,7 +1916,7 @@ export interface operations {
             };
         };
     };
-    route_v1_routes_post: {
+    route: {
         parameters: {
             query?: {
                 speed_m_s?: number | null;
@@ -1842,7 +1934,7 @@ export interface operations {
                 "text/csv": string;
                 "application/octet-stream": string;
                 "application/geo+json": Record<string, unknown>;
-                "application/json": Record<string, unknown> | unknown[];
+                "application/json": unknown;
             };
         };
         responses: {
@@ -1856,9 +1948,11 @@ export interface operations {
             };
         };
     };
-    plan_v1_journeys_post: {
+    plan: {
         parameters: {
-            query?: never;
+            query?: {
+                fields?: string | null;
+            };
             header?: never;
             path?: never;
             cookie?: never;
@@ -1879,9 +1973,11 @@ export interface operations {
             };
         };
     };
-    plan_v1_plan_post: {
+    plan_alias: {
         parameters: {
-            query?: never;
+            query?: {
+                fields?: string | null;
+            };
             header?: never;
             path?: never;
             cookie?: never;
@@ -1902,7 +1998,30 @@ export interface operations {
             };
         };
     };
-    journey_advice_v1_journeys_advice_post: {
+    journey_difference: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["JourneyDifferenceRequest"];
+            };
+        };
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["DifferenceDocument"];
+                };
+            };
+        };
+    };
+    journey_advice: {
         parameters: {
             query?: never;
             header?: never;
@@ -1925,7 +2044,7 @@ export interface operations {
             };
         };
     };
-    reach_v1_reachable_post: {
+    reach: {
         parameters: {
             query?: never;
             header?: never;
@@ -1948,7 +2067,7 @@ export interface operations {
             };
         };
     };
-    get_need_v1_need_get: {
+    get_need: {
         parameters: {
             query?: {
                 soc?: number | null;
@@ -1959,12 +2078,13 @@ export interface operations {
                 payload_mass_kg?: number | null;
                 departure_utc?: number | null;
                 climate?: ("auto" | "off" | "heat" | "cool") | null;
-                extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights")[] | null;
+                extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights" | "heated_seats")[] | null;
                 terrain?: ("unknown" | "flat" | "hilly" | "mountains") | null;
                 wind_speed_m_s?: number | null;
                 wind_from_deg?: number | null;
                 rain_mm_h?: number | null;
                 pressure_pa?: number | null;
+                tyre_pressure?: number | null;
                 kind?: "city" | "country" | "motorway" | "mixed";
                 model?: string | null;
                 vehicle?: string | null;
@@ -1976,6 +2096,7 @@ export interface operations {
                 quantile?: number;
                 trips?: number;
                 probability?: number;
+                plug_w?: number;
             };
             header?: never;
             path?: never;
@@ -1993,7 +2114,7 @@ export interface operations {
             };
         };
     };
-    get_range_v1_range_get: {
+    get_range: {
         parameters: {
             query?: {
                 soc?: number | null;
@@ -2004,12 +2125,13 @@ export interface operations {
                 payload_mass_kg?: number | null;
                 departure_utc?: string | null;
                 climate?: ("auto" | "off" | "heat" | "cool") | null;
-                extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights")[] | null;
+                extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights" | "heated_seats")[] | null;
                 terrain?: ("unknown" | "flat" | "hilly" | "mountains") | null;
                 wind_speed_m_s?: number | null;
                 wind_from_deg?: number | null;
                 rain_mm_h?: number | null;
                 pressure_pa?: number | null;
+                tyre_pressure?: number | null;
                 kind?: "city" | "country" | "motorway" | "mixed";
                 model?: string | null;
                 vehicle?: string | null;
@@ -2033,7 +2155,7 @@ export interface operations {
             };
         };
     };
-    get_places_v1_places_get: {
+    get_places: {
         parameters: {
             query: {
                 q: string;
@@ -2055,7 +2177,7 @@ export interface operations {
             };
         };
     };
-    get_map_v1_map_get: {
+    get_map: {
         parameters: {
             query?: never;
             header?: never;
@@ -2074,7 +2196,7 @@ export interface operations {
             };
         };
     };
-    get_view_v1_map_view_get: {
+    get_view: {
         parameters: {
             query: {
                 south: number;
@@ -2099,7 +2221,7 @@ export interface operations {
             };
         };
     };
-    get_tile_v1_tiles__zoom___column___row__get: {
+    get_tile: {
         parameters: {
             query?: never;
             header?: never;
@@ -2122,7 +2244,7 @@ export interface operations {
             };
         };
     };
-    get_models_v1_models_get: {
+    get_models: {
         parameters: {
             query?: never;
             header?: never;
@@ -2141,7 +2263,7 @@ export interface operations {
             };
         };
     };
-    get_vehicles_v1_vehicles_get: {
+    get_vehicles: {
         parameters: {
             query?: {
                 search?: string | null;
@@ -2162,7 +2284,7 @@ export interface operations {
             };
         };
     };
-    describe_v1_vehicles_post: {
+    describe: {
         parameters: {
             query?: never;
             header?: never;
@@ -2185,7 +2307,7 @@ export interface operations {
             };
         };
     };
-    get_examples_v1_examples_get: {
+    get_examples: {
         parameters: {
             query?: never;
             header?: never;
@@ -2204,7 +2326,7 @@ export interface operations {
             };
         };
     };
-    get_example_v1_examples__trip__get: {
+    get_example: {
         parameters: {
             query?: never;
             header?: never;
@@ -2225,7 +2347,7 @@ export interface operations {
             };
         };
     };
-    healthz_healthz_get: {
+    healthz: {
         parameters: {
             query?: never;
             header?: never;
@@ -2244,7 +2366,7 @@ export interface operations {
             };
         };
     };
-    readyz_readyz_get: {
+    readyz: {
         parameters: {
             query?: never;
             header?: never;
@@ -2263,7 +2385,7 @@ export interface operations {
             };
         };
     };
-    get_metrics_metrics_get: {
+    get_metrics: {
         parameters: {
             query?: never;
             header?: never;
@@ -2282,9 +2404,11 @@ export interface operations {
             };
         };
     };
-    telemetry_v1_telemetry_post: {
+    telemetry: {
         parameters: {
-            query?: never;
+            query?: {
+                token?: string | null;
+            };
             header?: never;
             path?: never;
             cookie?: never;
@@ -2306,7 +2430,7 @@ export interface operations {
             };
         };
     };
-    list_live_v1_live_get: {
+    list_live: {
         parameters: {
             query?: never;
             header?: never;
@@ -2325,7 +2449,7 @@ export interface operations {
             };
         };
     };
-    get_live_v1_live__vehicle__get: {
+    get_live: {
         parameters: {
             query?: never;
             header?: never;
@@ -2346,7 +2470,7 @@ export interface operations {
             };
         };
     };
-    put_plan_v1_live__vehicle__plan_put: {
+    put_plan: {
         parameters: {
             query?: never;
             header?: never;
@@ -2371,7 +2495,7 @@ export interface operations {
             };
         };
     };
-    get_events_v1_live__vehicle__events_get: {
+    get_events: {
         parameters: {
             query?: never;
             header?: never;
@@ -2392,7 +2516,7 @@ export interface operations {
             };
         };
     };
-    list_cars_v1_cars_get: {
+    list_cars: {
         parameters: {
             query?: never;
             header?: never;
@@ -2411,7 +2535,7 @@ export interface operations {
             };
         };
     };
-    new_car_v1_cars_post: {
+    new_car: {
         parameters: {
             query?: never;
             header?: never;
@@ -2434,7 +2558,7 @@ export interface operations {
             };
         };
     };
-    get_car_v1_cars__car__get: {
+    get_car: {
         parameters: {
             query?: never;
             header?: never;
@@ -2455,7 +2579,7 @@ export interface operations {
             };
         };
     };
-    forget_car_v1_cars__car__delete: {
+    forget_car: {
         parameters: {
             query?: never;
             header?: never;
@@ -2476,7 +2600,7 @@ export interface operations {
             };
         };
     };
-    new_token_v1_cars__car__token_post: {
+    new_token: {
         parameters: {
             query?: never;
             header?: never;
@@ -2497,7 +2621,7 @@ export interface operations {
             };
         };
     };
-    put_file_v1_cars__car__uploads__upload___file__put: {
+    put_file: {
         parameters: {
             query?: never;
             header?: never;
@@ -2524,7 +2648,7 @@ export interface operations {
             };
         };
     };
-    read_logs_v1_cars__car__uploads__upload__post: {
+    read_logs: {
         parameters: {
             query?: never;
             header?: never;
@@ -2550,7 +2674,7 @@ export interface operations {
             };
         };
     };
-    learn_v1_cars__car__uploads__upload__learn_post: {
+    learn: {
         parameters: {
             query?: never;
             header?: never;

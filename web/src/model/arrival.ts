@@ -40,7 +40,7 @@ function valueAt<T>(bySoc: Record<string, T>, soc: number): T | null {
 
 /** Probability to arrive with the reserve, as computed by the service; null when the forecast has none for it. */
 export function chanceOf(forecast: Forecast, reserve: number): number | null {
-  return valueAt(forecast.p_arrive, reserve);
+  return valueAt(forecast.p_arrive_by_soc, reserve);
 }
 
 export type Verdict = "good" | "open" | "bad";
@@ -82,7 +82,7 @@ export function hundredthsOf(chance: number): { side: "above" | "below" | "near"
 
 /** Probability to arrive before the battery is empty. */
 export function chanceAtAll(forecast: Forecast): number {
-  return forecast.p_arrive["0"] as number;
+  return forecast.p_arrive_by_soc["0"] as number;
 }
 
 /** Distance at which the battery is empty by the median forecast [m]; null when it is not. */

@@ -7,12 +7,11 @@ import type { Advice } from "../api/documents";
 import { type Car, car } from "./car";
 import { type Conditions, conditions } from "./conditions";
 import { departure, mode } from "./forecast";
+import { ALTERNATIVES } from "./journey";
 import { forecastRequest, journeyRequest, type Trip, trip } from "./trip";
 
 /** Advice takes a dozen forecasts: it waits until a slider rests. */
 const MIN_INTERVAL_MS = 600;
-/** Other roads that are looked at. */
-const ALTERNATIVES = 2;
 
 export const advice = signal<Advice | null>(null);
 export const adviceIsOld = signal(false);

@@ -1,14 +1,28 @@
 /** Forecasts for the trip, the conditions and the comparison, renewed when these change. */
 
 import { batch, computed, effect, signal, untracked } from "@preact/signals";
-import { findDifference, requestForecast, RequestFailed, readRoute } from "../api/client";
+import {
+  findDifference,
+  findJourneyDifference,
+  requestForecast,
+  RequestFailed,
+  readRoute,
+} from "../api/client";
 import { Latest } from "../api/latest";
 import type { Difference, Forecast, Fault, Journey, LeaveWith, Problem } from "../api/documents";
 import { atMotorwaySpeed } from "../model/links";
 import { type Profile, profileFromSamples, withElevationOf } from "../model/profile";
 import { type Car, car } from "./car";
 import { ASKED, type Conditions, conditions } from "./conditions";
-import { answersAreOld, askJourney, chosenCharging, chosenRoad, journey, mergedJourney } from "./journey";
+import {
+  ALTERNATIVES,
+  answersAreOld,
+  askJourney,
+  chosenCharging,
+  chosenRoad,
+  journey,
+  mergedJourney,
+} from "./journey";
 import { forecastRequest, journeyRequest, type Trip, trip } from "./trip";
 
 /** Type of a problem for an unexpected error of the page. */
@@ -37,7 +51,7 @@ export const other = signal<Other>({ setting: "cabin_setpoint_degc", value: 18 }
 export const departure = signal<Forecast | null>(null);
 /** Forecast with the other setting; null outside of a comparison. */
 export const alternative = signal<Forecast | null>(null);
-/** The second forecast less the first; null until it is there, and for a journey. */
+/** The second forecast less the first; null until it is there. */
 export const difference = signal<Difference | null>(null);
 /** Conditions of the two forecasts; those on the page may have changed since. */
 export const requested = signal<{ at: Conditions; other: Other }>({
@@ -109,17 +123,31 @@ async function runJourney(job: ForecastJob, otherAt: Conditions | null, signal: 
       journey.value = isWhole ? answer : mergedJourney(job.trip, answer, whole);
       answersAreOld.value = !isWhole;
       alternative.value = second;
+      if (!isWhole || chosenRoad.value > 0) difference.value = null;
       requested.value = { at: job.at, other: job.other };
       problem.value = null;
       showRoad();
     });
+  const compare = async () => {
+    if (!otherAt || runner.isWaiting) return;
+    const road = chosenRoad.value;
+    const [other, one] = [job.at, otherAt].map((at) => ({
+      ...journeyRequest(job.trip, at, job.car),
+      ...(road > 0 && { alternatives: ALTERNATIVES }),
+    }));
+    if (one && other) difference.value = await findJourneyDifference({ one, other, road }, signal);
+  };
   const second = otherAt && (await askOther(otherAt));
   if (whole?.of !== job.trip) chosenRoad.value = chosenCharging.value = 0;
-  if (chosenRoad.value === 0) show(await askJourney(body, false, signal), false, second);
+  if (chosenRoad.value === 0) {
+    show(await askJourney(body, false, signal), false, second);
+    await compare();
+  }
   if (job.trip.isDraft || runner.isWaiting) return;
   const answer = await askJourney(body, true, signal);
   whole = { of: job.trip, answer };
   show(answer, true, second);
+  if (chosenRoad.value > 0) await compare();
 }
 
 const runner = new Latest<ForecastJob>(async (job, signal) => {

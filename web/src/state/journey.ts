@@ -9,7 +9,8 @@ import { car } from "./car";
 import { type Conditions, conditions, conditionsOfJourney } from "./conditions";
 import { fieldsOfCar, stopOf, type Trip } from "./trip";
 
-const ALTERNATIVES = 2;
+/** Other roads that are looked at. */
+export const ALTERNATIVES = 2;
 const MIN_INTERVAL_MS = 200;
 
 /** Null until the service has answered, and for a service without roads. */

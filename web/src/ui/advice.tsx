@@ -1,18 +1,28 @@
 /** What to do about the trip: the least that makes it arrive, then what each action saves. */
 
-import type { Advised, AdvisedAction, Pace, PaceSpeeds } from "../api/documents";
+import type { Advised, AdvisedAction, Pace, PaceSpeeds, Whole } from "../api/documents";
 import { ENERGY, PERCENT, POWER } from "../model/units";
 import { advice, adviceIsOld } from "../state/advice";
-import { chargingPlan } from "../state/answer";
 import { source } from "../state/catalogue";
+import { conditions } from "../state/conditions";
 import { format, text, units } from "../state/preferences";
+import { Waterfall } from "./causes";
 import { DataTable } from "./data-table";
-import { chanceInFigures } from "./wording";
+import { chanceInFigures, clockText } from "./wording";
 
 /** Shorter delays are not named. */
 const MIN_SHOWN_S = 30;
-/** Causes whose change is smaller than this share of the largest are left out. */
-const SMALL = 0.05;
+/** Times in all that differ by less are about the same: plans are found to within this share. */
+const SAME = 0.01;
+
+/** When something on the plug begins: its time where that of the departure is chosen. */
+function startText(before_s: number): string {
+  const { actions } = text.value.advice;
+  const { departsAt } = conditions.value;
+  if (departsAt === null) return actions.before(format.value.span(before_s));
+  const leaves = new Date(departsAt);
+  return actions.start(clockText(new Date(leaves.getTime() - before_s * 1000), leaves));
+}
 
 function actionText({ code, value, before_s }: AdvisedAction): string {
   const { shown, span } = format.value;
@@ -25,11 +35,16 @@ function actionText({ code, value, before_s }: AdvisedAction): string {
     case "setpoint":
       return actions.setpoint(shown(si, temperature));
     case "preheat_cabin":
-      return actions.preheat_cabin(shown(si, temperature), span(before_s));
+    case "preheat_battery":
+      return actions[code](shown(si, temperature), startText(before_s));
     case "other_road":
       return actions.other_road(si + 1);
     case "leave_later":
       return si < 0 ? actions.leave_earlier(span(-si)) : actions.leave_later(span(si));
+    case "stop":
+      return actions.stop(si);
+    case "pump_up":
+      return actions.pump_up(shown(si, PERCENT));
     case "less_luggage":
       return actions.less_luggage(shown(si, mass));
     default:
@@ -49,36 +64,40 @@ function longer({ difference: { duration_s } }: Advised): string {
   return duration_s >= MIN_SHOWN_S ? text.value.advice.longer(span(duration_s)) : text.value.advice.noTime;
 }
 
-/** By which causes an action saves, the largest first. */
-function causesText({ difference: { by_cause_wh } }: Advised): string {
-  const names: Record<string, string> = text.value.causes.names;
-  const parts = Object.entries(by_cause_wh).sort(([, one], [, other]) => Math.abs(other) - Math.abs(one));
-  const largest = Math.abs(parts[0]?.[1] ?? 0);
-  return parts
-    .filter(([, wh]) => Math.abs(wh) > SMALL * largest)
-    .map(([key, wh]) => `${names[key] ?? key} ${format.value.signed(ENERGY.from(wh), 2)}\u00a0${ENERGY.unit}`)
-    .join(", ");
+/** The journey with its charging stops, beside that without the action. */
+function wholeText({ duration_s, charges }: Whole, now: Whole): string {
+  const { advice: words } = text.value;
+  const { duration } = format.value;
+  const more = duration_s - now.duration_s;
+  const isSame = Math.abs(more) < Math.max(SAME * now.duration_s, MIN_SHOWN_S);
+  const change = isSame
+    ? words.asLong
+    : (more < 0 ? words.lessTime : words.moreTime)(duration(Math.abs(more)));
+  return words.whole(duration(duration_s), charges, change);
 }
 
-function Saving({ of }: { of: Advised }) {
+function Saving({ of, now }: { of: Advised; now: Whole | null }) {
   const { advice: words, result } = text.value;
   const { figure, shown } = format.value;
   const { difference, p_arrive, wall_wh } = of;
   const [low = 0, high = 0] = difference.interval_wh;
-  const range = result.range(figure(ENERGY.from(-high), 1), figure(ENERGY.from(-low), 1));
+  const range = result.range(figure(ENERGY.from(-high), 2), figure(ENERGY.from(-low), 2));
+  const arrives = words.arrives(shown(Math.max(of.soc_arrival, 0), PERCENT), chanceInFigures(p_arrive));
+  const parts = [
+    ...(now ? [of.whole && wholeText(of.whole, now)] : [arrives, longer(of)]),
+    wall_wh > 0 && words.wall(shown(wall_wh, ENERGY)),
+  ];
   return (
     <li>
       <h3>{togetherText(of)}</h3>
       <p class="figures">
         <b>{words.saves(shown(-difference.energy_wh, ENERGY))}</b> <small>{result.inTrips(range)}</small>
       </p>
-      <p class="figures">
-        {words.arrives(shown(Math.max(of.soc_arrival, 0), PERCENT), chanceInFigures(p_arrive))} · {longer(of)}
-        {wall_wh > 0 && ` · ${words.wall(shown(wall_wh, ENERGY))}`}
-      </p>
-      <details>
+      <p class="figures">{parts.filter(Boolean).join(" · ")}</p>
+      <details class="causes">
         <summary>{words.why}</summary>
-        <p class="note">{causesText(of)}</p>
+        <Waterfall of={difference} caption={words.whyCaption} total={words.inAll} isChange />
+        <p class="note">{words.whyNote(ENERGY.unit)}</p>
       </details>
     </li>
   );
@@ -124,7 +143,7 @@ export function AdviceCard() {
   const wanted = shown(found.chance, PERCENT);
   return (
     <section class="card advice" aria-labelledby="advice-title" aria-busy={adviceIsOld.value}>
-      <h2 id="advice-title">{chargingPlan.value ? words.without : words.title}</h2>
+      <h2 id="advice-title">{words.title}</h2>
       {found.p_arrive < found.chance && (
         <>
           <p>{found.least.length > 0 ? words.least(wanted) : words.notEnough(wanted)}</p>
@@ -140,7 +159,7 @@ export function AdviceCard() {
       <p class="note">{words.note}</p>
       <ul class="savings">
         {found.singly.map((one) => (
-          <Saving key={togetherText(one)} of={one} />
+          <Saving key={togetherText(one)} of={one} now={found.whole} />
         ))}
       </ul>
       {found.pace && found.pace.front.length > 1 && <Speeds of={found.pace} />}

@@ -30,6 +30,7 @@ function parts(): string[] {
       : []),
     ...(now.rain_mm_h !== null && !weather ? [words.fields.rain_mm_h] : []),
     ...(now.extras ?? []).map((extra) => words.choices.extras[extra]),
+    ...(now.tyre_pressure === null ? [] : [words.tyres(shown(now.tyre_pressure, PERCENT))]),
     ...(now.climate === "auto" ? [] : [`${words.fields.climate}: ${words.choices.climate[now.climate]}`]),
     ...(now.warmCabin ? [words.warmCabin] : []),
     ...(now.warmBattery ? [words.warmBattery] : []),

@@ -50,6 +50,7 @@ const FIRST_VALUES: Partial<Record<SettingName, number>> = {
   wind_from_deg: 270,
   rain_mm_h: 2,
   pressure_pa: 101_300,
+  tyre_pressure: 0.9,
 };
 
 const OPTIONAL = NUMBERS.filter((name) => ASKED.includes(name as never) && !isUsual(name)) as SettingName[];

@@ -28,6 +28,7 @@ const SLIDERS: Partial<Record<SettingName, { limits?: [number, number]; step?: n
   wind_speed_m_s: { limits: [0, 100 * KM_H], step: 5 },
   wind_from_deg: { step: 10 },
   rain_mm_h: { limits: [0, 20], step: 0.5 },
+  tyre_pressure: { limits: [0.6, 1.2], step: 5 },
   pressure_pa: { limits: [70_000, 105_000], step: 5 },
 };
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import csv
+import io
+import itertools
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -10,7 +13,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from tripwatt.errors import Fault, InvalidInput, raise_faults
+from tripwatt.errors import Fault, InvalidInput, excerpt, raise_faults
+from tripwatt.files import read_text_file
 from tripwatt.routes.places import Place
 from tripwatt.routes.points import EARTH_RADIUS_M
 
@@ -28,13 +32,16 @@ ASSUMED_POWER_W: Final[Mapping[bool, float]] = MappingProxyType({True: 50_000.0,
 """Power of a station without one, by whether it has direct current: the first generation of rapid chargers, and a
 three-phase socket of 16 A."""
 
-COLUMNS: Final = ("latitude_deg", "longitude_deg", "power_kw")
-"""Columns that a file of stations needs; `name` is optional."""
+BOUNDS: Final = {"latitude_deg": (-90.0, 90.0), "longitude_deg": (-180.0, 180.0), "power_kw": (1.0, 1500.0)}
+COLUMNS: Final = tuple(BOUNDS)
+"""Columns that a file of stations needs, with their bounds; `name` is optional."""
 
 DIRECT_FROM_W: Final = 43_001.0
 """A station of a file with this power or more has direct current: alternating current ends at 43 kW."""
 
 MOST_STATIONS: Final = 1_000_000
+MOST_STATIONS_BYTES: Final = 1 << 27
+"""Most stations of a file, and its largest size."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,35 +103,46 @@ def read_stations(path: Path | str) -> tuple[Station, ...]:
     InvalidInput
         With every fault of the file.
     """
-    import pandas as pd
-
     path = Path(path)
+    text = read_text_file(
+        path, MOST_STATIONS_BYTES, what="cannot read the stations", allowed="a CSV table in UTF-8"
+    )
     try:
-        table = pd.read_csv(path, nrows=MOST_STATIONS + 1)
-    except (OSError, ValueError) as error:
-        got = str(error)[:80]
-        raise InvalidInput.of("cannot read the stations", str(path), got, "a CSV table") from error
-    missing = [name for name in COLUMNS if name not in table.columns]
+        reader = csv.DictReader(io.StringIO(text, newline=""))
+        names = reader.fieldnames or ()
+        rows = list(itertools.islice(reader, MOST_STATIONS + 1))
+    except csv.Error as error:
+        raise InvalidInput.of(
+            "cannot read the stations", f"{path}", f"{error}"[:80], "a CSV table"
+        ) from error
+    missing = [name for name in COLUMNS if name not in names]
     if missing:
         raise InvalidInput.of("missing column", path.name, ", ".join(missing), ", ".join(COLUMNS))
-    if len(table) > MOST_STATIONS:
-        raise InvalidInput.of("too many stations", path.name, f"{len(table)}", f"at most {MOST_STATIONS}")
-    bounds = {"latitude_deg": (-90.0, 90.0), "longitude_deg": (-180.0, 180.0), "power_kw": (1.0, 1500.0)}
+    if len(rows) > MOST_STATIONS:
+        raise InvalidInput.of("too many stations", path.name, f"{len(rows)}", f"at most {MOST_STATIONS}")
     faults, columns = [], []
-    for column, (low, high) in bounds.items():
-        values = pd.to_numeric(table[column], errors="coerce").to_numpy(dtype=np.float64)
+    for column, (low, high) in BOUNDS.items():
+        values = np.array([_number(row[column]) for row in rows])
         wrong = np.flatnonzero(~((values >= low) & (values <= high)))
         if len(wrong):
             where = f"{path.name}, column '{column}', row {wrong[0] + 1}"
-            got = f"{table[column].iloc[wrong[0]]}"
+            got = excerpt(rows[wrong[0]][column])
             faults.append(Fault("value out of range", where, got, f"{low:g} to {high:g}"))
         columns.append(values.tolist())
     raise_faults(faults)
-    names = table["name"].fillna("").astype(str) if "name" in table.columns else [""] * len(table)
+    called = [row.get("name") or "" for row in rows]
     return tuple(
         Station(latitude, longitude, name, 1000.0 * kw, direct_current=1000.0 * kw >= DIRECT_FROM_W)
-        for latitude, longitude, kw, name in zip(*columns, names, strict=True)
+        for latitude, longitude, kw, name in zip(*columns, called, strict=True)
     )
+
+
+def _number(cell: str | None) -> float:
+    """The number of a cell; NaN where it has none."""
+    try:
+        return float(cell or "nan")
+    except ValueError:
+        return float("nan")
 
 
 def within(

@@ -1,0 +1,180 @@
+"""What all operations share: parameters, chosen fields, entity tags, keys of repeated requests, old names, and the document of it all."""
+
+from __future__ import annotations
+
+import asyncio
+import re
+from typing import Any
+
+import orjson
+import pytest
+from starlette.requests import Request
+from starlette.responses import Response
+from tests.support.service_process import Service
+
+from tripwatt.errors import InvalidInput
+from tripwatt.service.app import Api
+from tripwatt.service.contract import Repeats, chosen
+from tripwatt.service.problems import TITLES, Problem, pointer_to
+from tripwatt.service.settings import Settings
+
+
+@pytest.fixture(scope="module")
+def document() -> dict[str, Any]:
+    return Api(Settings(), lambda **record: None).app.openapi()
+
+
+def operations(document: dict[str, Any]) -> list[dict[str, Any]]:
+    return [operation for path in document["paths"].values() for operation in path.values()]
+
+
+def test_operations_have_readable_names_of_their_own(document: dict[str, Any]) -> None:
+    names = [operation["operationId"] for operation in operations(document)]
+    assert len(set(names)) == len(names) >= 36
+    assert {"forecast", "update", "batch", "plan", "get_need", "get_live"} <= set(names)
+    assert all(re.fullmatch("[a-z]+(_[a-z]+)*", name) for name in names)
+
+
+def test_no_schema_has_what_generators_stumble_over(document: dict[str, Any]) -> None:
+    """A default makes a field required in some clients; alternatives beside properties drop the operation in others."""
+    text = orjson.dumps(document["components"]["schemas"])
+    assert b'"default"' not in text
+    for schema in document["components"]["schemas"].values():
+        assert not ({"oneOf", "anyOf", "allOf"} & schema.keys() and "properties" in schema)
+
+
+def test_problems_are_told_apart_and_old_names_marked(document: dict[str, Any]) -> None:
+    schemas = document["components"]["schemas"]
+    assert schemas["ProblemDocument"]["properties"]["type"]["enum"] == [
+        f"/problems/{kind}" for kind in TITLES
+    ]
+    forecast = schemas["ForecastResponse"]["properties"]
+    assert (forecast["p_arrive"].get("deprecated"), "deprecated" in forecast["p_arrive_by_soc"]) == (
+        True,
+        False,
+    )
+    marked = {o["operationId"] for o in operations(document) if o.get("x-internal")}
+    assert marked == {"get_view", "get_tile", "get_examples", "get_example"}
+
+
+@pytest.mark.parametrize(
+    ("where", "pointer"),
+    [
+        ("samples.speed_m_s[12]", "/samples/speed_m_s/12"),
+        ("link 3, grade", "/links/2/grade"),
+        ("link 1", "/links/0"),
+        ("elevation.position_m", "/elevation/position_m"),
+        ("soc", "/soc"),
+        ("body", ""),
+        ("query.limit", None),
+        ("distance_km, trip", None),
+        ("drive.csv, row 3", None),
+    ],
+)
+def test_a_place_in_the_body_has_a_pointer(where: str, pointer: str | None) -> None:
+    assert pointer_to(where) == pointer
+
+
+def test_unknown_parameters_are_refused(service: Service) -> None:
+    client = service.client
+    refused = client.get("/v1/vehicles", params={"serach": "leaf"})
+    assert refused.status_code == 422
+    (fault,) = refused.json()["faults"]
+    assert (fault["where"], fault["fix"]) == ("query.serach", "did you mean 'search'?")
+    assert "pointer" not in fault
+    assert client.get("/v1/range", params={"soc": 0.5, "kidn": "city"}).status_code == 422
+    assert client.post("/v1/forecast", params={"verbose": 1}, json={}).status_code == 422
+    assert client.get("/healthz", params={"at": "now"}).status_code == 200
+
+
+def test_a_response_has_the_fields_that_were_asked_for(service: Service, drive: dict[str, Any]) -> None:
+    whole = service.client.post("/v1/forecast", json=drive).json()
+    part = service.client.post("/v1/forecast", params={"fields": "energy_wh,soc_arrival"}, json=drive)
+    assert part.json() == {name: whole[name] for name in ("energy_wh", "soc_arrival")}
+    lines = service.client.post(
+        "/v1/forecast/batch",
+        params={"fields": "trip"},
+        content=orjson.dumps(drive),
+        headers={"Content-Type": "application/x-ndjson"},
+    )
+    assert orjson.loads(lines.content) == {"trip": whole["trip"]}
+    wrong = service.client.post("/v1/forecast", params={"fields": "energy"}, json=drive)
+    assert (wrong.status_code, wrong.json()["faults"][0]["where"]) == (422, "query.fields")
+
+
+def test_every_unknown_field_is_named() -> None:
+    with pytest.raises(InvalidInput) as refused:
+        chosen({"a": 1}, "b,a,c")
+    assert [fault.got for fault in refused.value.faults] == ["'b'", "'c'"]
+
+
+@pytest.mark.parametrize("path", ["/v1/models", "/v1/vehicles", "/v1/examples", "/v1/map"])
+def test_what_does_not_change_has_a_tag(service: Service, path: str) -> None:
+    first = service.client.get(path)
+    tag = first.headers["etag"]
+    again = service.client.get(path, headers={"If-None-Match": f'W/"0", {tag}'})
+    assert (again.status_code, again.content, again.headers["etag"]) == (304, b"", tag)
+    assert service.client.get(path, headers={"If-None-Match": 'W/"0"'}).content == first.content
+
+
+def test_old_names_are_announced(service: Service, drive: dict[str, Any]) -> None:
+    samples = drive["samples"]
+    charges = [0.8] * len(samples["time_s"])
+    old, new = (
+        service.client.post("/v1/forecast", json=drive | {"samples": samples | {name: charges}})
+        for name in ("soc", "bms_soc")
+    )
+    assert old.json() == new.json()
+    assert re.fullmatch(r"@\d{10}", old.headers["deprecation"])
+    assert "deprecation" not in new.headers
+    assert "deprecation" in service.client.post("/v1/plan", json={}).headers
+    assert "deprecation" not in service.client.post("/v1/journeys", json={}).headers
+
+
+def asked(key: str | None, path: str = "/v1/cars") -> Request:
+    headers = [] if key is None else [(b"idempotency-key", key.encode("latin-1"))]
+    scope = {"type": "http", "method": "POST", "path": path, "headers": headers, "query_string": b""}
+    return Request({**scope, "scheme": "http", "server": ("localhost", 80), "root_path": ""})
+
+
+def test_a_repeated_request_is_done_once() -> None:
+    repeats, done, status = Repeats(), list[int](), [200]
+
+    async def work() -> Response:
+        done.append(len(done))
+        await asyncio.sleep(0.01)
+        return Response(str(len(done)), status[0], media_type="application/json")
+
+    async def run() -> None:
+        both = await asyncio.gather(*(repeats.once(asked("k"), b"{}", work) for _ in range(2)))
+        assert [response.body for response in both] == [b"1", b"1"]
+        with pytest.raises(Problem, match="key-used") as used:
+            await repeats.once(asked("k"), b"[]", work)
+        assert used.value.status == 422
+        assert (await repeats.once(asked("k", "/v1/cars/other/token"), b"{}", work)).body == b"2"
+        assert (await repeats.once(asked(None), b"{}", work)).body == b"3"
+        status[0] = 503
+        assert [(await repeats.once(asked("late"), b"{}", work)).status_code for _ in "12"] == [503, 503]
+        with pytest.raises(InvalidInput):
+            await repeats.once(asked("with space"), b"{}", work)
+
+    asyncio.run(run())
+    assert len(done) == 5
+
+
+def test_another_site_changes_nothing(service: Service, document: dict[str, Any]) -> None:
+    """Every operation that changes something; a program sends neither header, and the page those of its own origin."""
+    client, changing = service.client, set[tuple[str, str]]()
+    for path, of_path in document["paths"].items():
+        changing |= {(method, path) for method in of_path if method not in ("get", "head")}
+    assert len(changing) >= 18
+    foreign = ({"Sec-Fetch-Site": "cross-site"}, {"Sec-Fetch-Site": "same-site"}, {"Origin": "null"})
+    own = ({}, {"Origin": service.url}, {"Sec-Fetch-Site": "same-origin", "Origin": service.url})
+    for method, path in changing:
+        place = re.sub(r"\{\w+\}", "abcdefgh", path)
+        for headers in (*foreign, {"Origin": "https://evil.example"}):
+            refused = client.request(method, place, headers=headers)
+            assert (refused.status_code, refused.json()["type"]) == (403, "/problems/foreign-site"), path
+        assert all(client.request(method, place, headers=sent).status_code != 403 for sent in own), path
+        assert "403" in document["paths"][path][method]["responses"]
+    assert client.get("/v1/models", headers={"Sec-Fetch-Site": "cross-site"}).status_code == 200

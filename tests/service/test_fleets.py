@@ -1,0 +1,136 @@
+"""The model of a fleet in the service: its vehicles, and the version in use of its registry."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import orjson
+import pytest
+from tests.support.service_process import serving
+
+from tripwatt.errors import InvalidInput
+from tripwatt.fleet.model import FleetModel
+from tripwatt.fleet.registry import Registry
+from tripwatt.forecasting.storage import DEFAULT_MODEL, model_folder
+from tripwatt.routes import plan_from_route, route_from_links
+from tripwatt.service.jobs import Jobs
+from tripwatt.service.settings import Limits
+from tripwatt.trips import Departure
+
+LINKS = [{"length_m": 1500.0, "speed_m_s": v} for v in (12.0, 20.0, 15.0)]
+
+
+def body_of(**fields: Any) -> bytes:
+    return orjson.dumps({"links": LINKS, "soc": 0.8, "ambient_temperature_degc": 4.0, **fields})
+
+
+@pytest.fixture
+def registry(fleet: Any, tmp_path: Path) -> Registry:
+    registry = Registry(tmp_path / "vans")
+    registry.promote(registry.add(fleet[2]))
+    return registry
+
+
+def moved(model: FleetModel) -> FleetModel:
+    """Another version: every vehicle takes more."""
+    return replace(model, posterior=replace(model.posterior, mean=model.posterior.mean + 0.1))
+
+
+def energy(model: FleetModel, **vehicle: Any) -> float:
+    plan = plan_from_route(route_from_links(LINKS))
+    return model.forecast(plan, Departure(soc=0.8, ambient_temperature_degc=4.0), **vehicle).energy_wh
+
+
+def jobs_of(registry: Registry, log: list[dict[str, Any]] | None = None) -> Jobs:
+    records = [] if log is None else log
+    return Jobs.from_folders({"vans": registry.folder}, Limits(), log=lambda **one: records.append(one))
+
+
+def fault_of(jobs: Jobs, **fields: Any) -> tuple[str, str]:
+    with pytest.raises(InvalidInput) as caught:
+        jobs.forecast(body_of(**fields))
+    (fault,) = caught.value.faults
+    return fault.what, fault.where
+
+
+def test_a_forecast_is_that_of_its_vehicle(fleet: Any, registry: Registry) -> None:
+    model: FleetModel = fleet[2]
+    jobs = jobs_of(registry)
+    jobs.warm_up()
+    first, other = (jobs.forecast(body_of(vehicle_id=v))["energy_wh"] for v in ("V00000", "V00002"))
+    assert [first, other] == pytest.approx(
+        [energy(model, vehicle_id=v) for v in ("V00000", "V00002")], rel=1e-12
+    )
+    assert first != other
+    new = jobs.forecast(body_of(model="vans", vehicle_id="new", vehicle="vw_id3"))["energy_wh"]
+    assert new == pytest.approx(energy(model, vehicle_id="new", car_model="vw_id3"), rel=1e-12)
+    usual = min(model.vehicles().values())
+    assert jobs.forecast(body_of())["energy_wh"] == pytest.approx(energy(model, car_model=usual), rel=1e-12)
+
+
+def test_what_is_no_vehicle_of_the_fleet_is_a_fault(fleet: Any, registry: Registry) -> None:
+    jobs = jobs_of(registry)
+    assert fault_of(jobs, vehicle_id="nobody") == ("unknown vehicle", "vehicle_id")
+    assert fault_of(jobs, vehicle_id="V00000", vehicle="vw_id3") == ("another car model", "vehicle")
+    assert fault_of(jobs, vehicle_figures={"mass_kg": 1500.0}) == ("not for a fleet", "vehicle_figures")
+    assert fault_of(jobs, vehicle_id=7)[1] == "vehicle_id"
+    assert fault_of(jobs, model="cars")[1] == "model"
+    alone = Jobs.from_folders({}, Limits())
+    assert fault_of(alone, vehicle_id="V00000") == ("no fleet", "vehicle_id, driver")
+    assert fault_of(alone, driver="D1") == ("no fleet", "vehicle_id, driver")
+
+
+def test_the_version_in_use_is_followed_and_a_damaged_one_refused(fleet: Any, registry: Registry) -> None:
+    model, log = fleet[2], list[dict[str, Any]]()
+    jobs = jobs_of(registry, log)
+
+    def answer() -> float:
+        return float(jobs.forecast(body_of(vehicle_id="V00000"))["energy_wh"])
+
+    before = answer()
+    registry.promote(registry.add(moved(model)))
+    after = answer()
+    assert (before, after) == pytest.approx(
+        (energy(model, vehicle_id="V00000"), energy(moved(model), vehicle_id="V00000")), rel=1e-12
+    )
+    assert after > 1.001 * before
+    registry.promote(registry.add(model))
+    (registry.path("0003") / "metadata.json").write_text("{}")
+    assert [answer(), answer()] == [after, after]
+    changed, refused = log  # once, not at every request
+    assert changed == {"event": "model changed", "model": "vans", "version": "0002"}
+    assert (refused["event"], refused["version"]) == ("model refused", "0003")
+    assert "no model" in refused["reason"]
+    assert [m["model"]["version"] for m in jobs.run({"kind": "models"}, b"")["models"]] == ["0002"]  # type: ignore[index]
+    registry._point("0001")
+    assert answer() == before
+
+
+def test_models_and_fleets_are_listed(fleet: Any, registry: Registry) -> None:
+    folders = {"vans": registry.folder, "own": model_folder()}
+    jobs = Jobs.from_folders(folders, Limits())
+    own, vans = jobs.summaries()["models"]  # a model of one car is the default
+    assert (own["name"], own["model"]["vehicle"], vans["name"]) == ("own", "bmw_i3_60ah", "vans")
+    assert (vans["model"]["vehicles"], vans["model"]["trips"]) == (8, fleet[2].trips)
+    listed = {row["name"]: row["models"] for row in jobs.vehicles()["vehicles"]}
+    assert [listed["bmw_i3_60ah"], listed["nissan_leaf_24"]] == [["own", "vans"], ["vans"]]
+    assert list(Jobs.from_folders({}, Limits()).models) == [DEFAULT_MODEL]
+
+
+def test_a_service_follows_its_registry(fleet: Any, registry: Registry, tmp_path: Path) -> None:
+    (tmp_path / "log").mkdir()
+    place = f"registry:{registry.folder}"
+    with serving(tmp_path / "log", "--model", place, "--workers", "1") as service:
+
+        def answer() -> float:
+            given = {"links": LINKS, "soc": 0.8, "ambient_temperature_degc": 4.0, "vehicle_id": "V00000"}
+            return float(service.forecast(given).json()["energy_wh"])
+
+        before = answer()
+        registry.promote(registry.add(moved(fleet[2])))
+        assert answer() > 1.001 * before
+        (summary,) = service.client.get("/v1/models").json()["models"]
+        assert (summary["name"], summary["model"]["version"]) == ("vans", "0002")
+        assert [r["version"] for r in service.records() if r["event"] == "model changed"] == ["0002"]
