@@ -297,9 +297,7 @@ class BlockOfTrips:
         )
 
 
-def changed_shares(
-    plan: FleetPlan, truths: list[VehicleTruth], days: FloatArray
-) -> dict[str, FloatArray]:
+def changed_shares(plan: FleetPlan, truths: list[VehicleTruth], days: FloatArray) -> dict[str, FloatArray]:
     """Share of each cause on top of 1, of shape (trips, 1), by the planted changes of a fleet."""
     ids = np.array([truth.vehicle_id for truth in truths])
     shares = {cause: np.zeros((len(truths), 1)) for cause in CAUSES}

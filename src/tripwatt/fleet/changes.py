@@ -131,7 +131,9 @@ def series_of(posterior: GroupPosterior, rows: TripRows) -> Iterator[Series]:
     groups = [trips[i][:2] for i in read]
     ratio = pd.Series(observed[read] / (start - end)[read])
     share = observed[read] / ratio.groupby([group[0] for group in groups]).transform("median").to_numpy()
-    cold = np.maximum(WARM_DEGC - np.nan_to_num(rows.numbers("ambient_temperature_degc")[read], nan=WARM_DEGC), 0.0)
+    cold = np.maximum(
+        WARM_DEGC - np.nan_to_num(rows.numbers("ambient_temperature_degc")[read], nan=WARM_DEGC), 0.0
+    )
     years = (day[read] - day[0]) / np.timedelta64(365, "D")
     terms = np.column_stack([np.ones(len(read)), cold / WARM_DEGC, years, 0.5 * (start + end)[read] - 0.5])
     X, y, n = share[:, None] * terms, (start - end)[read] - share, READING**2 + (0.01 * share) ** 2
@@ -159,15 +161,21 @@ def _by_vehicle(
     y = y - expected * common_of_month(model, vehicle, day, relative)
     prior = posterior.scales.variances(2)
     return [
-        Series(name, str(model[i[0]]), day[i], y[i], variance[i], X[i], prior, causes, float(expected[i].sum()))
+        Series(
+            name, str(model[i[0]]), day[i], y[i], variance[i], X[i], prior, causes, float(expected[i].sum())
+        )
         for name, i in pd.Series(vehicle).groupby(vehicle).indices.items()
     ]
 
 
 def common_of_month(model: Any, vehicle: Any, day: Any, relative: FloatArray) -> FloatArray:
-    """What the vehicles of a car model have in common in the month of each trip: the median of their medians, shape (trips,); 0 for
-    fewer than `SISTERS` vehicles."""
-    frame = pd.DataFrame({"model": model, "month": day.astype("datetime64[M]"), "vehicle": vehicle, "r": relative})
+    """What the vehicles of a car model have in common in the month of each trip, shape (trips,): the median of their medians.
+
+    It is 0 for fewer than `SISTERS` vehicles.
+    """
+    frame = pd.DataFrame(
+        {"model": model, "month": day.astype("datetime64[M]"), "vehicle": vehicle, "r": relative}
+    )
     medians = frame.groupby(["model", "month", "vehicle"])["r"].median().groupby(["model", "month"])
     common = medians.median().where(medians.size() >= SISTERS, 0.0).rename("common")
     return np.asarray(frame.join(common, on=["model", "month"])["common"], dtype=np.float64)
@@ -186,22 +194,22 @@ def changes_of(series: Series, chance: float) -> Iterator[dict[str, object]]:
 
     X, prior = series.X, series.prior
     for _ in range(MOST_CHANGES):
-        found = Scan.of(series, X, prior)
-        if found is None:
+        scan = Scan.of(series, X, prior)
+        if scan is None:
             return
-        cause, k, share, sd = found.best()
+        cause, k, share, sd = scan.best()
         z = share / sd
         if 2.0 * student.sf(abs(z), max(len(series.y) - 4, 1)) > chance or abs(share) < LEAST_CHANGE:
             return
-        of_cause, first, last = found.certainty(cause)
+        probability, since, from_day, to_day = scan.certainty(cause, series.day)
         yield {
             "vehicle_id": series.vehicle_id,
             "car_model": series.car_model,
             "cause": cause,
-            "probability": of_cause,
-            "since": f"{series.day[k]}",
-            "from_day": f"{series.day[first]}",
-            "to_day": f"{series.day[last]}",
+            "probability": probability,
+            "since": f"{since}",
+            "from_day": f"{from_day}",
+            "to_day": f"{to_day}",
             "change": share,
             "sd": sd,
             "z": z,
@@ -236,8 +244,10 @@ class Scan:
 
     @classmethod
     def of(cls, series: Series, X: FloatArray, prior: FloatArray) -> Scan | None:
-        """All causes and trips of a series; None where it has too few trips. The level of the errors and the weights of trips far
-        off are those beside the likeliest change."""
+        """All causes and trips of a series; None where it has too few trips.
+
+        The level of the errors and the weights of trips far off are those beside the likeliest change.
+        """
         n = len(series.y)
         if n < 2 * LEAST_TRIPS:
             return None
@@ -278,12 +288,22 @@ class Scan:
         c, k = np.unravel_index(int(np.argmax(self.evidence)), self.evidence.shape)
         return self.names[c], self.first + int(k), float(self.share[c, k]), float(self.sd[c, k])
 
-    def certainty(self, cause: str) -> tuple[float, int, int]:
-        """Probability of a cause, and the first and last trip of the 95 % interval of its beginning."""
+    def certainty(self, cause: str, day: Any) -> tuple[float, Any, Any, Any]:
+        """Probability of a cause; the likeliest day of its beginning in the likeliest month, and the 95 % interval of the beginning.
+
+        A change may have begun on any day after the trip before the first one that shows it.
+        """
         probability = np.exp(self.evidence - self.evidence.max())
         mine = probability[self.names.index(cause)]
-        ends = np.searchsorted(np.cumsum(mine) / mine.sum(), (0.025, 0.975))
-        return float(mine.sum() / probability.sum()), *(self.first + int(end) for end in ends)
+        places = np.arange(self.first, self.first + len(mine))
+        days = np.arange(day[places[0] - 1] + 1, day[places[-1]] + 1)
+        k = np.searchsorted(day, days)
+        density = mine[k - self.first] / (day[k] - day[k - 1]).astype(np.float64)
+        month = days.astype("datetime64[M]").astype(np.int64)
+        of_month = np.bincount(month - month[0], density)
+        since = days[np.argmax(density * (month == month[0] + np.argmax(of_month)))]
+        ends = np.searchsorted(np.cumsum(density) / density.sum(), (0.025, 0.975))
+        return float(mine.sum() / probability.sum()), since, *days[ends]
 
 
 def _weights(series: Series, X: FloatArray, prior: FloatArray) -> FloatArray:

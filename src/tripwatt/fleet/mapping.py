@@ -251,7 +251,9 @@ def segments_of(drive: Trip, car_model: str) -> SegmentTable | None:
     """
     if drive.observed_energy_wh is None:
         return None
-    measured = replace(drive, samples=table_of({name: drive.array(name) for name in _MEASURED if name in drive}))
+    measured = replace(
+        drive, samples=table_of({name: drive.array(name) for name in _MEASURED if name in drive})
+    )
     try:
         plan = plan_from_trip(drive)
         car = car_of(car_model)

@@ -91,7 +91,9 @@ def read_planned(file: Path | str) -> list[PlannedTrip]:
             parquet = Path(file).suffix == ".parquet"
             table = pd.read_parquet(file) if parquet else pd.read_csv(file, dtype=dict.fromkeys(TEXTS, str))
         except ValueError as error:
-            raise InvalidInput.of("unreadable table", f"{file}", f"{error}"[:160], "CSV or Parquet") from error
+            raise InvalidInput.of(
+                "unreadable table", f"{file}", f"{error}"[:160], "CSV or Parquet"
+            ) from error
     missing = [name for name in TEXTS[:3] if name not in table]
     missing += [] if {"distance_km", "length_m"} & set(table) else ["distance_km or length_m"]
     names = ", ".join(map(str, table))[:200]
@@ -107,7 +109,9 @@ def _planned(rows: pd.DataFrame) -> PlannedTrip:
         departs_at = dt.datetime.fromisoformat(str(first["departs_at"])).astimezone()
     except ValueError as error:
         allowed = "a time such as 2026-01-12T07:30+01:00"
-        raise InvalidInput.of("not a time", f"{where}: departs_at", f"{first['departs_at']}", allowed) from error
+        raise InvalidInput.of(
+            "not a time", f"{where}: departs_at", f"{first['departs_at']}", allowed
+        ) from error
     if "length_m" in first:
         fields = [{k: v for k, v in link.items() if k in LINK_COLUMNS} for link in links]
         road: Plan | float = plan_from_route(route_from_links(fields), trip_id=str(first["trip"]))
@@ -192,7 +196,9 @@ def _model_of(model: FleetModel, trip: PlannedTrip) -> ForecastModel:
 def coldest_week(rows: TripRows) -> tuple[dt.date, float] | None:
     """Monday of the week of a fleet's trips with the lowest mean outside temperature, and that temperature [°C]; None without any."""
     order, day = rows.in_time
-    ambient = pd.Series(rows.numbers("ambient_temperature_degc")[order], pd.DatetimeIndex(day[order])).dropna()
+    ambient = pd.Series(
+        rows.numbers("ambient_temperature_degc")[order], pd.DatetimeIndex(day[order])
+    ).dropna()
     weeks = ambient.groupby(pd.Grouper(freq="W-MON", label="left", closed="left")).agg(["mean", "size"])
     weeks = weeks[weeks["size"] >= min(LEAST_TRIPS, weeks["size"].max())] if len(weeks) else weeks
     return None if weeks.empty else (weeks["mean"].idxmin().date(), float(weeks["mean"].min()))
@@ -221,7 +227,9 @@ def needs_by_car(
     cars = {n: model.of_vehicle(None, car_model=n, cold=cold) for n in sorted(set(model.vehicles().values()))}
     needs = {}
     for name, trip in {trip.name: trip for trip in trips}.items():
-        weather = replace(trip.departure, ambient_temperature_degc=ambient_degc, battery_temperature_degc=None)
+        weather = replace(
+            trip.departure, ambient_temperature_degc=ambient_degc, battery_temperature_degc=None
+        )
         needs[name] = {car: _taken(trip, own, weather, quantile) for car, own in cars.items()}
     return pd.DataFrame.from_dict(needs, orient="index", columns=list(cars)).rename_axis("trip")
 

@@ -23,11 +23,18 @@ CLASSES: Final = {
 LEAST_TRIPS: Final = 10
 """Trips of a vehicle whose share inside of the intervals is looked at."""
 
+
 def evaluation_page(title: str, evaluation: FleetEvaluation, rows: TripRows) -> str:
     """The page on how well a fleet is forecast as one file without scripts."""
-    tables = (*(accuracy_table(evaluation, by) for by in CLASSES), own_table(evaluation), inside_table(evaluation))
+    tables = (
+        *(accuracy_table(evaluation, by) for by in CLASSES),
+        own_table(evaluation),
+        inside_table(evaluation),
+    )
     facts = {"Trips": len(rows), "Vehicles": len(set(rows.texts("vehicle_id").tolist()))}
-    panel = Panel("accuracy", "Accuracy on held-out trips", said_of_errors(evaluation), tables=tables, wide=True)
+    panel = Panel(
+        "accuracy", "Accuracy on held-out trips", said_of_errors(evaluation), tables=tables, wide=True
+    )
     return page_text("fleet.html.jinja", [panel], title=title, facts=facts.items())
 
 
@@ -109,14 +116,32 @@ def manager_page(
         Panel("changes", "Vehicles that changed", said_of_changes(changed, vehicles), tables=(changes_table(changed),) if len(changed) else ())
     ]  # fmt: skip
     if needs is not None:
-        panels.append(Panel("need", "What the planned trips need", said_of_needs(needs), tables=(needs_table(needs),)))
+        panels.append(
+            Panel("need", "What the planned trips need", said_of_needs(needs), tables=(needs_table(needs),))
+        )
     if by_car is not None:
-        panels.append(Panel("routes", f"Cars for the planned routes, {week}", _ROUTES, tables=(routes_table(by_car),)))
+        panels.append(
+            Panel("routes", f"Cars for the planned routes, {week}", _ROUTES, tables=(routes_table(by_car),))
+        )
     for key, table in (("vehicle", vehicles), ("driver", drivers)):
         if table is not None:
-            panels.append(Panel(f"{key}s", f"{key.title()}s beside others", _SHARES[key], tables=(shares_table(table, key),), folded=True))
-    facts = {"Trips": vehicles["trips"].sum(), "Vehicles": len(vehicles), "Vehicles that changed": changed["vehicle_id"].nunique()}
-    return page_text("fleet.html.jinja", [replace(p, wide=True) for p in panels], title=title, facts=facts.items())
+            panels.append(
+                Panel(
+                    f"{key}s",
+                    f"{key.title()}s beside others",
+                    _SHARES[key],
+                    tables=(shares_table(table, key),),
+                    folded=True,
+                )
+            )
+    facts = {
+        "Trips": vehicles["trips"].sum(),
+        "Vehicles": len(vehicles),
+        "Vehicles that changed": changed["vehicle_id"].nunique(),
+    }
+    return page_text(
+        "fleet.html.jinja", [replace(p, wide=True) for p in panels], title=title, facts=facts.items()
+    )
 
 
 _SHARES: Final = {
@@ -161,7 +186,11 @@ def _more(name: str) -> Callable[[Mapping[str, Any]], str]:
 def said_of_needs(needs: pd.DataFrame) -> str:
     """The sums of the night."""
     known = needs["charge_wh"].dropna()
-    charge = f" {known.sum() / 1000.0:.0f} kWh are to be charged for {len(known)} departures whose charge now is known." if len(known) else ""
+    charge = (
+        f" {known.sum() / 1000.0:.0f} kWh are to be charged for {len(known)} departures whose charge now is known."
+        if len(known)
+        else ""
+    )
     return f"{needs['trips'].sum()} trips need {needs['energy_quantile_wh'].sum() / 1000.0:.0f} kWh at most in 19 of 20 cases each.{charge}"
 
 
@@ -184,7 +213,9 @@ def needs_table(needs: pd.DataFrame) -> Table:
 
 def routes_table(by_car: pd.DataFrame) -> Table:
     """A row for each route and a column for each car model."""
-    columns = (in_percent(car, lambda row, car=car: row[car] if row[car] <= 1.0 else None, 0) for car in by_car)
+    columns = (
+        in_percent(car, lambda row, car=car: row[car] if row[car] <= 1.0 else None, 0) for car in by_car
+    )
     rows = by_car.reset_index().to_dict("records")
     return tabulated("Charge that suffices", rows, Column("route", "trip"), *columns)
 
