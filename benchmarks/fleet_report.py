@@ -12,7 +12,7 @@ from __future__ import annotations
 import datetime as dt
 import shutil
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -105,18 +105,15 @@ def changes(seed: int, rows: TripRows | None = None, verbose: bool = False) -> I
     began = time.perf_counter()
     listed = listed_changes(posterior, rows)
     took = time.perf_counter() - began
-    true = {
-        f"V{number:05d}": (NAMES.get(cause, cause), month)
-        for (number, cause, _, _), month in zip(plan.changes, months(c[2] for c in plan.changes), strict=True)
-    }
+    days = months(day for _, _, day, _ in plan.changes)
+    true = {f"V{c[0]:05d}": (NAMES.get(c[1], c[1]), m) for c, m in zip(plan.changes, days, strict=True)}
     if verbose:
         print(true)
         print(listed.to_string())
-    right = {
-        r.vehicle_id for r in listed.itertuples() if true.get(r.vehicle_id) == (r.cause, f"{r.since}"[:7])
-    }
-    of_cause = {r.vehicle_id for r in listed.itertuples() if true.get(r.vehicle_id, ("",))[0] == r.cause}
-    false = [r for r in listed.itertuples() if true.get(r.vehicle_id, ("",))[0] != r.cause]
+    seen = [(row["vehicle_id"], row["cause"], row["since"][:7]) for row in listed.to_dict("records")]
+    right = {vehicle for vehicle, cause, month in seen if true.get(vehicle) == (cause, month)}
+    of_cause = {vehicle for vehicle, cause, _ in seen if vehicle in true and true[vehicle][0] == cause}
+    false = [vehicle for vehicle, cause, _ in seen if true.get(vehicle, ("",))[0] != cause]
     yield Row(
         f"seed {seed}: of {CHANGED} changes of {VEHICLES} vehicles, listed with cause and month",
         len(right),
@@ -156,7 +153,7 @@ def main(
     what: Annotated[list[str] | None, Argument()] = None, seed: Annotated[list[int] | None, Option()] = None
 ) -> int:
     """Print the parts, all unless some are named; 1 when a bound is missed."""
-    parts = {
+    parts: dict[str, Callable[[], Iterator[Row]]] = {
         "changes": lambda: (row for one in seed or [100] for row in changes(one)),
         "tonight": tonight,
     }

@@ -162,7 +162,15 @@ def _by_vehicle(
     prior = posterior.scales.variances(2)
     return [
         Series(
-            name, str(model[i[0]]), day[i], y[i], variance[i], X[i], prior, causes, float(expected[i].sum())
+            str(name),
+            str(model[i[0]]),
+            day[i],
+            y[i],
+            variance[i],
+            X[i],
+            prior,
+            causes,
+            float(expected[i].sum()),
         )
         for name, i in pd.Series(vehicle).groupby(vehicle).indices.items()
     ]

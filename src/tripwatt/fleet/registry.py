@@ -32,6 +32,11 @@ from tripwatt.fleet.model import FleetModel
 from tripwatt.fleet.storage import load_fleet, save_fleet
 
 BOOTSTRAP: Final = 2000
+REPORT_FILES: Final = (
+    "changes.csv", "vehicles.csv", "drivers.csv", "needs.csv", "routes.csv", "emhass.json", "evcc.txt", "report.json", "report.html",
+)  # fmt: skip
+"""Files of the folder `report` of a registry, which the fleet's report writes and the service serves."""
+
 MARGIN: Final = 0.05
 """A challenger is refused when the whole interval of its difference lies above this share of the champion's error: less is of no
 practical consequence, and a newer model has seen more recent trips."""

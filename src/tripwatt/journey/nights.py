@@ -7,6 +7,7 @@ the other fields of a link. What is known at departure may stand beside it; `soc
 from __future__ import annotations
 
 import datetime as dt
+import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -36,6 +37,17 @@ LEAST_TRIPS: Final = 10
 
 TEXTS: Final = ("vehicle_id", "trip", "departs_at", "car_model", "driver", "kind")
 TAKEN: Final = ("distance_m", "energy_wh", "energy_quantile_wh", "soc_taken")
+NEEDS: Final = (
+    "vehicle_id",
+    "car_model",
+    "departs_at",
+    "arrives_at",
+    "trips",
+    *TAKEN[:3],
+    "soc_needed",
+    "soc",
+    "charge_wh",
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,13 +117,6 @@ def _planned(rows: pd.DataFrame) -> PlannedTrip:
     """A trip of its rows."""
     links = [{str(k): v for k, v in row.items() if pd.notna(v)} for row in rows.to_dict("records")]
     first, where = links[0], f"trip {links[0]['trip']} of {links[0]['vehicle_id']}"
-    try:
-        departs_at = dt.datetime.fromisoformat(str(first["departs_at"])).astimezone()
-    except ValueError as error:
-        allowed = "a time such as 2026-01-12T07:30+01:00"
-        raise InvalidInput.of(
-            "not a time", f"{where}: departs_at", f"{first['departs_at']}", allowed
-        ) from error
     if "length_m" in first:
         fields = [{k: v for k, v in link.items() if k in LINK_COLUMNS} for link in links]
         road: Plan | float = plan_from_route(route_from_links(fields), trip_id=str(first["trip"]))
@@ -121,7 +126,7 @@ def _planned(rows: pd.DataFrame) -> PlannedTrip:
     return PlannedTrip(
         str(first["trip"]),
         str(first["vehicle_id"]),
-        departs_at,
+        _time(str(first["departs_at"]), f"{where}: departs_at"),
         road,
         str(first.get("kind", UNKNOWN)),
         Departure(**known),
@@ -129,6 +134,14 @@ def _planned(rows: pd.DataFrame) -> PlannedTrip:
         first.get("car_model"),
         first.get("driver"),
     )
+
+
+def _time(text: str, where: str) -> dt.datetime:
+    """A time from its text, in the zone of this machine where it names none."""
+    try:
+        return dt.datetime.fromisoformat(text).astimezone()
+    except ValueError as error:
+        raise InvalidInput.of("not a time", where, text[:80], "such as 2026-01-12T07:30+01:00") from error
 
 
 def needs_by_hour(
@@ -150,7 +163,7 @@ def needs_by_hour(
     Returns
     -------
     DataFrame
-        `vehicle_id`, `car_model`, `departs_at` (the first of the hour), `trips`, `distance_m`, `energy_wh` (median), `energy_quantile_wh`,
+        `vehicle_id`, `car_model`, `departs_at` (the first of the hour), `arrives_at` (the last), `trips`, `distance_m`, `energy_wh` (median), `energy_quantile_wh`,
         `soc_needed` (displayed charge to leave with for this hour and the later ones without charging in between; above 1 where a full battery
         does not suffice), `soc` (now) and `charge_wh`: what is to be charged for this hour beyond what the hours before need [Wh], NaN where
         `soc` is not known.
@@ -165,16 +178,18 @@ def needs_by_hour(
     for trip in trips:
         own = _model_of(model, trip)
         forecast = trip.forecast(own, trip.departure)
-        (middle, most), (_, taken), _ = taken_by(forecast, (0.5, quantile))
+        (middle, most), (_, soc), duration_s = taken_by(forecast, (0.5, quantile))
+        at = trip.departs_at, trip.departs_at + dt.timedelta(seconds=duration_s)
+        taken = forecast.plan.distance_m, middle, most, max(soc, 1e-6)
         hour = trip.departs_at.replace(minute=0, second=0, microsecond=0)
-        rows.append(
-            (trip.vehicle_id, own.vehicle.name, hour, trip.departs_at, trip.soc, forecast.plan.distance_m, middle, most, max(taken, 1e-6))
-        )  # fmt: skip
-    table = pd.DataFrame(rows, columns=["vehicle_id", "car_model", "hour", "departs_at", "soc", *TAKEN])
+        rows.append((trip.vehicle_id, own.vehicle.name, hour, *at, trip.soc, *taken))
+    named = ["vehicle_id", "car_model", "hour", "departs_at", "arrives_at", "soc", *TAKEN]
+    table = pd.DataFrame(rows, columns=named)
     grouped = table.groupby(["vehicle_id", "hour"])
     needs = grouped[list(TAKEN)].sum()
     needs["trips"] = grouped.size()
     needs[["car_model", "departs_at"]] = grouped[["car_model", "departs_at"]].min()
+    needs["arrives_at"] = grouped["arrives_at"].max()
     needs = needs.reset_index()
     of_vehicle = needs.groupby("vehicle_id")
     needs["soc"] = needs["vehicle_id"].map(table.groupby("vehicle_id")["soc"].first())
@@ -183,8 +198,7 @@ def needs_by_hour(
     missing = (so_far + reserve - needs["soc"]).clip(lower=0.0)
     before = missing.groupby(needs["vehicle_id"]).shift(fill_value=0.0)
     needs["charge_wh"] = (missing - before) * needs["energy_quantile_wh"] / needs["soc_taken"]
-    columns = ["vehicle_id", "car_model", "departs_at", "trips", *TAKEN[:3], "soc_needed", "soc", "charge_wh"]
-    return needs[columns]
+    return needs[list(NEEDS)]
 
 
 def _model_of(model: FleetModel, trip: PlannedTrip) -> ForecastModel:
@@ -201,7 +215,11 @@ def coldest_week(rows: TripRows) -> tuple[dt.date, float] | None:
     ).dropna()
     weeks = ambient.groupby(pd.Grouper(freq="W-MON", label="left", closed="left")).agg(["mean", "size"])
     weeks = weeks[weeks["size"] >= min(LEAST_TRIPS, weeks["size"].max())] if len(weeks) else weeks
-    return None if weeks.empty else (weeks["mean"].idxmin().date(), float(weeks["mean"].min()))
+    return (
+        None
+        if weeks.empty
+        else (pd.Timestamp(str(weeks["mean"].idxmin())).date(), float(weeks["mean"].min()))
+    )
 
 
 def needs_by_car(
@@ -243,6 +261,8 @@ def _taken(trip: PlannedTrip, own: ForecastModel, weather: Departure, quantile: 
 def emhass(needs: pd.DataFrame, at: dt.datetime, charger_w: float, step_s: float = 1800.0) -> dict[str, Any]:
     """Payload for EMHASS's `naive-mpc-optim`: a deferrable load for each row that has something to charge, in the order of `vehicles`.
 
+    A load begins after the vehicle's trips of the hours before, and ends at its departure.
+
     Parameters
     ----------
     needs : DataFrame
@@ -254,24 +274,42 @@ def emhass(needs: pd.DataFrame, at: dt.datetime, charger_w: float, step_s: float
     step_s : float
         Length of a step [s].
 
+    Raises
+    ------
+    InvalidInput
+        When a vehicle with something to charge departs before `at`.
+
     Examples
     --------
     >>> leaves = dt.datetime(2026, 1, 12, 7, 30, tzinfo=dt.UTC)
-    >>> night = pd.DataFrame({"vehicle_id": ["V1"], "departs_at": [leaves], "charge_wh": [13320.0]})
-    >>> load = emhass(night, leaves - dt.timedelta(hours=10), 7400.0)
+    >>> row = {"vehicle_id": "V1", "departs_at": leaves, "arrives_at": leaves, "charge_wh": 13320.0}
+    >>> load = emhass(pd.DataFrame([row]), leaves - dt.timedelta(hours=10), 7400.0)
     >>> load["operating_hours_of_each_deferrable_load"], load["end_timesteps_of_each_deferrable_load"]
     ([2.0], [20])
     """
+    needs = needs.assign(after=needs.groupby("vehicle_id")["arrives_at"].shift(fill_value=at))
     loads = needs[needs["charge_wh"] > 0.0]
-    steps = [int((leaves - at).total_seconds() // step_s) for leaves in loads["departs_at"]]
+    rows = loads.to_dict("records")
+    raise_faults(
+        Fault(
+            "departs before the charging begins",
+            row["vehicle_id"],
+            f"{row['departs_at']}",
+            f"later than {at}",
+        )
+        for row in rows
+        if row["departs_at"] < at
+    )
+    steps = [[(row[name] - at).total_seconds() / step_s for name in ("after", "departs_at")] for row in rows]
+    last = [int(end) for _, end in steps]
     hours = loads["charge_wh"] / (EFFICIENCY * charger_w)
     return {
-        "prediction_horizon": max([*steps, 1]),
+        "prediction_horizon": max([*last, 1]),
         "number_of_deferrable_loads": len(loads),
         "nominal_power_of_deferrable_loads": [charger_w] * len(loads),
         "operating_hours_of_each_deferrable_load": [round(float(h), 3) for h in hours],
-        "start_timesteps_of_each_deferrable_load": [0] * len(loads),
-        "end_timesteps_of_each_deferrable_load": steps,
+        "start_timesteps_of_each_deferrable_load": [math.ceil(max(begin, 0.0)) for begin, _ in steps],
+        "end_timesteps_of_each_deferrable_load": last,
         "vehicles": loads["vehicle_id"].tolist(),
     }
 
@@ -286,7 +324,20 @@ def evcc(needs: pd.DataFrame) -> list[str]:
     ['/api/vehicles/V1/plan/soc/56/2026-01-12T07:30:00Z']
     """
     return [
-        f"/api/vehicles/{quote(str(row.vehicle_id), safe='')}/plan/soc/{min(math.ceil(100.0 * row.soc_needed - 1e-9), 100)}/"
-        f"{row.departs_at.astimezone(dt.UTC):%Y-%m-%dT%H:%M:%SZ}"
-        for row in needs.drop_duplicates("vehicle_id").itertuples()
+        f"/api/vehicles/{quote(str(row['vehicle_id']), safe='')}/plan/soc/{min(math.ceil(100.0 * row['soc_needed'] - 1e-9), 100)}/"
+        f"{row['departs_at'].astimezone(dt.UTC):%Y-%m-%dT%H:%M:%SZ}"
+        for row in needs.drop_duplicates("vehicle_id").to_dict("records")
     ]
+
+
+def night_document(needs: pd.DataFrame, at: dt.datetime, charger_w: float) -> dict[str, Any]:
+    """What a night needs as data: the rows of `needs_by_hour`, the payload of `emhass`, and the paths of `evcc`."""
+    return {"needs": records(needs), "emhass": emhass(needs, at, charger_w), "evcc": evcc(needs)}
+
+
+def records(table: pd.DataFrame) -> list[dict[str, Any]]:
+    """Rows of a table as data: times as text in UTC, None for what is not known."""
+    rows: list[dict[str, Any]] = json.loads(
+        table.to_json(orient="records", date_format="iso", double_precision=15)
+    )
+    return rows
