@@ -94,11 +94,13 @@ def months(days: Any) -> list[str]:
 NAMES = {"battery": "battery energy per displayed percent"}
 
 
-def changes(seed: int, rows: TripRows | None = None, verbose: bool = False) -> Iterator[Row]:
+def changes(
+    seed: int, rows: TripRows | None = None, verbose: bool = False, trips: int = TRIPS
+) -> Iterator[Row]:
     """How many of the planted changes are listed with cause and month, and how many others."""
     from tripwatt.fleet.changes import changes as listed_changes
 
-    plan = planted(seed)
+    plan = planted(seed, trips)
     rows = rows_of_plan(plan) if rows is None else rows
     sums = rows.sums
     posterior = group_posterior(sums, fit_scales(sums, START))
@@ -115,13 +117,13 @@ def changes(seed: int, rows: TripRows | None = None, verbose: bool = False) -> I
     of_cause = {vehicle for vehicle, cause, _ in seen if vehicle in true and true[vehicle][0] == cause}
     false = [vehicle for vehicle, cause, _ in seen if true.get(vehicle, ("",))[0] != cause]
     yield Row(
-        f"seed {seed}: of {CHANGED} changes of {VEHICLES} vehicles, listed with cause and month",
+        f"seed {seed}, {trips} trips a year: of {CHANGED} changes of {VEHICLES} vehicles, listed with cause and month",
         len(right),
         least=9.0,
     )
-    yield Row(f"seed {seed}: listed with their cause", len(of_cause))
-    yield Row(f"seed {seed}: listed that are none", len(false), most=1.0)
-    yield Row(f"seed {seed}: time for {len(rows)} trips", took, "s")
+    yield Row(f"seed {seed}, {trips} trips a year: listed with their cause", len(of_cause))
+    yield Row(f"seed {seed}, {trips} trips a year: listed that are none", len(false), most=1.0)
+    yield Row(f"seed {seed}, {trips} trips a year: time for {len(rows)} trips", took, "s")
 
 
 def tonight(vehicles: int = VEHICLES) -> Iterator[Row]:
@@ -150,11 +152,13 @@ def tonight(vehicles: int = VEHICLES) -> Iterator[Row]:
 
 
 def main(
-    what: Annotated[list[str] | None, Argument()] = None, seed: Annotated[list[int] | None, Option()] = None
+    what: Annotated[list[str] | None, Argument()] = None,
+    seed: Annotated[list[int] | None, Option()] = None,
+    trips: int = TRIPS,
 ) -> int:
     """Print the parts, all unless some are named; 1 when a bound is missed."""
     parts: dict[str, Callable[[], Iterator[Row]]] = {
-        "changes": lambda: (row for one in seed or [100] for row in changes(one)),
+        "changes": lambda: (row for one in seed or [100] for row in changes(one, trips=trips)),
         "tonight": tonight,
     }
     return report(row for name in what or parts for row in parts[name]())

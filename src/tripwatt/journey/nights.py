@@ -17,7 +17,7 @@ from urllib.parse import quote
 
 import pandas as pd
 
-from tripwatt.errors import Fault, InvalidInput, system_errors
+from tripwatt.errors import Check, Fault, InvalidInput, places_within, system_errors
 from tripwatt.fleet.batch import KNOWN
 from tripwatt.fleet.model import COLD_DEGC, FleetModel
 from tripwatt.fleet.statistics import TripRows
@@ -27,6 +27,7 @@ from tripwatt.journey.kinds import UNKNOWN
 from tripwatt.routes import plan_from_route, route_from_links
 from tripwatt.trips import LINK_COLUMNS, Departure, Plan, raise_faults
 from tripwatt.trips.columns import require_fraction, require_number
+from tripwatt.vehicles import Vehicle
 
 QUANTILE: Final = 0.95
 EFFICIENCY: Final = 0.9
@@ -67,6 +68,8 @@ class PlannedTrip:
     soc : float
         Displayed charge now; NaN where it is not known.
     car_model, driver : str or None
+    where : str
+        Its place in its table or request, which begins the place of every fault.
     """
 
     name: str
@@ -78,12 +81,21 @@ class PlannedTrip:
     soc: float
     car_model: str | None
     driver: str | None
+    where: str = ""
 
     def forecast(self, own: ForecastModel, departure: Departure) -> Forecast:
         """By the model of a car."""
         if isinstance(self.road, Plan):
             return own.forecast(self.road, departure)
         return KindForecaster.from_kind(own, departure, self.kind).forecast(1000.0 * self.road)
+
+    def forecast_by(self, fleet: FleetModel) -> tuple[Vehicle, Forecast]:
+        """The car and the forecast by the model of a fleet."""
+        ambient = self.departure.ambient_temperature_degc
+        cold = None if ambient is None else ambient < COLD_DEGC
+        with places_within(self.where):
+            own = fleet.of_vehicle(self.vehicle_id, car_model=self.car_model, driver=self.driver, cold=cold)
+            return own.vehicle, self.forecast(own, self.departure)
 
 
 def read_planned(file: Path | str) -> list[PlannedTrip]:
@@ -116,23 +128,24 @@ def read_planned(file: Path | str) -> list[PlannedTrip]:
 def _planned(rows: pd.DataFrame) -> PlannedTrip:
     """A trip of its rows."""
     links = [{str(k): v for k, v in row.items() if pd.notna(v)} for row in rows.to_dict("records")]
-    first, where = links[0], f"trip {links[0]['trip']} of {links[0]['vehicle_id']}"
+    first, where = links[0], f"trip {links[0]['trip']} of {links[0]['vehicle_id']}: "
     if "length_m" in first:
         fields = [{k: v for k, v in link.items() if k in LINK_COLUMNS} for link in links]
         road: Plan | float = plan_from_route(route_from_links(fields), trip_id=str(first["trip"]))
     else:
-        road = require_number(f"{where}: distance_km", first.get("distance_km"), *DISTANCES_KM)
+        road = require_number(f"{where}distance_km", first.get("distance_km"), *DISTANCES_KM)
     known = {name: first[name] for name in KNOWN if name in first and name != "soc"}
     return PlannedTrip(
         str(first["trip"]),
         str(first["vehicle_id"]),
-        _time(str(first["departs_at"]), f"{where}: departs_at"),
+        _time(str(first["departs_at"]), f"{where}departs_at"),
         road,
         str(first.get("kind", UNKNOWN)),
         Departure(**known),
-        require_fraction(f"{where}: soc", first["soc"]) if "soc" in first else float("nan"),
+        require_fraction(f"{where}soc", first["soc"]) if "soc" in first else float("nan"),
         first.get("car_model"),
         first.get("driver"),
+        where,
     )
 
 
@@ -174,15 +187,15 @@ def needs_by_hour(
         When a vehicle is not known and has no car model, or a trip cannot be forecast.
     """
     quantile, reserve = require_fraction("quantile", quantile, 0.5), require_fraction("reserve", reserve)
+    with Check() as check:
+        forecasts = [check(trip.forecast_by, model) for trip in trips]
     rows = []
-    for trip in trips:
-        own = _model_of(model, trip)
-        forecast = trip.forecast(own, trip.departure)
+    for trip, (car, forecast) in zip(trips, forecasts, strict=True):
         (middle, most), (_, soc), duration_s = taken_by(forecast, (0.5, quantile))
         at = trip.departs_at, trip.departs_at + dt.timedelta(seconds=duration_s)
         taken = forecast.plan.distance_m, middle, most, max(soc, 1e-6)
         hour = trip.departs_at.replace(minute=0, second=0, microsecond=0)
-        rows.append((trip.vehicle_id, own.vehicle.name, hour, *at, trip.soc, *taken))
+        rows.append((trip.vehicle_id, car.name, hour, *at, trip.soc, *taken))
     named = ["vehicle_id", "car_model", "hour", "departs_at", "arrives_at", "soc", *TAKEN]
     table = pd.DataFrame(rows, columns=named)
     grouped = table.groupby(["vehicle_id", "hour"])
@@ -199,12 +212,6 @@ def needs_by_hour(
     before = missing.groupby(needs["vehicle_id"]).shift(fill_value=0.0)
     needs["charge_wh"] = (missing - before) * needs["energy_quantile_wh"] / needs["soc_taken"]
     return needs[list(NEEDS)]
-
-
-def _model_of(model: FleetModel, trip: PlannedTrip) -> ForecastModel:
-    ambient = trip.departure.ambient_temperature_degc
-    cold = None if ambient is None else ambient < COLD_DEGC
-    return model.of_vehicle(trip.vehicle_id, car_model=trip.car_model, driver=trip.driver, cold=cold)
 
 
 def coldest_week(rows: TripRows) -> tuple[dt.date, float] | None:
