@@ -16,7 +16,7 @@ from typing import Any, Final
 import numpy as np
 import pandas as pd
 
-from tripwatt.arrays import FloatArray
+from tripwatt.arrays import BoolArray, FloatArray
 from tripwatt.fleet.features import FEATURES, SCALES, WARM_DEGC
 from tripwatt.fleet.statistics import TripRows
 from tripwatt.hybrid.groups import GroupPosterior, Scales, Sums, fit_scales, group_posterior
@@ -117,6 +117,8 @@ def changes(posterior: GroupPosterior, rows: TripRows) -> pd.DataFrame:
 def series_of(posterior: GroupPosterior, rows: TripRows) -> Iterator[Series]:
     """Series of the energy of each vehicle, and of the displayed charge where it was logged."""
     order, day = rows.in_time
+    if not len(order):
+        return
     rows, day = rows.take(order, sort=False), day[order]
     X, observed = rows.X, rows.numbers("observed_wh")
     causes = {name: np.isin(FEATURES, parts) / SCALES for name, parts in CAUSES.items()}
@@ -201,8 +203,9 @@ def changes_of(series: Series, chance: float) -> Iterator[dict[str, object]]:
     from scipy.stats import t as student
 
     X, prior = series.X, series.prior
+    free = np.append(True, series.day[1:] != series.day[:-1])  # a day's trips stay together
     for _ in range(MOST_CHANGES):
-        scan = Scan.of(series, X, prior)
+        scan = Scan.of(series, X, prior, free)
         if scan is None:
             return
         cause, k, share, sd = scan.best()
@@ -226,6 +229,7 @@ def changes_of(series: Series, chance: float) -> Iterator[dict[str, object]]:
         }
         step = (series.X @ series.causes[cause]) * (np.arange(len(series.y)) >= k)
         X, prior = np.column_stack([X, step]), np.append(prior, 1e2)
+        free &= np.abs(np.arange(len(free)) - k) >= LEAST_TRIPS
 
 
 @dataclass(frozen=True, eq=False)
@@ -251,8 +255,8 @@ class Scan:
     evidence: FloatArray
 
     @classmethod
-    def of(cls, series: Series, X: FloatArray, prior: FloatArray) -> Scan | None:
-        """All causes and trips of a series; None where it has too few trips.
+    def of(cls, series: Series, X: FloatArray, prior: FloatArray, free: BoolArray) -> Scan | None:
+        """All causes and the `free` trips of a series; None where it has too few trips.
 
         The level of the errors and the weights of trips far off are those beside the likeliest change.
         """
@@ -261,18 +265,19 @@ class Scan:
             return None
         scan, terms, own = None, X, prior
         for _ in range(2):
-            scan = cls._weighted(series, X, prior, _weights(series, terms, own))
+            scan = cls._weighted(series, X, prior, free, _weights(series, terms, own))
             cause, k, *_ = scan.best()
             step = (series.X @ series.causes[cause]) * (np.arange(n) >= k)
             terms, own = np.column_stack([X, step]), np.append(prior, 1e2)
         return scan
 
     @classmethod
-    def _weighted(cls, series: Series, X: FloatArray, prior: FloatArray, w: FloatArray) -> Scan:
+    def _weighted(
+        cls, series: Series, X: FloatArray, prior: FloatArray, free: BoolArray, w: FloatArray
+    ) -> Scan:
         inverse = np.linalg.inv((X.T * w) @ X + np.diag(1.0 / prior))
         fit = series.y - X @ (inverse @ (X.T @ (w * series.y)))
         places = slice(LEAST_TRIPS, len(w) - LEAST_TRIPS + 1)
-        later = np.append(True, series.day[1:] != series.day[:-1])[places]  # a day's trips stay together
         shares, sds = [], []
         for weights in series.causes.values():
             z = series.X @ weights
@@ -281,7 +286,7 @@ class Scan:
                 for values in (X * (w * z)[:, None], w * z * z, w * z * fit)
             )
             information = square - np.einsum("kp,pq,kq->k", both, inverse, both)
-            known = later & (information > 1e-9 * np.maximum(square, 1e-30))
+            known = free[places] & (information > 1e-9 * np.maximum(square, 1e-30))
             sds.append(np.where(known, 1.0 / np.sqrt(np.where(known, information, 1.0)), np.inf))
             shares.append(np.where(known, error / np.where(known, information, 1.0), 0.0))
         # a rise of a cause by all of itself, as a share of the total

@@ -228,8 +228,7 @@ def node_values(
 def taken_by(forecast: Forecast, levels: Sequence[float]) -> tuple[FloatArray, FloatArray, float]:
     """Quantiles of energy [Wh] and displayed charge that a trip takes, shape (levels,), and its duration [s]."""
     energy = np.array([forecast.quantile(level) for level in levels])
-    start = float(forecast.soc_along(0.5)[0])
-    charge = np.array([start - float(forecast.soc_along(level)[-1]) for level in levels])
+    charge = np.array([soc[0] - soc[-1] for soc in map(forecast.soc_along, levels)])
     return energy, charge, forecast.plan.duration_s
 
 

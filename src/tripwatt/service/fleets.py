@@ -183,7 +183,5 @@ def night(fleets: Mapping[str, FollowedModel], request: NightRequest, limits: Li
         raise InvalidInput.of("no fleet", "model", name or "none", ", ".join(fleets) or "serve a registry")
     with Check() as check:
         trips = [check(trip.planned, number, limits) for number, trip in enumerate(request.trips)]
-    needs = needs_by_hour(
-        fleets[name].get(), trips, quantile=request.quantile, reserve=request.reserve
-    )
+    needs = needs_by_hour(fleets[name].get(), trips, quantile=request.quantile, reserve=request.reserve)
     return night_document(needs, request.begins_at or dt.datetime.now(dt.UTC), request.plug_w)
