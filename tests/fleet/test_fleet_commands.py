@@ -149,4 +149,4 @@ def test_the_report_is_a_folder_of_the_registry(fleet, registry, tmp_path):
     assert {row["driver"].partition("/")[0] for row in written["drivers"]} <= {
         row["vehicle_id"] for row in written["vehicles"]
     }
-    assert "suffices with 90%" in (out / "report.html").read_text("utf-8")
+    assert "suffices with 90\u00a0%" in (out / "report.html").read_text("utf-8")

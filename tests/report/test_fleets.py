@@ -83,15 +83,16 @@ def test_every_change_is_listed_with_its_cause_and_its_beginning():
     for k in range(60):
         assert f'<th scope="row">&lt;v{k}&gt;</th>' in page
     for text in (
-        "road load (99%)",
-        "2025-05-20 to 2025-06-03",
-        "+5.1 ± 0.4",
+        "road load (99\u00a0%)",
+        ">2025-05-20<",
+        ">2025-06-03<",
+        "+5.1\u00a0±\u00a00.4",
         "60 of 80 vehicles: 60 by road load",
         "Fleet &amp; co",
     ):
         assert text in page, text
     assert "<script" not in page
-    assert "No vehicle changed by 2% or more beyond chance." in report(0).page()
+    assert "No vehicle changed by 2\u00a0% or more beyond chance." in report(0).page()
 
 
 def test_drivers_are_shown_only_where_they_are_asked_for():
@@ -132,8 +133,10 @@ def test_a_folder_has_a_file_for_each_program_and_none_of_an_earlier_report(tmp_
 
 def test_the_need_of_the_night_is_summed():
     page = report(needs=needs_of(0.2)).page()
-    assert "2 trips need 12 kWh if each gets what suffices with 95%." in page
+    assert "2 trips need 12 kWh if each gets what suffices with 95\u00a0%." in page
     assert "6 kWh are to be charged" in page
+    assert "charge between" not in page
+    assert "1 vehicles have to charge between" in report(needs=needs_of(0.2).assign(soc_needed=1.2)).page()
     assert "to be charged" not in report(needs=needs_of(None)).page()
 
 
@@ -149,6 +152,6 @@ def test_routes_name_the_cars_that_can_drive_them():
     said = said_of_routes(by_car, 0.95, dt.date(2025, 1, 6), -7.4)
     assert "from 2025-01-06 at −7 °C" in said
     assert (
-        "suffices for 1 of 3 routes with 95%; 1 need some of the car models, and 1 need a charging stop"
+        "suffices for 1 of 3 routes with 95\u00a0%; 1 need some of the car models, and 1 need a charging stop"
         in said
     )

@@ -30,6 +30,7 @@ from tripwatt.journey.nights import (
 from tripwatt.report.html import page_text
 from tripwatt.report.panel import Panel
 from tripwatt.report.tables import Column, Table, in_kwh, in_percent, in_words, number, tabulated
+from tripwatt.report.words import percent
 
 CLASSES: Final = {
     "car_model": "car model",
@@ -199,8 +200,9 @@ class ManagerReport:
         return page_text("fleet.html.jinja", panels, title=self.title, facts=facts.items(), foot=_CHANGE)
 
     def said(self) -> Iterator[tuple[str, tuple[Table, ...]]]:
-        """Sentence and tables of each panel that is not folded, for the terminal."""
-        return ((panel.sentence, panel.tables) for panel in self._panels() if not panel.folded)
+        """Sentence and tables of each panel that is not folded, for the terminal; the table of needs is long and stays in its file."""
+        shown = (panel for panel in self._panels() if not panel.folded)
+        return ((panel.sentence, () if panel.key == "need" else panel.tables) for panel in shown)
 
     def _panels(self) -> Iterator[Panel]:
         tables = (changes_table(self.changed),) if len(self.changed) else ()
@@ -248,14 +250,14 @@ _ERROR: Final = (
     "it is named after."
 )
 _CHANGE: Final = (
-    f"A change is listed if it is {LEAST_CHANGE:.0%} or more and beyond chance: in a fleet without changes, one of {1.0 / FALSE_CHANGES:.0f} reports lists "
-    "one. The percentage after a cause is the probability that it is the right one."
+    f"A change is listed if it is {percent(LEAST_CHANGE, 0)} or more and beyond chance: in a fleet without changes, one of {1.0 / FALSE_CHANGES:.0f} reports lists "
+    "one. The percentage after a cause is the probability that it is the right one; the beginning lies between the earliest and the latest day with 95 %."
 )
 _SHARES: Final = {
     "vehicle": "Energy beyond that of the car model on the usual trip of the car model, with one standard deviation.",
     "driver": "Energy beyond that of the vehicle's drivers together on the usual trip of the car model, with one standard deviation.",
 }
-NONE_CHANGED: Final = f"No vehicle changed by {LEAST_CHANGE:.0%} or more beyond chance."
+NONE_CHANGED: Final = f"No vehicle changed by {percent(LEAST_CHANGE, 0)} or more beyond chance."
 
 
 def said_of_changes(changed: pd.DataFrame, vehicles: pd.DataFrame) -> str:
@@ -275,18 +277,19 @@ def changes_table(changed: pd.DataFrame) -> Table:
         "Every change, the largest first",
         changed.to_dict("records"),
         Column("vehicle", "vehicle_id"),
-        in_words("car model", "car_model"),
-        in_words("cause", lambda row: f"{row['cause']} ({row['probability']:.0%})"),
+        in_words("cause", lambda row: f"{row['cause']} ({percent(row['probability'], 0)})"),
         in_words("since", "since"),
-        in_words("95 % interval", lambda row: f"{row['from_day']} to {row['to_day']}"),
+        in_words("earliest", "from_day"),
+        in_words("latest", "to_day"),
         Column("more [%]", _more("change")),
         Column("trips before", "before", digits=0),
         Column("after", "after", digits=0),
+        in_words("car model", "car_model"),
     )
 
 
 def _more(name: str) -> Callable[[Mapping[str, Any]], str]:
-    return lambda row: f"{100.0 * row[name]:+.1f} ± {100.0 * row['sd']:.1f}"
+    return lambda row: f"{100.0 * row[name]:+.1f}\u00a0±\u00a0{100.0 * row['sd']:.1f}"
 
 
 def said_of_needs(needs: pd.DataFrame, quantile: float) -> str:
@@ -298,7 +301,13 @@ def said_of_needs(needs: pd.DataFrame, quantile: float) -> str:
         else ""
     )
     energy = f"{needs['trips'].sum()} trips need {needs['energy_quantile_wh'].sum() / 1000.0:.0f} kWh"
-    return f"{energy} if each gets what suffices with {quantile:.0%}.{charge}"
+    full = int((needs["soc_needed"] > 1.0).groupby(needs["vehicle_id"]).any().sum())
+    between = (
+        f" {full} vehicles have to charge between or on their trips: a full battery does not suffice for all of them."
+        if full
+        else ""
+    )
+    return f"{energy} if each gets what suffices with {percent(quantile, 0)}.{charge}{between}"
 
 
 def needs_table(needs: pd.DataFrame, quantile: float) -> Table:
@@ -311,7 +320,7 @@ def needs_table(needs: pd.DataFrame, quantile: float) -> Table:
         Column("trips", "trips", digits=0),
         Column("distance [km]", "distance_m", 1e-3, 0),
         in_kwh("energy, median [kWh]", "energy_wh", 1),
-        in_kwh(f"suffices with {quantile:.0%} [kWh]", "energy_quantile_wh", 1),
+        in_kwh(f"suffices with {percent(quantile, 0)} [kWh]", "energy_quantile_wh", 1),
         in_percent("leave with [%]", "soc_needed", 0),
         in_percent("charge now [%]", "soc", 0),
         in_kwh("to charge [kWh]", "charge_wh", 1),
@@ -324,7 +333,7 @@ def said_of_routes(by_car: pd.DataFrame, quantile: float, monday: dt.date, ambie
     every, none = int((able == by_car.shape[1]).sum()), int((able == 0).sum())
     return (
         f"In the coldest week so far, from {monday} at {number(ambient_degc, 1.0, 0)} °C, a full battery of every car model suffices for {every} of "
-        f"{len(able)} routes with {quantile:.0%}; {len(able) - every - none} need some of the car models, and {none} need a charging stop in any of them. "
+        f"{len(able)} routes with {percent(quantile, 0)}; {len(able) - every - none} need some of the car models, and {none} need a charging stop in any of them. "
         "The columns have the displayed charge [%] that suffices with each car model, whichever vehicle it is; a dash is more than a full battery."
     )
 
