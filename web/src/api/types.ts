@@ -386,6 +386,38 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/v1/fleet/needs": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        post: operations["fleet_needs"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/fleet/report/{file}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get: operations["get_fleet_report"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/v1/telemetry": {
         parameters: {
             query?: never;
@@ -812,6 +844,15 @@ export interface components {
             position_m: number[];
             elevation_m: number[];
         };
+        EmhassLoads: {
+            prediction_horizon: number;
+            number_of_deferrable_loads: number;
+            nominal_power_of_deferrable_loads: number[];
+            operating_hours_of_each_deferrable_load: number[];
+            start_timesteps_of_each_deferrable_load: number[];
+            end_timesteps_of_each_deferrable_load: number[];
+            vehicles: string[];
+        };
         EmptyAt: {
             early: number | null;
             expected: number | null;
@@ -971,6 +1012,19 @@ export interface components {
         HealthResponse: {
             status: string;
             workers: number;
+        };
+        HourNeed: {
+            vehicle_id: string;
+            car_model: string;
+            departs_at: string;
+            arrives_at: string;
+            trips: number;
+            distance_m: number;
+            energy_wh: number | null;
+            energy_quantile_wh: number | null;
+            soc_needed: number | null;
+            soc: number | null;
+            charge_wh: number | null;
         };
         JourneyAdviceRequest: {
             model?: string | null;
@@ -1287,6 +1341,19 @@ export interface components {
             p_reach: number;
             more_s: number;
         };
+        NightRequest: {
+            model?: string | null;
+            trips: components["schemas"]["PlannedTripRequest"][];
+            quantile?: number;
+            reserve?: number | null;
+            plug_w?: number;
+            begins_at?: string | null;
+        };
+        NightResponse: {
+            needs: components["schemas"]["HourNeed"][];
+            emhass: components["schemas"]["EmhassLoads"];
+            evcc: string[];
+        };
         PaceDocument: {
             front: components["schemas"]["PaceRow"][];
             knee: components["schemas"]["PaceSpeeds"];
@@ -1382,6 +1449,32 @@ export interface components {
             roads: components["schemas"]["RoadDocument"][];
             flags: components["schemas"]["FlagDocument"][];
             attribution: string;
+        };
+        PlannedTripRequest: {
+            soc?: number | null;
+            ambient_temperature_degc?: number | null;
+            cabin_setpoint_degc?: number | null;
+            cabin_temperature_degc?: number | null;
+            battery_temperature_degc?: number | null;
+            payload_mass_kg?: number | null;
+            climate?: ("auto" | "off" | "heat" | "cool") | null;
+            extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights" | "heated_seats")[] | null;
+            terrain?: ("unknown" | "flat" | "hilly" | "mountains") | null;
+            wind_speed_m_s?: number | null;
+            wind_from_deg?: number | null;
+            rain_mm_h?: number | null;
+            pressure_pa?: number | null;
+            tyre_pressure?: number | null;
+            vehicle_id: string;
+            trip?: string;
+            /** Format: date-time */
+            departs_at: string;
+            distance_km?: number | null;
+            /** @enum {string} */
+            kind?: "city" | "country" | "motorway" | "mixed";
+            links?: components["schemas"]["Link"][] | null;
+            vehicle?: string | null;
+            driver?: string | null;
         };
         PolygonDocument: {
             /** @constant */
@@ -1710,6 +1803,7 @@ export type DifferenceDocument = components['schemas']['DifferenceDocument'];
 export type DifferenceRequest = components['schemas']['DifferenceRequest'];
 export type DistanceNeed = components['schemas']['DistanceNeed'];
 export type Elevation = components['schemas']['Elevation'];
+export type EmhassLoads = components['schemas']['EmhassLoads'];
 export type EmptyAt = components['schemas']['EmptyAt'];
 export type ExampleResponse = components['schemas']['ExampleResponse'];
 export type ExampleSummary = components['schemas']['ExampleSummary'];
@@ -1724,6 +1818,7 @@ export type ForecastRequest = components['schemas']['ForecastRequest'];
 export type ForecastResponse = components['schemas']['ForecastResponse'];
 export type Forgotten = components['schemas']['Forgotten'];
 export type HealthResponse = components['schemas']['HealthResponse'];
+export type HourNeed = components['schemas']['HourNeed'];
 export type JourneyAdviceRequest = components['schemas']['JourneyAdviceRequest'];
 export type JourneyDifferenceRequest = components['schemas']['JourneyDifferenceRequest'];
 export type KeptSpeed = components['schemas']['KeptSpeed'];
@@ -1755,6 +1850,8 @@ export type NeedAnswer = components['schemas']['NeedAnswer'];
 export type NeedResponse = components['schemas']['NeedResponse'];
 export type NewCarRequest = components['schemas']['NewCarRequest'];
 export type NextStationDocument = components['schemas']['NextStationDocument'];
+export type NightRequest = components['schemas']['NightRequest'];
+export type NightResponse = components['schemas']['NightResponse'];
 export type PaceDocument = components['schemas']['PaceDocument'];
 export type PaceRow = components['schemas']['PaceRow'];
 export type PaceSpeeds = components['schemas']['PaceSpeeds'];
@@ -1764,6 +1861,7 @@ export type PlaceRequest = components['schemas']['PlaceRequest'];
 export type PlacesResponse = components['schemas']['PlacesResponse'];
 export type PlanRequest = components['schemas']['PlanRequest'];
 export type PlanResponse = components['schemas']['PlanResponse'];
+export type PlannedTripRequest = components['schemas']['PlannedTripRequest'];
 export type PolygonDocument = components['schemas']['PolygonDocument'];
 export type PreheatDocument = components['schemas']['PreheatDocument'];
 export type ProblemDocument = components['schemas']['ProblemDocument'];
@@ -2399,6 +2497,55 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    "text/plain": string;
+                };
+            };
+        };
+    };
+    fleet_needs: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["NightRequest"];
+            };
+        };
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["NightResponse"];
+                };
+            };
+        };
+    };
+    get_fleet_report: {
+        parameters: {
+            query?: {
+                model?: string | null;
+            };
+            header?: never;
+            path: {
+                file: "changes.csv" | "vehicles.csv" | "drivers.csv" | "needs.csv" | "routes.csv" | "emhass.json" | "evcc.txt" | "report.json" | "report.html";
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "text/html": string;
+                    "application/json": unknown;
+                    "text/csv": string;
                     "text/plain": string;
                 };
             };
