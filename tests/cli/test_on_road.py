@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 from pathlib import Path
 
@@ -10,10 +11,10 @@ import pytest
 from typer.testing import CliRunner
 
 from tripwatt.cli import app
-from tripwatt.cli.on_road import sentence
 from tripwatt.cli.serve import make_cars_folder
 from tripwatt.errors import InvalidInput
 from tripwatt.live.tokens import digest_of, token_digest
+from tripwatt.service.settings import Settings
 
 
 def run(*arguments: object) -> str:
@@ -41,47 +42,49 @@ def test_a_new_folder_of_cars_is_made_and_only_there(tmp_path: Path) -> None:
 
 
 def test_all_wrong_options_are_named_together(tmp_path: Path) -> None:
+    options = ["--mqtt", "mqtt://h", "--follow", "leaf=bmw:x", "--follow", "leaf", "--follow", "zoe=ovms:#"]
     with pytest.raises(InvalidInput) as caught:
-        run(
-            "live",
-            tmp_path / "leaf",
-            "--mqtt",
-            "http://h",
-            "--source",
-            "bmw",
-            "--topic",
-            "x",
-            "--plan",
-            "none.gpx",
-        )
+        run("serve", "--cars", tmp_path / "cars", *options)
     whats = [fault.what for fault in caught.value.faults]
-    assert whats[:2] == ["not a broker", "unknown sender"]
-    assert len(whats) == 3
-    assert not (tmp_path / "leaf").exists()
+    assert whats == ["unknown sender", "not a car to follow", "no topic of one car"]
+
+
+@pytest.mark.parametrize(
+    ("options", "what"),
+    [
+        (["--mqtt", "http://h"], "not a broker"),
+        (
+            ["--mqtt", "mqtt://h"],
+            "option has no effect: --mqtt: got 'mqtt://h'; allowed: only together with --cars",
+        ),
+        (["--follow", "leaf=ovms:x"], "only together with --mqtt"),
+        (["--mqtt", "mqtt://h", "--follow", "a=ovms:x", "--follow", "a=ovms:y"], "duplicate car name"),
+    ],
+)
+def test_options_of_mqtt_go_together(options: list[str], what: str) -> None:
+    with pytest.raises(InvalidInput, match=re.escape(what)):
+        run("serve", *options)
 
 
 def test_without_the_extra_the_error_names_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "aiomqtt", None)
     with pytest.raises(InvalidInput, match=r"pip install -e '\.\[live\]'"):
-        run("live", tmp_path / "leaf", "--mqtt", "mqtt://h", "--source", "ovms", "--topic", "x")
+        run("serve", "--cars", tmp_path, "--mqtt", "mqtt://h")
 
 
-def test_a_car_in_one_line() -> None:
-    found = {
-        "vehicle": "leaf",
-        "messages": {"new": 7},
-        "trip": {"distance_m": 3456.0},
-        "forecast": {
-            "energy_wh": 2345.0,
-            "soc_arrival": 0.62,
-            "soc_quantiles": {"0.05": 0.6, "0.5": 0.62, "0.95": 0.64},
-            "p_arrive": 0.998,
-            "p_arrive_at_all": 0.9994,
-            "reserve": 0.1,
-        },
-        "faults": [{"what": "charge rises"}],
-    }
-    assert sentence(found) == (
-        "leaf: 3.5 km driven, 7 messages, 2.35 kWh in all, arrival with 62% (60% to 64%), 99.9% to arrive, "
-        "99.8% with 10%, charge rises"
+def test_the_old_command_is_one_of_the_service(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    given: list[Settings] = []
+    monkeypatch.setattr("tripwatt.service.serving.serve", lambda settings, on_start: given.append(settings))
+    sends = ["--source", "ovms", "--topic", "ovms/me/leaf/metric", "--publish", "cars"]
+    done = CliRunner().invoke(app, ["live", f"{tmp_path / 'leaf'}", "--mqtt", "mqtt://h", *sends])
+    assert done.exit_code == 0, done.output
+    assert (
+        f"use: tripwatt serve --cars {tmp_path} --mqtt mqtt://h --follow leaf=ovms:ovms/me/leaf/metric"
+        in done.stderr
     )
+    (settings,) = given
+    assert (settings.cars, settings.port) == (tmp_path, 0)
+    assert settings.mqtt is not None
+    assert settings.mqtt.cars == {"leaf": ("ovms", "ovms/me/leaf/metric")}
+    assert (settings.mqtt.publish_to, settings.mqtt.announce_below) == ("cars", "")
+    assert "live" not in run("--help").split("Commands")[1].split()

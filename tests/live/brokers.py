@@ -19,7 +19,7 @@ import pandas as pd
 from tests.live.messages import NOON_S, abrp_messages, over_a_bad_connection
 
 from tripwatt.forecasting import Forecast
-from tripwatt.live import Broker, Follower, RoadCar, Sample, TopicJoiner, sample_from_abrp
+from tripwatt.live import Broker, Follower, MqttSettings, RoadCar, Sample, sample_from_abrp
 from tripwatt.live.live_trip import SILENCE_S
 
 MOSQUITTO: Final = shutil.which("mosquitto") or shutil.which("/usr/sbin/mosquitto")
@@ -114,44 +114,82 @@ async def _replay(
         cars = {d.name: stack.enter_context(RoadCar(folder / "cars" / d.name)) for d in drives}
         for car in cars.values():
             car.set_plan({}, NOON_S)
-        tasks = [
-            asyncio.ensure_future(
-                Follower(cars[d.name], TopicJoiner("abrp", d.topic), lambda _: None, every_s=0.5).follow(
-                    where
-                )
-            )
-            for d in drives
-        ]
+        settings = MqttSettings(where, {d.name: ("abrp", d.topic) for d in drives})
+        task = asyncio.ensure_future(follower_of(cars, settings).follow())
         try:
             half = {d.name: len(d.messages) // 2 for d in drives}
-            await _subscribed(where, len(drives))
+            await subscribed(where, len(drives))
             for d in drives:
                 await _send(where, d, cars[d.name], 0, half[d.name], wait=victim is None)
             if victim is not None:
                 victim.kill()
                 victim.wait()
                 with broker(folder, where.port) as (again, _):
-                    await _subscribed(again, len(drives))
+                    await subscribed(again, len(drives))
                     for d in drives:
                         await _send(again, d, cars[d.name], max(half[d.name] - AGAIN, 0), len(d.messages))
             else:
                 for d in drives:
                     await _send(where, d, cars[d.name], half[d.name], len(d.messages))
         finally:
-            for task in tasks:
-                task.cancel()
-            await asyncio.gather(*tasks, return_exceptions=True)
+            task.cancel()
+            await asyncio.gather(task, return_exceptions=True)
         return [_judged(d, cars[d.name], forecasts[d.name]) for d in drives]
 
 
-async def _subscribed(where: Broker, followers: int) -> None:
-    """Wait until all sessions are there: what is published after that is kept for them."""
+async def subscribed(where: Broker, topics: int = 1) -> None:
+    """Wait until all topics are subscribed: what is published after that is kept for the followers."""
     async with aiomqtt.Client(where.host, where.port) as client:
         await client.subscribe("$SYS/broker/subscriptions/count")
         async for message in client.messages:
             assert isinstance(message.payload, bytes)
-            if int(message.payload) > followers:
+            if int(message.payload) > topics:
                 return
+
+
+async def published(where: Broker, topic: str, wanted: Callable[[Mapping[str, Any]], bool]) -> dict[str, Any]:
+    """The first document on a topic that is wanted."""
+    async with aiomqtt.Client(where.host, where.port) as client:
+        await client.subscribe(topic)
+        async with asyncio.timeout(60.0):
+            async for message in client.messages:
+                assert isinstance(message.payload, bytes)
+                document: dict[str, Any] = json.loads(message.payload)
+                if wanted(document):
+                    return document
+    raise AssertionError("the broker was lost")
+
+
+async def retained(where: Broker, topics: str, count: int) -> dict[str, bytes]:
+    """What a broker keeps on some topics."""
+    kept: dict[str, bytes] = {}
+    async with aiomqtt.Client(where.host, where.port) as client:
+        await client.subscribe(topics)
+        async with asyncio.timeout(60.0):
+            async for message in client.messages:
+                assert isinstance(message.payload, bytes)
+                assert message.retain
+                kept[message.topic.value] = message.payload
+                if len(kept) == count:
+                    return kept
+    raise AssertionError("the broker was lost")
+
+
+def follower_of(
+    cars: Mapping[str, RoadCar],
+    settings: MqttSettings,
+    note: Callable[[str], None] = lambda _: None,
+    every_s: float = 0.1,
+) -> Follower:
+    """Follows cars in this process, without a service."""
+
+    async def take(name: str, sample: Sample) -> None:
+        cars[name].add(sample)
+
+    async def documents() -> dict[str, Mapping[str, Any]]:
+        return {name: dict(car.document(time.time())) for name, car in cars.items()}
+
+    return Follower(settings, take, documents, note, every_s)
 
 
 async def _send(
@@ -162,14 +200,14 @@ async def _send(
     async with aiomqtt.Client(where.host, where.port) as client:
         for first in range(start, stop, PART):
             last = min(first + PART, stop)
-            await _until(lambda first=first: sum(car.counts.values()) - before >= first - start - PART)
+            await until(lambda first=first: sum(car.counts.values()) - before >= first - start - PART)
             for message in drive.messages[first:last]:
                 await client.publish(drive.topic, json.dumps(message), qos=1)
     if wait:
-        await _until(lambda: sum(car.counts.values()) - before >= stop - start)
+        await until(lambda: sum(car.counts.values()) - before >= stop - start)
 
 
-async def _until(condition: Callable[[], bool]) -> None:
+async def until(condition: Callable[[], Any]) -> None:
     for _ in range(6000):
         if condition():
             return

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -11,7 +12,6 @@ from hypothesis import strategies as st
 
 from tripwatt.errors import InvalidInput
 from tripwatt.live import Sample, TopicJoiner
-from tripwatt.live.telemetry import FORMATS
 from tripwatt.live.topics import SLOW_HOLD_S, TIME_WAIT_S
 
 T0 = 1_700_000_000.0
@@ -163,13 +163,13 @@ def test_a_time_or_a_power_that_cannot_be_one_gives_no_sample() -> None:
 
 def test_messages_of_abrp_come_in_one_topic() -> None:
     joiner = TopicJoiner("abrp", "car/tlm")
-    assert joiner.filter == "car/tlm"
+    assert joiner.filter == "car/tlm/#"  # with the topic itself
     message = {"utc": T0, "speed": 36}
     for content in (message, {"tlm": message}):
         assert joiner.take("car/tlm", json.dumps(content).encode(), 0.0) == Sample(T0, {"speed_m_s": 10.0})
     assert joiner.take("car/tlm", json.dumps(message).encode(), 0.0, retained=True) is None
     for payload in (b"{", b"[]", b"{}", b"7", b"\xff", b"[" * 65_537, b"[" * 60_000):
-        assert joiner.take("car/tlm", payload, 0.0) is None
+        assert joiner.take("car/tlm", payload, T0) is None
     assert joiner.take("car/other", json.dumps(message).encode(), 0.0) is None
     assert joiner.flush() is None
 
@@ -178,9 +178,39 @@ def test_messages_of_abrp_come_in_one_topic() -> None:
     ("source", "root"), [("bmw", "x"), ("ovms", ""), ("ovms", "/"), ("ovms", "a/+/b"), ("ovms", "#")]
 )
 def test_a_source_is_known_and_a_topic_is_of_one_car(source: str, root: str) -> None:
-    with pytest.raises(InvalidInput):
+    with pytest.raises(InvalidInput, match="unknown sender" if source == "bmw" else "no topic of one car"):
         TopicJoiner(source, root)
-    assert tuple(FORMATS) == ("ovms", "teslamate", "abrp")
+
+
+def test_any_mapping_names_what_a_sender_has(tmp_path: Path) -> None:
+    content = {"Speed (OBD)(km/h)": "36", "Battery Voltage(V)": 350, "State of Charge(%)": 60, "x": 1}
+    found = TopicJoiner("torque", "car").take("car", json.dumps(content).encode(), T0 + 0.5)
+    assert found == Sample(T0 + 0.5, {"speed_m_s": 10.0, "voltage_v": 350.0, "soc": 0.6}), "by arrival"
+    file = tmp_path / "mine.toml"
+    file.write_text(
+        '[columns]\ntime_s = { column = "t", unit = "epoch_ms" }\nspeed_m_s = { column = "v", unit = "mph" }\n'
+    )
+    joiner = TopicJoiner(f"{file}", "car")
+    assert joiner.take("car", json.dumps({"t": T0 * 1000.0, "v": 0}).encode(), 0.0) == Sample(
+        T0, {"speed_m_s": 0.0}
+    )
+    assert joiner.take("car/t", f"{T0 * 1000.0:.0f}".encode(), 0.0) is None
+    assert joiner.take("car/v", b"0", 0.0) is None
+    assert joiner.flush() == Sample(T0, {"speed_m_s": 0.0})
+
+
+def test_our_own_columns_are_a_sender() -> None:
+    joiner = TopicJoiner("plain", "car")
+    content = {"speed_m_s": 20.0, "battery_power_w": 7400.0, "displayed_soc": 0.6, "charging": False}
+    found = joiner.take("car", json.dumps(content).encode(), T0)
+    expected = {"speed_m_s": 20.0, "displayed_soc": 0.6, "voltage_v": 370.0, "current_a": 20.0}
+    assert found == Sample(T0, expected)
+    assert joiner.take("car", json.dumps({"time_s": T0 + 7.0, "parked": True}).encode(), T0) == Sample(
+        T0 + 7.0, {"speed_m_s": 0.0}, parked=True
+    )
+    assert joiner.take("car/time_s", f"{T0 + 8.0}".encode(), T0) is None
+    assert joiner.take("car/soc", b"0.5", T0) is None
+    assert joiner.flush() == Sample(T0 + 8.0, {"soc": 0.5})
 
 
 METRICS = ["m.time.utc", "v.p.speed", "v.b.current", "v.b.voltage", "v.c.charging", "v.e.on", "x"]

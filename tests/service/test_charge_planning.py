@@ -36,7 +36,10 @@ def answered(served: Served) -> dict[str, Any]:
     path, _, query = get[-1].replace("my-leaf", "leaf").removeprefix("localhost:8000").partition("?")
     found = served(path, params={name: values[0] for name, values in parse_qs(query).items()})
     assert found.status_code == 200, found.text
-    return {**found.json(), "vehicle": "my-leaf"}
+    document = {**found.json(), "car": "my-leaf"}
+    assert document.pop("vehicle") == "leaf"  # the old names of `car` and `energy_quantile_wh`
+    assert document.pop("energy_wh") == document["energy_quantile_wh"]
+    return document
 
 
 def test_the_answer_of_the_page_is_that_of_the_service(served: Served) -> None:
@@ -122,13 +125,13 @@ def test_the_filter_of_the_shell_makes_the_address_of_evcc(served: Served) -> No
 
 
 def test_every_request_of_the_page_asks_what_the_service_takes(served: Served) -> None:
-    asked = re.findall(r"/v1/need\?(vehicle[^\s'\"{]+)", PAGE.read_text("utf-8"))
+    asked = re.findall(r"/v1/need\?(car[^\s'\"{]+)", PAGE.read_text("utf-8"))
     assert len(asked) == 3
     answered(served)
     for query in asked:
         given = query.replace("my-leaf", "leaf").removesuffix("&departure_utc=")
         parameters = {name: values[0] for name, values in parse_qs(given).items()}
-        assert set(parameters) <= {"vehicle", "probability", "reserve", "plug_w", "departure_utc"}
+        assert set(parameters) <= {"car", "probability", "reserve", "plug_w", "departure_utc"}
         assert served("/v1/need", params=parameters).status_code == 200
 
 

@@ -103,9 +103,9 @@ def test_a_python_client_has_every_operation(
     plan = ask("journeys.plan", body=models.PlanRequest.from_dict(JOURNEY | {"stops": PLACES}))
     assert plan.to_dict() == raw["plan"]
     assert ask("journeys.get_need", distance_km=30.0).to_dict() == raw["need"]
-    live = ask("live.put_plan", vehicle="leaf", body=models.LivePlanRequest.from_dict(raw["trip"]))
-    assert (live.vehicle, live.plan) == ("leaf", "given")
-    assert ask("live.get_live", vehicle="leaf").plan == "given"
+    live = ask("live.put_plan", car="leaf", body=models.LivePlanRequest.from_dict(raw["trip"]))
+    assert (live.car, live.plan) == ("leaf", "given")
+    assert ask("live.get_live", car="leaf").plan == "given"
     types: Any = importlib.import_module("tripwatt_client.types")
     lines = types.File(payload=b"\n".join(orjson.dumps(raw["trip"] | {"trip": name}) for name in "ab"))
     answers: Any = importlib.import_module("tripwatt_client.api.forecast.batch").sync_detailed(
@@ -122,14 +122,14 @@ def test_a_typescript_client_is_typed_and_runs(
     web = with_packages(tmp_path)
     place = tmp_path / "client"
     place.mkdir()
-    found = run(web, "npx", "openapi-typescript", f"{document}", "--output", f"{place / 'tripwatt.ts'}")
+    found = run(web, "npx", "openapi-typescript", f"{document}", "--output", f"{place / 'api.ts'}")
     assert found.returncode == 0, found.stderr
     more = f"""
 const updated = await post("/v1/forecast/update", {orjson.dumps(raw["trip"] | {"observed": OBSERVED}).decode()});
 const journey = await post("/v1/journeys", {orjson.dumps(JOURNEY | {"stops": PLACES}).decode()});
-type Get<P extends "/v1/need" | "/v1/live/{{vehicle}}"> = paths[P]["get"]["responses"][200]["content"]["application/json"];
+type Get<P extends "/v1/need" | "/v1/live/{{car}}"> = paths[P]["get"]["responses"][200]["content"]["application/json"];
 const need = (await (await fetch("{ADDRESS}/v1/need?distance_km=30")).json()) as Get<"/v1/need">;
-const live = (await (await fetch("{ADDRESS}/v1/live/leaf")).json()) as Get<"/v1/live/{{vehicle}}">;
+const live = (await (await fetch("{ADDRESS}/v1/live/leaf")).json()) as Get<"/v1/live/{{car}}">;
 const line = JSON.stringify({orjson.dumps(raw["trip"]).decode()} satisfies Body<"/v1/forecast">);
 const batch = await fetch("{ADDRESS}/v1/forecast/batch?fields=energy_wh", {{
   method: "POST",

@@ -241,13 +241,14 @@ def test_the_need_of_a_plan_is_a_quantile_and_the_charge_to_leave_with(served: S
     leaves = dt.datetime.fromtimestamp(NOON_S, dt.UTC)
     assert until["preheat"] == heat.to_dict(leaves)
     assert found == {
+        "car": "leaf",
         "vehicle": "leaf",
         "plan": "given",
         "usual_trip": None,
         "probability": 0.95,
         "reserve": 0.25,
         "expected_wh": pytest.approx(own.energy_wh, abs=1e-6),
-        "energy_wh": pytest.approx(own.quantile(0.95), abs=1e-6),
+        **dict.fromkeys(("energy_quantile_wh", "energy_wh"), pytest.approx(own.quantile(0.95), abs=1e-6)),
         "soc_needed": pytest.approx(own.soc_needed(0.25, 0.95), abs=1e-9),
         "wh_per_display": pytest.approx(own.charge.wh_per_display, abs=1e-6),
         "message": leave_in_words(own.soc_needed(0.25, 0.95), 0.25, 0.95),
@@ -275,9 +276,10 @@ def test_the_need_without_a_plan_is_that_of_the_usual_trip(served: Served, drive
     (log,) = car.logs()
     found = need(served, departure_utc=NOON_S + 86_400.0 + 1800.0).json()
     own = tw.load_model().forecast(plan_from_links(links_of_trip(log)))
-    assert (found["plan"], found["usual_trip"], found["soc"]) == ("usual", log.trip_id, None)
+    shown = float(drive["displayed_soc"].iloc[-1])
+    assert (found["plan"], found["usual_trip"], found["soc"]) == ("usual", log.trip_id, pytest.approx(shown))
     assert found["energy_wh"] == pytest.approx(own.quantile(0.9), abs=1e-6)
-    assert found["charge_wh"] is None
+    assert found["charge_wh"] == 0.0
     for departure_utc in (NOON_S + 86_400.0 + 6.0 * 3600.0, NOON_S - 86_400.0):
         assert need(served, departure_utc=departure_utc).status_code == 404
 
@@ -351,7 +353,7 @@ def test_a_message_may_have_any_form_that_senders_use(served: Served) -> None:
         found = served("/v1/telemetry", "POST", **more)
         assert (found.status_code, found.json()) == (
             200,
-            {"status": "ok", "vehicle": "leaf", "arrival": "new", "ignored": []},
+            {"status": "ok", "car": "leaf", "vehicle": "leaf", "arrival": "new", "ignored": []},
         )
     assert served.send(tlm).json()["arrival"] == "doubled"
     assert served("/v1/live/leaf").json()["messages"] == {"new": 7, "doubled": 1, "late": 0}
@@ -666,7 +668,7 @@ def test_the_operations_of_cars_conform_to_the_openapi_document(
         road[0].url,
         6,
         seed=3,
-        only=r"^/v1/(live(/\{vehicle\}(/plan)?)?|need)$",
+        only=r"^/v1/(live(/\{car\}(/plan)?)?|need)$",
         phases="examples,fuzzing",
         timeout_s=400,
     )

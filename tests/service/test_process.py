@@ -71,6 +71,10 @@ def test_every_option_has_a_variable(monkeypatch: pytest.MonkeyPatch, tmp_path: 
         "KEEP_DAYS": "2.5",
         "LIMIT": "timeout_s=5 burst=7",
         "PREFIX": "/under/",
+        "MQTT": "mqtt://localhost",
+        "FOLLOW": "leaf=ovms:ovms/me/leaf/metric zoe=plain:zoe",
+        "PUBLISH": "cars/",
+        "DISCOVERY": "ha",
         "CORS_ORIGIN": "https://a.example https://b.example",
         "TOKEN": "x" * 16,
     }
@@ -86,6 +90,9 @@ def test_every_option_has_a_variable(monkeypatch: pytest.MonkeyPatch, tmp_path: 
     assert (found.limits.timeout_s, found.limits.burst, found.keep_days) == (5.0, 7, 2.5)
     atlas = AtlasSettings("", "photon=http://localhost", "http://localhost:1", "stations.csv")
     assert (found.atlas, found.cars) == (atlas, tmp_path / "cars")
+    assert found.mqtt is not None
+    assert found.mqtt.cars == {"leaf": ("ovms", "ovms/me/leaf/metric"), "zoe": ("plain", "zoe")}
+    assert (found.mqtt.publish_to, found.mqtt.announce_below) == ("cars", "ha")
     assert (found.prefix, found.cors_origins) == ("/under", ("https://a.example", "https://b.example"))
     monkeypatch.setenv("TRIPWATT_PORT", "none")
     assert "'--port'" in answered("serve").err

@@ -44,8 +44,8 @@ removes an older model only after the new one is complete.
 
 
 def commands(command: Any, name: str = "tripwatt") -> Iterator[tuple[str, Any]]:
-    """(full name, command) of every command that does something, in the order of the help."""
-    children = getattr(command, "commands", {})
+    """(full name, command) of every command of the help that does something, in its order."""
+    children = {n: c for n, c in getattr(command, "commands", {}).items() if not c.hidden}
     if not children:
         yield name, command
     for child, below in children.items():

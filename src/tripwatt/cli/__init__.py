@@ -27,7 +27,6 @@ from tripwatt.cli import (
     journey,
     logs,
     maps,
-    on_road,
     own_cars,
     serve,
     stores,
@@ -81,10 +80,10 @@ add_command(app, cars.vehicles)
 add_command(app, cars.simulate)
 export.add_commands(app)
 add_command(app, serve.serve, context_settings={"auto_envvar_prefix": "TRIPWATT"})
+add_command(app, serve.live, hidden=True)
 stores.add_commands(app)
 fleets.add_commands(app)
 own_cars.add_commands(app)
-add_command(app, on_road.live)
 
 
 def main() -> None:

@@ -136,7 +136,7 @@ def learn(car: CarArgument, as_json: JsonOption = False) -> None:
 
     For example:
 
-      # learn the trips that `tripwatt live` or the service followed
+      # learn the trips that the service followed
       tripwatt car learn cars/my-leaf
     """
     from tripwatt.live import learn_finished, open_car

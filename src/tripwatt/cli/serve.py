@@ -4,14 +4,21 @@ from __future__ import annotations
 
 import math
 import os
+import re
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
 from tripwatt.cli.journey import MapOption, PlacesOption, StationsOption, WeatherOption
 from tripwatt.cli.options import argument, option, require_extras
-from tripwatt.errors import Check, Fault, raise_faults, system_errors
+from tripwatt.errors import Check, Fault, InvalidInput, excerpt, raise_faults, system_errors
+
+if TYPE_CHECKING:
+    from tripwatt.live import MqttSettings
+
+PASSWORD_VARIABLE: Final = "TRIPWATT_MQTT_PASSWORD"
+"""Environment variable of the broker's password."""
 
 
 def serve(
@@ -59,6 +66,32 @@ def serve(
             max=36_500.0,
         ),
     ] = None,
+    mqtt: Annotated[
+        str,
+        option(
+            "URL",
+            "Follow and publish the cars of --cars over a broker: mqtt://[NAME@]HOST[:PORT], or mqtts:// encrypted.",
+        ),
+    ] = "",
+    follow: Annotated[
+        list[str] | None,
+        option(
+            "CAR=SOURCE:TOPIC",
+            "With --mqtt: follow a car of --cars, made where it is missing. SOURCE: ovms, teslamate, abrp, plain, or a mapping. "
+            "TOPIC: that below which its values are, or of whole messages. You can repeat the option.",
+        ),
+    ] = None,
+    publish: Annotated[
+        str,
+        option("TOPIC", "With --mqtt: publish cars as JSON below this topic. Empty: publish nothing."),
+    ] = "tripwatt",
+    discovery: Annotated[
+        str,
+        option(
+            "PREFIX",
+            "With --mqtt: let Home Assistant find what is published, below this prefix of topics. Empty: do not.",
+        ),
+    ] = "homeassistant",
     limit: Annotated[
         list[str] | None,
         option(
@@ -80,9 +113,9 @@ def serve(
 ) -> None:
     """Serve the HTTP API and the web page until you interrupt the command.
 
-    The command requires the extra `tripwatt[service]`. It reads the token for other machines from TRIPWATT_TOKEN. Each option
-    has a variable of the environment, which counts where the option is not given; several values are separated by spaces. The
-    command logs each request as one line of JSON to standard error.
+    The command requires the extra `tripwatt[service]`. It reads the token for other machines from TRIPWATT_TOKEN, and the
+    password of the broker from TRIPWATT_MQTT_PASSWORD. Each option has a variable of the environment, which counts where the
+    option is not given; several values are separated by spaces. The command logs each request as one line of JSON to standard error.
 
     For example:
 
@@ -96,6 +129,8 @@ def serve(
       tripwatt serve --map map
       # also keep cars that learn, and follow them on the road
       tripwatt serve --cars cars
+      # also follow a car with OVMS over MQTT, and let Home Assistant find it
+      tripwatt serve --cars cars --mqtt mqtt://192.0.2.7 --follow my-leaf=ovms:ovms/me/leaf/metric
       # serve other machines; they need the token
       TRIPWATT_TOKEN=... tripwatt serve --host 0.0.0.0
     """
@@ -104,6 +139,8 @@ def serve(
     needed = {"service": "tripwatt serve"}
     if cars is not None:
         needed["fleet"] = "--cars"
+    if mqtt:
+        needed["live"] = "--mqtt"
     atlas = AtlasSettings(map_, places, weather, "" if stations is None else str(stations))
     with Check() as check:
         check(require_extras, needed)
@@ -116,15 +153,95 @@ def serve(
     with Check() as check:
         folders = check(models_of, [*(model or ()), *(also or ())], models)
         limits = check(parse_limits, limit) if limit else Limits()
+        over_mqtt = check(mqtt_of, mqtt, follow or [], publish, discovery, cars)
         check(make_cars_folder, cars)
     token = os.environ.get(TOKEN_VARIABLE, "")
     days = math.inf if keep_days is None else keep_days
     origins = tuple(cors_origin or ())
     settings = Settings(
-        folders, host, port, workers, token, limits, atlas, cars, days, prefix.rstrip("/"), origins
+        folders, host, port, workers, token, limits, atlas, cars, days, prefix.rstrip("/"), origins, over_mqtt
     )
     require_safe(settings)
     run(settings, lambda address: typer.echo(f"tripwatt: {address}"))
+
+
+def live(
+    car: Annotated[Path, argument("CAR", "Folder of the car.")],
+    mqtt: Annotated[str, option("URL", "As for `tripwatt serve`.")],
+    source: Annotated[str, option("NAME", "What sends.")],
+    topic: Annotated[str, option("TOPIC", "Where it sends.", "--topic")],
+    publish: Annotated[str, option("TOPIC", "As for `tripwatt serve`.")] = "",
+    discovery: Annotated[str, option("PREFIX", "As for `tripwatt serve`.")] = "",
+    keep_days: Annotated[float | None, option("DAYS", "As for `tripwatt serve`.", min=0.01)] = None,
+) -> None:
+    """Old name of `tripwatt serve --cars FOLDER --mqtt URL --follow CAR=SOURCE:TOPIC`, on a free port.
+
+    The plan of a trip is given by `PUT /v1/live/{car}/plan` of the service.
+    """
+    follow = f"{car.resolve().name}={source}:{topic}"
+    instead = f"tripwatt serve --cars {car.resolve().parent} --mqtt {mqtt} --follow {follow}"
+    typer.echo(f"tripwatt: `tripwatt live` is an old name; use: {instead}", err=True)
+    serve(
+        port=0,
+        cars=car.resolve().parent,
+        keep_days=keep_days,
+        mqtt=mqtt,
+        follow=[follow],
+        publish=publish,
+        discovery=discovery,
+    )
+
+
+def mqtt_of(
+    url: str, follow: list[str], publish: str, discovery: str, cars: Path | None
+) -> MqttSettings | None:
+    """The settings of MQTT; None without a broker.
+
+    Raises
+    ------
+    InvalidInput
+        For a URL that is none, what `car_and_topic` refuses, a car twice, and options that have no effect.
+    """
+    from tripwatt.live import Broker, MqttSettings
+
+    with Check() as check:
+        broker = check(Broker.from_url, url, os.environ.get(PASSWORD_VARIABLE)) if url else None
+        pairs = [check(car_and_topic, given) for given in follow]
+    names = [name for name, _ in pairs]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    needs = [("--follow", follow, "--mqtt", url), ("--mqtt", url, "--cars", cars)]
+    faults = [
+        Fault("option has no effect", option, excerpt(given), f"only together with {partner}")
+        for option, given, partner, there in needs
+        if given and not there
+    ]
+    if twice:
+        faults.append(Fault("duplicate car name", "--follow", ", ".join(twice), "each name once"))
+    raise_faults(faults)
+    return None if broker is None else MqttSettings(broker, dict(pairs), publish.rstrip("/"), discovery)
+
+
+def car_and_topic(given: str) -> tuple[str, tuple[str, str]]:
+    """Name of a car, what sends, and its topic, from `CAR=SOURCE:TOPIC`.
+
+    Raises
+    ------
+    InvalidInput
+        For another text, a name that cannot be one, an unknown sender and a topic with a wildcard.
+
+    Examples
+    --------
+    >>> car_and_topic("my-3=teslamate:teslamate/cars/1")
+    ('my-3', ('teslamate', 'teslamate/cars/1'))
+    """
+    from tripwatt.live import TopicJoiner
+    from tripwatt.live.own_car import VALID_NAME
+
+    parts = re.fullmatch(f"({VALID_NAME.pattern})=([^:]+):(.+)", given)
+    if parts is None:
+        raise InvalidInput.of("not a car to follow", "--follow", given[:80], "CAR=SOURCE:TOPIC")
+    TopicJoiner(parts[2], parts[3])
+    return parts[1], (parts[2], parts[3])
 
 
 def make_cars_folder(folder: Path | None) -> None:

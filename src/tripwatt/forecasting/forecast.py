@@ -906,7 +906,8 @@ def forecast_again(forecast: Forecast, soc: float, read_s: float) -> Forecast:
 
 def with_empty_flag(forecast: Forecast) -> Forecast:
     """The forecast with the flag of a battery that does not hold what the trip takes, where that is expected."""
-    flags = tuple(flag for flag in forecast.flags if flag.code != "battery_empty")
+    gone = {"battery_empty"} | ({"soc_assumed"} if forecast.measured.anchor is not None else set())
+    flags = tuple(flag for flag in forecast.flags if flag.code not in gone)
     missing = forecast._missing_wh(forecast._expected_charge)
     if missing > 0.0:
         return replace(forecast, flags=(*flags, Flag("battery_empty", "battery", missing, "wh")))

@@ -1,7 +1,7 @@
 """One car: its trips in a store, the model adapted to them, its diary, and what it sends while it drives."""
 
 from tripwatt.live.diary import Diary, Score
-from tripwatt.live.following import Broker, Follower
+from tripwatt.live.following import Broker, Follower, MqttSettings
 from tripwatt.live.live_trip import LiveTrip, TripFinder
 from tripwatt.live.own_car import Car, Learned, create_car, forget_car, is_car, open_car
 from tripwatt.live.road_car import RoadCar
@@ -17,6 +17,7 @@ __all__ = [
     "Follower",
     "Learned",
     "LiveTrip",
+    "MqttSettings",
     "RoadCar",
     "Sample",
     "Score",

@@ -1,4 +1,4 @@
-"""What Home Assistant finds by itself: a sensor for each figure of the forecast that `tripwatt live` publishes.
+"""What Home Assistant finds by itself: a sensor for each figure that is published of a car.
 
 Home Assistant reads one retained message of each sensor below a prefix of topics, usually `homeassistant` (MQTT discovery).
 """
@@ -9,7 +9,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Final
 
-SILENCE: Final = "(value_json.seconds_since_message or 0) / 60"
+ONLINE: Final = "online"
+OFFLINE: Final = "offline"
+"""Messages on the topic that shows whether somebody publishes."""
+
+EXPIRES_S: Final = 300
+"""A figure that is not published again for so long is unavailable [s]: several times what a silent car is published again after."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,19 +33,53 @@ class Sensor:
 
 
 def _percent(of: str) -> str:
-    return f"(value_json.forecast.{of} * 100) | round(1)"
+    return f"(value_json.{of} * 100) | round(1)"
+
+
+def _thousands(of: str, digits: int) -> str:
+    return f"(value_json.{of} / 1000) | round({digits})"
 
 
 SENSORS: Final = (
+    Sensor("soc", "Charge", _percent("soc"), "%", "battery", "value_json.soc is not none"),
+    Sensor("energy", "Energy of the trip", _thousands("forecast.energy_wh", 2), "kWh", "energy"),
+    Sensor("arrival", "Charge at arrival", _percent("forecast.soc_quantiles['0.5']"), "%", "battery"),
     Sensor(
-        "energy", "Energy of the trip", "(value_json.forecast.energy_wh / 1000) | round(2)", "kWh", "energy"
+        "arrival_low", "Charge at arrival, 5 %", _percent("forecast.soc_quantiles['0.05']"), "%", "battery"
     ),
-    Sensor("arrival", "Charge at arrival", _percent("soc_quantiles['0.5']"), "%", "battery"),
-    Sensor("arrival_low", "Charge at arrival, 5 %", _percent("soc_quantiles['0.05']"), "%", "battery"),
-    Sensor("arrival_high", "Charge at arrival, 95 %", _percent("soc_quantiles['0.95']"), "%", "battery"),
-    Sensor("p_arrive", "Chance to arrive with the reserve", _percent("p_arrive"), "%"),
-    Sensor("p_arrive_at_all", "Chance to arrive at all", _percent("p_arrive_at_all"), "%"),
-    Sensor("silence", "Time since the last message", SILENCE, "min", "duration", "true"),
+    Sensor(
+        "arrival_high", "Charge at arrival, 95 %", _percent("forecast.soc_quantiles['0.95']"), "%", "battery"
+    ),
+    Sensor("p_arrive", "Chance to arrive with the reserve", _percent("forecast.p_arrive"), "%"),
+    Sensor("p_arrive_at_all", "Chance to arrive at all", _percent("forecast.p_arrive_at_all"), "%"),
+    Sensor("range", "Range", _thousands("range.range_m", 0), "km", "distance", "value_json.range"),
+    Sensor(
+        "need",
+        "Energy of the next trip",
+        _thousands("need.energy_quantile_wh", 2),
+        "kWh",
+        "energy",
+        "value_json.need",
+    ),
+    Sensor(
+        "soc_needed", "Charge to leave with", _percent("need.soc_needed"), "%", "battery", "value_json.need"
+    ),
+    Sensor(
+        "charge",
+        "Energy to charge",
+        _thousands("need.charge_wh", 2),
+        "kWh",
+        "energy",
+        "value_json.need and value_json.need.charge_wh is not none",
+    ),
+    Sensor(
+        "silence",
+        "Time since the last message",
+        "(value_json.seconds_since_message / 60) | round(1)",
+        "min",
+        "duration",
+        "value_json.seconds_since_message is not none",
+    ),
 )
 
 
@@ -52,7 +91,7 @@ def discovery(car: str, topic: str, prefix: str) -> Iterator[tuple[str, dict[str
     car : str
         Name of the car.
     topic : str
-        Where its forecasts are published.
+        Cars are published below it, and on it whether somebody publishes.
     prefix : str
         Usually `homeassistant`.
 
@@ -63,9 +102,9 @@ def discovery(car: str, topic: str, prefix: str) -> Iterator[tuple[str, dict[str
 
     Examples
     --------
-    >>> topic, message = next(discovery("my-leaf", "tripwatt/my-leaf", "homeassistant"))
-    >>> topic, message["unit_of_measurement"]
-    ('homeassistant/sensor/tripwatt_my-leaf/energy/config', 'kWh')
+    >>> topic, message = next(discovery("my-leaf", "tripwatt", "homeassistant"))
+    >>> topic, message["state_topic"], message["unit_of_measurement"]
+    ('homeassistant/sensor/tripwatt_my-leaf/soc/config', 'tripwatt/my-leaf', '%')
     """
     node = "tripwatt_" + "".join(c if c.isascii() and (c.isalnum() or c in "_-") else "_" for c in car)
     device = {"identifiers": [node], "name": car, "model": "tripwatt"}
@@ -73,7 +112,9 @@ def discovery(car: str, topic: str, prefix: str) -> Iterator[tuple[str, dict[str
         message = {
             "name": sensor.title,
             "unique_id": f"{node}_{sensor.key}",
-            "state_topic": topic,
+            "state_topic": f"{topic}/{car}",
+            "availability_topic": topic,
+            "expire_after": EXPIRES_S,
             "value_template": f"{{{{ ({sensor.value}) if {sensor.condition} else none }}}}",
             "unit_of_measurement": sensor.unit,
             "device": device,

@@ -12,7 +12,9 @@ from typing_extensions import TypedDict  # Python 3.11 has one that pydantic can
 
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import Forecast
+from tripwatt.forecasting.document import FlagDocument
 from tripwatt.forecasting.forecast import by_probability, quantiles
+from tripwatt.trips.messages import flag_to_dict
 
 QUANTILES: Final = (0.05, 0.5, 0.95)
 LOW, HIGH = f"{QUANTILES[0]:g}", f"{QUANTILES[-1]:g}"
@@ -40,13 +42,17 @@ class LiveForecastDocument(TypedDict):
     """time of the last measurement that counts, since departure [s]"""
     distance_m: float
     """length of the whole trip [m]"""
+    flags: list[FlagDocument]
+    """what was assumed, such as a charge at departure that no message shows"""
 
 
 class LiveTripDocument(TypedDict):
     """The trip that a car is on."""
 
+    departs_at: str
+    """UTC"""
     departure_utc: float
-    """[s since 1970]"""
+    """deprecated: old form of `departs_at` [s since 1970]"""
     duration_s: float
     distance_m: float
     samples: int
@@ -64,12 +70,17 @@ class LiveMessages(TypedDict):
 class LiveDocument(TypedDict):
     """A car on the road."""
 
+    car: str
+    """name of its folder"""
     vehicle: str
+    """deprecated: old name of `car`"""
     seconds_since_message: float | None
     """null before the first message"""
     messages: LiveMessages
     soc: float | None
-    """displayed state of charge of the latest message that has one"""
+    """displayed state of charge by the latest message that has a charge; of a charge of the battery management, what the display shows by the model of the car"""
+    soc_source: Literal["soc", "bms_soc"] | None
+    """whether that message has the displayed charge (`soc`) or that of the battery management; null before the first one"""
     trip: LiveTripDocument | None
     """null while the car is on no trip"""
     plan: Literal["given", "usual"] | None
@@ -101,6 +112,7 @@ def live_forecast(forecast: Forecast, reserve: float) -> LiveForecastDocument:
         "p_arrive_at_all": forecast.p_arrive(),
         "measured_until_s": forecast.measured_until_s,
         "distance_m": float(forecast.drive.distance_m[-1]),
+        "flags": [flag_to_dict(flag) for flag in forecast.flags],
     }
     values = [value for value in document.values() if isinstance(value, float)]
     if not math.isfinite(sum([*values, *document["quantiles_wh"].values()])):

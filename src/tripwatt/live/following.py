@@ -1,20 +1,20 @@
-"""Following a car over MQTT: its messages become samples of a `RoadCar`, which is described again every few seconds."""
+"""Following cars over MQTT: their messages become samples, and what the cars are is published every few seconds."""
 
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import json
 import ssl
 import time
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Final
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Final
 from urllib.parse import unquote, urlsplit
 
 from tripwatt.errors import InvalidInput
-from tripwatt.live.discovery import discovery
-from tripwatt.live.documents import LiveDocument
-from tripwatt.live.road_car import RoadCar
+from tripwatt.live.discovery import OFFLINE, ONLINE, discovery
 from tripwatt.live.telemetry import Sample
 from tripwatt.live.topics import TopicJoiner
 
@@ -29,6 +29,12 @@ AGAIN_S: Final = (1.0, 60.0)
 
 FLUSH_S: Final = 2.0
 """A sample is complete when nothing came for so long [s]."""
+
+AGE_S: Final = 30.0
+"""What is known of a car is published again after so long without news [s]: the time since its last message grows."""
+
+KEEP_ALIVE_S: Final = 30
+"""A broker that hears nothing for one and a half times this publishes the will [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,129 +105,159 @@ class Broker:
         )
 
 
-@dataclass(eq=False)
-class Follower:
-    """Follows one car over MQTT until it is cancelled.
+@dataclass(frozen=True, slots=True)
+class MqttSettings:
+    """What is followed and published over MQTT.
 
     Attributes
     ----------
-    car : RoadCar
-        The car that sends; with a model, its trips are forecast.
-    joiner : TopicJoiner
-        Makes samples of its messages.
-    show : callable
-        Called with `RoadCar.document` at first, and after new messages.
-    every_s : float
-        Shortest time between two forecasts [s].
+    broker : Broker
+        Where the cars send to.
+    cars : mapping of str to tuple of str
+        Name of a car -> what sends (see `TopicJoiner`), and its topic.
     publish_to : str
-        Topic for the same as JSON; empty for none.
+        Cars are published below this topic, and on it whether somebody publishes: `online` or `offline`. Empty for nothing.
     announce_below : str
         Prefix of topics below which Home Assistant finds what is published; empty for none.
-    note : callable
-        Called with a sentence when the broker is lost or a message is not stored.
 
     Examples
     --------
-    >>> import tempfile
-    >>> from pathlib import Path
-    >>> from tripwatt.live import RoadCar
-    >>> with tempfile.TemporaryDirectory() as folder, RoadCar(Path(folder, "leaf")) as car:
-    ...     print(Follower(car, TopicJoiner("teslamate", "teslamate/cars/1"), show=print).every_s)
-    5.0
-    >>> asyncio.run(follower.follow(Broker.from_url("mqtt://127.0.0.1")))  # doctest: +SKIP
+    >>> MqttSettings(Broker("192.0.2.7", 1883), {"leaf": ("ovms", "ovms/me/leaf/metric")}).publish_to
+    'tripwatt'
     """
 
-    car: RoadCar
-    joiner: TopicJoiner
-    show: Callable[[LiveDocument], None]
+    broker: Broker
+    cars: Mapping[str, tuple[str, str]] = field(default_factory=lambda: MappingProxyType({}))
+    publish_to: str = "tripwatt"
+    announce_below: str = "homeassistant"
+
+
+@dataclass(eq=False)
+class Follower:
+    """Follows cars over MQTT, and publishes what they are, until it is cancelled. It knows cars by their names alone.
+
+    Attributes
+    ----------
+    settings : MqttSettings
+        What is followed and published.
+    take : callable
+        Called with the name of a car and a sample of it; what it raises as `InvalidInput` is noted.
+    documents : callable
+        Returns what is published of each car, by its name.
+    note : callable
+        Called with a sentence when the broker is lost or a message is not stored.
+    every_s : float
+        Shortest time between two messages of a car [s].
+
+    Raises
+    ------
+    InvalidInput
+        For an unknown sender or a topic that cannot be one.
+
+    Examples
+    --------
+    >>> async def documents():
+    ...     return {"leaf": {"soc": 0.8}}
+    >>> settings = MqttSettings(Broker.from_url("mqtt://127.0.0.1"), {"leaf": ("teslamate", "teslamate/cars/1")})
+    >>> follower = Follower(settings, print, documents, print)
+    >>> asyncio.run(follower.follow())  # doctest: +SKIP
+    """
+
+    settings: MqttSettings
+    take: Callable[[str, Sample], Awaitable[object]]
+    documents: Callable[[], Awaitable[Mapping[str, Mapping[str, Any]]]]
+    note: Callable[[str], None]
     every_s: float = 5.0
-    publish_to: str = ""
-    announce_below: str = ""
-    note: Callable[[str], None] = lambda _: None
-    _received: float = 0.0
 
     def __post_init__(self) -> None:
-        self.car.note = self.note
+        self._joiners = {name: TopicJoiner(*given) for name, given in self.settings.cars.items()}
+        self._received_s = dict.fromkeys(self._joiners, 0.0)
+        # what was published of a car, without its age, and when
+        self._published: dict[str, tuple[dict[str, Any], float]] = {}
 
-    async def follow(self, broker: Broker) -> None:
-        """Follow the car; a broker that is lost is asked again, for as long as it takes.
-
-        Parameters
-        ----------
-        broker : Broker
-            That the car sends to.
-        """
+    async def follow(self) -> None:
+        """Follow the cars; a broker that is lost is asked again, for as long as it takes."""
         import aiomqtt  # an extra
 
         wait_s = AGAIN_S[0]
         while True:
             try:
-                async with (
-                    _client(broker, f"tripwatt-{self.car.name}") as client,
-                    asyncio.TaskGroup() as tasks,
-                ):
-                    await client.subscribe(self.joiner.filter, qos=1)
+                async with self._client() as client:
+                    for joiner in self._joiners.values():
+                        await client.subscribe(joiner.filter, qos=1)
                     wait_s = AGAIN_S[0]
-                    await self._announce(client)
-                    tasks.create_task(self._listen(client))
-                    tasks.create_task(self._report(client))
+                    self._published.clear()
+                    await self._publish(client, "", ONLINE)
+                    try:
+                        async with asyncio.TaskGroup() as tasks:
+                            tasks.create_task(self._listen(client))
+                            tasks.create_task(self._report(client))
+                    finally:  # the will is for a process that is killed, and for a lost connection
+                        with contextlib.suppress(aiomqtt.MqttError):
+                            await self._publish(client, "", OFFLINE)
             except* aiomqtt.MqttError as lost:
+                broker = self.settings.broker
                 self.note(f"{broker.host}:{broker.port}: {lost.exceptions[0]}"[:200])
             await asyncio.sleep(wait_s)
             wait_s = min(2.0 * wait_s, AGAIN_S[1])
 
-    async def _announce(self, client: aiomqtt.Client) -> None:
-        if not (self.publish_to and self.announce_below):
-            return
-        for topic, message in discovery(self.car.name, self.publish_to, self.announce_below):
-            await client.publish(topic, json.dumps(message), qos=1, retain=True)
-
     async def _listen(self, client: aiomqtt.Client) -> None:
         async for message in client.messages:
             payload = message.payload if isinstance(message.payload, bytes) else str(message.payload).encode()
-            self._received = time.time()
-            sample = self.joiner.take(
-                message.topic.value, payload, self._received, retained=bool(message.retain)
-            )
-            self._take(sample)
+            now_s, topic = time.time(), message.topic.value
+            for name, joiner in self._joiners.items():
+                if topic == joiner.root or topic.startswith(f"{joiner.root}/"):
+                    self._received_s[name] = now_s
+                    await self._take(name, joiner.take(topic, payload, now_s, retained=bool(message.retain)))
 
-    def _take(self, sample: Sample | None) -> None:
+    async def _take(self, name: str, sample: Sample | None) -> None:
         if sample is None:
             return
         try:
-            self.car.add(sample)
-        except (InvalidInput, OSError) as error:
-            self.note(f"message not stored: {error}"[:200])
+            await self.take(name, sample)
+        except InvalidInput as error:
+            self.note(f"{name}: message not stored: {error}"[:200])
 
     async def _report(self, client: aiomqtt.Client) -> None:
-        shown = -1
         while True:
             await asyncio.sleep(self.every_s)
-            now_s = time.time()
-            if now_s - self._received >= FLUSH_S:
-                self._take(self.joiner.flush())
-            try:
-                self.car.end_when_silent(now_s)
-            except OSError as error:
-                self.note(f"trip not stored: {error}"[:200])
-            if self.car.counts["new"] != shown:
-                shown = self.car.counts["new"]
-                document = self.car.document(now_s)
-                self.show(document)
-                if self.publish_to:
-                    await client.publish(self.publish_to, json.dumps(document), qos=1, retain=True)
+            for name, joiner in self._joiners.items():
+                if time.time() - self._received_s[name] >= FLUSH_S:
+                    await self._take(name, joiner.flush())
+            if self.settings.publish_to:
+                for name, document in (await self.documents()).items():
+                    await self._publish_car(client, name, document)
 
+    async def _publish_car(self, client: aiomqtt.Client, name: str, document: Mapping[str, Any]) -> None:
+        """Publish a car where it is another, and at times so that its age grows."""
+        now_s, lasting = time.time(), {**document, "seconds_since_message": None}
+        before = self._published.get(name)
+        if before is not None and before[0] == lasting and now_s < before[1] + AGE_S:
+            return
+        if before is None and self.settings.announce_below:
+            found = discovery(name, self.settings.publish_to, self.settings.announce_below)
+            for topic, message in found:
+                await client.publish(topic, json.dumps(message), qos=1, retain=True)
+        self._published[name] = lasting, now_s
+        await self._publish(client, f"/{name}", json.dumps(document))
 
-def _client(broker: Broker, identifier: str) -> aiomqtt.Client:
-    """A client whose messages the broker keeps while it is away."""
-    import aiomqtt
+    async def _publish(self, client: aiomqtt.Client, below: str, text: str) -> None:
+        if self.settings.publish_to:
+            await client.publish(f"{self.settings.publish_to}{below}", text, qos=1, retain=True)
 
-    return aiomqtt.Client(
-        broker.host,
-        broker.port,
-        username=broker.username,
-        password=broker.password,
-        identifier=identifier,
-        clean_session=False,
-        tls_context=ssl.create_default_context() if broker.encrypted else None,
-    )
+    def _client(self) -> aiomqtt.Client:
+        """A client whose messages the broker keeps while it is away."""
+        import aiomqtt
+
+        broker, topic = self.settings.broker, self.settings.publish_to
+        return aiomqtt.Client(
+            broker.host,
+            broker.port,
+            username=broker.username,
+            password=broker.password,
+            identifier=f"tripwatt-{topic or ','.join(self._joiners)}",
+            clean_session=False,
+            tls_context=ssl.create_default_context() if broker.encrypted else None,
+            will=aiomqtt.Will(topic, OFFLINE, qos=1, retain=True) if topic else None,
+            keepalive=KEEP_ALIVE_S,
+        )

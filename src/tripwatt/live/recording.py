@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime as dt
 import math
 import time
 from collections.abc import Mapping
@@ -30,7 +31,7 @@ from tripwatt.live.on_the_way import OnTheWay
 from tripwatt.live.ordering import Arrival, OrderedSamples
 from tripwatt.live.own_car import LIVE
 from tripwatt.live.plan import PLAN, LivePlan
-from tripwatt.live.telemetry import Sample
+from tripwatt.live.telemetry import CHARGES, Sample
 from tripwatt.live.usual import LONGER, usual_departure
 from tripwatt.trips import Context, Departure, Log
 from tripwatt.trips.departure import FIRST_S
@@ -92,8 +93,9 @@ class Recorder:
         self._ended: list[LiveTrip] = []
         # departure of a trip, its usual trip, and the road of that
         self._usual: tuple[float, Log | None, LivePlan | None] | None = None
-        # time and displayed charge of the latest sample that has one
-        self._soc: tuple[float, float] | None = None
+        # time, field of a departure and charge of the latest sample that has one, and of the latest one before the trip
+        self._soc: tuple[float, str, float] | None = None
+        self._parked: tuple[float, str, float] | None = None
         self._erased_s = -math.inf
         self._plans = 0
         # start and departure of a trip, and what its first samples show
@@ -157,15 +159,21 @@ class Recorder:
         return arrival
 
     def _take(self, sample: Sample) -> None:
-        soc = sample.values.get("displayed_soc")
-        if soc is not None and (self._soc is None or sample.time_s >= self._soc[0]):
-            self._soc = sample.time_s, soc
+        field = next((name for name, column in CHARGES.items() if column in sample.values), None)
+        if field is not None and (self._soc is None or sample.time_s >= self._soc[0]):
+            self._soc = sample.time_s, field, sample.values[CHARGES[field]]
+            self._parked = self._soc if self.trip is None else self._parked
         self._ordered.insert(sample)
         self._follow(self._ordered.ready())
 
     def _follow(self, samples: list[Sample]) -> None:
-        ended = [self._finder.add(sample) for sample in samples]
-        self._ended += [trip for trip in ended if trip is not None]
+        for sample in samples:
+            self._end(self._finder.add(sample))
+
+    def _end(self, trip: LiveTrip | None) -> None:
+        if trip is not None:
+            self._ended.append(trip)
+            self._parked = self._soc if self._soc is not None and self._soc[0] >= trip.moved_s else None
 
     def end_when_silent(self, now_s: float) -> bool:
         """End the trip of a car that sent nothing for `SILENCE_S` by our clock, while this process listened.
@@ -186,9 +194,7 @@ class Recorder:
         if self.received_s is None or now_s - max(self.received_s, self._listening_s) < SILENCE_S:
             return False
         self._follow(self._ordered.rest())
-        ended = self._finder.end()
-        if ended is not None:
-            self._ended.append(ended)
+        self._end(self._finder.end())
         done = bool(self._ended)
         self._finish()
         return done
@@ -278,6 +284,7 @@ class Recorder:
         -------
         Departure
             Of the first values on a trip, of the latest ones before it; without payload and without whether it follows a trip.
+            A charge holds while the car stands, however long: senders repeat only what changes.
         """
         trip = self.trip
         of = None if trip is None else (trip.start_s, self._since_s(trip))
@@ -291,6 +298,8 @@ class Recorder:
             table = pd.DataFrame([{"time_s": 0.0, "speed_m_s": 0.0, **latest}], dtype="float64")
         seen = Departure.from_first_sample(Sampled(self.name, table), Context())
         departure = replace(seen, payload_mass_kg=None, follows_trip=None)
+        if departure.soc is None and departure.bms_soc is None and self._parked is not None:
+            departure = departure.merge(Departure(**{self._parked[1]: self._parked[2]}))  # type: ignore[arg-type]
         if (
             trip is not None
             and of is not None
@@ -387,13 +396,16 @@ class Recorder:
         """
         trip = self.trip
         return {
+            "car": self.name,
             "vehicle": self.name,
             "seconds_since_message": None if self.received_s is None else max(0.0, now_s - self.received_s),
             "messages": self.counts.copy(),
-            "soc": None if self._soc is None else self._soc[1],
+            "soc": self._soc[2] if self._soc is not None and self._soc[1] == "soc" else None,
+            "soc_source": None if self._soc is None else self._soc[1],
             "trip": None
             if trip is None
             else {
+                "departs_at": dt.datetime.fromtimestamp(trip.start_s, dt.UTC).isoformat(),
                 "departure_utc": trip.start_s,
                 "duration_s": trip.last_s - trip.start_s,
                 "distance_m": trip.distance_m,

@@ -139,6 +139,31 @@ class RoadCar(Recorder):
         observed = self.observed(forecast.plan.start_s)
         return forecast if len(observed) < 2 else forecast.update(observed)
 
+    def shown_soc(self) -> float | None:
+        """Return the displayed charge by the latest message that has a charge.
+
+        Returns
+        -------
+        float or None
+            A charge of the battery management is converted by the model of the car; None without one, and without a charge.
+
+        Examples
+        --------
+        >>> import tempfile
+        >>> from tripwatt.live import Sample
+        >>> with tempfile.TemporaryDirectory() as folder, RoadCar(f"{folder}/leaf") as car:
+        ...     car.add(Sample(1.7e9, {"displayed_soc": 0.8}))
+        ...     car.shown_soc()
+        'new'
+        0.8
+        """
+        if self._soc is None or self._soc[1] == "soc" or self.model_of is None:
+            return None if self._soc is None or self._soc[1] != "soc" else self._soc[2]
+        model = self.model_of({} if self.plan is None else self.plan.request)
+        scale = None if model.uncertainty_ is None else model.uncertainty_.charge
+        shown = scale.displayed if scale is not None else model.vehicle.battery.displayed_from_soc
+        return min(max(float(shown(self._soc[2])), 0.0), 1.0)
+
     @property
     def state(self) -> tuple[int, int, float | None]:
         """What a forecast depends on: numbers of samples and of plans, and the start of the trip."""
@@ -166,6 +191,7 @@ class RoadCar(Recorder):
             usual = self._departing[0][0].usual_trip
         document = {
             **self.about(now_s),
+            "soc": self.shown_soc(),
             "plan": "given" if self.plan is not None else None if usual is None else "usual",
             "usual_trip": usual,
             "forecast": self._forecast,

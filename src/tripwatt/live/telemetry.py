@@ -12,15 +12,32 @@ from functools import cached_property
 from typing import Any, Final
 
 from tripwatt.errors import Fault, InvalidInput, excerpt, raise_faults
-from tripwatt.sources.mapping import POWER, UNITS, ColumnMapping, load_mapping
+from tripwatt.sources.mapping import (
+    POWER,
+    TIME_STAMPS,
+    UNITS,
+    ColumnMapping,
+    MappedColumn,
+    load_mapping,
+    shipped_mappings,
+)
 from tripwatt.trips import COLUMNS
 
 SIGNALS: Final = tuple(name for name in COLUMNS if name != "time_s")
 """Columns that a sample may have."""
 
+CHARGES: Final = {"soc": "displayed_soc", "bms_soc": "soc"}
+"""Field of a departure -> column of its charge: what the driver sees comes before what the battery management has."""
+
 FIRST_TIME_S: Final = 946_684_800.0
 LAST_TIME_S: Final = 4_102_444_800.0
 """Bounds of a time stamp: the years 2000 and 2100. Milliseconds since 1970 are far outside."""
+
+OWN_HOLD_S: Final = 10.0
+"""What changes quickly holds for so long [s], where a sender has our columns."""
+
+OWN_VOLTAGE_V: Final = 370.0
+"""Stands in for a voltage where a sender has our columns and a power alone [V]: only the product with the current counts."""
 
 MOST_POWER_W: Final = 2e6
 """Largest battery power; that of a lorry on a megawatt charger is below."""
@@ -84,18 +101,15 @@ class MessageFormat:
     Attributes
     ----------
     mapping_name : str
-        Shipped mapping with names, units and signs of its fields. A time in seconds since 1970 is read from the messages;
-        else the time of arrival counts.
-    whole : bool
-        Whether a message is a JSON object with all values of one time; else each field has a topic of its own.
+        Shipped mapping, or file of one, with names, units and signs of its fields; empty for our columns in our units. A time
+        in seconds or milliseconds since 1970 is read from the messages; else the time of arrival counts.
     charging, parked : mapping of str to tuple of str
         Field -> its texts, in lower case, of a car that is charged or parked.
     more : mapping of str to str
         Fields that the mapping lacks -> our columns, in our units.
     """
 
-    mapping_name: str
-    whole: bool = False
+    mapping_name: str = ""
     charging: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     parked: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     more: Mapping[str, str] = field(default_factory=dict)
@@ -103,13 +117,21 @@ class MessageFormat:
     @cached_property
     def mapping(self) -> ColumnMapping:
         """The mapping of this name."""
-        return load_mapping(self.mapping_name)
+        if self.mapping_name:
+            return load_mapping(self.mapping_name)
+        own = {name: MappedColumn(name, next(iter(units))) for name, units in UNITS.items()}
+        own["time_s"] = MappedColumn("time_s", "epoch_s")
+        return ColumnMapping("", own, nominal_voltage_v=OWN_VOLTAGE_V, hold_s=OWN_HOLD_S)
 
     @property
     def time_field(self) -> str:
-        """Field with the time [s since 1970]; empty where the sender gives none."""
-        time = self.mapping.columns["time_s"]
-        return time.column if time.unit == "epoch_s" else ""
+        """Field with the time since 1970; empty where the sender gives none."""
+        return self.mapping.columns["time_s"].column if math.isfinite(self.time_unit_s) else ""
+
+    @property
+    def time_unit_s(self) -> float:
+        """Unit of that time [s]; NaN where the sender gives none."""
+        return TIME_STAMPS.get(self.mapping.columns["time_s"].unit, math.nan)
 
     @cached_property
     def columns(self) -> Mapping[str, tuple[str, float, float]]:
@@ -132,13 +154,14 @@ class MessageFormat:
                 del values["current_a"]
         return values
 
-    def sample(self, message: Any) -> Sample:
-        """The sample of a whole message. O(fields). See `sample_from_abrp`."""
+    def sample(self, message: Any, received_s: float | None = None) -> Sample:
+        """The sample of a whole message, of the time of its arrival where it has none. O(fields). See `sample_from_abrp`."""
         if not isinstance(message, Mapping):
             allowed = "an object with utc, speed, power, soc"
             raise InvalidInput.of("not an object", "tlm", excerpt(message), allowed)
         time_field, faults = self.time_field, list[Fault]()
-        time_s = _number(message, time_field, ("", 1.0, 0.0), faults)
+        time_s = _number(message, time_field, ("", self.time_unit_s, 0.0), faults)
+        time_s = received_s if time_s is None and not faults else time_s
         if time_s is None:
             raise InvalidInput(faults or Fault("missing field", time_field, "", "seconds since 1970"))
         numbers = {column[0]: _number(message, name, column, faults) for name, column in self.columns.items()}
@@ -157,17 +180,33 @@ FORMATS: Final[Mapping[str, MessageFormat]] = {
     ),
     "abrp": MessageFormat(
         "abrp",
-        whole=True,
         charging={"is_charging": _TRUE, "is_dcfc": _TRUE},
         parked={"is_parked": _TRUE},
         more={"hvac_setpoint": "cabin_setpoint_degc", "current": "current_a"},
     ),
+    "plain": MessageFormat(charging={"charging": _TRUE}, parked={"parked": _TRUE}),
 }
 """Name of a sender -> what it writes. A new one is an entry, and a mapping where there is none for its tables.
 
 The metrics of OVMS; the values of TeslaMate (https://docs.teslamate.org/docs/integrations/mqtt), whose power is in whole
 kilowatts; live data of A Better Routeplanner (https://documenter.getpostman.com/view/7396339/SWTK5a8w), which OVMS, TeslaMate,
-evcc and many adapters send too."""
+evcc and many adapters send too; our own columns. Any other mapping names what its messages have."""
+
+
+def format_of(source: str) -> MessageFormat:
+    """What a sender writes: one of `FORMATS`, else by the names of a shipped mapping, or of a file of one.
+
+    Raises
+    ------
+    InvalidInput
+        For an unknown sender, and with the faults of a mapping.
+    """
+    if source not in (*FORMATS, *shipped_mappings()) and not source.endswith(".toml"):
+        allowed = ", ".join(dict.fromkeys((*FORMATS, *shipped_mappings(), "or a file FILE.toml")))
+        raise InvalidInput.of("unknown sender", "source", source[:60], allowed)
+    made = FORMATS.get(source) or MessageFormat(source)
+    made.mapping  # noqa: B018, it is checked
+    return made
 
 
 def is_sound(column: str, value: float) -> bool:

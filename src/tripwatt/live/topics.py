@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from tripwatt.errors import InvalidInput
-from tripwatt.live.telemetry import FORMATS, Sample, is_set, is_sound, number_of
+from tripwatt.live.telemetry import Sample, format_of, is_set, is_sound, number_of
 from tripwatt.sources.mapping import POWER
 
 JOIN_S: Final = 1.0
@@ -28,7 +28,7 @@ MOST_MESSAGE_BYTES: Final = 65_536
 
 
 class TopicJoiner:
-    """Joins the values of one car's topics into samples.
+    """Joins the values of one car's topics into samples. A message on the topic of the car itself is a sample, as JSON.
 
     A sample has the values that came since the last one, and earlier ones while they hold. Its time is that of the sender
     where it sends one, else the second of the arrival.
@@ -36,9 +36,9 @@ class TopicJoiner:
     Parameters
     ----------
     source : str
-        A key of `FORMATS`.
+        As of `format_of`.
     root : str
-        Topic below which the metrics are: `ovms/me/leaf/metric`, `teslamate/cars/1`. Of `abrp`, the topic itself.
+        Topic below which the metrics are: `ovms/me/leaf/metric`, `teslamate/cars/1`; or that of whole messages.
 
     Raises
     ------
@@ -57,12 +57,10 @@ class TopicJoiner:
     """
 
     def __init__(self, source: str, root: str) -> None:
-        if source not in FORMATS:
-            raise InvalidInput.of("unknown sender", "source", source[:60], ", ".join(FORMATS))
         self.root = root.rstrip("/")
         if not self.root or {"+", "#"} & set(self.root):
             raise InvalidInput.of("no topic of one car", "topic", root[:60], "a topic without '+' and '#'")
-        self.format = FORMATS[source]
+        self.format = format_of(source)
         self._hold_s = max(self.format.mapping.hold_s, JOIN_S)
         self._values: dict[str, tuple[float, float]] = {}
         self._flags: dict[str, str] = {}
@@ -73,7 +71,7 @@ class TopicJoiner:
     @property
     def filter(self) -> str:
         """What to subscribe to."""
-        return self.root if self.format.whole else f"{self.root}/#"
+        return f"{self.root}/#"  # the topic itself, too
 
     def take(self, topic: str, payload: bytes, received_s: float, *, retained: bool = False) -> Sample | None:
         """Take a value. O(1).
@@ -94,14 +92,14 @@ class TopicJoiner:
         Sample or None
             The sample that is complete now.
         """
-        if self.format.whole:
-            return None if retained or topic != self.root else self._whole(payload)
+        if topic == self.root:
+            return None if retained else self._whole(payload, received_s)
         if not topic.startswith(f"{self.root}/") or len(payload) > MOST_TEXT_BYTES:
             return None
         metric = topic.removeprefix(f"{self.root}/").replace("/", ".")
         text = payload.decode("utf-8", "replace").strip().lower()
         if metric == self.format.time_field:
-            return None if retained else self._start_at(number_of(text))
+            return None if retained else self._start_at(number_of(text) * self.format.time_unit_s)
         if metric in self.format.charging or metric in self.format.parked:
             self._flags[metric] = text
             return self._note(received_s)
@@ -170,12 +168,13 @@ class TopicJoiner:
         except InvalidInput:
             return None  # its time cannot be one
 
-    def _whole(self, payload: bytes) -> Sample | None:
+    def _whole(self, payload: bytes, received_s: float) -> Sample | None:
         """The sample of a message with all values; None where it is none."""
         if len(payload) > MOST_MESSAGE_BYTES:
             return None
         try:
             given: Any = json.loads(payload)
-            return self.format.sample(given.get("tlm", given) if isinstance(given, Mapping) else given)
+            given = given.get("tlm", given) if isinstance(given, Mapping) else given
+            return self.format.sample(given, received_s) if given else None
         except (ValueError, RecursionError, InvalidInput):
             return None

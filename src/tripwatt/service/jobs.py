@@ -202,9 +202,11 @@ class Jobs:
     def need(self, body: bytes, job: Mapping[str, Any]) -> dict[str, Any]:
         """Return what a `ForecastRequest` needs with the probability of the job: energy, charge, and what to do until then."""
         request, forecast = self._forecast(body, ForecastRequest)
+        quantile_wh = forecast.quantile(job["probability"])
         needed = {
             "expected_wh": forecast.energy_wh,
-            "energy_wh": forecast.quantile(job["probability"]),
+            "energy_quantile_wh": quantile_wh,
+            "energy_wh": quantile_wh,
             "soc_needed": forecast.soc_needed(request.reserve, job["probability"]),
             "wh_per_display": forecast.charge.wh_per_display,
         }

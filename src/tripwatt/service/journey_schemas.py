@@ -8,7 +8,6 @@ from pydantic import AwareDatetime, ConfigDict, Field, RootModel, create_model
 
 from tripwatt.advice.preheating import PLUG_W
 from tripwatt.forecasting.document import FlagDocument, ForecastResponse
-from tripwatt.live.telemetry import FIRST_TIME_S, LAST_TIME_S
 from tripwatt.service.advice_schemas import UntilDeparture
 from tripwatt.service.live_schemas import NeedResponse
 from tripwatt.service.schemas import (
@@ -108,14 +107,15 @@ else:
 class RangeQuery(_DepartureQuery):
     """A charge, the kind of road and the car."""
 
+    departs_at: AwareDatetime | None = asked("departs_at", ASKED["departs_at"])[1]
     kind: Literal["city", "country", "motorway", "mixed"] = "mixed"
     """kind of road; mixed: nothing is known of it"""
     model: str | None = Field(None, max_length=100)
     """one of /v1/models; default: the first one"""
     vehicle: str | None = Field(None, min_length=1, max_length=100)
-    """one of /v1/vehicles; default: the car of the model; without a distance or trip, the name of a car on the road"""
+    """one of /v1/vehicles; default: the car of the model; deprecated without a distance or trip: the name of a car on the road, in place of `car`"""
     car: str | None = Field(None, max_length=100)
-    """one of /v1/cars, in place of model and vehicle"""
+    """one of /v1/cars, in place of model and vehicle; without a distance or trip, a car on the road"""
     vehicle_figures: str | None = Field(None, max_length=1000)
     """a car of your own in place of `vehicle`: figures as in POST /v1/vehicles, as JSON"""
     reserve: float | None = Field(None, ge=0.0, le=1.0)
@@ -135,8 +135,6 @@ class NeedQuery(RangeQuery):
     """equal trips ahead"""
     probability: float = Field(0.9, ge=0.5, le=0.99)
     """with which the charge suffices, for the next trip of a car on the road"""
-    departure_utc: float | None = Field(None, ge=FIRST_TIME_S, le=LAST_TIME_S)
-    """when that trip begins [s since 1970]; default: now"""
     plug_w: float = Field(PLUG_W, ge=0.0, le=400_000.0)
     """power of the plug at home [W]; 0: the car is not plugged in"""
 

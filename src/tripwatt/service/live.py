@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import time
-from collections.abc import AsyncIterator, Callable, Mapping
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property, partial
 from hmac import compare_digest
@@ -53,7 +53,7 @@ class LiveCars:
     Parameters
     ----------
     settings : Settings
-        The sub-folders of `cars` with a token are followed.
+        The sub-folders of `cars` with a token are followed, and the cars of `mqtt`.
     pool : WorkerPool
     log : callable
         Called with one record of the log as keywords.
@@ -82,8 +82,9 @@ class LiveCars:
         if folder is None or not folder.is_dir():
             fix = "make it; cars are made in it on the page or by `tripwatt car new`"
             raise InvalidInput.of("no folder of cars", "--cars", f"{folder}", "a folder", fix)
-        for place in sorted(place for place in folder.iterdir() if has_token(place)):
-            self._open(place)
+        over_mqtt = {} if settings.mqtt is None else settings.mqtt.cars
+        for name in sorted({place.name for place in folder.iterdir() if has_token(place)} | {*over_mqtt}):
+            self._open(folder / name)
 
     async def run(self, work: Callable[Given, Result], *args: Given.args, **more: Given.kwargs) -> Result:
         """Do some work of cars in their thread."""
@@ -163,27 +164,28 @@ class LiveCars:
         except OSError as error:
             raise self._not_stored("message", car, error) from error
         ignored = [fault_document(fault) for fault in sample.faults]
-        return {"status": "ok", "vehicle": car.name, "arrival": arrival, "ignored": ignored}
+        return {"status": "ok", "car": car.name, "vehicle": car.name, "arrival": arrival, "ignored": ignored}
 
-    async def set_plan(self, car: RoadCar, request: dict[str, Any]) -> JobResult:
+    async def set_plan(self, car: RoadCar, plan: dict[str, Any], departure_s: float | None) -> JobResult:
         """Give a car the plan of its trip, if it can be forecast.
 
         Parameters
         ----------
         car : RoadCar
-        request : dict
-            A `ForecastRequest`, and `departure_utc` within its bounds.
+        plan : dict
+            A `ForecastRequest`.
+        departure_s : float or None
+            When it leaves [s since 1970].
 
         Returns
         -------
         JobResult
             Of the forecast at departure; the plan is taken when its status is 200.
         """
-        plan = {name: value for name, value in request.items() if name != "departure_utc"}
-        checked = await self.pool.run({"kind": "forecast"}, orjson.dumps(self._by_own_model(car.name, plan)))
+        checked = await self.pool.run({"kind": "forecast"}, orjson.dumps(self.by_own_model(car.name, plan)))
         if checked.status == 200:
             try:
-                await self.run(car.set_plan, plan, request.get("departure_utc"))
+                await self.run(car.set_plan, plan, departure_s)
             except OSError as error:
                 raise self._not_stored("plan", car, error) from error
         return checked
@@ -217,14 +219,14 @@ class LiveCars:
             companion.hear(observed, car.updated)
         return companion.last
 
-    def _by_own_model(self, name: str, request: Mapping[str, Any]) -> dict[str, Any]:
+    def by_own_model(self, name: str, request: Mapping[str, Any]) -> dict[str, Any]:
         """A request with the model of a car's own trips, unless the request names a car or a model."""
         named = any(request.get(field) is not None for field in CAR_FIELDS)
         own = not named and self.settings.cars is not None and is_car(self.settings.cars / name)
         return {**request, "model": name} if own else dict(request)
 
     def _model(self, name: str, request: Mapping[str, Any]) -> ForecastModel:
-        return self._jobs.model_of(self._by_own_model(name, request))
+        return self._jobs.model_of(self.by_own_model(name, request))
 
     @cached_property
     def _jobs(self) -> Jobs:
@@ -253,12 +255,13 @@ class LiveCars:
         plan = await self.run(car.plan_at, how["departure_s"])
         if plan is None:
             raise Problem("no-plan", "no plan, and no earlier trip at this time of day")
-        soc = (await self.run(car.departure)).soc if car.trip is None else None
-        request = self._by_own_model(car.name, {**plan.request, **known})
+        soc = await self.run(car.shown_soc) if car.trip is None else None
+        request = self.by_own_model(car.name, {**plan.request, **known})
         result = await self.pool.run({"kind": "need", "soc": soc, **how}, orjson.dumps(request))
         if result.status != 200:
             return result
         return {
+            "car": car.name,
             "vehicle": car.name,
             "plan": "given" if plan.usual_trip is None else "usual",
             "usual_trip": plan.usual_trip,
@@ -270,16 +273,16 @@ class LiveCars:
         """The cars, as `LiveCarsResponse`."""
         now_s = time.time()
         rows = (car.about(now_s) for _, car in sorted(self.cars.items()))
-        return {
-            "vehicles": [
-                {
-                    "vehicle": row["vehicle"],
-                    "seconds_since_message": row["seconds_since_message"],
-                    "on_trip": row["trip"] is not None,
-                }
-                for row in rows
-            ]
-        }
+        cars = [
+            {
+                "car": row["car"],
+                "vehicle": row["car"],
+                "seconds_since_message": row["seconds_since_message"],
+                "on_trip": row["trip"] is not None,
+            }
+            for row in rows
+        ]
+        return {"cars": cars, "vehicles": cars}
 
     def stream(self, car: RoadCar) -> EventSourceResponse:
         """The forecasts of a car as server-sent events.
@@ -338,15 +341,15 @@ class LiveCars:
             await asyncio.sleep(SILENCE_CHECK_S)
 
     @contextlib.asynccontextmanager
-    async def running(self) -> AsyncIterator[None]:
-        """Watch the cars, and leave them to another process at the end."""
-        watch = asyncio.ensure_future(self.watch())
+    async def running(self, *work: Awaitable[None]) -> AsyncIterator[None]:
+        """Watch the cars and do some more work, and leave them to another process at the end."""
+        tasks = [asyncio.ensure_future(one) for one in (self.watch(), *work)]
         try:
             yield
         finally:
-            watch.cancel()
-            with contextlib.suppress(asyncio.CancelledError):
-                await watch
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
             self.close()
 
     def close(self) -> None:

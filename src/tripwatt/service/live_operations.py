@@ -36,14 +36,19 @@ from tripwatt.service.openapi import (
     JSON,
     operation,
 )
+from tripwatt.service.over_mqtt import OverMqtt
 from tripwatt.service.pool import WorkerPool
 from tripwatt.service.problems import Problem, invalid_input, refusal
 from tripwatt.service.receiving import media_type, request_id, require_accepts
 from tripwatt.service.schemas import check_request, parse_json
 from tripwatt.service.settings import Settings
+from tripwatt.trips import ASKED
 
 MOST_MESSAGE_BYTES: Final = 65_536
 """Largest message of a car; those of senders have less than 2 kB."""
+
+DEPARTS: Final = (*ASKED["departs_at"].wire, "departs_at")
+"""Names of the time of departure in a request."""
 
 MOST_FORM_FIELDS: Final = 20
 
@@ -79,10 +84,13 @@ class LiveOperations:
     ) -> None:
         self.read_body = read_body
         self._cars = None if settings.cars is None else LiveCars(settings, pool, log)
+        mqtt = settings.mqtt
+        self._over_mqtt = None if self._cars is None or mqtt is None else OverMqtt(self._cars, mqtt)
 
     def running(self) -> AbstractAsyncContextManager[None]:
-        """Watch the cars while the service runs."""
-        return contextlib.nullcontext() if self._cars is None else self._cars.running()
+        """Watch the cars while the service runs, and follow them over MQTT."""
+        over_mqtt = [] if self._over_mqtt is None else [self._over_mqtt.follower.follow()]
+        return contextlib.nullcontext() if self._cars is None else self._cars.running(*over_mqtt)
 
     @property
     def cars(self) -> LiveCars:
@@ -121,29 +129,29 @@ class LiveOperations:
         require_accepts(request, JSON)
         return json_response(self.cars.summary())
 
-    @operation("GET /v1/live/{vehicle}", "live", LiveResponse)
-    async def get_live(self, request: Request, vehicle: Name) -> Response:
+    @operation("GET /v1/live/{car}", "live", LiveResponse)
+    async def get_live(self, request: Request, car: Name) -> Response:
         """Return the state of a car on the road and the latest forecast of its trip."""
         require_accepts(request, JSON)
-        return json_response(await self.cars.document(self.cars.by_name(vehicle)))
+        return json_response(await self.cars.document(self.cars.by_name(car)))
 
-    @operation("PUT /v1/live/{vehicle}/plan", "live", LiveResponse, LivePlanRequest)
-    async def put_plan(self, request: Request, vehicle: Name) -> Response:
+    @operation("PUT /v1/live/{car}/plan", "live", LiveResponse, LivePlanRequest)
+    async def put_plan(self, request: Request, car: Name) -> Response:
         """Give the plan of the trip that a car is on, or of its next one; it is kept until that trip has ended."""
-        car = self.cars.by_name(vehicle)
+        followed = self.cars.by_name(car)
         plan = _parsed(await self.read_body(request, (JSON,)))
-        check_request({"departure_utc": plan.get("departure_utc")}, LiveDeparture)
-        result = await self.cars.set_plan(car, plan)
+        leaves = check_request({name: plan.pop(name) for name in DEPARTS if name in plan}, LiveDeparture)
+        result = await self.cars.set_plan(followed, plan, leaves.departure_s)
         if result.status == 200:
-            return json_response(await self.cars.document(car))
+            return json_response(await self.cars.document(followed))
         return refusal(result.status, result.content, request_id(request))
 
     async def next_need(self, request: Request, query: NeedQuery) -> Response:
         """Return what the next trip of a car needs: energy at a quantile, charge to leave with, energy to charge."""
         require_accepts(request, JSON)
-        leaves = time.time() if query.departure_utc is None else query.departure_utc
+        leaves = time.time() if query.departs_at is None else query.departs_at.timestamp()
         needed = await self.cars.need(
-            self.cars.by_name(query.vehicle or ""),
+            self.cars.by_name(query.car or query.vehicle or ""),
             {"probability": query.probability, "departure_s": leaves, "plug_w": query.plug_w},
             query.model_dump(include={"reserve", "ambient_temperature_degc"}, exclude_none=True),
         )
@@ -152,18 +160,18 @@ class LiveOperations:
         return refusal(needed.status, needed.content, request_id(request))
 
     @operation(
-        "GET /v1/live/{vehicle}/events",
+        "GET /v1/live/{car}/events",
         "live",
         {EVENTS: LIVE_EVENTS},
         description="A stream of server-sent events",
     )
-    async def get_events(self, request: Request, vehicle: Name) -> Response:
+    async def get_events(self, request: Request, car: Name) -> Response:
         """Stream the state of a car on the road and the forecasts of its trip as server-sent events."""
         require_accepts(request, EVENTS)
-        car = self.cars.by_name(vehicle)
+        followed = self.cars.by_name(car)
         if request.scope.get("was_head"):
             return Response(media_type=EVENTS)  # a stream without a body would never end
-        return self.cars.stream(car)
+        return self.cars.stream(followed)
 
 
 def message_of(body: bytes, kind: str) -> dict[str, Any]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, Literal, get_type_hints
 
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, create_model
+from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, TypeAdapter, create_model
 
 from tripwatt.live.documents import (
     LiveDocument,
@@ -12,9 +12,9 @@ from tripwatt.live.documents import (
     LiveMessages,
     LiveTripDocument,
 )
-from tripwatt.live.telemetry import FIRST_TIME_S, LAST_TIME_S
 from tripwatt.service.advice_schemas import UntilDeparture
-from tripwatt.service.schemas import ForecastRequest, ProblemFault, ResponseModel, StrictModel
+from tripwatt.service.schemas import ForecastRequest, ProblemFault, ResponseModel, StrictModel, asked
+from tripwatt.trips import ASKED
 
 
 class TelemetryRequest(BaseModel):
@@ -32,7 +32,9 @@ class TelemetryResponse(ResponseModel):
     """What became of a message."""
 
     status: Literal["ok"]
+    car: str
     vehicle: str
+    """deprecated: old name of `car`"""
     arrival: Literal["new", "doubled", "late"]
     """only a new message counts"""
     ignored: list[ProblemFault]
@@ -42,8 +44,13 @@ class TelemetryResponse(ResponseModel):
 class LiveDeparture(StrictModel):
     """When a car leaves."""
 
-    departure_utc: float | None = Field(None, ge=FIRST_TIME_S, le=LAST_TIME_S)
-    """departure [s since 1970]; default: the start of the trip. Earlier messages do not count"""
+    departs_at: AwareDatetime | None = asked("departs_at", ASKED["departs_at"])[1]
+    """departure, also in s since 1970; default: the start of the trip. Earlier messages do not count"""
+
+    @property
+    def departure_s(self) -> float | None:
+        """Departure [s since 1970]."""
+        return None if self.departs_at is None else self.departs_at.timestamp()
 
 
 class LivePlanRequest(LiveDeparture, ForecastRequest):
@@ -53,7 +60,9 @@ class LivePlanRequest(LiveDeparture, ForecastRequest):
 class NeedResponse(UntilDeparture):
     """What the next trip of a car needs, for charge planning."""
 
+    car: str
     vehicle: str
+    """deprecated: old name of `car`"""
     plan: Literal["given", "usual"]
     """the plan that was given, or the road of an earlier trip that began at about this time of day"""
     usual_trip: str | None
@@ -64,8 +73,10 @@ class NeedResponse(UntilDeparture):
     """displayed state of charge to arrive with"""
     expected_wh: float
     """expected energy of the trip [Wh]"""
+    energy_quantile_wh: float
+    """not exceeded with the probability [Wh]"""
     energy_wh: float
-    """quantile of the energy at the probability [Wh]"""
+    """deprecated: old name of `energy_quantile_wh`"""
     soc_needed: float
     """displayed state of charge to leave with; above 1 where a full battery does not suffice, 0 where any charge does"""
     message: str
@@ -107,7 +118,9 @@ LiveResponse = create_model("LiveResponse", __base__=ResponseModel, __doc__=Live
 class LiveCarSummary(ResponseModel):
     """A car that the service follows."""
 
+    car: str
     vehicle: str
+    """deprecated: old name of `car`"""
     seconds_since_message: float | None
     """null before the first message"""
     on_trip: bool
@@ -116,4 +129,6 @@ class LiveCarSummary(ResponseModel):
 class LiveCarsResponse(ResponseModel):
     """The cars that the service follows, by name."""
 
+    cars: list[LiveCarSummary]
     vehicles: list[LiveCarSummary]
+    """deprecated: old name of `cars`"""

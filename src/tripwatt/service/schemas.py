@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime as dt
 from collections.abc import Mapping
 from types import NoneType
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, TypeVar
@@ -25,6 +26,7 @@ from pydantic import (
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import MOST_HINTS, Fault, InvalidInput, did_you_mean, excerpt, raise_faults
 from tripwatt.forecasting.document import FlagDocument
+from tripwatt.live.telemetry import FIRST_TIME_S, LAST_TIME_S
 from tripwatt.routes import LinkRoute, route_from_links
 from tripwatt.routes.link_objects import route_with_elevation
 from tripwatt.service.problems import TITLES, Problem
@@ -208,7 +210,9 @@ def asked(name: str, field: DepartureField) -> tuple[Any, Any]:
     if field.column is not None:
         unit, rules = f" [{field.column.unit}]", {"ge": field.column.minimum, "le": field.column.maximum}
     elif field.type == "time":
-        kind, unit, rules = AwareDatetime, "; with its time zone", {"strict": False}
+        first, last = (dt.datetime.fromtimestamp(time_s, dt.UTC) for time_s in (FIRST_TIME_S, LAST_TIME_S))
+        kind, unit = AwareDatetime, "; with its time zone"
+        rules = {"strict": False, "ge": first, "le": last}
     elif field.several:
         kind, rules = list[kind], {"max_length": len(field.choices)}
     if field.wire:

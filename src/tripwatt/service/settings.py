@@ -12,6 +12,7 @@ from typing import Final
 
 from tripwatt.errors import Fault, raise_faults
 from tripwatt.journey import AtlasSettings
+from tripwatt.live import MqttSettings
 
 TOKEN_VARIABLE: Final = "TRIPWATT_TOKEN"
 """Environment variable of the bearer token."""
@@ -111,6 +112,8 @@ class Settings:
         Path under which a proxy serves the service, such as "/tripwatt"; empty for none.
     cors_origins : tuple of str
         Origins whose pages a browser lets read answers.
+    mqtt : MqttSettings or None
+        The broker that cars send to, and that they are published to; None for none.
     """
 
     models: Mapping[str, Path] = field(default_factory=lambda: MappingProxyType({}))
@@ -124,6 +127,7 @@ class Settings:
     keep_days: float = math.inf
     prefix: str = ""
     cors_origins: tuple[str, ...] = ()
+    mqtt: MqttSettings | None = None
 
     @property
     def hosts(self) -> frozenset[str]:

@@ -151,16 +151,16 @@ export const learnLogs = (car: string, upload: string, body: LogsRequest) =>
   ask("post", "/v1/cars/{car}/uploads/{upload}/learn", { path: { car, upload }, body });
 
 /** Cars that can send messages while they drive. */
-export const listRoadCars = async () => (await ask("get", "/v1/live")).vehicles;
+export const listRoadCars = async () => (await ask("get", "/v1/live")).cars;
 
 /** Give a car the plan of its trip, or of its next one. */
-export const putPlan = (vehicle: string, body: LivePlanRequest) =>
-  ask("put", "/v1/live/{vehicle}/plan", { path: { vehicle }, body });
+export const putPlan = (car: string, body: LivePlanRequest) =>
+  ask("put", "/v1/live/{car}/plan", { path: { car }, body });
 
 /** The events of a car on the road, as they come: the data of each, and nothing for a sign of life. */
-export async function* listenTo(vehicle: string, signal: AbortSignal): AsyncGenerator<string[], void> {
+export async function* listenTo(car: string, signal: AbortSignal): AsyncGenerator<string[], void> {
   const headers = { accept: "text/event-stream" };
-  const { body } = await request(pathOf("/v1/live/{vehicle}/events", { vehicle }), { headers, signal });
+  const { body } = await request(pathOf("/v1/live/{car}/events", { car }), { headers, signal });
   const reader = body?.pipeThrough(new TextDecoderStream()).getReader();
   const parser = new EventParser();
   for (let part = await reader?.read(); part && !part.done; part = await reader?.read()) {

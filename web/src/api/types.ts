@@ -450,7 +450,7 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
-    "/v1/live/{vehicle}": {
+    "/v1/live/{car}": {
         parameters: {
             query?: never;
             header?: never;
@@ -466,7 +466,7 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
-    "/v1/live/{vehicle}/plan": {
+    "/v1/live/{car}/plan": {
         parameters: {
             query?: never;
             header?: never;
@@ -482,7 +482,7 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
-    "/v1/live/{vehicle}/events": {
+    "/v1/live/{car}/events": {
         parameters: {
             query?: never;
             header?: never;
@@ -1139,11 +1139,15 @@ export interface components {
             end_elevation_m?: number | null;
         };
         LiveCarSummary: {
+            car: string;
+            /** @deprecated */
             vehicle: string;
             seconds_since_message: number | null;
             on_trip: boolean;
         };
         LiveCarsResponse: {
+            cars: components["schemas"]["LiveCarSummary"][];
+            /** @deprecated */
             vehicles: components["schemas"]["LiveCarSummary"][];
         };
         LiveForecastDocument: {
@@ -1160,6 +1164,7 @@ export interface components {
             p_arrive_at_all: number;
             measured_until_s: number;
             distance_m: number;
+            flags: components["schemas"]["FlagDocument"][];
         };
         LiveMessages: {
             new: number;
@@ -1212,13 +1217,16 @@ export interface components {
             elevation?: components["schemas"]["Elevation"] | null;
             reserve?: number | null;
             probability?: number | null;
-            departure_utc?: number | null;
+            departure_utc?: string | null;
         };
         LiveResponse: {
+            car: string;
+            /** @deprecated */
             vehicle: string;
             seconds_since_message: number | null;
             messages: components["schemas"]["LiveMessages"];
             soc: number | null;
+            soc_source: ("soc" | "bms_soc") | null;
             trip: components["schemas"]["LiveTripDocument"] | null;
             plan: ("given" | "usual") | null;
             usual_trip: string | null;
@@ -1227,6 +1235,8 @@ export interface components {
             message: components["schemas"]["MessageDocument"] | null;
         };
         LiveTripDocument: {
+            departs_at: string;
+            /** @deprecated */
             departure_utc: number;
             duration_s: number;
             distance_m: number;
@@ -1318,6 +1328,8 @@ export interface components {
             wall_wh: number | null;
             charging_s: number | null;
             preheat: components["schemas"]["PreheatDocument"] | null;
+            car: string;
+            /** @deprecated */
             vehicle: string;
             /** @enum {string} */
             plan: "given" | "usual";
@@ -1325,6 +1337,8 @@ export interface components {
             probability: number;
             reserve: number;
             expected_wh: number;
+            energy_quantile_wh: number;
+            /** @deprecated */
             energy_wh: number;
             soc_needed: number;
             message: string;
@@ -1630,6 +1644,8 @@ export interface components {
         TelemetryResponse: {
             /** @constant */
             status: "ok";
+            car: string;
+            /** @deprecated */
             vehicle: string;
             /** @enum {string} */
             arrival: "new" | "doubled" | "late";
@@ -2174,7 +2190,7 @@ export interface operations {
                 cabin_temperature_degc?: number | null;
                 battery_temperature_degc?: number | null;
                 payload_mass_kg?: number | null;
-                departure_utc?: number | null;
+                departure_utc?: string | null;
                 climate?: ("auto" | "off" | "heat" | "cool") | null;
                 extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights" | "heated_seats")[] | null;
                 terrain?: ("unknown" | "flat" | "hilly" | "mountains") | null;
@@ -2601,7 +2617,7 @@ export interface operations {
             query?: never;
             header?: never;
             path: {
-                vehicle: string;
+                car: string;
             };
             cookie?: never;
         };
@@ -2622,7 +2638,7 @@ export interface operations {
             query?: never;
             header?: never;
             path: {
-                vehicle: string;
+                car: string;
             };
             cookie?: never;
         };
@@ -2647,7 +2663,7 @@ export interface operations {
             query?: never;
             header?: never;
             path: {
-                vehicle: string;
+                car: string;
             };
             cookie?: never;
         };

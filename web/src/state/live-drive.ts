@@ -114,7 +114,7 @@ export async function openRoad(name = ""): Promise<void> {
   const rows = roadCars.value;
   const driving = rows.filter((row) => row.on_trip);
   const [only] = driving.length === 1 ? driving : rows;
-  if (!followed.value && only && (rows.length === 1 || driving.length === 1)) followed.value = only.vehicle;
+  if (!followed.value && only && (rows.length === 1 || driving.length === 1)) followed.value = only.car;
 }
 
 export function closeRoad(): void {

@@ -205,14 +205,14 @@ function Choose() {
   return (
     <ul class="examples">
       {rows.map((row) => (
-        <li key={row.vehicle}>
+        <li key={row.car}>
           <button
             type="button"
             onClick={() => {
-              followed.value = row.vehicle;
+              followed.value = row.car;
             }}
           >
-            <span class="name">{labelOf(row.vehicle)}</span>
+            <span class="name">{labelOf(row.car)}</span>
             <span class="figures">
               {row.on_trip
                 ? words.onTrip
