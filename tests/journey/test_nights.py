@@ -152,10 +152,12 @@ def test_the_document_is_json_with_null_for_what_is_not_known(needs):
 
 
 def test_a_colder_week_needs_more_and_a_longer_route_more_of_a_smaller_battery(fleet, planned):
-    cold, mild = (needs_by_car(fleet[2], planned, degc) for degc in (-10.0, 15.0))
+    cold, mild = (needs_by_car(fleet[2], planned, degc).set_index("trip") for degc in (-10.0, 15.0))
     assert list(cold.index) == ["north", "south"]
     assert set(cold) == set(fleet[2].vehicles().values())
     assert (cold > mild).all().all()
+    kept = needs_by_car(fleet[2], planned, -10.0, reserve=0.2).set_index("trip")
+    assert (kept - cold).to_numpy() == pytest.approx(0.2)
     assert (cold.loc["south"] > cold.loc["north"]).all()
 
 

@@ -110,8 +110,8 @@ def needs_of(soc):
 
 
 def test_a_folder_has_a_file_for_each_program_and_none_of_an_earlier_report(tmp_path):
-    by_car = pd.DataFrame({"a": [0.5]}, index=pd.Index(["north"], name="trip"))
-    full = report(needs=needs_of(0.2), by_car=by_car, week=(dt.date(2025, 1, 6), -7.4))
+    routes = pd.DataFrame({"trip": ["north"], "a": [0.5]})
+    full = report(needs=needs_of(0.2), routes=routes, week=(dt.date(2025, 1, 6), -7.4))
     document = full.write(tmp_path, AT, 7400.0)
     assert {file.name for file in tmp_path.iterdir()} == set(REPORT_FILES) - {"drivers.csv"}
     assert json.loads((tmp_path / "report.json").read_text("utf-8")) == document
@@ -134,22 +134,21 @@ def test_a_folder_has_a_file_for_each_program_and_none_of_an_earlier_report(tmp_
 def test_the_need_of_the_night_is_summed():
     page = report(needs=needs_of(0.2)).page()
     assert "2 trips need 12 kWh if each gets what suffices with 95\u00a0%." in page
-    assert "6 kWh are to be charged" in page
-    assert "charge between" not in page
-    assert "1 vehicles have to charge between" in report(needs=needs_of(0.2).assign(soc_needed=1.2)).page()
-    assert "to be charged" not in report(needs=needs_of(None)).page()
+    assert "for the 1 departures of vehicles whose charge now is known: 6 kWh." in page
+    assert "does not suffice for all of them: 0." in page
+    assert (
+        "does not suffice for all of them: 1." in report(needs=needs_of(None).assign(soc_needed=1.2)).page()
+    )
 
 
 def test_routes_name_the_cars_that_can_drive_them():
-    by_car = pd.DataFrame(
-        {"small": [0.5, 1.2, 1.4], "large": [0.2, 0.6, 1.1]}, index=pd.Index(["a", "b", "c"], name="trip")
-    )
-    assert routes_table(by_car).rows == (
+    routes = pd.DataFrame({"trip": ["a", "b", "c"], "small": [0.5, 1.2, 1.4], "large": [0.2, 0.6, 1.1]})
+    assert routes_table(routes).rows == (
         ("a", "all", "50", "20"),
         ("b", "large", "–", "60"),
         ("c", "none", "–", "–"),
     )
-    said = said_of_routes(by_car, 0.95, dt.date(2025, 1, 6), -7.4)
+    said = said_of_routes(routes, 0.95, dt.date(2025, 1, 6), -7.4)
     assert "from 2025-01-06 at −7 °C" in said
     assert (
         "suffices for 1 of 3 routes with 95\u00a0%; 1 need some of the car models, and 1 need a charging stop"

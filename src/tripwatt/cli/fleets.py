@@ -383,11 +383,14 @@ def report(
     if as_json:
         print_json({"out": f"{folder}", **document})
         return
-    for sentence, tables in made.said():
-        typer.echo(sentence)
-        for table in tables:
-            numbers = [name for i, name in enumerate(table.columns) if i not in table.text_columns]
-            print_table(table.caption, table.columns, table.rows, numbers=numbers)
+    for panel in made.panels():
+        if not panel.folded:
+            typer.echo(panel.sentence)
+        if panel.key == "changes" and panel.tables:
+            (table,) = panel.tables
+            print_table(
+                table.caption, table.columns, table.rows, numbers=("more [%]", "trips before", "after")
+            )
     typer.echo(f"{folder / 'report.html'}")
 
 

@@ -32,8 +32,9 @@ from tripwatt.fleet.model import FleetModel
 from tripwatt.fleet.storage import load_fleet, save_fleet
 
 BOOTSTRAP: Final = 2000
+REPORT_TABLES: Final = ("changes", "vehicles", "drivers", "needs", "routes")
 REPORT_FILES: Final = (
-    "changes.csv", "vehicles.csv", "drivers.csv", "needs.csv", "routes.csv", "emhass.json", "evcc.txt", "report.json", "report.html",
+    "report.html", "report.json", *(f"{name}.csv" for name in REPORT_TABLES), "emhass.json", "evcc.txt",
 )  # fmt: skip
 """Files of the folder `report` of a registry, which the fleet's report writes and the service serves."""
 

@@ -230,9 +230,14 @@ def coldest_week(rows: TripRows) -> tuple[dt.date, float] | None:
 
 
 def needs_by_car(
-    model: FleetModel, trips: Sequence[PlannedTrip], ambient_degc: float, *, quantile: float = QUANTILE
+    model: FleetModel,
+    trips: Sequence[PlannedTrip],
+    ambient_degc: float,
+    *,
+    quantile: float = QUANTILE,
+    reserve: float = 0.0,
 ) -> pd.DataFrame:
-    """Charge that each planned route takes with each car model of a fleet at an outside temperature. A forecast for each route and model.
+    """Charge that each planned route needs with each car model of a fleet at an outside temperature. A forecast for each route and model.
 
     Parameters
     ----------
@@ -241,12 +246,13 @@ def needs_by_car(
         Those of one name are one route.
     ambient_degc : float
         Outside temperature [°C].
-    quantile : float
+    quantile, reserve : float
+        As of `needs_by_hour`.
 
     Returns
     -------
     DataFrame
-        Displayed charge that is not exceeded with the probability `quantile`, a row for each route and a column for each car model.
+        A row for each route `trip`, and a column for each car model: displayed charge to leave with.
     """
     cold = ambient_degc < COLD_DEGC
     cars = {n: model.of_vehicle(None, car_model=n, cold=cold) for n in sorted(set(model.vehicles().values()))}
@@ -255,8 +261,8 @@ def needs_by_car(
         weather = replace(
             trip.departure, ambient_temperature_degc=ambient_degc, battery_temperature_degc=None
         )
-        needs[name] = {car: _taken(trip, own, weather, quantile) for car, own in cars.items()}
-    return pd.DataFrame.from_dict(needs, orient="index", columns=list(cars)).rename_axis("trip")
+        needs[name] = {car: reserve + _taken(trip, own, weather, quantile) for car, own in cars.items()}
+    return pd.DataFrame.from_dict(needs, orient="index", columns=list(cars)).rename_axis("trip").reset_index()
 
 
 def _taken(trip: PlannedTrip, own: ForecastModel, weather: Departure, quantile: float) -> float:

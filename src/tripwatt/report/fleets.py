@@ -16,7 +16,7 @@ from tripwatt.files import write_text
 from tripwatt.fleet.changes import FALSE_CHANGES, LEAST_CHANGE, changes
 from tripwatt.fleet.deviations import PARTS, deviations
 from tripwatt.fleet.model import FleetModel
-from tripwatt.fleet.registry import REPORT_FILES
+from tripwatt.fleet.registry import REPORT_FILES, REPORT_TABLES
 from tripwatt.fleet.statistics import TripRows
 from tripwatt.journey.nights import (
     QUANTILE,
@@ -119,11 +119,11 @@ class ManagerReport:
     title : str
     quantile : float
         Probability with which a need suffices.
-    changed, vehicles : DataFrame
+    changes, vehicles : DataFrame
         From `changes` and `deviations`.
     drivers : DataFrame or None
         From `deviations`; None where nobody asked for them.
-    needs, by_car : DataFrame or None
+    needs, routes : DataFrame or None
         From `needs_by_hour` and `needs_by_car`; None without planned trips.
     week : tuple of date and float, or None
         Monday of the coldest week, and its temperature [°C].
@@ -131,11 +131,11 @@ class ManagerReport:
 
     title: str
     quantile: float
-    changed: pd.DataFrame
+    changes: pd.DataFrame
     vehicles: pd.DataFrame
     drivers: pd.DataFrame | None = None
     needs: pd.DataFrame | None = None
-    by_car: pd.DataFrame | None = None
+    routes: pd.DataFrame | None = None
     week: tuple[dt.date, float] | None = None
 
     @classmethod
@@ -157,91 +157,70 @@ class ManagerReport:
         drivers : bool
             Whether the drivers are compared.
         """
-        week = coldest_week(rows)
-        by_car = needs_by_car(model, planned, week[1], quantile=quantile) if planned and week else None
-        return cls(
-            title,
-            quantile,
-            changes(model.posterior, rows),
-            deviations(model.posterior, rows),
-            deviations(model.posterior, rows, drivers=True) if drivers else None,
-            needs_by_hour(model, planned, quantile=quantile, reserve=reserve) if planned else None,
-            by_car,
-            week,
-        )
+        asked = {"quantile": quantile, "reserve": reserve}
+        vehicles = deviations(model.posterior, rows)
+        report = cls(title, quantile, changes(model.posterior, rows), vehicles, week=coldest_week(rows))
+        if drivers:
+            report = replace(report, drivers=deviations(model.posterior, rows, drivers=True))
+        if planned:
+            report = replace(report, needs=needs_by_hour(model, planned, **asked))
+        if planned and report.week is not None:
+            report = replace(report, routes=needs_by_car(model, planned, report.week[1], **asked))
+        return report
 
     @property
     def tables(self) -> dict[str, pd.DataFrame]:
         """Its tables by name."""
-        named = {
-            "changes": self.changed,
-            "vehicles": self.vehicles,
-            "drivers": self.drivers,
-            "needs": self.needs,
-        }
-        named["routes"] = None if self.by_car is None else self.by_car.reset_index()
-        return {name: table for name, table in named.items() if table is not None}
-
-    def to_dict(self, at: dt.datetime, charger_w: float) -> dict[str, Any]:
-        """The report as data; `at` and `charger_w` as of `emhass`."""
-        week = self.week and {"monday": f"{self.week[0]}", "ambient_temperature_degc": self.week[1]}
-        night = {} if self.needs is None else night_document(self.needs, at, charger_w)
-        tables = {name: records(table) for name, table in self.tables.items()}
-        return {"quantile": self.quantile, "coldest_week": week, **tables, **night}
+        return {name: getattr(self, name) for name in REPORT_TABLES if getattr(self, name) is not None}
 
     def page(self) -> str:
         """The report as one HTML file without scripts."""
+        changed = self.changes["vehicle_id"].nunique()
         facts = {
             "Trips": self.vehicles["trips"].sum(),
             "Vehicles": len(self.vehicles),
-            "Vehicles that changed": self.changed["vehicle_id"].nunique(),
+            "That changed": changed,
         }
-        panels = [replace(panel, wide=True) for panel in self._panels()]
+        panels = [replace(panel, wide=True) for panel in self.panels()]
         return page_text("fleet.html.jinja", panels, title=self.title, facts=facts.items(), foot=_CHANGE)
 
-    def said(self) -> Iterator[tuple[str, tuple[Table, ...]]]:
-        """Sentence and tables of each panel that is not folded, for the terminal; the table of needs is long and stays in its file."""
-        shown = (panel for panel in self._panels() if not panel.folded)
-        return ((panel.sentence, () if panel.key == "need" else panel.tables) for panel in shown)
-
-    def _panels(self) -> Iterator[Panel]:
-        tables = (changes_table(self.changed),) if len(self.changed) else ()
-        yield Panel(
-            "changes", "Vehicles that changed", said_of_changes(self.changed, self.vehicles), tables=tables
-        )
+    def panels(self) -> Iterator[Panel]:
+        """Changes, needs, routes, vehicles and drivers, as far as there are any."""
+        tables = (changes_table(self.changes),) if len(self.changes) else ()
+        said = said_of_changes(self.changes, len(self.vehicles))
+        yield Panel("changes", "Vehicles that changed", said, tables=tables)
         if self.needs is not None:
-            said = said_of_needs(self.needs, self.quantile)
-            yield Panel(
-                "need", "What the planned trips need", said, tables=(needs_table(self.needs, self.quantile),)
+            said, tables = said_of_needs(self.needs, self.quantile), (needs_table(self.needs, self.quantile),)
+            yield Panel("needs", "What the planned trips need", said, tables=tables)
+        if self.routes is not None and self.week is not None:
+            said, tables = (
+                said_of_routes(self.routes, self.quantile, *self.week),
+                (routes_table(self.routes),),
             )
-        if self.by_car is not None and self.week is not None:
-            said = said_of_routes(self.by_car, self.quantile, *self.week)
-            yield Panel("routes", "Cars for the planned routes", said, tables=(routes_table(self.by_car),))
-        for key, table in (("vehicle", self.vehicles), ("driver", self.drivers)):
-            if table is not None:
-                shares = (shares_table(table, key),)
-                yield Panel(
-                    f"{key}s", f"{key.title()}s beside others", _SHARES[key], tables=shares, folded=True
-                )
+            yield Panel("routes", "Cars for the planned routes", said, tables=tables)
+        for key, title in (("vehicles", "Vehicles beside others"), ("drivers", "Drivers beside others")):
+            if key in self.tables:
+                tables = (shares_table(self.tables[key], key[:-1]),)
+                yield Panel(key, title, _SHARES[key], tables=tables, folded=True)
 
     def write(self, folder: Path, at: dt.datetime, charger_w: float) -> dict[str, Any]:
         """Write the page, the data, each table as CSV and the files for EMHASS and evcc into a folder; return the data.
 
-        Tables of an earlier report that this one lacks are removed.
+        Files of an earlier report that this one lacks are removed. `at` and `charger_w` are those of `emhass`.
         """
-        document = self.to_dict(at, charger_w)
-        folder.mkdir(parents=True, exist_ok=True)
-        texts = {
-            f"{name}.csv": table.to_csv(index=False, date_format=ISO) for name, table in self.tables.items()
-        }
+        week = self.week and {"monday": f"{self.week[0]}", "ambient_temperature_degc": self.week[1]}
+        document: dict[str, Any] = {"quantile": self.quantile, "coldest_week": week}
+        document |= {name: records(table) for name, table in self.tables.items()}
+        texts = {f"{n}.csv": table.to_csv(index=False, date_format=ISO) for n, table in self.tables.items()}
         if self.needs is not None:
+            document |= night_document(self.needs, at, charger_w)
             texts |= {"emhass.json": json.dumps(document["emhass"]), "evcc.txt": "\n".join(document["evcc"])}
         texts |= {"report.json": json.dumps(document, allow_nan=False), "report.html": self.page()}
-        for name in REPORT_FILES:
-            if name in texts:
-                write_text(folder / name, texts[name])
-            else:
-                (folder / name).unlink(missing_ok=True)
+        folder.mkdir(parents=True, exist_ok=True)
+        for name in {*REPORT_FILES} - {*texts}:
+            (folder / name).unlink(missing_ok=True)
+        for name, text in texts.items():
+            write_text(folder / name, text)
         return document
 
 
@@ -254,19 +233,19 @@ _CHANGE: Final = (
     "one. The percentage after a cause is the probability that it is the right one; the beginning lies between the earliest and the latest day with 95 %."
 )
 _SHARES: Final = {
-    "vehicle": "Energy beyond that of the car model on the usual trip of the car model, with one standard deviation.",
-    "driver": "Energy beyond that of the vehicle's drivers together on the usual trip of the car model, with one standard deviation.",
+    "vehicles": "Energy beyond that of the car model on the usual trip of the car model, with one standard deviation.",
+    "drivers": "Energy beyond that of the vehicle's drivers together on the usual trip of the car model, with one standard deviation.",
 }
 NONE_CHANGED: Final = f"No vehicle changed by {percent(LEAST_CHANGE, 0)} or more beyond chance."
 
 
-def said_of_changes(changed: pd.DataFrame, vehicles: pd.DataFrame) -> str:
+def said_of_changes(changed: pd.DataFrame, vehicles: int) -> str:
     """How many vehicles changed, and by which causes."""
     if not len(changed):
         return NONE_CHANGED
     causes = ", ".join(f"{n} by {cause}" for cause, n in changed["cause"].value_counts().items())
     return (
-        f"{changed['vehicle_id'].nunique()} of {len(vehicles)} vehicles: {causes}. A change of the consumption is a share of it; one of the battery is a "
+        f"{changed['vehicle_id'].nunique()} of {vehicles} vehicles: {causes}. A change of the consumption is a share of it; one of the battery is a "
         "share of the displayed charge that an energy takes. What all vehicles of a car model share in a month does not count."
     )
 
@@ -294,20 +273,13 @@ def _more(name: str) -> Callable[[Mapping[str, Any]], str]:
 
 def said_of_needs(needs: pd.DataFrame, quantile: float) -> str:
     """The sums of the night."""
-    known = needs["charge_wh"].dropna()
-    charge = (
-        f" {known.sum() / 1000.0:.0f} kWh are to be charged for the {len(known)} departures of vehicles whose charge is known."
-        if len(known)
-        else ""
-    )
-    energy = f"{needs['trips'].sum()} trips need {needs['energy_quantile_wh'].sum() / 1000.0:.0f} kWh"
+    kwh = needs[["energy_quantile_wh", "charge_wh"]].sum() / 1000.0
     full = int((needs["soc_needed"] > 1.0).groupby(needs["vehicle_id"]).any().sum())
-    between = (
-        f" {full} vehicles have to charge between or on their trips: a full battery does not suffice for all of them."
-        if full
-        else ""
+    return (
+        f"{needs['trips'].sum()} trips need {kwh.iloc[0]:.0f} kWh if each gets what suffices with {percent(quantile, 0)}. To be charged, for the "
+        f"{needs['charge_wh'].count()} departures of vehicles whose charge now is known: {kwh.iloc[1]:.0f} kWh. Vehicles that have to charge between or on "
+        f"their trips, because a full battery does not suffice for all of them: {full}."
     )
-    return f"{energy} if each gets what suffices with {percent(quantile, 0)}.{charge}{between}"
 
 
 def needs_table(needs: pd.DataFrame, quantile: float) -> Table:
@@ -327,10 +299,10 @@ def needs_table(needs: pd.DataFrame, quantile: float) -> Table:
     )
 
 
-def said_of_routes(by_car: pd.DataFrame, quantile: float, monday: dt.date, ambient_degc: float) -> str:
+def said_of_routes(routes: pd.DataFrame, quantile: float, monday: dt.date, ambient_degc: float) -> str:
     """How many routes every car model can drive, some, and none."""
-    able = (by_car <= 1.0).sum(axis=1)
-    every, none = int((able == by_car.shape[1]).sum()), int((able == 0).sum())
+    able = (routes.iloc[:, 1:] <= 1.0).mean(axis=1)
+    every, none = int((able == 1.0).sum()), int((able == 0.0).sum())
     return (
         f"In the coldest week so far, from {monday} at {number(ambient_degc, 1.0, 0)} °C, a full battery of every car model suffices for {every} of "
         f"{len(able)} routes with {percent(quantile, 0)}; {len(able) - every - none} need some of the car models, and {none} need a charging stop in any of them. "
@@ -338,9 +310,9 @@ def said_of_routes(by_car: pd.DataFrame, quantile: float, monday: dt.date, ambie
     )
 
 
-def routes_table(by_car: pd.DataFrame) -> Table:
+def routes_table(routes: pd.DataFrame) -> Table:
     """A row for each route and a column for each car model."""
-    cars = [f"{car}" for car in by_car]
+    cars = [f"{car}" for car in routes.columns[1:]]
 
     def able(row: Mapping[str, Any]) -> str:
         names = [car for car in cars if row[car] <= 1.0]
@@ -349,14 +321,8 @@ def routes_table(by_car: pd.DataFrame) -> Table:
     def within(car: str) -> Column:
         return in_percent(car, lambda row: row[car] if row[car] <= 1.0 else None, 0)
 
-    rows = by_car.reset_index().to_dict("records")
-    return tabulated(
-        "Charge that suffices",
-        rows,
-        Column("route", "trip"),
-        in_words("car models", able),
-        *map(within, cars),
-    )
+    columns = Column("route", "trip"), in_words("car models", able), *map(within, cars)
+    return tabulated("Charge that suffices", routes.to_dict("records"), *columns)
 
 
 def shares_table(table: pd.DataFrame, key: str) -> Table:

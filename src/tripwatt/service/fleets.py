@@ -148,24 +148,12 @@ class HourNeed(ResponseModel):
     """to be charged for this hour beyond what the hours before need [Wh]; null where the charge now is not known"""
 
 
-class EmhassLoads(ResponseModel):
-    """Deferrable loads of EMHASS: the payload of its action `naive-mpc-optim`, with a load for each hour of a vehicle with something to charge."""
-
-    prediction_horizon: int
-    number_of_deferrable_loads: int
-    nominal_power_of_deferrable_loads: list[float]
-    operating_hours_of_each_deferrable_load: list[float]
-    start_timesteps_of_each_deferrable_load: list[int]
-    end_timesteps_of_each_deferrable_load: list[int]
-    vehicles: list[str]
-    """of each load"""
-
-
 class NightResponse(ResponseModel):
     """What the planned trips of a fleet need, by vehicle and hour of departure."""
 
     needs: list[HourNeed]
-    emhass: EmhassLoads
+    emhass: dict[str, Any]
+    """payload of EMHASS's action naive-mpc-optim: a load for each hour of a vehicle with something to charge, in the order of its `vehicles`"""
     evcc: list[str]
     """paths to post to evcc: the plan of each vehicle"""
 

@@ -844,15 +844,6 @@ export interface components {
             position_m: number[];
             elevation_m: number[];
         };
-        EmhassLoads: {
-            prediction_horizon: number;
-            number_of_deferrable_loads: number;
-            nominal_power_of_deferrable_loads: number[];
-            operating_hours_of_each_deferrable_load: number[];
-            start_timesteps_of_each_deferrable_load: number[];
-            end_timesteps_of_each_deferrable_load: number[];
-            vehicles: string[];
-        };
         EmptyAt: {
             early: number | null;
             expected: number | null;
@@ -1365,7 +1356,9 @@ export interface components {
         };
         NightResponse: {
             needs: components["schemas"]["HourNeed"][];
-            emhass: components["schemas"]["EmhassLoads"];
+            emhass: {
+                [key: string]: unknown;
+            };
             evcc: string[];
         };
         PaceDocument: {
@@ -1819,7 +1812,6 @@ export type DifferenceDocument = components['schemas']['DifferenceDocument'];
 export type DifferenceRequest = components['schemas']['DifferenceRequest'];
 export type DistanceNeed = components['schemas']['DistanceNeed'];
 export type Elevation = components['schemas']['Elevation'];
-export type EmhassLoads = components['schemas']['EmhassLoads'];
 export type EmptyAt = components['schemas']['EmptyAt'];
 export type ExampleResponse = components['schemas']['ExampleResponse'];
 export type ExampleSummary = components['schemas']['ExampleSummary'];
@@ -2548,7 +2540,7 @@ export interface operations {
             };
             header?: never;
             path: {
-                file: "changes.csv" | "vehicles.csv" | "drivers.csv" | "needs.csv" | "routes.csv" | "emhass.json" | "evcc.txt" | "report.json" | "report.html";
+                file: "report.html" | "report.json" | "changes.csv" | "vehicles.csv" | "drivers.csv" | "needs.csv" | "routes.csv" | "emhass.json" | "evcc.txt";
             };
             cookie?: never;
         };
