@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -119,11 +120,9 @@ class DeltaFolder:
                 },  # bounds of others would outlive a vehicle
                 storage_options=dict(self.options),
             )
-        except deltalake.exceptions.DeltaError as error:
-            if not self.exists():
+        except (deltalake.exceptions.DeltaError, OSError) as error:
+            if isinstance(error, OSError) or not self.exists():
                 raise InvalidInput(_unusable(self.place, error)) from error
-        except OSError as error:
-            raise InvalidInput(_unusable(self.place, error)) from error
 
     def exists(self) -> bool:
         """Whether there is a Delta table."""
@@ -191,14 +190,15 @@ class DeltaFolder:
 
     def _write(self, table: Any, rows: pa.Table, *, tries: int) -> None:
         deltalake = require_deltalake()
-        deltalake.write_deltalake(
-            table,
-            rows,
-            mode="append",
-            target_file_size=ONE_FILE,
-            writer_properties=_writing(),
-            commit_properties=deltalake.CommitProperties(max_commit_retries=tries),
-        )
+        with _usable(self.place):
+            deltalake.write_deltalake(
+                table,
+                rows,
+                mode="append",
+                target_file_size=ONE_FILE,
+                writer_properties=_writing(),
+                commit_properties=deltalake.CommitProperties(max_commit_retries=tries),
+            )
 
     def delete(self, predicate: str) -> int:
         """Delete rows by an SQL predicate; tried again when another writer was first.
@@ -223,7 +223,7 @@ class DeltaFolder:
         return {name: metrics[name] for name in ("numFilesAdded", "numFilesRemoved")}
 
     def try_to_compact(self, target_size: int) -> bool:
-        """Merge small data files as `compact` does, unless another writer changes them meanwhile.
+        """Merge small data files as `compact` does, unless another writer changes them meanwhile or the disk is full.
 
         Returns
         -------
@@ -232,7 +232,7 @@ class DeltaFolder:
         """
         try:
             self.open().optimize.compact(target_size=target_size, writer_properties=_writing())
-        except require_deltalake().exceptions.CommitFailedError:
+        except (require_deltalake().exceptions.DeltaError, OSError):
             return False
         return True
 
@@ -240,7 +240,8 @@ class DeltaFolder:
         failed = require_deltalake().exceptions.CommitFailedError
         for _ in range(MOST_TRIES):
             try:
-                return action(self.open())
+                with _usable(self.place):
+                    return action(self.open())
             except failed:
                 continue
         raise InvalidInput(_busy(self.place))
@@ -253,9 +254,10 @@ class DeltaFolder:
         int
             Files that were removed.
         """
-        removed = self.open().vacuum(
-            retention_hours=hours, dry_run=False, enforce_retention_duration=False, full=False
-        )
+        with _usable(self.place):
+            removed = self.open().vacuum(
+                retention_hours=hours, dry_run=False, enforce_retention_duration=False, full=False
+            )
         return len(removed)
 
     def read(self, columns: list[str], where: Any = None) -> pa.Table:
@@ -298,6 +300,18 @@ class DeltaFolder:
 def _writing() -> Any:
     """How data files are written; merged files are no larger than their parts."""
     return require_deltalake().WriterProperties(compression="ZSTD", max_row_group_size=ROW_GROUP)
+
+
+@contextmanager
+def _usable(place: str) -> Iterator[None]:
+    """Raise `InvalidInput` for a table that cannot be written, such as on a full disk; a commit of another writer is passed on."""
+    exceptions = require_deltalake().exceptions
+    try:
+        yield
+    except exceptions.CommitFailedError:
+        raise
+    except (exceptions.DeltaError, OSError) as error:
+        raise InvalidInput(_unusable(place, error)) from error
 
 
 def _unusable(place: str, error: Exception) -> Fault:
