@@ -7,6 +7,7 @@ JSON document and one archive of arrays, in which an array has the name of its p
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final, TypeVar, get_args, get_origin
@@ -15,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tripwatt.arrays import FloatArray
-from tripwatt.errors import Fault, InvalidInput, excerpt
+from tripwatt.errors import Fault, InvalidInput, excerpt, first_faults, raise_faults
 from tripwatt.hybrid.factors import FactorCorrector
 from tripwatt.hybrid.familiarity import Familiarity
 from tripwatt.hybrid.outside import Corrector, TableCorrector, fitted_outside
@@ -40,6 +41,26 @@ OUTSIDE: Final = "outside"
 """Kind of a corrector around an object from outside."""
 
 REFIT: Final = "fit the model again with this version of tripwatt"
+
+
+MOST_MEMBERS: Final = 20
+"""Most members of an ensemble; those of the package have 2."""
+
+RANGES: Final = tuple(
+    (re.compile(rf"(^|[._])({names})$"), least, most)
+    for names, least, most in (
+        (r"sds?|sd_w|sd_factor|variances?|variance_m|wh2|noise|onset|trips", 0.0, math.inf),
+        (r"constant_w|limit_w|least_share|drifts\.\d+\.0|(scale|scores)\.values", 0.0, math.inf),
+        (r"time_s|length|length_m|speed_m_s|factors\.factor|wh_per_display|drifts\.\d+\.1", 1e-9, math.inf),
+        (r"shrinkage\.(climate|drive|joint|off)", 0.0, 1.0),
+        (r"(zero|full)_soc", -0.5, 1.5),
+    )
+)
+"""Ends of the place of a value in a stored model, with the least and the largest value that has a meaning there."""
+
+ASCENDING: Final = re.compile(r"(^|\.)(scores\.values|length_m|factors\.speed_m_s|process\.ranges)$")
+PAIRS: Final = (("low", "high"), ("zero_soc", "full_soc"))
+"""Arrays, and pairs of numbers, in ascending order."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -344,12 +365,50 @@ def structured(values: Any, kind: type[T], converter: Converter, what: str) -> T
     Raises
     ------
     InvalidInput
-        With every value that does not fit, and its place.
+        With every value that does not fit or has no meaning, and its place.
     """
+    raise_faults(first_faults(list(value_faults(values)), what))
     try:
         return converter.structure(values, kind)
     except Exception as error:
         raise InvalidInput(list(_faults(error, what, ""))) from error
+
+
+def value_faults(values: Any, place: str = "") -> Iterator[Fault]:
+    """Numbers of a stored model that are outside of their ranges or out of order. O(values).
+
+    Examples
+    --------
+    >>> for fault in value_faults({"drive": {"drift_time_s": -70.0}, "range": {"low": 3.0, "high": 1.0}}):
+    ...     print(fault)
+    value out of range: model.drive.drift_time_s: got -70; allowed: 1e-09 to inf; fit the model again with this version of tripwatt
+    values out of order: model.range, low and high: got 3 and 1; allowed: ascending; fit the model again with this version of tripwatt
+    """
+    where, allowed = f"model{place}", "ascending"
+    if isinstance(values, Mapping):
+        for low, high in PAIRS:
+            first, last = values.get(low), values.get(high)
+            if isinstance(first, int | float) and isinstance(last, int | float) and first > last:
+                got = f"{first:g} and {last:g}"
+                yield Fault("values out of order", f"{where}, {low} and {high}", got, allowed, REFIT)
+        for name, value in values.items():
+            if name != "vehicle":  # checked as the file of a car is
+                yield from value_faults(value, f"{place}.{name}")
+    elif isinstance(values, list | tuple):
+        if place.endswith("members") and len(values) > MOST_MEMBERS:
+            got = f"{len(values)} members"
+            yield Fault("too many members", where, got, f"at most {MOST_MEMBERS}", REFIT)
+            return
+        for number, value in enumerate(values):
+            yield from value_faults(value, f"{place}.{number}")
+    elif isinstance(values, int | float | np.ndarray) and np.asarray(values).dtype.kind in "fi":
+        array = np.asarray(values)
+        for ending, least, most in RANGES:
+            if ending.search(place) and (wrong := (array < least) | (array > most)).any():
+                got = f"{array[wrong][0]:g}"
+                yield Fault("value out of range", where, got, f"{least:g} to {most:g}", REFIT)
+        if ASCENDING.search(place) and array.ndim and (np.diff(array) < 0.0).any():
+            yield Fault("values out of order", where, "a value below the one before", allowed, REFIT)
 
 
 def _faults(error: BaseException, what: str, place: str) -> Iterator[Fault]:
