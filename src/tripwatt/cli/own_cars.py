@@ -170,9 +170,7 @@ def show(
         print_json({**about, "diary": rows})
         return
     typer.echo(
-        printable(
-            f"{about['label']}: {about['title']}, {about['trips']} trips, {about['in_diary']} in the diary"
-        )
+        f"{printable(about['label'])}: {printable(about['title'])}, {about['trips']} trips, {about['in_diary']} in the diary"
     )
     if not about["in_diary"]:
         typer.echo("Add trips with `tripwatt car add`.")

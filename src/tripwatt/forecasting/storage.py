@@ -273,10 +273,8 @@ def require_usable(model: ForecastModel, where: str) -> None:
             for forecast in made:
                 raise_faults(impossible_faults(forecast.interval(0.9)[1], forecast.drive))
             documents = [forecast.to_dict() for forecast in (*made, before.update(observed))]
-            sound = all(math.isfinite(sum(_numbers(document))) for document in documents)
             quantiles = [list(document["quantiles_wh"].values()) for document in documents]
-            if any(some != sorted(some) for some in quantiles):
-                raise ValueError("quantiles that cross")
+            sound = math.isfinite(sum(_numbers(documents))) and quantiles == [*map(sorted, quantiles)]
     except InvalidInput as error:
         got = error.faults[0].what
     except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
@@ -284,7 +282,7 @@ def require_usable(model: ForecastModel, where: str) -> None:
     else:
         if sound:
             return
-        got = "numbers that are not finite"
+        got = "numbers that are not finite, or quantiles that cross"
     raise InvalidInput.of("model gives no forecast", where, got, "a finite forecast of a trial trip", REFIT)
 
 

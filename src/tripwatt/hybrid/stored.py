@@ -46,21 +46,17 @@ REFIT: Final = "fit the model again with this version of tripwatt"
 MOST_MEMBERS: Final = 20
 """Most members of an ensemble; those of the package have 2."""
 
-RANGES: Final = tuple(
-    (re.compile(rf"(^|[._])({names})$"), least, most)
-    for names, least, most in (
-        (r"sds?|sd_w|sd_factor|variances?|variance_m|wh2|noise|onset|trips", 0.0, math.inf),
-        (r"constant_w|limit_w|least_share|drifts\.\d+\.0|(scale|scores)\.values", 0.0, math.inf),
-        (r"time_s|length|length_m|speed_m_s|factors\.factor|wh_per_display|drifts\.\d+\.1", 1e-9, math.inf),
-        (r"shrinkage\.(climate|drive|joint|off)", 0.0, 1.0),
-        (r"(zero|full)_soc", -0.5, 1.5),
-    )
-)
+RANGES: Final[Mapping[str, tuple[float, float]]] = {
+    r"sds?(_w|_factor)?|variances?(_m)?|wh2|noise|onset|trips|least_share": (0.0, math.inf),
+    r"(constant|limit)_w|drifts\.\d+\.0|(scale|scores)\.values": (0.0, math.inf),
+    r"time_s|length(_m)?|speed_m_s|factors\.factor|wh_per_display|drifts\.\d+\.1": (1e-9, math.inf),
+    r"shrinkage\.(climate|drive|joint|off)": (0.0, 1.0),
+    r"zero_soc": (-0.5, 0.5),
+    r"full_soc": (0.5, 1.5),
+}
 """Ends of the place of a value in a stored model, with the least and the largest value that has a meaning there."""
 
-ASCENDING: Final = re.compile(r"(^|\.)(scores\.values|length_m|factors\.speed_m_s|process\.ranges)$")
-PAIRS: Final = (("low", "high"), ("zero_soc", "full_soc"))
-"""Arrays, and pairs of numbers, in ascending order."""
+ASCENDING: Final = r"scores\.values|length_m|factors\.speed_m_s|process\.ranges"
 
 
 @dataclass(frozen=True, eq=False)
@@ -382,33 +378,33 @@ def value_faults(values: Any, place: str = "") -> Iterator[Fault]:
     >>> for fault in value_faults({"drive": {"drift_time_s": -70.0}, "range": {"low": 3.0, "high": 1.0}}):
     ...     print(fault)
     value out of range: model.drive.drift_time_s: got -70; allowed: 1e-09 to inf; fit the model again with this version of tripwatt
-    values out of order: model.range, low and high: got 3 and 1; allowed: ascending; fit the model again with this version of tripwatt
+    values out of order: model.range: got low and high [3.0, 1.0]; allowed: ascending; fit the model again with this version of tripwatt
     """
-    where, allowed = f"model{place}", "ascending"
+    where = f"model{place}"
     if isinstance(values, Mapping):
-        for low, high in PAIRS:
-            first, last = values.get(low), values.get(high)
-            if isinstance(first, int | float) and isinstance(last, int | float) and first > last:
-                got = f"{first:g} and {last:g}"
-                yield Fault("values out of order", f"{where}, {low} and {high}", got, allowed, REFIT)
+        ends = [values.get(name) for name in ("low", "high")]
+        if all(isinstance(end, int | float) for end in ends) and ends != sorted(ends):  # type: ignore[type-var]
+            yield Fault("values out of order", where, f"low and high {ends}", "ascending", REFIT)
         for name, value in values.items():
             if name != "vehicle":  # checked as the file of a car is
                 yield from value_faults(value, f"{place}.{name}")
     elif isinstance(values, list | tuple):
         if place.endswith("members") and len(values) > MOST_MEMBERS:
-            got = f"{len(values)} members"
-            yield Fault("too many members", where, got, f"at most {MOST_MEMBERS}", REFIT)
+            yield Fault("too many members", where, f"{len(values)}", f"at most {MOST_MEMBERS}", REFIT)
             return
         for number, value in enumerate(values):
             yield from value_faults(value, f"{place}.{number}")
-    elif isinstance(values, int | float | np.ndarray) and np.asarray(values).dtype.kind in "fi":
-        array = np.asarray(values)
-        for ending, least, most in RANGES:
-            if ending.search(place) and (wrong := (array < least) | (array > most)).any():
-                got = f"{array[wrong][0]:g}"
-                yield Fault("value out of range", where, got, f"{least:g} to {most:g}", REFIT)
-        if ASCENDING.search(place) and array.ndim and (np.diff(array) < 0.0).any():
-            yield Fault("values out of order", where, "a value below the one before", allowed, REFIT)
+    elif (array := np.asarray(values)).dtype.kind in "fi":
+        for names, (least, most) in RANGES.items():
+            if _ends(place, names) and (wrong := (array < least) | (array > most)).any():
+                got, allowed = f"{array[wrong][0]:g}", f"{least:g} to {most:g}"
+                yield Fault("value out of range", where, got, allowed, REFIT)
+        if _ends(place, ASCENDING) and array.ndim and (np.diff(array) < 0.0).any():
+            yield Fault("values out of order", where, "a value below the one before", "ascending", REFIT)
+
+
+def _ends(place: str, names: str) -> bool:
+    return re.search(rf"[._]({names})$", place) is not None
 
 
 def _faults(error: BaseException, what: str, place: str) -> Iterator[Fault]:

@@ -106,23 +106,22 @@ class DeltaFolder:
 
     def create(self, schema: pa.Schema, partition_by: list[str], name: str, about: Mapping[str, Any]) -> None:
         """Make the table where there is none."""
-        deltalake = require_deltalake()
         try:
-            deltalake.DeltaTable.create(
-                self.place,
-                schema,
-                mode="error",
-                partition_by=partition_by,
-                name=name,
-                description=json.dumps(dict(about)),
-                configuration={
-                    "delta.dataSkippingStatsColumns": "batch"
-                },  # bounds of others would outlive a vehicle
-                storage_options=dict(self.options),
-            )
-        except (deltalake.exceptions.DeltaError, OSError) as error:
-            if isinstance(error, OSError) or not self.exists():
-                raise InvalidInput(_unusable(self.place, error)) from error
+            with _usable(self.place) as deltalake:
+                deltalake.DeltaTable.create(
+                    self.place,
+                    schema,
+                    mode="error",
+                    partition_by=partition_by,
+                    name=name,
+                    description=json.dumps(dict(about)),
+                    # bounds of other columns would outlive a vehicle
+                    configuration={"delta.dataSkippingStatsColumns": "batch"},
+                    storage_options=dict(self.options),
+                )
+        except InvalidInput:
+            if not self.exists():  # else another process made it meanwhile
+                raise
 
     def exists(self) -> bool:
         """Whether there is a Delta table."""
@@ -136,14 +135,12 @@ class DeltaFolder:
         InvalidInput
             When there is no table, or it cannot be read.
         """
-        deltalake = require_deltalake()
-        try:
-            return deltalake.DeltaTable(self.place, storage_options=dict(self.options))
-        except deltalake.exceptions.TableNotFoundError as error:
-            fix = "make one with `tripwatt store create`"
-            raise InvalidInput.of("no trip store", self.place, "", "two Delta tables", fix) from error
-        except (deltalake.exceptions.DeltaError, OSError) as error:
-            raise InvalidInput(_unusable(self.place, error)) from error
+        with _usable(self.place) as deltalake:
+            try:
+                return deltalake.DeltaTable(self.place, storage_options=dict(self.options))
+            except deltalake.exceptions.TableNotFoundError as error:
+                fix = "make one with `tripwatt store create`"
+                raise InvalidInput.of("no trip store", self.place, "", "two Delta tables", fix) from error
 
     def about(self) -> dict[str, Any]:
         """What was written at its creation."""
@@ -189,8 +186,7 @@ class DeltaFolder:
         raise InvalidInput(_busy(self.place))
 
     def _write(self, table: Any, rows: pa.Table, *, tries: int) -> None:
-        deltalake = require_deltalake()
-        with _usable(self.place):
+        with _usable(self.place) as deltalake:
             deltalake.write_deltalake(
                 table,
                 rows,
@@ -303,22 +299,20 @@ def _writing() -> Any:
 
 
 @contextmanager
-def _usable(place: str) -> Iterator[None]:
-    """Raise `InvalidInput` for a table that cannot be written, such as on a full disk; a commit of another writer is passed on."""
-    exceptions = require_deltalake().exceptions
+def _usable(place: str) -> Iterator[Any]:
+    """The package `deltalake`; raises `InvalidInput` for a table that cannot be used, such as on a full disk.
+
+    That another writer was first is passed on.
+    """
+    deltalake = require_deltalake()
     try:
-        yield
-    except exceptions.CommitFailedError:
+        yield deltalake
+    except deltalake.exceptions.CommitFailedError:
         raise
-    except (exceptions.DeltaError, OSError) as error:
-        raise InvalidInput(_unusable(place, error)) from error
-
-
-def _unusable(place: str, error: Exception) -> Fault:
-    got = (str(error).splitlines() or [type(error).__name__])[0][:200]
-    return Fault(
-        "trip store cannot be used", place, got, "a folder or an object store that can be read and written"
-    )
+    except (deltalake.exceptions.DeltaError, OSError) as error:
+        got = (str(error).splitlines() or [type(error).__name__])[0][:200]
+        allowed = "a folder or an object store that can be read and written"
+        raise InvalidInput.of("trip store cannot be used", place, got, allowed) from error
 
 
 def _busy(place: str) -> Fault:
