@@ -55,7 +55,11 @@ MEMBERS = ("corrector_", "drive", "members")
             put("uncertainty_", "charge", "wh_per_display", factor=-1.0),
             r"out of range: .*wh_per_display",
         ),
-        ("model.json", put("uncertainty_", "charge", "zero_soc", value=0.99), r"out of range: .*zero_soc: got 0\.99"),
+        (
+            "model.json",
+            put("uncertainty_", "charge", "zero_soc", value=0.99),
+            r"out of range: .*zero_soc: got 0\.99",
+        ),
         (
             "model.json",
             put(*MEMBERS, factor=10_000),
