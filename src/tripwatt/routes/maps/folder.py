@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import json
-import os
-import shutil
+import sqlite3
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,6 +11,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from tripwatt.errors import Fault, InvalidInput, raise_faults
+from tripwatt.files import replace_folder
 from tripwatt.routes.maps.elevation import Elevation, needed, tile_name
 from tripwatt.routes.maps.engine import build_tiles, require_valhalla, router_in_process
 from tripwatt.routes.maps.extract import Named, read_objects
@@ -122,10 +122,8 @@ def build_map(
     extract, folder = Path(extract), Path(folder)
     require_valhalla()
     heights = _require_paths(extract, folder, elevation)
-    work = folder.with_name(folder.name + ".unfinished")
-    shutil.rmtree(work, ignore_errors=True)
-    work.mkdir(parents=True)
-    try:
+
+    def write(work: Path) -> None:
         progress("places")
         objects = read_objects(extract, settlements_only=True)
         places = [place for place in objects if isinstance(place, Named)]
@@ -148,11 +146,13 @@ def build_map(
             **counts,
         }
         (work / INFO_NAME).write_text(json.dumps(info, indent=1) + "\n", "utf-8")
-        shutil.rmtree(folder, ignore_errors=True)
-        os.replace(work, folder)
-    finally:
-        shutil.rmtree(work, ignore_errors=True)
-    return MapFolder(folder, info)
+
+    try:
+        replace_folder(folder, write)
+    except (OSError, sqlite3.Error) as error:  # a full disk is an error of either
+        got = f"{getattr(error, 'strerror', None) or error}"
+        raise InvalidInput.of("cannot write the map", f"{folder}", got, "a writable folder") from error
+    return open_map(folder)
 
 
 def _require_paths(extract: Path, folder: Path, elevation: Path | str | None) -> Elevation | None:
