@@ -242,7 +242,7 @@ def test_the_display_of_a_vehicle_is_a_series_of_its_own():
         years = (own["day"] - begins).dt.days / 365.0
         middle = (own["displayed_start"] + own["displayed_end"]) / 2.0 - 0.5
         terms = np.column_stack([np.ones(len(own)), cold, years, middle])
-        assert one.X == pytest.approx(terms * share.to_numpy()[:, None])
+        assert pytest.approx(terms * share.to_numpy()[:, None]) == one.X
         assert one.variance == pytest.approx((0.003**2 + (0.01 * share) ** 2).to_numpy())
         assert one.causes[BATTERY].tolist() == [1.0, 0.0, 0.0, 0.0]
         assert (one.day == own["day"].to_numpy().astype("datetime64[D]")).all()
