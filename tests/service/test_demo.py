@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import json
 import math
@@ -9,7 +10,9 @@ import os
 import subprocess
 import sys
 import time
+import urllib.request
 from pathlib import Path
+from typing import Any
 
 import httpx
 import numpy as np
@@ -57,6 +60,29 @@ def test_the_car_has_a_diary_and_a_drive_of_this_moment(made: Settings) -> None:
             len(rest) * demo.EVERY_S * demo.DRIVEN / (1.0 - demo.DRIVEN), rel=0.05
         )
         assert car.plan is not None
+
+
+def test_samples_are_sent_at_their_times_as_those_of_a_route_planner(monkeypatch: pytest.MonkeyPatch) -> None:
+    now_s, slept, sent = [100.0], list[float](), list[tuple[Any, ...]]()
+
+    def sleep(seconds: float) -> None:
+        slept.append(seconds)
+        now_s[0] += seconds
+
+    def urlopen(request: urllib.request.Request, timeout: float) -> contextlib.nullcontext[None]:
+        sent.append((request.full_url, request.method, json.loads(request.data or b""), timeout))  # type: ignore[arg-type]
+        return contextlib.nullcontext()
+
+    monkeypatch.setattr(time, "time", lambda: now_s[0])
+    monkeypatch.setattr(time, "sleep", sleep)
+    monkeypatch.setattr(urllib.request, "urlopen", urlopen)
+    values = {"speed_m_s": 10.0, "voltage_v": 360.0, "current_a": -20.0, "elevation_m": 5.0}
+    demo.send(iter([(103.0, values), (101.0, values)]), "http://h", "secret")
+    assert slept == [3.0, 0.0]
+    message = {"utc": 103.0, "speed": 36.0, "voltage": 360.0, "current": -20.0}
+    url = "http://h/v1/telemetry"
+    assert sent[0] == (url, "POST", {"token": "secret", "tlm": message}, demo.EVERY_S)
+    assert [document["tlm"]["utc"] for _, _, document, _ in sent] == [103.0, 101.0]
 
 
 def test_what_is_there_is_used_again(made: Settings, monkeypatch: pytest.MonkeyPatch) -> None:
