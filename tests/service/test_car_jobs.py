@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,7 @@ import pytest
 pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
 
 from tripwatt.service.car_jobs import CarJobs, uploaded
+from tripwatt.service.car_schemas import plain
 from tripwatt.service.problems import Problem
 
 
@@ -28,3 +30,8 @@ def test_an_upload_is_named_by_letters_and_digits(tmp_path: Path) -> None:
     for name in ("..", "", "missing1", "../uploads/good0001"):
         with pytest.raises(Problem):
             uploaded(tmp_path, name)
+
+
+def test_what_is_not_finite_is_null() -> None:
+    given = [1.5, -2.0, 0.0, math.nan, math.inf, -math.inf, 3, "a", None]
+    assert [plain(value) for value in given] == [1.5, -2.0, 0.0, None, None, None, 3, "a", None]

@@ -267,6 +267,12 @@ def test_the_need_of_a_plan_is_a_quantile_and_the_charge_to_leave_with(served: S
     assert need(served).json()["charge_wh"] == 0.0
 
 
+def test_a_plan_that_is_taken_is_answered_with_the_state_of_the_car(served: Served) -> None:
+    found = served.put({"links": LINKS, "soc": 0.5})
+    assert (found.status_code, found.json()) == (200, served("/v1/live/leaf").json())
+    assert found.json()["plan"] == "given"
+
+
 def test_a_car_on_the_road_by_its_old_name_is_announced(served: Served) -> None:
     served.put({"links": LINKS, "soc": 0.5})
     old, new = (served("/v1/need", params={name: "leaf"}) for name in ("vehicle", "car"))
