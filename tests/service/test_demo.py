@@ -32,7 +32,10 @@ from tripwatt.service.settings import Settings
 def made(tmp_path_factory: pytest.TempPathFactory) -> Settings:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("tripwatt.service.demo.find_spec", lambda name: None)
-        return demo.make_demo(tmp_path_factory.mktemp("demo"))[0]
+        steps: list[str] = []
+        settings = demo.make_demo(tmp_path_factory.mktemp("demo"), steps.append)[0]
+        assert steps == ["car with the diary of 14 made-up trips"]
+        return settings
 
 
 def test_the_country_is_that_of_the_tool(tmp_path: Path) -> None:

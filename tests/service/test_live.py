@@ -613,6 +613,20 @@ def test_a_stream_without_news_sends_comments(served: Served, monkeypatch: pytes
     assert stream.ping_message_factory().encode() == b": no news\n\n"
 
 
+def test_silent_cars_are_looked_for_twice_a_minute(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    slept: list[float] = []
+
+    async def sleep(seconds: float) -> None:
+        slept.append(seconds)
+        if len(slept) == 2:
+            raise asyncio.CancelledError
+
+    monkeypatch.setattr(asyncio, "sleep", sleep)
+    with pytest.raises(asyncio.CancelledError):
+        asyncio.run(_cars(served).watch())
+    assert slept == [30.0, 30.0]
+
+
 def test_the_head_of_a_stream_ends(served: Served) -> None:
     found = served("/v1/live/leaf/events", "HEAD")
     assert (found.status_code, found.content) == (200, b"")
