@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +14,7 @@ from tripwatt.hybrid.factors import NAMES, SDS, TripEvidence
 from tripwatt.hybrid.learning import KINDS
 from tripwatt.population.prior import POPULATION_FILE, Population, Source, population
 from tripwatt.vehicles import load_vehicle
+from tripwatt.vehicles.catalogue import beyond_classes
 
 P = len(NAMES)
 
@@ -117,6 +119,10 @@ def test_a_car_far_below_the_classes_rolls_harder_and_is_less_certain() -> None:
     assert far[0][rolling] * SDS[rolling] > 0.3
     assert near[0][rolling] == pytest.approx(0.0)
     assert far[1][0, 0] > 2.0 * near[1][0, 0]
+    beyond = beyond_classes(light.body.curb_mass_kg)
+    for name in ("rolling", "drivetrain"):
+        its = NAMES.index(name)
+        assert far[0][its] * SDS[its] == pytest.approx(math.exp(0.5 * beyond) - 1.0)
 
 
 def test_the_better_a_car_is_anchored_the_more_certain_it_is() -> None:
