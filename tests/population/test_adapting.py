@@ -472,6 +472,7 @@ def test_without_own_trips_the_scores_are_those_of_a_t_distribution() -> None:
         quantile = t_distribution.ppf(0.5 + 0.5 * level, 4) / np.sqrt(2.0)
         assert scores.factor(level) == pytest.approx(quantile, rel=0.02)
     assert scores.factor(0.9) == pytest.approx(1.507, rel=0.02)
+    assert [len(scores_of(np.full(n, 1.0)).values) for n in (0, 1, 100)] == [40, 40, 40]
 
 
 def test_own_errors_narrow_and_widen_the_scores() -> None:
