@@ -1,7 +1,7 @@
 """Files from outside, read within bounds, and outputs that are whole at every moment.
 
-Reading: only regular files, of a bounded size, and archives whose content is bounded before it is inflated. Writing: to
-another name first, which then takes the place of the output in one step. What a killed process left behind is removed by
+Reading: only regular files, of a bounded size; `containers` bounds what is packed in them. Writing: to another name
+first, which then takes the place of the output in one step. What a killed process left behind is removed by
 the next one that writes the same output.
 """
 
@@ -15,7 +15,6 @@ import shutil
 import stat
 import sys
 import tomllib
-import zipfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import IO, Any, Final
@@ -30,9 +29,6 @@ MOST_FILE_BYTES: Final = 1 << 30
 
 MOST_TEXT_BYTES: Final = 1 << 18
 """Largest TOML file of a car or a mapping; the largest of the package has 30 kB."""
-
-MOST_CONTENT_BYTES: Final = 1 << 28
-"""Largest content of an archive."""
 
 _EXCHANGE: Final = 2
 """Flag of `renameat2`, see renameat2(2)."""
@@ -134,29 +130,6 @@ def parse_toml(text: str, where: str) -> dict[str, Any]:
         return tomllib.loads(text)
     except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise InvalidInput.of("not a TOML file", where, str(error)[:200], "TOML 1.0") from error
-
-
-def require_small_content(
-    archive: IO[bytes], where: str, most_bytes: int = MOST_CONTENT_BYTES
-) -> zipfile.ZipFile:
-    """A ZIP archive (also .npz and .xlsx) whose inflated content is within a bound, before anything is inflated.
-
-    A member never gives more bytes than its entry declares, so that the sum of the entries is a bound.
-
-    Raises
-    ------
-    zipfile.BadZipFile
-        When it is no archive.
-    InvalidInput
-        When the content is too large.
-    """
-    opened = zipfile.ZipFile(archive)
-    total = sum(entry.file_size for entry in opened.infolist())
-    if total > most_bytes:
-        raise InvalidInput.of(
-            "archive too large", where, f"{total} bytes when inflated", f"at most {most_bytes} bytes"
-        )
-    return opened
 
 
 def write_file(path: Path, write: Callable[[Path], object]) -> None:

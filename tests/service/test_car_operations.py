@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import io
 import os
 import time
@@ -347,19 +348,25 @@ def test_what_waits_to_be_learned_has_a_bound_and_expires(tmp_path: Path) -> Non
     uploads = tmp_path / "car" / "uploads"
     own = operations(tmp_path, car_bytes=3000)
     content = b"time_s,speed_m_s\n" + b"0,1\n" * 200
-    assert own._store(uploads / "first001", "a.csv", content) == {"files": 1, "bytes": len(content)}
-    assert own._store(uploads / "first001", "a.csv", content) == {"files": 2, "bytes": 2 * len(content)}
-    assert own._store(uploads / "second02", "b.csv", content)["files"] == 1
+    assert asyncio.run(own._store(uploads / "first001", "a.csv", content)) == {
+        "files": 1,
+        "bytes": len(content),
+    }
+    assert asyncio.run(own._store(uploads / "first001", "a.csv", content)) == {
+        "files": 2,
+        "bytes": 2 * len(content),
+    }
+    assert asyncio.run(own._store(uploads / "second02", "b.csv", content))["files"] == 1
     with pytest.raises(Problem, match="3000 bytes that are not learned"):
-        own._store(uploads / "third003", "c.csv", content)
+        asyncio.run(own._store(uploads / "third003", "c.csv", content))
     assert sorted(place.name for place in uploads.iterdir()) == ["first001", "second02"]
     with pytest.raises(Problem, match="3000 bytes that are not learned"):
-        own._store(uploads / "first001", "d.csv", content)  # those that were sent before stay
+        asyncio.run(own._store(uploads / "first001", "d.csv", content))  # those that were sent before stay
     assert sorted(file.name for file in (uploads / "first001" / "tables").iterdir()) == ["a 2.csv", "a.csv"]
     old = time.time() - 3700.0
     for place in (uploads / "first001", *(uploads / "first001").rglob("*")):
         os.utime(place, (old, old))
-    assert own._store(uploads / "third003", "c.csv", content)["files"] == 1
+    assert asyncio.run(own._store(uploads / "third003", "c.csv", content))["files"] == 1
     assert sorted(place.name for place in uploads.iterdir()) == ["second02", "third003"]
 
 
@@ -390,5 +397,5 @@ def test_files_of_one_name_that_come_at_once_are_all_kept(tmp_path: Path) -> Non
     own = operations(tmp_path)
     place = tmp_path / "car" / "uploads" / "upload07"
     with ThreadPoolExecutor(8) as pool:
-        list(pool.map(lambda k: own._store(place, "a.csv", b"%d" % k), range(40)))
+        list(pool.map(lambda k: asyncio.run(own._store(place, "a.csv", b"%d" % k)), range(40)))
     assert sorted(int(file.read_bytes()) for file in (place / "tables").iterdir()) == list(range(40))

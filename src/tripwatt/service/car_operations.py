@@ -42,13 +42,18 @@ from tripwatt.service.pool import JobResult, WorkerLost, WorkerPool
 from tripwatt.service.problems import Problem, invalid_input
 from tripwatt.service.receiving import require_accepts
 from tripwatt.service.road_trips import RoadTrips
-from tripwatt.sources.archives import unpack
+from tripwatt.service.unpacking import unpack_apart
+from tripwatt.sources.archives import is_packed, unpack
+from tripwatt.sources.columnar import PARQUET
 
 ReadBody = Callable[..., Awaitable[bytes]]
 
 UPLOAD_PATTERN: Final = "^[a-z0-9]{8,32}$"
 MOST_FILES: Final = 4000
 """Most tables of an upload."""
+
+MOST_PACKED: Final = 4
+"""Most files that wait to be unpacked; further ones are refused."""
 
 EXPIRES_AFTER_S: Final = 3600.0
 """An upload that is not learned is erased after so long, when the car gets the next one."""
@@ -105,7 +110,7 @@ class CarOperations:
         limits = replace(self.settings.limits, timeout_s=self.settings.limits.learn_s)
         self.learners = WorkerPool(replace(self.settings, workers=1, limits=limits), log_event)
         self.learning: dict[str, Learning] = {}
-        self._started = False
+        self._started, self._packed, self._unpacking = False, 0, asyncio.Lock()
 
     @asynccontextmanager
     async def running(self) -> AsyncIterator[None]:
@@ -177,7 +182,7 @@ class CarOperations:
         """Add a file of logs to an upload: a table, a workbook, or an archive of them."""
         place = car_folder(self.settings.cars, car) / UPLOADS / upload
         content = await self.answering.read(request, (BYTES,), self.settings.limits.upload_bytes, large=True)
-        return json_response(await asyncio.to_thread(self._store, place, file, content))
+        return json_response(await self._store(place, file, content))
 
     @operation("POST /v1/cars/{car}/uploads/{upload}", "cars", LogsResponse, LogsRequest, also=("not-found",))
     async def read_logs(self, request: Request, car: CarName, upload: UploadName) -> Response:
@@ -248,24 +253,40 @@ class CarOperations:
         if self._is_learning(car):
             raise Problem("busy", "the car is learning", headers={"Retry-After": "5"})
 
-    def _store(self, place: Path, name: str, content: bytes) -> dict[str, int]:
+    async def _store(self, place: Path, name: str, content: bytes) -> dict[str, int]:
         """Unpack a file into the tables of an upload; uploads that were left are erased."""
-        _expire(place.parent, time.time() - EXPIRES_AFTER_S)
-        tables = place / TABLES
+        await asyncio.to_thread(_expire, place.parent, time.time() - EXPIRES_AFTER_S)
+        tables, limits = place / TABLES, self.settings.limits
         try:
             tables.mkdir(parents=True, exist_ok=True)
-            made = unpack(name, tables, content=content)
+            if is_packed(name) or name.lower().endswith(PARQUET):
+                made = await self._unpack(name, tables, content)
+            else:
+                made = await asyncio.to_thread(unpack, name, tables, content=content)
         except OSError as error:
             raise Problem("busy", f"the file cannot be stored: {error.strerror}") from error
-        sizes = _sizes(tables)
-        if len(sizes) > MOST_FILES or sum(_sizes(place.parent)) > self.settings.limits.car_bytes:
+        sizes = await asyncio.to_thread(_sizes, tables)
+        if len(sizes) > MOST_FILES or sum(_sizes(place.parent)) > limits.car_bytes:
             for table in made:  # those that were sent before stay
                 table.unlink(missing_ok=True)
             if not _sizes(tables):
                 shutil.rmtree(place, ignore_errors=True)
-            most = f"{MOST_FILES} tables and {self.settings.limits.car_bytes} bytes"
+            most = f"{MOST_FILES} tables and {limits.car_bytes} bytes"
             raise Problem("too-large", f"at most {most} that are not learned yet")
         return {"files": len(sizes), "bytes": sum(sizes)}
+
+    async def _unpack(self, name: str, tables: Path, content: bytes) -> list[Path]:
+        """Unpack one file after the other."""
+        if self._packed >= MOST_PACKED:
+            raise Problem("busy", "too many files are unpacked", headers={"Retry-After": "2"})
+        self._packed += 1
+        try:
+            async with self._unpacking:
+                limits = self.settings.limits
+                room = max(limits.car_bytes - sum(_sizes(tables.parent.parent)), 0)
+                return await unpack_apart(name, tables, content, room, limits.timeout_s)
+        finally:
+            self._packed -= 1
 
     def _learning(self, car: str) -> dict[str, Any] | None:
         """What a car learns, as `LearningDocument`."""
