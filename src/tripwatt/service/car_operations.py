@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import os
 import shutil
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
@@ -315,10 +316,10 @@ def _shown(response: Response, learning: Mapping[str, Any] | None) -> Response:
 def _sizes(folder: Path) -> list[int]:
     """Bytes of the files below a folder; those that another upload takes away meanwhile are not counted."""
     sizes = []
-    for file in folder.rglob("*"):
-        with contextlib.suppress(FileNotFoundError):
-            if file.is_file():
-                sizes.append(file.stat().st_size)
+    for place, _, names in os.walk(folder):
+        for name in names:
+            with contextlib.suppress(FileNotFoundError):
+                sizes.append((Path(place) / name).stat().st_size)
     return sizes
 
 

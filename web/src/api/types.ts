@@ -1798,7 +1798,7 @@ export interface operations {
     forecast: {
         parameters: {
             query?: {
-                fields?: string | null;
+                fields?: string;
             };
             header?: never;
             path?: never;
@@ -1823,7 +1823,7 @@ export interface operations {
     update: {
         parameters: {
             query?: {
-                fields?: string | null;
+                fields?: string;
             };
             header?: never;
             path?: never;
@@ -1894,7 +1894,7 @@ export interface operations {
     batch: {
         parameters: {
             query?: {
-                fields?: string | null;
+                fields?: string;
             };
             header?: never;
             path?: never;
@@ -1919,7 +1919,7 @@ export interface operations {
     route: {
         parameters: {
             query?: {
-                speed_m_s?: number | null;
+                speed_m_s?: number;
             };
             header?: never;
             path?: never;
@@ -1951,7 +1951,7 @@ export interface operations {
     plan: {
         parameters: {
             query?: {
-                fields?: string | null;
+                fields?: string;
             };
             header?: never;
             path?: never;
@@ -1976,7 +1976,7 @@ export interface operations {
     plan_alias: {
         parameters: {
             query?: {
-                fields?: string | null;
+                fields?: string;
             };
             header?: never;
             path?: never;
@@ -2070,29 +2070,29 @@ export interface operations {
     get_need: {
         parameters: {
             query?: {
-                soc?: number | null;
-                ambient_temperature_degc?: number | null;
-                cabin_setpoint_degc?: number | null;
-                cabin_temperature_degc?: number | null;
-                battery_temperature_degc?: number | null;
-                payload_mass_kg?: number | null;
-                departure_utc?: number | null;
-                climate?: ("auto" | "off" | "heat" | "cool") | null;
-                extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights" | "heated_seats")[] | null;
-                terrain?: ("unknown" | "flat" | "hilly" | "mountains") | null;
-                wind_speed_m_s?: number | null;
-                wind_from_deg?: number | null;
-                rain_mm_h?: number | null;
-                pressure_pa?: number | null;
-                tyre_pressure?: number | null;
+                soc?: number;
+                ambient_temperature_degc?: number;
+                cabin_setpoint_degc?: number;
+                cabin_temperature_degc?: number;
+                battery_temperature_degc?: number;
+                payload_mass_kg?: number;
+                departure_utc?: number;
+                climate?: "auto" | "off" | "heat" | "cool";
+                extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights" | "heated_seats")[];
+                terrain?: "unknown" | "flat" | "hilly" | "mountains";
+                wind_speed_m_s?: number;
+                wind_from_deg?: number;
+                rain_mm_h?: number;
+                pressure_pa?: number;
+                tyre_pressure?: number;
                 kind?: "city" | "country" | "motorway" | "mixed";
-                model?: string | null;
-                vehicle?: string | null;
-                car?: string | null;
-                vehicle_figures?: string | null;
-                reserve?: number | null;
-                distance_km?: number | null;
-                trip?: string | null;
+                model?: string;
+                vehicle?: string;
+                car?: string;
+                vehicle_figures?: string;
+                reserve?: number;
+                distance_km?: number;
+                trip?: string;
                 quantile?: number;
                 trips?: number;
                 probability?: number;
@@ -2117,27 +2117,27 @@ export interface operations {
     get_range: {
         parameters: {
             query?: {
-                soc?: number | null;
-                ambient_temperature_degc?: number | null;
-                cabin_setpoint_degc?: number | null;
-                cabin_temperature_degc?: number | null;
-                battery_temperature_degc?: number | null;
-                payload_mass_kg?: number | null;
-                departure_utc?: string | null;
-                climate?: ("auto" | "off" | "heat" | "cool") | null;
-                extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights" | "heated_seats")[] | null;
-                terrain?: ("unknown" | "flat" | "hilly" | "mountains") | null;
-                wind_speed_m_s?: number | null;
-                wind_from_deg?: number | null;
-                rain_mm_h?: number | null;
-                pressure_pa?: number | null;
-                tyre_pressure?: number | null;
+                soc?: number;
+                ambient_temperature_degc?: number;
+                cabin_setpoint_degc?: number;
+                cabin_temperature_degc?: number;
+                battery_temperature_degc?: number;
+                payload_mass_kg?: number;
+                departure_utc?: string;
+                climate?: "auto" | "off" | "heat" | "cool";
+                extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights" | "heated_seats")[];
+                terrain?: "unknown" | "flat" | "hilly" | "mountains";
+                wind_speed_m_s?: number;
+                wind_from_deg?: number;
+                rain_mm_h?: number;
+                pressure_pa?: number;
+                tyre_pressure?: number;
                 kind?: "city" | "country" | "motorway" | "mixed";
-                model?: string | null;
-                vehicle?: string | null;
-                car?: string | null;
-                vehicle_figures?: string | null;
-                reserve?: number | null;
+                model?: string;
+                vehicle?: string;
+                car?: string;
+                vehicle_figures?: string;
+                reserve?: number;
             };
             header?: never;
             path?: never;
@@ -2266,7 +2266,7 @@ export interface operations {
     get_vehicles: {
         parameters: {
             query?: {
-                search?: string | null;
+                search?: string;
             };
             header?: never;
             path?: never;
@@ -2407,7 +2407,7 @@ export interface operations {
     telemetry: {
         parameters: {
             query?: {
-                token?: string | null;
+                token?: string;
             };
             header?: never;
             path?: never;
