@@ -1,10 +1,8 @@
 """Files from outside within bounds, and outputs that are whole at every moment."""
 
-import io
 import os
 import subprocess
 import sys
-import zipfile
 from pathlib import Path
 
 import pytest

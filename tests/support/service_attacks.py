@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+import itertools
+import resource
 import socket
 import statistics
 import subprocess
@@ -18,7 +20,9 @@ from types import MappingProxyType
 from typing import Final
 
 import httpx
+import numpy as np
 from tests.support import ROOT
+from tests.support.bombs import BOMBS
 from tests.support.service_process import Service
 
 FORECAST: Final = b'{"links": [{"length_m": 9000, "speed_m_s": 15}], "soc": 0.8}'
@@ -146,6 +150,25 @@ def slow_batches(port: int, stop: threading.Event) -> None:
     _held(port, 20, _head("/v1/forecast/batch", 1000, "application/x-ndjson") + b"\r\n{", stop, b" ")
 
 
+def idle_connections(port: int, stop: threading.Event) -> None:
+    """1,150 connections that send nothing."""
+    resource.setrlimit(resource.RLIMIT_NOFILE, (4096, resource.getrlimit(resource.RLIMIT_NOFILE)[1]))
+    _held(port, 1150, b"", stop)
+
+
+def bombs(port: int, stop: threading.Event) -> None:
+    """Archives and workbooks of every kind that unpack to gigabytes; the service needs a folder of cars."""
+    headers, draw = {"content-type": "application/octet-stream"}, np.random.default_rng(1)
+    with httpx.Client(base_url=f"http://127.0.0.1:{port}", timeout=60.0) as client:
+        client.post("/v1/cars", json={"name": "bombed", "vehicle": "nissan_leaf_24"})
+        for bomb in itertools.cycle(BOMBS.values()):
+            if stop.is_set():
+                return
+            name, content = bomb(draw)
+            with suppress(httpx.HTTPError):
+                client.put(f"/v1/cars/bombed/uploads/upload01/{name}", content=content, headers=headers)
+
+
 ATTACKS: Final[Mapping[str, Callable[[int, threading.Event], None]]] = MappingProxyType(
     {
         attack.__name__: attack
@@ -162,6 +185,8 @@ ATTACKS: Final[Mapping[str, Callable[[int, threading.Event], None]]] = MappingPr
             slow_bodies,
             slow_heads,
             slow_batches,
+            idle_connections,
+            bombs,
         )
     }
 )
