@@ -6,7 +6,6 @@ import csv
 import datetime as dt
 import io
 import itertools
-import os
 import re
 import shutil
 import tempfile
@@ -90,8 +89,7 @@ def unpack(
     place = Path(path)
     data = read_file(place) if content is None else content
     budget = Budget(f"{place}", limits)
-    # what a killed process leaves has its number
-    with tempfile.TemporaryDirectory(dir=folder, prefix=f".{os.getpid()}-") as made:
+    with tempfile.TemporaryDirectory(dir=folder, prefix=".") as made:
         tables = list(_tables(place, data, Path(made), budget))
         if not tables:
             allowed = f"a file {', '.join((*SUFFIXES, WORKBOOK))}, or an archive {ARCHIVE} of them"

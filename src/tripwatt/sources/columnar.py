@@ -7,7 +7,7 @@ import os
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, TypeVar
 
@@ -279,7 +279,8 @@ def require_small_columns(path: Path) -> None:
             table.read(name)
     except InvalidInput as error:
         if error.faults[0].what != UNREADABLE:
-            raise
+            fault = error.faults[0]
+            raise InvalidInput([replace(fault, where=fault.where.replace(f"{path}", path.name))]) from error
 
 
 def _is_plain(of: pa.DataType) -> bool:
