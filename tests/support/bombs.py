@@ -19,6 +19,8 @@ from types import MappingProxyType
 from typing import Final
 
 import numpy as np
+import openpyxl.styles
+import openpyxl.utils.datetime  # noqa: F401 - once, not for each bomb
 
 from tripwatt.errors import InvalidInput
 from tripwatt.sources.archives import unpack
