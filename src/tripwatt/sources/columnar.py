@@ -287,7 +287,8 @@ def _is_plain(of: pa.DataType) -> bool:
     from pyarrow import types
 
     of = of.value_type if types.is_dictionary(of) else of
-    kinds = (types.is_primitive, types.is_decimal, types.is_null, types.is_string, types.is_large_string)
+    texts = (types.is_string, types.is_large_string, types.is_binary, types.is_large_binary)
+    kinds = (types.is_primitive, types.is_decimal, types.is_null, *texts)
     return any(kind(of) for kind in kinds)
 
 
