@@ -375,7 +375,7 @@ def test_a_refused_file_leaves_nothing_and_may_be_sent_again(tmp_path: Path) -> 
     place = tmp_path / "car" / "uploads" / "upload08"
     content = b"time_s,speed_m_s\n" + b"0,1\n" * 2000
     packed = archive({"first.csv": b"time_s,speed_m_s\n0,1\n", "t00.csv": content})
-    for name, sent in (("t00.csv", content, 1_000_000), ("logs.zip", packed)):
+    for name, sent in (("t00.csv", content), ("logs.zip", packed)):
         with full_disk(4096), pytest.raises(Problem, match="cannot be stored"):
             stored(own, place, name, sent, 1_000_000)
         assert list((place / "tables").iterdir()) == []
