@@ -408,10 +408,12 @@ def _summary(own: Car, about: Mapping[str, Any], model: type[BaseModel]) -> dict
 
 
 def _sizes(folder: Path) -> list[int]:
-    """Bytes of the files below a folder; those that another upload takes away meanwhile are not counted."""
+    """Bytes of the files below a folder, without those that are being written or that another upload takes away meanwhile."""
     sizes = []
     for place, _, names in os.walk(folder):
-        for name in names:
+        for name in () if Path(place).name.startswith(".") else names:
+            if name.startswith("."):
+                continue
             with contextlib.suppress(FileNotFoundError):
                 sizes.append((Path(place) / name).stat().st_size)
     return sizes
