@@ -6,7 +6,6 @@ import asyncio
 import contextlib
 import json
 import ssl
-import time
 from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -15,6 +14,7 @@ from urllib.parse import unquote, urlsplit
 
 from tripwatt.errors import InvalidInput
 from tripwatt.live.discovery import OFFLINE, ONLINE, discovery
+from tripwatt.live.sender import steady_clock
 from tripwatt.live.telemetry import Sample
 from tripwatt.live.topics import TopicJoiner
 
@@ -171,6 +171,7 @@ class Follower:
 
     def __post_init__(self) -> None:
         self._joiners = {name: TopicJoiner(*given) for name, given in self.settings.cars.items()}
+        self._now_s = steady_clock()
         self._received_s = dict.fromkeys(self._joiners, 0.0)
         # what was published of a car, without its age, and when
         self._published: dict[str, tuple[dict[str, Any], float]] = {}
@@ -204,7 +205,7 @@ class Follower:
     async def _listen(self, client: aiomqtt.Client) -> None:
         async for message in client.messages:
             payload = message.payload if isinstance(message.payload, bytes) else str(message.payload).encode()
-            now_s, topic = time.time(), message.topic.value
+            now_s, topic = self._now_s(), message.topic.value
             for name, joiner in self._joiners.items():
                 if topic == joiner.root or topic.startswith(f"{joiner.root}/"):
                     self._received_s[name] = now_s
@@ -222,7 +223,7 @@ class Follower:
         while True:
             await asyncio.sleep(self.every_s)
             for name, joiner in self._joiners.items():
-                if time.time() - self._received_s[name] >= FLUSH_S:
+                if self._now_s() - self._received_s[name] >= FLUSH_S:
                     await self._take(name, joiner.flush())
             if self.settings.publish_to:
                 for name, document in (await self.documents()).items():
@@ -230,7 +231,7 @@ class Follower:
 
     async def _publish_car(self, client: aiomqtt.Client, name: str, document: Mapping[str, Any]) -> None:
         """Publish a car where it is another, and at times so that its age grows."""
-        now_s, lasting = time.time(), {**document, "seconds_since_message": None}
+        now_s, lasting = self._now_s(), {**document, "seconds_since_message": None}
         before = self._published.get(name)
         if before is not None and before[0] == lasting and now_s < before[1] + AGE_S:
             return

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import bisect
 import itertools
 import math
 from array import array
@@ -13,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import FloatArray, held
-from tripwatt.live.telemetry import Sample
+from tripwatt.live.telemetry import Sample, moved
 from tripwatt.trips import MOST_DURATION_S, table_of
 
 MOVING_M_S: Final = 1.0
@@ -40,6 +41,9 @@ HOLD_S: Final = 10.0
 
 MOST_SAMPLES: Final = 40_000
 """Most samples of a trip that are held: 11 h at 1 Hz. When they are full, every other one goes, and of the next ones too."""
+
+GAP_STEPS: Final = 1.5
+"""A late sample counts where those around it are apart by so many of the usual steps of the trip: other ones are doubles, or strays."""
 
 _MOST_BEFORE: Final = 2000
 
@@ -116,6 +120,38 @@ class LiveTrip:
             if name != "time_s":
                 values.append(sample.values.get(name, math.nan))
         self._columns["time_s"].append(sample.time_s)
+
+    def has(self, sample: Sample) -> bool:
+        """Whether the very sample is part of the trip. O(log(samples))."""
+        at = bisect.bisect_left(self._columns["time_s"], sample.time_s)
+        row = {name: values[at : at + 1] for name, values in self._columns.items()}
+        sent = {"time_s": sample.time_s, **sample.values}
+        return all(row.get(name, array("d")).tolist() == [value] for name, value in sent.items())
+
+    def insert(self, sample: Sample) -> bool:
+        """Take a late sample into a gap of the trip, if there is one at its time. O(samples)."""
+        times = self._columns["time_s"]
+        at = bisect.bisect_left(times, sample.time_s)
+        steps = np.diff(times)
+        if not 0 < at < len(times) < MOST_SAMPLES or steps[at - 1] < GAP_STEPS * np.median(steps):
+            return False
+        new = sample.time_s, sample.values.get("speed_m_s", math.nan)
+        before, after = ((times[k], self._columns["speed_m_s"][k]) for k in (at - 1, at))
+        for name in {*sample.values} - {*self._columns}:
+            self._columns[name] = array("d", [math.nan]) * len(times)
+        for name, values in self._columns.items():
+            values.insert(at, sample.time_s if name == "time_s" else sample.values.get(name, math.nan))
+        parts = (before, new), (new, after), (before, after)
+        driven = [0.5 * (a[1] + b[1]) * min(b[0] - a[0], HOLD_S) for a, b in parts]
+        self.distance_m += float(np.nan_to_num(driven[0] + driven[1] - driven[2]))
+        return True
+
+    def move(self, by_s: float) -> None:
+        """Move all times: the clock of the sender was set. O(samples)."""
+        self._columns["time_s"] = array("d", (time_s + by_s for time_s in self._columns["time_s"]))
+        self.start_s, self.moved_s, self.last_s = (
+            t + by_s for t in (self.start_s, self.moved_s, self.last_s)
+        )
 
     def table(
         self,
@@ -229,6 +265,12 @@ class TripFinder:
         """
         ended, self.trip = self.trip, None
         return ended
+
+    def move(self, by_s: float) -> None:
+        """Move all times: the clock of the sender was set."""
+        self.before = deque((moved(sample, by_s) for sample in self.before), _MOST_BEFORE)
+        if self.trip is not None:
+            self.trip.move(by_s)
 
     def _ends(self, trip: LiveTrip, sample: Sample) -> bool:
         if sample.charging or sample.time_s - trip.last_s >= SILENCE_S:
