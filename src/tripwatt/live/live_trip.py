@@ -62,6 +62,8 @@ class LiveTrip:
         Time of the first sample [s since 1970].
     moved_s : float
         Time of the last sample in motion [s since 1970].
+    stood_s : float
+        Since when the car stands, as far as samples show it [s since 1970]; infinite while it drives.
     distance_m : float
         Driven so far [m].
 
@@ -78,6 +80,7 @@ class LiveTrip:
     def __init__(self, samples: Sequence[Sample]) -> None:
         self.start_s = samples[0].time_s
         self.moved_s = self.last_s = -math.inf
+        self.stood_s = math.inf
         self.distance_m = 0.0
         self._speed_m_s = 0.0
         self._least_step_s = 0.0
@@ -102,7 +105,9 @@ class LiveTrip:
                 self.distance_m += 0.5 * (speed + self._speed_m_s) * min(sample.time_s - self.last_s, HOLD_S)
             self._speed_m_s = speed
             if speed >= MOVING_M_S:
-                self.moved_s = sample.time_s
+                self.moved_s, self.stood_s = sample.time_s, math.inf
+            else:
+                self.stood_s = min(self.stood_s, max(self.moved_s, sample.time_s - HOLD_S))
         times = self._columns["time_s"]
         if not times or sample.time_s - times[-1] >= self._least_step_s:
             self._keep(sample)
@@ -144,14 +149,15 @@ class LiveTrip:
         parts = (before, new), (new, after), (before, after)
         driven = [0.5 * (a[1] + b[1]) * min(b[0] - a[0], HOLD_S) for a, b in parts]
         self.distance_m += float(np.nan_to_num(driven[0] + driven[1] - driven[2]))
+        if new[1] >= MOVING_M_S and new[0] > self.moved_s:
+            self.moved_s, self.stood_s = new[0], max(new[0], self.stood_s)
         return True
 
     def move(self, by_s: float) -> None:
         """Move all times: the clock of the sender was set. O(samples)."""
         self._columns["time_s"] = array("d", (time_s + by_s for time_s in self._columns["time_s"]))
-        self.start_s, self.moved_s, self.last_s = (
-            t + by_s for t in (self.start_s, self.moved_s, self.last_s)
-        )
+        for name in ("start_s", "moved_s", "last_s", "stood_s"):
+            setattr(self, name, getattr(self, name) + by_s)
 
     def table(
         self,
@@ -278,8 +284,10 @@ class TripFinder:
         if sample.time_s - trip.start_s >= MOST_DURATION_S:
             return True
         speed = sample.values.get("speed_m_s")
-        stands = speed is not None and speed < MOVING_M_S
-        return stands and sample.time_s - trip.moved_s >= (PARKED_S if sample.parked else STANDING_S)
+        if speed is None or speed >= MOVING_M_S:
+            return False
+        stood_s = min(trip.stood_s, max(trip.moved_s, sample.time_s - HOLD_S))  # a gap is no standstill
+        return sample.time_s - stood_s >= (PARKED_S if sample.parked else STANDING_S)
 
     def _stand(self, sample: Sample) -> None:
         if sample.charging:
