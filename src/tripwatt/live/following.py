@@ -8,6 +8,7 @@ import json
 import ssl
 from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 from urllib.parse import unquote, urlsplit
@@ -172,6 +173,8 @@ class Follower:
     def __post_init__(self) -> None:
         self._joiners = {name: TopicJoiner(*given) for name, given in self.settings.cars.items()}
         self._now_s = steady_clock()
+        for name, joiner in self._joiners.items():
+            joiner.note = partial(self._refused, name)
         self._received_s = dict.fromkeys(self._joiners, 0.0)
         # what was published of a car, without its age, and when
         self._published: dict[str, tuple[dict[str, Any], float]] = {}
@@ -203,6 +206,8 @@ class Follower:
             wait_s = min(2.0 * wait_s, AGAIN_S[1])
 
     async def _listen(self, client: aiomqtt.Client) -> None:
+        mqtt = client._client  # aiomqtt has no way to acknowledge a message when it is stored
+        mqtt.manual_ack_set(True)
         async for message in client.messages:
             payload = message.payload if isinstance(message.payload, bytes) else str(message.payload).encode()
             now_s, topic = self._now_s(), message.topic.value
@@ -210,6 +215,7 @@ class Follower:
                 if topic == joiner.root or topic.startswith(f"{joiner.root}/"):
                     self._received_s[name] = now_s
                     await self._take(name, joiner.take(topic, payload, now_s, retained=bool(message.retain)))
+            mqtt.ack(message.mid, message.qos)
 
     async def _take(self, name: str, sample: Sample | None) -> None:
         if sample is None:
@@ -217,7 +223,10 @@ class Follower:
         try:
             await self.take(name, sample)
         except InvalidInput as error:
-            self.note(f"{name}: message not stored: {error}"[:200])
+            self._refused(name, error)
+
+    def _refused(self, name: str, error: InvalidInput) -> None:
+        self.note(f"{name}: message not stored: {error}"[:200])
 
     async def _report(self, client: aiomqtt.Client) -> None:
         while True:
