@@ -1,7 +1,8 @@
 """Hostile inputs, clients and moments: `python -m benchmarks.hostile [--mutants N] [--models N] [--kills N] [--seconds S]`.
 
 Mutants of every input of `tests.support.hostile_files`, every attack of `tests.support.service_attacks` while another client
-asks, cars with extreme values, kills of every command that writes, and kills of workers under load.
+asks, cars with extreme values, kills of every command that writes, kills of workers under load, and drives over MQTT
+through restarts.
 """
 
 from __future__ import annotations
@@ -15,6 +16,8 @@ from pathlib import Path
 from typing import Any, Final, Literal
 
 import orjson
+from tests.live.brokers import MOSQUITTO
+from tests.live.restarts import fuzzed
 from tests.support.cars import LEVEL_ROAD, extreme_cars
 from tests.support.hostile_files import TARGETS, forged_models, fuzz
 from tests.support.service_attacks import ATTACKS, FORECAST, attacking, seen_by_another
@@ -22,13 +25,14 @@ from tests.support.service_process import serving, wait_for
 from tests.support.writers import WRITERS, killed_at_random
 from tools.command import run
 
-from benchmarks.measure import Row, report
+from benchmarks.measure import Row, not_measured, report
 
 MUTANTS: Final = 4600
 MODELS: Final = 500
 CARS: Final = 1550
 KILLS: Final = 200
 SECONDS: Final = 15.0
+MQTT_DRIVES: Final = 20
 
 
 def inputs(mutants: int, models: int) -> Iterator[Row]:
@@ -135,6 +139,23 @@ def writers(kills: int) -> Iterator[Row]:
     )
 
 
+def mqtt(drives: int = MQTT_DRIVES) -> Iterator[Row]:
+    """Drives over MQTT through killed brokers and programs, lost sessions, kept, doubled and swapped messages."""
+    if MOSQUITTO is None:
+        yield not_measured("drives over MQTT through restarts", "no mosquitto")
+        return
+    done = []
+    for seed in range(drives):
+        with tempfile.TemporaryDirectory() as folder:
+            done.append(fuzzed(Path(folder), seed))
+    print(f"{drives} drives, {sum(one.messages for one in done)} messages", file=sys.stderr)
+    yield Row(
+        f"{drives} drives over MQTT through restarts: messages that are missing or twice in the one trip",
+        float(sum(one.missing + one.twice + abs(one.trips - 1) + len(one.wrong) for one in done)),
+        most=0,
+    )
+
+
 def workers(kills: int = 32, seconds: float = 45.0) -> Iterator[Row]:
     """Kill workers under load; a client repeats a request that gets 503 or 504 once."""
     import os
@@ -168,7 +189,7 @@ def main(
     models: int = MODELS,
     kills: int = KILLS,
     seconds: float = SECONDS,
-    only: Literal["inputs", "cars", "attacks", "writers", "workers"] | None = None,
+    only: Literal["inputs", "cars", "attacks", "writers", "workers", "mqtt"] | None = None,
 ) -> int:
     """Print the rows; 1 when a bound is missed."""
     return report(rows(mutants, models, kills, seconds, only))
@@ -188,6 +209,7 @@ def rows(
         "attacks": lambda: attacks(seconds),
         "writers": lambda: writers(kills),
         "workers": workers,
+        "mqtt": mqtt,
     }
     for name, part in parts.items():
         if only in (None, name):

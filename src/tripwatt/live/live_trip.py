@@ -136,22 +136,23 @@ class LiveTrip:
     def insert(self, sample: Sample) -> bool:
         """Take a late sample into a gap of the trip, if there is one at its time. O(samples)."""
         times = self._columns["time_s"]
-        at = bisect.bisect_left(times, sample.time_s)
-        steps = np.diff(times)
+        at, steps = bisect.bisect_left(times, sample.time_s), np.diff(times)
         if not 0 < at < len(times) < MOST_SAMPLES or steps[at - 1] < GAP_STEPS * np.median(steps):
             return False
-        new = sample.time_s, sample.values.get("speed_m_s", math.nan)
-        before, after = ((times[k], self._columns["speed_m_s"][k]) for k in (at - 1, at))
+        before_m = self._driven_m()
         for name in {*sample.values} - {*self._columns}:
             self._columns[name] = array("d", [math.nan]) * len(times)
         for name, values in self._columns.items():
             values.insert(at, sample.time_s if name == "time_s" else sample.values.get(name, math.nan))
-        parts = (before, new), (new, after), (before, after)
-        driven = [0.5 * (a[1] + b[1]) * min(b[0] - a[0], HOLD_S) for a, b in parts]
-        self.distance_m += float(np.nan_to_num(driven[0] + driven[1] - driven[2]))
-        if new[1] >= MOVING_M_S and new[0] > self.moved_s:
-            self.moved_s, self.stood_s = new[0], max(new[0], self.stood_s)
+        self.distance_m += self._driven_m() - before_m
+        if sample.values.get("speed_m_s", 0.0) >= MOVING_M_S and sample.time_s > self.moved_s:
+            self.moved_s, self.stood_s = sample.time_s, max(sample.time_s, self.stood_s)
         return True
+
+    def _driven_m(self) -> float:
+        time, speed = (np.array(self._columns[name]) for name in ("time_s", "speed_m_s"))
+        time, speed = time[np.isfinite(speed)], speed[np.isfinite(speed)]
+        return float(0.5 * (speed[1:] + speed[:-1]) @ np.minimum(np.diff(time), HOLD_S))
 
     def move(self, by_s: float) -> None:
         """Move all times: the clock of the sender was set. O(samples)."""

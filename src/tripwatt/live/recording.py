@@ -190,8 +190,6 @@ class Recorder:
             arrival = self._ordered.arrival(sample)
             if arrival == "late" and self.trip is not None and self.trip.insert(sample):
                 self.counts["new"] += 1
-            elif arrival == "new" and self._sender.fits(sample):
-                self._count(sample, arrival)
             else:
                 self._sender.contradict(sample)
                 self.counts["late"] += 1

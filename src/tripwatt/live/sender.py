@@ -32,10 +32,10 @@ MOST_HELD: Final = 600
 WENT_ON: Final = 3
 """Messages by the clock as it was that show that it was not set."""
 
-POSSIBLE: Final = {"speed_m_s": (10.0, 10.0), "displayed_soc": (0.02, 1e-3), "soc": (0.02, 1e-3)}
+POSSIBLE: Final = {"speed_m_s": (5.0, 6.0), "displayed_soc": (0.02, 1e-3), "soc": (0.02, 1e-3)}
 """Column -> largest difference of two samples of one car: at once, and for each second between them."""
 
-APART: Final = (1.0, -0.1, 5.0)
+APART: Final = (1.0, -0.1, 10.0)
 """What a sample adds that cannot be of the car before it, what another one adds, and the sum of two cars."""
 
 
