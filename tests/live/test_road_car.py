@@ -246,6 +246,8 @@ def test_a_time_ahead_of_our_clock_counts(folder: Path) -> None:
     with RoadCar(folder) as car:
         assert car.add(Sample(NOON_S + 1e5), now_s=NOON_S) == "new"
         assert (car.counts["new"], car.received_s) == (1, NOON_S)
+        with pytest.raises(InvalidInput, match="time in the future"):
+            car.add(Sample(NOON_S + module.FAR_S + 1.0), now_s=NOON_S)
         assert "on no trip" in repr(car)
 
 

@@ -12,7 +12,7 @@ from typing import Any, Final, Self
 
 import pandas as pd
 
-from tripwatt.errors import Fault, or_none
+from tripwatt.errors import Fault, InvalidInput, or_none
 from tripwatt.files import folder_lock
 from tripwatt.live.documents import LiveMessages
 from tripwatt.live.folder import (
@@ -39,6 +39,9 @@ from tripwatt.trips.samples import Sampled
 from tripwatt.units import SECONDS_PER_DAY
 
 JOURNAL: Final = "journal.ndjson"
+
+FAR_S: Final = 366.0 * SECONDS_PER_DAY
+"""No clock of ours is slow by more [s]."""
 
 LEAST_ROWS: Final = 3
 """Fewest samples of a table that can be read again."""
@@ -146,10 +149,16 @@ class Recorder:
 
         Raises
         ------
+        InvalidInput
+            When the clock of the sender is not known yet, and the time is ahead of ours by more than `FAR_S`.
         OSError
             When it cannot be written; send it again.
         """
         now_s = self.now_s() if now_s is None else now_s
+        if self._sender.offset_s is None and sample.time_s > now_s + FAR_S:
+            got = f"{sample.time_s - now_s:.0f} s ahead"
+            allowed, fix = f"at most {FAR_S:g} s ahead of our clock", "set the clock of the sender"
+            raise InvalidInput.of("time in the future", "utc", got, allowed, fix)
         sample = replace(sample, received_s=now_s)
         arrival = self._arrival(sample)
         if arrival in ("new", "held"):
@@ -475,7 +484,7 @@ class Recorder:
         if now_s - self._sender.mixed_s >= SILENCE_S:
             return []
         allowed, fix = "the messages of one sender", "make another token for the other one"
-        return [Fault("two senders", "token", self.name, allowed, fix).texts]
+        return [Fault("two senders", "utc", self.name, allowed, fix).texts]
 
     def close(self) -> None:
         """Leave the car to another process."""
