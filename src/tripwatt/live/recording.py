@@ -200,8 +200,9 @@ class Recorder:
             if arrival == "late" and self.trip is not None and self.trip.insert(sample):
                 self.counts["new"] += 1
             else:
-                self._sender.contradict(sample)
                 self.counts["late"] += 1
+                if arrival == "new" or self.trip is not None:  # else it is of a trip that has ended
+                    self._sender.contradict(sample)
 
     def _move(self, by_s: float) -> None:
         """Give all samples so far the times that the clock of the sender has now."""
