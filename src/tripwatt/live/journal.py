@@ -17,7 +17,7 @@ from typing import Any, Final
 
 from tripwatt.errors import InvalidInput, system_errors
 from tripwatt.files import write_file
-from tripwatt.live.telemetry import FIRST_TIME_S, LAST_TIME_S, Sample
+from tripwatt.live.telemetry import CHARGES, FIRST_TIME_S, LAST_TIME_S, Sample, is_sound
 
 MOST_LINE_BYTES: Final = 4096
 """Longest line; a sample with all columns has less than 1 kB."""
@@ -25,6 +25,10 @@ MOST_LINE_BYTES: Final = 4096
 FLAGS: Final = ("charging", "parked")
 RECEIVED: Final = "received_s"
 NOTHING: Final[Mapping[str, Any]] = MappingProxyType({})
+
+
+Charge = tuple[float, str, float]
+"""Time, field of a departure and value."""
 
 
 def line_of(sample: Sample) -> bytes:
@@ -182,3 +186,14 @@ def _whole_bytes(descriptor: int) -> int:
     if newline < 0 and start:
         return end  # no line of ours is so long
     return start + newline + 1
+
+
+def charge_of(given: Any) -> tuple[Charge | None, Charge | None]:
+    """The latest charge of the first line of a journal, and the same where it is that of a standing car."""
+    try:
+        time_s, field, value, parked = given
+        sound = is_sound(CHARGES[field], value)
+        charge = (float(time_s), f"{field}", float(value)) if sound else None
+    except (TypeError, ValueError, KeyError):  # an older file, or a damaged one
+        return None, None
+    return charge, charge if parked else None

@@ -75,6 +75,12 @@ class LiveTrip:
     11.0
     >>> trip.table()["speed_m_s"].tolist()
     [10.0, 12.0]
+    >>> trip.append(Sample(1.7e9 + 4.0, {"speed_m_s": 12.0}))
+    >>> trip.insert(Sample(1.7e9 + 2.0, {"speed_m_s": 12.0})), trip.has(Sample(1.7e9 + 2.0, {"speed_m_s": 12.0}))
+    (True, True)
+    >>> trip.move(3600.0)
+    >>> trip.start_s
+    1700003600.0
     """
 
     def __init__(self, samples: Sequence[Sample]) -> None:
@@ -127,14 +133,36 @@ class LiveTrip:
         self._columns["time_s"].append(sample.time_s)
 
     def has(self, sample: Sample) -> bool:
-        """Whether the very sample is part of the trip. O(log(samples))."""
+        """Tell whether the very sample is part of the trip. O(log(samples)).
+
+        Parameters
+        ----------
+        sample : Sample
+            One that came again.
+
+        Returns
+        -------
+        bool
+            False for another one of the same time.
+        """
         at = bisect.bisect_left(self._columns["time_s"], sample.time_s)
         row = {name: values[at : at + 1] for name, values in self._columns.items()}
         sent = {"time_s": sample.time_s, **sample.values}
         return all(row.get(name, array("d")).tolist() == [value] for name, value in sent.items())
 
     def insert(self, sample: Sample) -> bool:
-        """Take a late sample into a gap of the trip, if there is one at its time. O(samples)."""
+        """Take a late sample into a gap of the trip, if there is one at its time. O(samples).
+
+        Parameters
+        ----------
+        sample : Sample
+            One that is earlier than the latest of the trip.
+
+        Returns
+        -------
+        bool
+            Whether it was taken.
+        """
         times = self._columns["time_s"]
         at, steps = bisect.bisect_left(times, sample.time_s), np.diff(times)
         if not 0 < at < len(times) < MOST_SAMPLES or steps[at - 1] < GAP_STEPS * np.median(steps):
@@ -155,7 +183,13 @@ class LiveTrip:
         return float(0.5 * (speed[1:] + speed[:-1]) @ np.minimum(np.diff(time), HOLD_S))
 
     def move(self, by_s: float) -> None:
-        """Move all times: the clock of the sender was set. O(samples)."""
+        """Move all times: the clock of the sender was set. O(samples).
+
+        Parameters
+        ----------
+        by_s : float
+            What is added to them [s].
+        """
         self._columns["time_s"] = array("d", (time_s + by_s for time_s in self._columns["time_s"]))
         for name in ("start_s", "moved_s", "last_s", "stood_s"):
             setattr(self, name, getattr(self, name) + by_s)
@@ -230,6 +264,7 @@ class TripFinder:
     >>> finder = TripFinder()
     >>> [finder.add(Sample(1.7e9 + k, {"speed_m_s": 10.0})) for k in range(3)]
     [None, None, None]
+    >>> finder.move(3600.0)
     >>> finder.end().distance_m
     20.0
     >>> finder.trip is None
@@ -274,7 +309,13 @@ class TripFinder:
         return ended
 
     def move(self, by_s: float) -> None:
-        """Move all times: the clock of the sender was set."""
+        """Move all times: the clock of the sender was set. O(samples).
+
+        Parameters
+        ----------
+        by_s : float
+            What is added to them [s].
+        """
         self.before = deque((moved(sample, by_s) for sample in self.before), _MOST_BEFORE)
         if self.trip is not None:
             self.trip.move(by_s)

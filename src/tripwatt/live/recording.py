@@ -24,14 +24,14 @@ from tripwatt.live.folder import (
     live_folder,
     started_at,
 )
-from tripwatt.live.journal import Journal
+from tripwatt.live.journal import Charge, Journal, charge_of
 from tripwatt.live.live_trip import LEAST_M, SILENCE_S, LiveTrip, TripFinder
 from tripwatt.live.on_the_way import OnTheWay
 from tripwatt.live.ordering import Arrival, OrderedSamples, Place
 from tripwatt.live.own_car import LIVE
 from tripwatt.live.plan import PLAN, LivePlan
 from tripwatt.live.sender import Sender, steady_clock
-from tripwatt.live.telemetry import CHARGES, Sample, is_sound, number_of
+from tripwatt.live.telemetry import CHARGES, Sample, number_of
 from tripwatt.live.usual import LONGER, usual_departure
 from tripwatt.trips import Context, Departure, Log
 from tripwatt.trips.departure import FIRST_S
@@ -50,10 +50,6 @@ ERASE_EVERY_S: Final = 3600.0
 
 SLACK_LINES: Final = 1000
 """Lines that the journal of a standing car may hold beyond those that count."""
-
-
-_Charge = tuple[float, str, float]
-"""Time, field of a departure and value."""
 
 
 class Recorder:
@@ -100,8 +96,8 @@ class Recorder:
         # departure of a trip, its usual trip, and the road of that
         self._usual: tuple[float, Log | None, LivePlan | None] | None = None
         # time, field of a departure and charge of the latest sample that has one, and of the latest one before the trip
-        self._soc: _Charge | None = None
-        self._parked: _Charge | None = None
+        self._soc: Charge | None = None
+        self._parked: Charge | None = None
         self._erased_s = -math.inf
         self._plans = 0
         self.now_s = steady_clock()
@@ -115,7 +111,7 @@ class Recorder:
             self._ordered = OrderedSamples(self._journal.after_s)
             offset_s = number_of(self._journal.more.get("offset_s"))
             self._sender = Sender(None if math.isnan(offset_s) else offset_s)
-            self._soc, self._parked = _charge_of(self._journal.more.get("charge"))
+            self._soc, self._parked = charge_of(self._journal.more.get("charge"))
             self.plan = LivePlan.read(live)
             self._on_the_way = OnTheWay(live / FORECASTS)
             for sample in self._journal.read():
@@ -481,7 +477,18 @@ class Recorder:
         }
 
     def mixed(self, now_s: float) -> list[dict[str, str]]:
-        """The fault of messages that look like those of two cars, for `SILENCE_S` after the last of them."""
+        """Fault of messages that look like those of two senders, for `SILENCE_S` after the last of them.
+
+        Parameters
+        ----------
+        now_s : float
+            The time by our clock [s since 1970].
+
+        Returns
+        -------
+        list of dict
+            Empty where there is one sender.
+        """
         if now_s - self._sender.mixed_s >= SILENCE_S:
             return []
         allowed, fix = "the messages of one sender", "make another token for the other one"
@@ -496,14 +503,3 @@ class Recorder:
 
     def __exit__(self, *_: object) -> None:
         self.close()
-
-
-def _charge_of(given: Any) -> tuple[_Charge | None, _Charge | None]:
-    """The latest charge of the first line of a journal, and the same where it is that of a standing car."""
-    try:
-        time_s, field, value, parked = given
-        sound = is_sound(CHARGES[field], value)
-        charge = (float(time_s), f"{field}", float(value)) if sound else None
-    except (TypeError, ValueError, KeyError):  # an older file, or a damaged one
-        return None, None
-    return charge, charge if parked else None
