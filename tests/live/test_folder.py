@@ -98,6 +98,8 @@ def test_samples_of_a_silent_car_are_erased_and_those_of_a_trip_stay(tmp_path: P
         car.keep_days = 7.0
         car.erase_old(NOON_S + 3000.0 * DAY_S)
         assert len(car.observed()) > 300
+    with RoadCar(tmp_path / "leaf") as car:
+        assert len(car.observed()) > 300, "on disk, too"
 
 
 def test_a_journal_without_samples_is_not_written_again_when_the_car_is_silent(tmp_path: Path) -> None:

@@ -217,3 +217,35 @@ def test_a_rewritten_journal_keeps_its_first_sample(folder: Path) -> None:
         first = json.loads(lines[1])["time_s"]
     with RoadCar(folder) as car:
         assert car._finder.before[0].time_s == first, "the bound of the journal is before it"
+
+
+def test_two_slow_senders_do_not_move_the_trip_to_and_fro(folder: Path) -> None:
+    with RoadCar(folder) as car:
+        for k in range(0, 600, 10):
+            driven(car, range(k, k + 1))
+            if k >= 100:
+                driven(car, range(k + 5, k + 6), HOUR_S)
+            assert car.trip is None or car.trip.start_s == NOON_S
+        assert [fault["what"] for fault in car.document(NOON_S + 600.0)["faults"]] == ["two senders"]
+
+
+def test_a_stamp_that_was_held_outlives_a_journal_that_is_shortened(folder: Path) -> None:
+    with RoadCar(folder) as car:
+        for k in range(400):
+            car.add(Sample(NOON_S + k, {"speed_m_s": 0.0}), now_s=NOON_S + k + 0.5)
+        assert driven(car, range(400, 402), HOUR_S) == ["held"] * 2
+        car._ended, car._keep = [None], lambda _: None  # type: ignore[list-item, method-assign]
+        car._finish()
+    with RoadCar(folder) as car:
+        assert car.about(0.0)["held"] == 2
+
+
+def test_one_sender_is_trusted_again_after_the_other_has_gone(folder: Path) -> None:
+    with RoadCar(folder) as car:
+        for k in range(100):
+            driven(car, range(k, k + 1))
+            car.add(Sample(NOON_S + k + 0.3, {"speed_m_s": 0.0}), now_s=NOON_S + k + 0.8)
+        driven(car, range(100, 250))
+        mixed_s = car._sender.mixed_s
+        car.add(Sample(NOON_S + 250.0, {"speed_m_s": 40.0}), now_s=NOON_S + 250.5)
+        assert car._sender.mixed_s == mixed_s < NOON_S + 110.0
