@@ -1,7 +1,8 @@
 """Hostile inputs, clients and moments: `python -m benchmarks.hostile [--mutants N] [--models N] [--kills N] [--full N] [--seconds S]`.
 
 Mutants of every input of `tests.support.hostile_files`, bombs of every kind of `tests.support.bombs`, every attack of `tests.support.service_attacks` while another client
-asks, cars with extreme values, kills of and full disks under every command that writes, and kills of workers under load.
+asks, cars with extreme values, kills of and full disks under every command that writes, kills of workers under load, and drives over MQTT
+through restarts.
 """
 
 from __future__ import annotations
@@ -15,6 +16,8 @@ from pathlib import Path
 from typing import Any, Final, Literal
 
 import orjson
+from tests.live.brokers import MOSQUITTO
+from tests.live.restarts import fuzzed
 from tests.support.bombs import BOMBS, LONGEST_S, MOST_BYTES, too_dear
 from tests.support.cars import LEVEL_ROAD, extreme_cars
 from tests.support.hostile_files import TARGETS, forged_models, fuzz
@@ -23,7 +26,7 @@ from tests.support.service_process import serving, wait_for
 from tests.support.writers import SLOW, WRITERS, tried_at_random
 from tools.command import run
 
-from benchmarks.measure import Row, report
+from benchmarks.measure import Row, not_measured, report
 
 MUTANTS: Final = 4600
 MODELS: Final = 500
@@ -32,6 +35,7 @@ CARS: Final = 1550
 KILLS: Final = 50
 FULL: Final = 8
 SECONDS: Final = 15.0
+MQTT_DRIVES: Final = 20
 
 
 def inputs(mutants: int, models: int) -> Iterator[Row]:
@@ -159,6 +163,23 @@ def writers(kills: int, full: int) -> Iterator[Row]:
     )
 
 
+def mqtt(drives: int = MQTT_DRIVES) -> Iterator[Row]:
+    """Drives over MQTT through killed brokers and programs, lost sessions, kept, doubled and swapped messages."""
+    if MOSQUITTO is None:
+        yield not_measured("drives over MQTT through restarts", "no mosquitto")
+        return
+    done = []
+    for seed in range(drives):
+        with tempfile.TemporaryDirectory() as folder:
+            done.append(fuzzed(Path(folder), seed))
+    print(f"{drives} drives, {sum(one.messages for one in done)} messages", file=sys.stderr)
+    yield Row(
+        f"{drives} drives over MQTT through restarts: messages that are missing or twice in the one trip",
+        float(sum(one.missing + one.twice + abs(one.trips - 1) + len(one.wrong) for one in done)),
+        most=0,
+    )
+
+
 def workers(kills: int = 32, seconds: float = 45.0) -> Iterator[Row]:
     """Kill workers under load; a client repeats a request that gets 503 or 504 once."""
     import os
@@ -193,7 +214,7 @@ def main(
     kills: int = KILLS,
     full: int = FULL,
     seconds: float = SECONDS,
-    only: Literal["inputs", "bombs", "cars", "attacks", "writers", "workers"] | None = None,
+    only: Literal["inputs", "bombs", "cars", "attacks", "writers", "workers", "mqtt"] | None = None,
 ) -> int:
     """Print the rows; 1 when a bound is missed."""
     return report(rows(mutants, models, kills, full, seconds, only))
@@ -215,6 +236,7 @@ def rows(
         "attacks": lambda: attacks(seconds),
         "writers": lambda: writers(kills, full),
         "workers": workers,
+        "mqtt": mqtt,
     }
     for name, part in parts.items():
         if only in (None, name):

@@ -1216,6 +1216,7 @@ export interface components {
             vehicle: string;
             seconds_since_message: number | null;
             messages: components["schemas"]["LiveMessages"];
+            held: number;
             soc: number | null;
             soc_source: ("soc" | "bms_soc") | null;
             trip: components["schemas"]["LiveTripDocument"] | null;
@@ -1635,13 +1636,13 @@ export interface components {
             [key: string]: unknown;
         };
         TelemetryResponse: {
-            /** @constant */
-            status: "ok";
+            /** @enum {string} */
+            status: "ok" | "held";
             car: string;
             /** @deprecated */
             vehicle: string;
             /** @enum {string} */
-            arrival: "new" | "doubled" | "late";
+            arrival: "new" | "doubled" | "held";
             ignored: components["schemas"]["ProblemFault"][];
         };
         TerrainDocument: {
