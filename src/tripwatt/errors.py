@@ -135,6 +135,7 @@ EXTRAS: Final[Mapping[str, tuple[str, ...]]] = {
     "fleet": ("deltalake",),
     "routing": ("httpx",),
     "live": ("aiomqtt",),
+    "mcp": ("mcp",),
 }
 """Extra of the package -> the modules without which none of its commands works."""
 

@@ -27,6 +27,7 @@ from tripwatt.cli import (
     journey,
     logs,
     maps,
+    mcp,
     own_cars,
     serve,
     stores,
@@ -81,6 +82,7 @@ add_command(app, cars.simulate)
 export.add_commands(app)
 add_command(app, serve.serve, context_settings={"auto_envvar_prefix": "TRIPWATT"})
 add_command(app, serve.live, hidden=True)
+add_command(app, mcp.mcp)
 stores.add_commands(app)
 fleets.add_commands(app)
 own_cars.add_commands(app)
