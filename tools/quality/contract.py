@@ -146,7 +146,8 @@ def _misfits(
             list(_misfits_of_one(one, other, where, to_service, (*above, pair)))
             for other in wanted.alternatives()
         )
-        found += min(tried, key=lambda lines: _distance(lines, where))
+        nearest: list[str] = min(tried, key=lambda lines: _distance(lines, where))
+        found += nearest
     return found
 
 
