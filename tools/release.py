@@ -163,7 +163,9 @@ def tried(wheel: Path, python: str, folder: Path) -> str:
             command, cwd=folder.parent, env=environment, capture_output=True, text=True, check=False
         )
 
-    if call(uv, "venv", "--quiet", "--python", python, f"{folder}").returncode:
+    of_pyenv = sorted((Path.home() / ".pyenv" / "versions").glob(f"{python}.*/bin/python"))
+    found = f"{of_pyenv[-1]}" if of_pyenv else python
+    if call(uv, "venv", "--quiet", "--python", found, f"{folder}").returncode:
         return "not at hand"
     commands, code = readme_commands((ROOT / "README.md").read_text("utf-8"))
     steps = [[uv, "pip", "install", "--quiet", "--python", f"{here / 'python'}", f"{wheel}"]]
