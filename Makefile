@@ -79,10 +79,12 @@ constraints: .venv-tools/.ready  ## the newest release of everything into constr
 
 BASE ?= python:3.12-slim
 IMAGE ?= tripwatt
+# packages of the image: service, or map
+PACKAGES ?= service
 
 image:  ## the container for a release: the base image pinned by its digest, which is printed; needs docker
 	docker pull --quiet $(BASE)
-	docker build --build-arg BASE=$$(docker inspect --format '{{index .RepoDigests 0}}' $(BASE)) --tag $(IMAGE) .
+	docker build --build-arg BASE=$$(docker inspect --format '{{index .RepoDigests 0}}' $(BASE)) --build-arg PACKAGES=$(PACKAGES) --tag $(IMAGE) .
 	docker inspect --format '{{index .RepoDigests 0}}' $(BASE)
 
 REHEARSAL ?=
