@@ -59,7 +59,7 @@ def not_ready(root: Path = ROOT) -> Iterator[str]:
     if f"\nversion: {number}\n" not in (root / "CITATION.cff").read_text("utf-8"):
         yield f"CITATION.cff has another version than {number}."
     if _parts(number) <= _parts(last):
-        yield f"{last} is released: set a later version in pyproject.toml, src/tripwatt/__init__.py and CITATION.cff."
+        yield f"{last} is released: set a later version in pyproject.toml and CITATION.cff."
     if breaks and _parts(number)[:2] <= _parts(last)[:2]:
         yield f"Clients of {last} break (docs/reference/openapi/breaks.txt): the release needs a new minor version."
 

@@ -62,7 +62,7 @@ def test_the_container_installs_nothing_without_a_hash_and_runs_as_nobody() -> N
     text = (ROOT / "Dockerfile").read_text()
     installs = re.findall(r"pip --python \S+ install .*?(?=&&|\n\S)", text, re.DOTALL)
     assert len(installs) == 2
-    assert "--require-hashes -r \"constraints/${PACKAGES}.txt\"" in installs[0]
+    assert '--require-hashes -r "constraints/${PACKAGES}.txt"' in installs[0]
     assert "--no-deps" in installs[1]
     assert "--no-build-isolation ." in installs[1]
     assert len(re.findall(r"pip \S+ \S+ install|pip install", text)) == len(installs)
