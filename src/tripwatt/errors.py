@@ -152,10 +152,10 @@ def install(*extras: str) -> str:
     >>> install("service", "fleet")
     "run pip install -e '.[service,fleet]' in the clone of tripwatt"
     """
-    named = f"[{','.join(extras)}]'"
+    names = ",".join(extras)
     if ON_AN_INDEX:
-        return f"run pip install 'tripwatt{named}"
-    return f"run pip install -e '.{named} in the clone of tripwatt"
+        return f"run pip install 'tripwatt[{names}]'"
+    return f"run pip install -e '.[{names}]' in the clone of tripwatt"
 
 
 def extras_faults(needed: Mapping[str, str]) -> list[Fault]:
