@@ -1,7 +1,7 @@
-"""Hostile inputs, clients and moments: `python -m benchmarks.hostile [--mutants N] [--models N] [--kills N] [--seconds S]`.
+"""Hostile inputs, clients and moments: `python -m benchmarks.hostile [--mutants N] [--models N] [--kills N] [--full N] [--seconds S]`.
 
 Mutants of every input of `tests.support.hostile_files`, every attack of `tests.support.service_attacks` while another client
-asks, cars with extreme values, kills of every command that writes, and kills of workers under load.
+asks, cars with extreme values, kills of and full disks under every command that writes, and kills of workers under load.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from tests.support.cars import LEVEL_ROAD, extreme_cars
 from tests.support.hostile_files import TARGETS, forged_models, fuzz
 from tests.support.service_attacks import ATTACKS, FORECAST, attacking, seen_by_another
 from tests.support.service_process import serving, wait_for
-from tests.support.writers import WRITERS, killed_at_random
+from tests.support.writers import SLOW, WRITERS, tried_at_random
 from tools.command import run
 
 from benchmarks.measure import Row, report
@@ -27,7 +27,8 @@ from benchmarks.measure import Row, report
 MUTANTS: Final = 4600
 MODELS: Final = 500
 CARS: Final = 1550
-KILLS: Final = 200
+KILLS: Final = 50
+FULL: Final = 8
 SECONDS: Final = 15.0
 
 
@@ -124,13 +125,19 @@ def attacks(seconds: float, rest_s: float = 60.0) -> Iterator[Row]:
     )
 
 
-def writers(kills: int) -> Iterator[Row]:
-    """Kills of every command that writes, at seeded moments."""
-    wrong = [fault for name in WRITERS for fault in killed_at_random(name, kills)]
-    print(*wrong[:5], sep="\n", end="\n" if wrong else "", file=sys.stderr)
+def writers(kills: int, full: int) -> Iterator[Row]:
+    """Kills of every command that writes, and full disks under it, at seeded moments."""
+    ended = {name: tried_at_random(name, kills * (1 if name in SLOW else 4), full) for name in WRITERS}
+    for name, one in ended.items():
+        print(f"{name}: {one.killed} kills, {one.failed} full disks", file=sys.stderr)
+        print(*one.wrong[:5], sep="\n", end="\n" if one.wrong else "", file=sys.stderr)
+    yield Row("kills of commands that write", float(sum(one.killed for one in ended.values())), least=300)
     yield Row(
-        "kills of commands that write: outputs that are neither old nor new, or a later run that fails",
-        float(len(wrong)),
+        "full disks under commands that write", float(sum(one.failed for one in ended.values())), least=50
+    )
+    yield Row(
+        "kills and full disks: outputs lost, doubled or not whole, and later runs that fail or are stuck",
+        float(sum(len(one.wrong) for one in ended.values())),
         most=0,
     )
 
@@ -167,17 +174,19 @@ def main(
     mutants: int = MUTANTS,
     models: int = MODELS,
     kills: int = KILLS,
+    full: int = FULL,
     seconds: float = SECONDS,
     only: Literal["inputs", "cars", "attacks", "writers", "workers"] | None = None,
 ) -> int:
     """Print the rows; 1 when a bound is missed."""
-    return report(rows(mutants, models, kills, seconds, only))
+    return report(rows(mutants, models, kills, full, seconds, only))
 
 
 def rows(
     mutants: int = MUTANTS,
     models: int = MODELS,
     kills: int = KILLS,
+    full: int = FULL,
     seconds: float = SECONDS,
     only: str | None = None,
 ) -> Iterator[Row]:
@@ -186,7 +195,7 @@ def rows(
         "inputs": lambda: inputs(mutants, models),
         "cars": lambda: cars(CARS),
         "attacks": lambda: attacks(seconds),
-        "writers": lambda: writers(kills),
+        "writers": lambda: writers(kills, full),
         "workers": workers,
     }
     for name, part in parts.items():

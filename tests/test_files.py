@@ -8,6 +8,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
+from tests.support.full_disk import full_disk
 
 from tripwatt import files
 from tripwatt.errors import InvalidInput
@@ -21,6 +22,7 @@ from tripwatt.files import (
     require_small_content,
     restore_folder,
     write_file,
+    write_new,
 )
 
 
@@ -191,3 +193,20 @@ def test_a_lock_keeps_others_out_until_its_holder_ends(tmp_path: Path) -> None:
         pass
     with folder_lock(tmp_path):
         pass
+
+
+@pytest.mark.parametrize("second_names", [True, False])
+def test_a_new_file_takes_the_place_of_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, second_names: bool
+) -> None:
+    def refused(source: Path, target: Path) -> None:
+        raise PermissionError(1, "Operation not permitted")
+
+    if not second_names:
+        monkeypatch.setattr(os, "link", refused)
+    write_new(tmp_path / "a.csv", b"first")
+    with pytest.raises(FileExistsError):
+        write_new(tmp_path / "a.csv", b"second")
+    with full_disk(100), pytest.raises(OSError, match="too large"):
+        write_new(tmp_path / "b.csv", b"0" * 1000)
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {"a.csv": b"first"}

@@ -14,6 +14,7 @@ import os
 import shutil
 import stat
 import sys
+import threading
 import tomllib
 import zipfile
 from collections.abc import Callable, Iterator
@@ -33,6 +34,9 @@ MOST_TEXT_BYTES: Final = 1 << 18
 
 MOST_CONTENT_BYTES: Final = 1 << 28
 """Largest content of an archive."""
+
+WRITING: Final = ".writing"
+"""End of the hidden name of a file or folder that is being written."""
 
 _EXCHANGE: Final = 2
 """Flag of `renameat2`, see renameat2(2)."""
@@ -180,6 +184,26 @@ def write_bytes(path: Path, content: bytes) -> None:
     write_file(path, lambda partial: partial.write_bytes(content))
 
 
+def write_new(path: Path, content: bytes) -> None:
+    """Write a file that is not there yet, whole or not at all: see `write_file`.
+
+    Raises
+    ------
+    FileExistsError
+        When there is one, which stays as it is.
+    OSError
+        When it cannot be written.
+    """
+    with _beside(path.absolute(), folder=False) as partial:
+        partial.write_bytes(content)
+        try:
+            os.link(partial, path)
+        except OSError:  # there is one, or the file system has no second names
+            if os.path.lexists(path):
+                raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), f"{path}") from None
+            partial.rename(path)
+
+
 def write_text(path: Path, text: str) -> None:
     """Write a file of text in UTF-8, whole or not at all: see `write_file`."""
     write_bytes(path, text.encode())
@@ -261,12 +285,12 @@ def exchange(one: Path, other: Path) -> bool:
 @contextlib.contextmanager
 def _beside(path: Path, *, folder: bool) -> Iterator[Path]:
     """A locked name beside a path, removed at the end; names whose process has ended are removed first."""
-    for left in path.parent.glob(f".{_escape(path.name)}.*.writing"):
+    for left in path.parent.glob(f".{_escape(path.name)}.*{WRITING}"):
         descriptor = None if _is_alive(left) else _locked(left)
         if descriptor is not None:
             _remove(left)
             os.close(descriptor)
-    partial = path.with_name(f".{path.name}.{os.getpid()}.writing")
+    partial = path.with_name(f".{path.name}.{threading.get_native_id()}.{os.getpid()}{WRITING}")
     _remove(partial)
     partial.mkdir() if folder else partial.touch()
     descriptor = _locked(partial)

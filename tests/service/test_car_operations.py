@@ -17,6 +17,7 @@ import pandas as pd
 import pytest
 from tests.sources.test_loggers import EXPORTS, WHOLE_UNITS, charge, written
 from tests.sources.test_suggest import drive
+from tests.support.full_disk import full_disk
 from tests.support.service_process import Service, serving
 from tests.support.service_schema import conformance
 
@@ -348,7 +349,8 @@ def test_what_waits_to_be_learned_has_a_bound_and_expires(tmp_path: Path) -> Non
     own = operations(tmp_path, car_bytes=3000)
     content = b"time_s,speed_m_s\n" + b"0,1\n" * 200
     assert own._store(uploads / "first001", "a.csv", content) == {"files": 1, "bytes": len(content)}
-    assert own._store(uploads / "first001", "a.csv", content) == {"files": 2, "bytes": 2 * len(content)}
+    other = content.replace(b"1", b"2")
+    assert own._store(uploads / "first001", "a.csv", other) == {"files": 2, "bytes": 2 * len(content)}
     assert own._store(uploads / "second02", "b.csv", content)["files"] == 1
     with pytest.raises(Problem, match="3000 bytes that are not learned"):
         own._store(uploads / "third003", "c.csv", content)
@@ -361,6 +363,25 @@ def test_what_waits_to_be_learned_has_a_bound_and_expires(tmp_path: Path) -> Non
         os.utime(place, (old, old))
     assert own._store(uploads / "third003", "c.csv", content)["files"] == 1
     assert sorted(place.name for place in uploads.iterdir()) == ["second02", "third003"]
+
+
+def test_a_refused_file_leaves_nothing_and_may_be_sent_again(tmp_path: Path) -> None:
+    own = operations(tmp_path)
+    place = tmp_path / "car" / "uploads" / "upload08"
+    content = b"time_s,speed_m_s\n" + b"0,1\n" * 2000
+    packed = archive({"first.csv": b"time_s,speed_m_s\n0,1\n", "t00.csv": content})
+    for name, sent in (("t00.csv", content), ("logs.zip", packed)):
+        with full_disk(4096), pytest.raises(Problem, match="cannot be stored"):
+            own._store(place, name, sent)
+        assert list((place / "tables").iterdir()) == []
+    whole = {"files": 1, "bytes": len(content)}
+    assert [own._store(place, "t00.csv", content) for _ in range(2)] == [whole, whole]
+    # the tables of an earlier request stay when a later one is refused
+    with full_disk(4096), pytest.raises(Problem, match="cannot be stored"):
+        own._store(place, "more.zip", archive({"t00.csv": content, "t01.csv": content + b"1,1\n"}))
+    assert [file.name for file in (place / "tables").iterdir()] == ["t00.csv"]
+    (place / "tables" / ".t00.csv.1.1.writing").write_bytes(b"left by a process that was killed")
+    assert own._store(place, "t00.csv", content) == whole
 
 
 def test_one_bad_file_costs_no_good_one_and_a_file_can_be_left_out(service: Service) -> None:

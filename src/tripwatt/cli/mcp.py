@@ -41,19 +41,14 @@ def mcp(
       # also plan journeys on a map, and read the diaries of your cars
       tripwatt mcp --map map --cars cars
     """
-    needed = {"service": "tripwatt mcp", "mcp": "tripwatt mcp"} | ({"fleet": "--cars"} if cars else {})
-    require_extras(needed)
+    require_extras(dict.fromkeys(("service", "mcp"), "tripwatt mcp") | ({"fleet": "--cars"} if cars else {}))
     from tripwatt.journey import AtlasSettings
-    from tripwatt.mcp import make_server
-    from tripwatt.mcp import serve as run
-    from tripwatt.service.car_jobs import CarJobs
-    from tripwatt.service.jobs import Jobs
-    from tripwatt.service.journeys import JourneyJobs
-    from tripwatt.service.settings import Limits
+    from tripwatt.mcp import make_server, serve
+    from tripwatt.service import car_jobs, jobs, journeys, settings
 
     atlas = asdict(AtlasSettings(map_, places, weather, "" if stations is None else str(stations)))
     with Check() as check:
         folders = check(models_of, model or [], None)
-        journeys = check(JourneyJobs.from_settings, atlas)
-    jobs = Jobs.from_folders(folders, Limits(), journeys, CarJobs(cars))
-    run(make_server(jobs, changes=changes, remote=any("://" in named for named in atlas.values())))
+        on_map = check(journeys.JourneyJobs.from_settings, atlas)
+    made = jobs.Jobs.from_folders(folders, settings.Limits(), on_map, car_jobs.CarJobs(cars))
+    serve(make_server(made, changes=changes, remote=any("://" in named for named in atlas.values())))

@@ -22,6 +22,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from tripwatt.errors import Fault
+from tripwatt.files import WRITING
 from tripwatt.live.own_car import UPLOADS
 from tripwatt.service.answering import Answering, json_response
 from tripwatt.service.car_jobs import TABLES, car_folder, read_progress, require_folder
@@ -254,12 +255,13 @@ class CarOperations:
         tables = place / TABLES
         try:
             tables.mkdir(parents=True, exist_ok=True)
+            before = set(tables.iterdir())
             made = unpack(name, tables, content=content)
         except OSError as error:
             raise Problem("busy", f"the file cannot be stored: {error.strerror}") from error
         sizes = _sizes(tables)
         if len(sizes) > MOST_FILES or sum(_sizes(place.parent)) > self.settings.limits.car_bytes:
-            for table in made:  # those that were sent before stay
+            for table in set(made) - before:  # those that were sent before stay
                 table.unlink(missing_ok=True)
             if not _sizes(tables):
                 shutil.rmtree(place, ignore_errors=True)
@@ -296,7 +298,7 @@ def _sizes(folder: Path) -> list[int]:
     sizes = []
     for file in folder.rglob("*"):
         with contextlib.suppress(FileNotFoundError):
-            if file.is_file():
+            if file.is_file() and file.suffix != WRITING:
                 sizes.append(file.stat().st_size)
     return sizes
 

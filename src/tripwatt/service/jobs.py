@@ -30,7 +30,7 @@ from tripwatt.population.cars import for_car
 from tripwatt.routes import plan_from_route
 from tripwatt.service.car_jobs import CarJobs
 from tripwatt.service.car_schemas import LogsRequest, NewCarRequest
-from tripwatt.service.fleets import followed, is_registry, model_summary, vehicle_model
+from tripwatt.service.fleets import NightRequest, followed, is_registry, model_summary, night, vehicle_model
 from tripwatt.service.journey_schemas import (
     JourneyAdviceRequest,
     JourneyDifferenceRequest,
@@ -443,6 +443,9 @@ JOB_KINDS: Final[Mapping[str, Callable[[Jobs, Mapping[str, Any], bytes], dict[st
     "difference": lambda jobs, job, body: jobs.difference(body),
     "advice": lambda jobs, job, body: jobs.advice(body),
     "need": lambda jobs, job, body: jobs.need(body, job),
+    "night": lambda jobs, job, body: night(
+        jobs.fleets, check_request(parse_json(body), NightRequest), jobs.limits
+    ),
     "update": lambda jobs, job, body: jobs.update(body),
     "route": lambda jobs, job, body: read_route(body, job["speed_m_s"], jobs.limits),
     "plan": lambda jobs, job, body: jobs.plan(body),

@@ -119,7 +119,7 @@ class Operation:
         return {content for content in contents if isinstance(content, type)}
 
     def _description(self) -> str:
-        (content,) = self.answer.values()
+        content, *_ = self.answer.values()
         summary = inspect.getdoc(content) if isinstance(content, type) else ""
         return self.description or (summary or "").partition("\n")[0]
 

@@ -18,7 +18,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any, Final, TypeVar
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.files import MOST_CONTENT_BYTES, read_file, require_small_content
+from tripwatt.files import MOST_CONTENT_BYTES, read_file, require_small_content, write_new
 from tripwatt.sources.columnar import MOST_ROWS, SUFFIXES
 from tripwatt.sources.delimited import MOST_COLUMNS
 
@@ -36,7 +36,7 @@ LEAST_NAMES: Final = 2
 MOST_LEADING_ROWS: Final = 50
 """Rows above the header of a sheet."""
 
-LONGEST_STEM: Final = 80
+LONGEST_STEM: Final = 60
 
 DAMAGED: Final = (zipfile.BadZipFile, zlib.error, lzma.LZMAError)
 """What reading a damaged archive raises beside errors of files and values."""
@@ -88,11 +88,12 @@ def unpack(path: Path | str, folder: Path, *, content: bytes | None = None) -> l
     data = read_file(place) if content is None else content
     kind = place.suffix.lower()
     tables: list[Path] = []
+    before = set(folder.iterdir())
     try:
-        for made in _tables(kind, place, data, folder):
-            tables.append(made)  # noqa: PERF402 - one by one: those before an error are known
-    except BaseException:  # a damaged archive leaves nothing
-        for made in tables:
+        for name, table in _tables(kind, place, data):
+            tables.append(_written(folder, name, table))
+    except BaseException:  # a damaged archive or a full disk leaves nothing
+        for made in set(tables) - before:
             made.unlink(missing_ok=True)
         raise
     if not tables:
@@ -138,13 +139,14 @@ def unpacked(path: Path | str, faults: list[Fault] | None = None) -> Iterator[Pa
         yield Path(folder)
 
 
-def _tables(kind: str, place: Path, data: bytes, folder: Path) -> Iterator[Path]:
+def _tables(kind: str, place: Path, data: bytes) -> Iterator[tuple[str, bytes]]:
+    """Names and contents."""
     if kind == ARCHIVE:
-        yield from _from_archive(place, data, folder)
+        yield from _from_archive(place, data)
     elif kind == WORKBOOK:
-        yield from _from_workbook(place, data, folder)
+        yield from _from_workbook(place, data)
     elif kind in SUFFIXES:
-        yield _written(folder, place.name, data)
+        yield place.name, data
 
 
 def safe_name(name: str, suffix: str) -> str:
@@ -167,14 +169,16 @@ def _last_part(name: str) -> str:
 
 
 def _written(folder: Path, name: str, data: bytes) -> Path:
+    """The file of a table, written under a name that is free; one with the same content is there already: it was sent again."""
     suffix = PurePosixPath(name).suffix.lower()
     wanted = folder / safe_name(name, suffix)
     place, number = wanted, 1
     while True:
         try:
-            with place.open("xb") as made:  # a file of the same name may be written at the same moment
-                made.write(data)
+            write_new(place, data)  # a file of the same name may be written at the same moment
         except FileExistsError:
+            if place.is_file() and place.read_bytes() == data:
+                return place
             number += 1
             place = wanted.with_name(f"{wanted.stem} {number}{suffix}")
         else:
@@ -186,7 +190,7 @@ def _is_table(name: str) -> bool:
     return not is_hidden and PurePosixPath(name).suffix.lower() in (*SUFFIXES, WORKBOOK)
 
 
-def _from_archive(place: Path, data: bytes, folder: Path) -> Iterator[Path]:
+def _from_archive(place: Path, data: bytes) -> Iterator[tuple[str, bytes]]:
     try:
         archive = require_small_content(io.BytesIO(data), f"{place}")
         tables = [entry for entry in archive.infolist() if _is_table(entry.filename)]
@@ -196,9 +200,9 @@ def _from_archive(place: Path, data: bytes, folder: Path) -> Iterator[Path]:
         for entry in tables:
             member = archive.read(entry)
             if entry.filename.lower().endswith(WORKBOOK):
-                yield from _from_workbook(Path(entry.filename), member, folder)
+                yield from _from_workbook(Path(entry.filename), member)
             else:
-                yield _written(folder, entry.filename, member)
+                yield entry.filename, member
     except (*DAMAGED, NotImplementedError, RuntimeError, EOFError, OSError, ValueError) as error:
         allowed = "a ZIP archive without a password"
         raise InvalidInput.of("unreadable archive", f"{place}", f"{error}"[:160], allowed) from error
@@ -230,14 +234,14 @@ def read_workbook(
         raise InvalidInput.of("unreadable sheet", where, got, "an .xlsx workbook", fix) from error
 
 
-def _from_workbook(place: Path, data: bytes, folder: Path) -> Iterator[Path]:
+def _from_workbook(place: Path, data: bytes) -> Iterator[tuple[str, bytes]]:
     sheets = read_workbook(data, f"{place}", _table_of)
     tables = [(title, table) for title, table in sheets if len(table) > 1]
     for title, table in tables:
         text = io.StringIO()
         csv.writer(text, lineterminator="\n").writerows(table)
         stem = place.stem if len(tables) == 1 else f"{place.stem} {title}"
-        yield _written(folder, f"{stem}.csv", text.getvalue().encode("utf-8"))
+        yield f"{stem}.csv", text.getvalue().encode("utf-8")
 
 
 def _table_of(sheet: Any) -> list[list[str]]:
