@@ -15,7 +15,7 @@ export MYPY_NUM_WORKERS ?= $(WORKERS)
 PIP_INSTALL = -m pip install --quiet --disable-pip-version-check
 UV = UV_CACHE_DIR=.venv-tools/cache UV_PYTHON_DOWNLOADS=never .venv-tools/bin/uv
 
-.PHONY: types run check check-latest lowest constraints image sbom docs bench peers bars bars-fleet results page browser clean
+.PHONY: types run check check-latest lowest constraints image release docs bench peers bars bars-fleet results page browser clean
 
 .venv/.ready: pyproject.toml
 	$(PYTHON) -m venv .venv
@@ -71,20 +71,27 @@ constraints: .venv-tools/.ready  ## the newest release of everything into constr
 	$(UV) pip compile --quiet --upgrade --universal --python-version 3.11 --generate-hashes --no-emit-index-url \
 		--no-header --no-annotate --extra dev --extra interop pyproject.toml constraints/build.in --output-file constraints/check.txt
 	$(UV) pip compile --quiet --upgrade --universal --python-version 3.11 --generate-hashes --no-emit-index-url \
-		--no-header --no-annotate --extra service pyproject.toml constraints/build.in \
+		--no-header --no-annotate --extra service --extra fleet --extra live pyproject.toml constraints/build.in \
 		--constraint constraints/check.txt --output-file constraints/service.txt
+	$(UV) pip compile --quiet --upgrade --universal --python-version 3.11 --generate-hashes --no-emit-index-url \
+		--no-header --no-annotate --extra service --extra fleet --extra live --extra routing pyproject.toml constraints/build.in \
+		--constraint constraints/check.txt --output-file constraints/map.txt
 
 BASE ?= python:3.12-slim
 IMAGE ?= tripwatt
+# packages of the image: service, or map
+PACKAGES ?= service
 
 image:  ## the container for a release: the base image pinned by its digest, which is printed; needs docker
 	docker pull --quiet $(BASE)
-	docker build --build-arg BASE=$$(docker inspect --format '{{index .RepoDigests 0}}' $(BASE)) --tag $(IMAGE) .
+	docker build --build-arg BASE=$$(docker inspect --format '{{index .RepoDigests 0}}' $(BASE)) --build-arg PACKAGES=$(PACKAGES) --tag $(IMAGE) .
 	docker inspect --format '{{index .RepoDigests 0}}' $(BASE)
 
-sbom: .venv-tools/.ready constraints/service.txt  ## the bill of materials of the container, in CycloneDX
-	.venv-tools/bin/python $(PIP_INSTALL) cyclonedx-bom
-	.venv-tools/bin/cyclonedx-py requirements constraints/service.txt --output-reproducible --of JSON -o sbom.json
+REHEARSAL ?=
+
+release: .venv-check/.ready .venv-tools/.ready  ## sdist, wheel, bills of materials, provenance and notes into dist, tried; REHEARSAL=--rehearsal before a version is set
+	.venv-tools/bin/python $(PIP_INSTALL) cyclonedx-bom twine
+	.venv-check/bin/python -m tools.release $(REHEARSAL)
 
 browser:  ## Debian's chromium for the tests of the page, where it is missing; needs root
 	@command -v chromium-headless-shell >/dev/null || command -v chromium >/dev/null || { apt-get -qq update \
@@ -118,4 +125,4 @@ results: .venv-check/.ready  ## what is published and stale, anew, then all page
 	.venv-check/bin/python -m tools.docs.make_results
 
 clean:
-	rm -rf .venv .venv-check .venv-bench .venv-latest .venv-lowest .venv-tools site out out.unfinished bench.json
+	rm -rf .venv .venv-check .venv-bench .venv-latest .venv-lowest .venv-tools site dist out out.unfinished bench.json
