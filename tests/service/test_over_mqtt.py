@@ -95,7 +95,8 @@ def test_need_and_range_are_made_again_after_news_and_with_the_time_of_day(publi
     published.car.set_plan(PLAN)
     first = published.document()
     assert published.pool.kinds == ["need", "range"]
-    assert published.document() == first
+    same = published.document()
+    assert {**same, "seconds_since_message": None} == {**first, "seconds_since_message": None}
     assert published.pool.kinds == ["need", "range"]
     published.now_s = NOON_S + NEED_S
     starts = [document["need"]["preheat"]["starts_at"] for document in (first, published.document())]
@@ -128,8 +129,14 @@ def test_messages_of_forgotten_cars_and_a_full_disk_are_passed_over(
     assert published.car.counts["new"] == 0
     published.take(PARKED)
     assert published.car.counts["new"] == 1
-    with pytest.raises(InvalidInput):
-        published.take(Sample(NOON_S + 1e6, {"speed_m_s": 0.0}))
+
+    def late(_: Sample) -> None:
+        raise InvalidInput.of("message too late", "utc")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(published.car, "add", late)
+        with pytest.raises(InvalidInput, match="message too late"):  # the follower notes it
+            published.take(PARKED)
 
     def full(_: Sample) -> None:
         raise OSError("no space left on device")
