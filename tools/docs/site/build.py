@@ -30,6 +30,7 @@ from sphinx.util.docutils import docutils_namespace, patch_docutils
 
 from tools import DOCS, ROOT
 from tools.docs import gallery
+from tools.docs import pages as parts
 
 HERE: Final = Path(__file__).resolve().parent
 
@@ -120,6 +121,8 @@ def stage(folder: Path, kept: Sequence[str] = ()) -> None:
         _write(folder / "gallery" / f"{name}.md", gallery.page_of(name))
     with (folder / "whatsnew" / "index.md").open("a", encoding="utf-8") as file:
         file.write(f"\n{versions_table(kept)}")
+    index, readme = folder / "index.md", (ROOT / "README.md").read_text("utf-8")
+    _write(index, parts.with_part(index.read_text("utf-8"), "results", parts.part(readme, "results")))
     for name, words in WORDS.items():
         _write(folder / name, with_words((folder / name).read_text("utf-8"), words))
     shutil.copytree(DOCS / "images", folder / "images")
@@ -127,9 +130,15 @@ def stage(folder: Path, kept: Sequence[str] = ()) -> None:
 
 def with_words(text: str, words: Sequence[str]) -> str:
     """A page with entries of the index below its title: the search puts a page first that has what is typed as an entry."""
-    title, _, rest = text.partition("\n")
-    entries = [f"   single: ! {word}" for word in words]
-    return "\n".join([title, "", "```{eval-rst}", ".. index::", *entries, "", "```", rest])
+    title = re.match(
+        r"# .*(?:\n\n<!--.*-->)?", text
+    )  # an entry leads to the paragraph below it, which a comment is not
+    if title is None:
+        raise ValueError("a page begins with its title")
+    entries = [f"   ! {word}" for word in words]
+    return "\n".join(
+        [title[0], "", "```{eval-rst}", ".. index::", *entries, "", "```", text[title.end() + 1 :]]
+    )
 
 
 def versions_table(kept: Sequence[str]) -> str:
@@ -341,6 +350,8 @@ def build(out: Path, *, release: bool = False) -> str:
             for name in own:
                 shutil.rmtree(fresh / VERSIONS / name, ignore_errors=True)
                 shutil.copytree(fresh, fresh / VERSIONS / name, ignore=shutil.ignore_patterns(VERSIONS))
+                table = fresh / VERSIONS / name / "whatsnew" / "index.html"  # the others stand beside it
+                table.write_text(table.read_text("utf-8").replace(f"../{VERSIONS}/", "../../"), "utf-8")
             shutil.rmtree(out, ignore_errors=True)
             shutil.copytree(fresh, out, ignore=shutil.ignore_patterns(".buildinfo", "_sources"))
     return faults
