@@ -92,7 +92,7 @@ def conf_contents(index: str) -> list[str]:
 def test_the_contents_are_the_links_of_the_sections() -> None:
     pytest.importorskip("sphinx", reason="needs the extra tripwatt[docs]")
     index = (
-        "# A\n[no](zero.md)\n## Where to begin\n[no](one.md)\n## Reference\n- [b](b.md#part), [a](x/a.md)\n- [b](b.md)\n"
+        "# A\n[no](zero.md)\n## Install\n[no](install.md)\n## Where to begin\n[no](one.md)\n## Reference\n- [b](b.md#part), [a](x/a.md) [no](gallery/b.md)\n- [b](b.md)\n"
         "[out](https://x.org/c.md)\n## Empty\ntext\n## More\n[b](b.md) [d](d.md)\n"
     )
     assert conf.contents(index).split("\n") == [
@@ -368,6 +368,11 @@ def test_the_search_finds_a_page_and_shows_what_it_has(look: Callable[..., Any])
     page = look("search.html?q=wallbox", 390, "dark")
     assert found_first(page) == "howto/charge-planning.html"
     page.wait_for_selector("#search-results li p.context")
+    hrefs = page.locator("#search-results li a").evaluate_all(
+        "links => links.map(a => a.getAttribute('href'))"
+    )
+    assert hrefs.count("howto/charge-planning.html") == 1
+    assert "howto/charge-planning.html#index-0" not in hrefs
     assert page.evaluate("document.documentElement.scrollWidth") <= 390
 
 
@@ -411,4 +416,7 @@ def test_the_site_opens_and_searches_from_a_folder(site: Path, browser: Any) -> 
         page.goto(f"{(site / 'search.html').as_uri()}?q={words}")
         first[words] = found_first(page)
     assert first == SEARCHED
+    page.goto((site / "whatsnew" / "index.html").as_uri())
+    page.get_by_role("link", name="its site").first.click()
+    page.wait_for_url(f"**/versions/{version('tripwatt')}/index.html")
     assert said == []

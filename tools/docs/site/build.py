@@ -130,15 +130,9 @@ def stage(folder: Path, kept: Sequence[str] = ()) -> None:
 
 def with_words(text: str, words: Sequence[str]) -> str:
     """A page with entries of the index below its title: the search puts a page first that has what is typed as an entry."""
-    title = re.match(
-        r"# .*(?:\n\n<!--.*-->)?", text
-    )  # an entry leads to the paragraph below it, which a comment is not
-    if title is None:
-        raise ValueError("a page begins with its title")
+    title, _, rest = text.partition("\n")
     entries = [f"   ! {word}" for word in words]
-    return "\n".join(
-        [title[0], "", "```{eval-rst}", ".. index::", *entries, "", "```", text[title.end() + 1 :]]
-    )
+    return "\n".join([title, "", "```{eval-rst}", ".. index::", *entries, "", "```", rest])
 
 
 def versions_table(kept: Sequence[str]) -> str:
