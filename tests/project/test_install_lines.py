@@ -94,6 +94,14 @@ def test_messages_and_make_run_name_extras_that_exist() -> None:
     assert SHAPE.search(install("service", "fleet"))
 
 
+def test_the_front_page_has_an_install_line_for_each_goal() -> None:
+    index = (ROOT / "docs" / "index.md").read_text()
+    found = [match for match in map(SHAPE.search, index.splitlines()) if match]
+    named = {extra for match in found for extra in (match["extras"] or "").split(",") if extra}
+    assert len(found) >= 6
+    assert named == set(EXTRAS) | {"elevation"}
+
+
 def test_an_extra_resolves_to_what_its_commands_need() -> None:
     """As the installed package declares it, so that pip would bring every module that a command asks for."""
     names = {"prometheus_client": "prometheus-client"}
