@@ -5,10 +5,24 @@ import datetime as dt
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.stats import norm
+from scipy.stats import t as student
 from tests.fleet.rows import year_of_rows
 
-from tripwatt.fleet.changes import BATTERY, LEAST_CHANGE, changes, common_of_month
-from tripwatt.fleet.features import START
+from tripwatt.fleet.changes import (
+    BATTERY,
+    LEAST_CHANGE,
+    LEAST_TRIPS,
+    USUAL_CHANGE,
+    Scan,
+    Series,
+    _weights,
+    changes,
+    common_of_month,
+    series_of,
+)
+from tripwatt.fleet.changes import changes_of as one_by_one
+from tripwatt.fleet.features import START, WARM_DEGC
 from tripwatt.hybrid.groups import fit_scales, group_posterior
 
 SEED = 4711
@@ -90,3 +104,145 @@ def test_what_sisters_share_in_a_month_is_a_median_of_medians():
     common = common_of_month(model, vehicle, day, relative)
     assert common == pytest.approx(np.r_[np.full(10, 0.1), np.zeros(4)])
     assert pd.notna(common).all()
+
+
+def drives(n=40, seed=3):
+    """A series of one vehicle without a change: two terms, a cause for each and one for both."""
+    rng = np.random.default_rng(seed)
+    X = rng.uniform(0.5, 1.5, (n, 2)) * [100.0, 40.0]
+    variance = rng.uniform(20.0, 60.0, n)
+    y = X @ [0.05, -0.08] + np.sqrt(variance) * rng.normal(size=n)
+    day = np.datetime64("2025-01-20") + np.sort(rng.integers(0, 90, n))
+    causes = {"a": np.array([1.0, 0.0]), "both": np.array([0.4, 1.0])}
+    return Series("v1", "m", day, y, variance, X, np.array([0.01, 0.04]), causes, 9000.0)
+
+
+def test_every_change_is_that_of_least_squares_beside_the_deviations():
+    series, n = drives(), 40
+    w = 1.0 / series.variance
+    free = np.arange(n) != 20
+    scan = Scan._weighted(series, series.X, series.prior, free, w)
+    assert (scan.first, scan.names) == (LEAST_TRIPS, ("a", "both"))
+    assert scan.share.shape == (2, n - 2 * LEAST_TRIPS + 1)
+    for c, weights in enumerate(series.causes.values()):
+        rise = series.X @ weights
+        unit = rise.sum() / series.total
+        for place in range(scan.share.shape[1]):
+            k = LEAST_TRIPS + place
+            if k == 20:
+                assert (scan.share[c, place], scan.sd[c, place]) == (0.0, np.inf)
+                continue
+            A = np.column_stack([series.X, rise * (np.arange(n) >= k)])
+            covariance = np.linalg.inv((A.T * w) @ A + np.diag([*(1.0 / series.prior), 0.0]))
+            share = unit * (covariance @ (A.T @ (w * series.y)))[2]
+            sd = unit * np.sqrt(covariance[2, 2])
+            assert (scan.share[c, place], scan.sd[c, place]) == pytest.approx((share, sd), rel=1e-6)
+            factor = norm.logpdf(share, 0.0, np.hypot(sd, USUAL_CHANGE)) - norm.logpdf(share, 0.0, sd)
+            assert scan.evidence[c, place] == pytest.approx(factor, abs=1e-6)
+
+
+def test_the_weight_of_a_trip_falls_beyond_two_deviations():
+    """By hand for trips without terms, whose level is a median; the terms count half a trip each."""
+    n, sd = 21, 5.0
+    y = np.linspace(-10.0, 10.0, n)
+    y[-1] = 100.0
+    series = Series("v", "m", None, y, np.full(n, sd**2), np.zeros((n, 2)), np.ones(2), {}, 1.0)
+    level = 1.4826 * np.median(np.abs(y)) / sd * np.sqrt(21.0 / 20.0)
+    w = _weights(series, series.X, series.prior)
+    usual = 1.0 / (level * sd) ** 2
+    assert w[:-1] == pytest.approx(np.full(n - 1, usual), rel=1e-6)
+    assert w[-1] == pytest.approx(usual * 2.0 * level * sd / 100.0, rel=1e-6)
+
+
+def test_weights_are_those_of_two_passes_beside_the_terms():
+    series, n = drives(), 40
+    w = 1.0 / series.variance
+    for _ in range(2):
+        A = np.vstack([series.X * np.sqrt(w)[:, None], np.diag(1.0 / np.sqrt(series.prior))])
+        weights = np.linalg.lstsq(A, np.append(np.sqrt(w) * series.y, np.zeros(2)), rcond=None)[0]
+        z = np.abs(series.y - series.X @ weights) / np.sqrt(series.variance)
+        level = 1.4826 * np.median(z) * np.sqrt(n / (n - 1.0))
+        w = np.where(z > 2.0 * level, 2.0 * level / z, 1.0) / level**2 / series.variance
+    assert _weights(series, series.X, series.prior) == pytest.approx(w, rel=1e-6)
+
+
+def test_the_beginning_is_the_likeliest_day_of_the_likeliest_month():
+    """By loops over days: one between two trips has the evidence of the later one, shared by all days between them."""
+    evidence = np.array([[0.0, 1.0, 3.0, 2.5, 0.0], [1.0, 0.0, 0.5, 0.0, 0.0]])
+    scan = Scan(("a", "b"), 2, np.zeros((2, 5)), np.ones((2, 5)), evidence)
+    day = np.datetime64("2025-01-01") + np.array([0, 9, 21, 29, 35, 37, 58, 60])
+    odds = {}
+    for place in range(5):
+        first, last = day[place + 1] + 1, day[place + 2]
+        for one in np.arange(first, last + 1):
+            odds[one] = np.exp(evidence[0, place]) / (last - first + 1).astype(float)
+    months = {}
+    for one, value in odds.items():
+        months[str(one)[:7]] = months.get(str(one)[:7], 0.0) + value
+    likeliest = max(months, key=months.get)
+    since = max((one for one in odds if str(one)[:7] == likeliest), key=odds.get)
+    so_far = np.cumsum(list(odds.values())) / sum(odds.values())
+    ends = [next(one for one, upto in zip(odds, so_far, strict=True) if upto >= p) for p in (0.025, 0.975)]
+    probability = np.exp(evidence[0]).sum() / np.exp(evidence).sum()
+    found, *days = scan.certainty("a", day)
+    assert found == pytest.approx(probability, rel=1e-12)
+    assert days == [since, *ends]
+
+
+def stepped(*steps, n=120):
+    """A series whose level rises by shares at trips; two trips a day."""
+    at = np.arange(n)
+    y = sum((share * 100.0 * (at >= k) for k, share in steps), np.zeros(n)) + np.where(at % 4 < 2, 0.3, -0.3)
+    day = np.datetime64("2025-01-01") + at // 2
+    X = np.full((n, 1), 100.0)
+    return Series("v", "m", day, y, np.full(n, 1.0), X, np.array([0.01]), {"a": np.ones(1)}, 100.0 * n)
+
+
+def test_changes_are_listed_one_beside_the_other_and_three_at_most():
+    rows = list(one_by_one(stepped((20, 0.3), (50, -0.2), (80, 0.25), (100, 0.1)), 1e-6))
+    assert sorted((row["before"], row["after"]) for row in rows) == [(20, 100), (50, 70), (80, 40)]
+    by_place = {row["before"]: row for row in rows}
+    assert by_place[20]["since"] == "2025-01-11"
+    assert by_place[50]["change"] == pytest.approx(-0.2, abs=0.02)
+    assert all(row["z"] == pytest.approx(row["change"] / row["sd"]) for row in rows)
+
+
+def test_small_changes_and_those_of_chance_are_not_listed():
+    assert len(list(one_by_one(stepped((60, 0.021)), 1e-6))) == 1
+    assert list(one_by_one(stepped((60, 0.019)), 1e-6)) == []
+    (row,) = one_by_one(stepped((60, -0.05)), 1e-6)
+    p = 2.0 * student.sf(abs(row["z"]), 116)
+    assert list(one_by_one(stepped((60, -0.05)), 0.9 * p)) == []
+    assert len(list(one_by_one(stepped((60, -0.05)), 1.1 * p))) == 1
+
+
+def test_a_change_has_eight_trips_on_both_sides():
+    assert [row["before"] for row in one_by_one(stepped((8, 0.3), n=16), 1e-6)] == [8]
+    assert list(one_by_one(stepped((8, 0.3), n=15), 1e-6)) == []
+    (row,) = one_by_one(stepped((4, 0.3), n=60), 1e-6)
+    assert row["before"] >= 8
+
+
+def test_the_display_of_a_vehicle_is_a_series_of_its_own():
+    """Terms of its charge by loops: level, cold, years and the middle of the charge, as shares of what its energy takes."""
+    rows = year_of_rows(SEED, vehicles=3, trips=30)
+    sums = rows.sums
+    series = list(series_of(group_posterior(sums, fit_scales(sums, START)), rows))
+    assert [one.vehicle_id for one in series] == ["v00", "v01", "v02"] * 2
+    frame = rows.table.to_pandas()
+    frame["day"] = pd.to_datetime(frame["started_at"]).dt.normalize()
+    begins = frame["day"].min()
+    frame["taken"] = frame["displayed_start"] - frame["displayed_end"]
+    frame = frame[frame["taken"] > 0.0].assign(ratio=frame["observed_wh"] / frame["taken"])
+    usual_wh = frame.groupby("car_model")["ratio"].median()
+    for one in series[3:]:
+        own = frame[frame["vehicle_id"] == one.vehicle_id].sort_values("started_at", kind="stable")
+        share = own["observed_wh"] / usual_wh[one.car_model]
+        cold = (WARM_DEGC - own["ambient_temperature_degc"]).clip(lower=0.0) / WARM_DEGC
+        years = (own["day"] - begins).dt.days / 365.0
+        middle = (own["displayed_start"] + own["displayed_end"]) / 2.0 - 0.5
+        terms = np.column_stack([np.ones(len(own)), cold, years, middle])
+        assert pytest.approx(terms * share.to_numpy()[:, None]) == one.X
+        assert one.variance == pytest.approx((0.003**2 + (0.01 * share) ** 2).to_numpy())
+        assert one.causes[BATTERY].tolist() == [1.0, 0.0, 0.0, 0.0]
+        assert (one.day == own["day"].to_numpy().astype("datetime64[D]")).all()

@@ -6,11 +6,13 @@ import math
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
 import pytest
 from tests.fleet.rows import year_of_rows
 
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
+from tripwatt.fleet.statistics import ROWS, TripRows
 from tripwatt.journey import need
 from tripwatt.journey.nights import (
     EFFICIENCY,
@@ -170,3 +172,16 @@ def test_the_coldest_week_is_a_mean_of_its_trips():
     means = means[means["size"] >= min(10, most)]
     assert coldest_week(rows) == (means["mean"].idxmin(), pytest.approx(means["mean"].min()))
     assert coldest_week(rows.where(np.zeros(len(rows), dtype=bool))) is None
+
+
+def test_the_coldest_week_has_at_least_ten_trips_where_any_has():
+    """A Monday to Sunday of ten trips, a colder one of nine, a warmer one of eleven."""
+    temperatures = {"2025-01-12": [-2.0] * 5, "2025-01-06": [-4.0] * 5, "2025-01-13": [-9.0] * 9, "2025-01-20": [1.0] * 11}  # fmt: skip
+    days = [day for day, degc in temperatures.items() for _ in degc]
+    degc = np.concatenate([*temperatures.values()])
+    rows = year_of_rows(5, vehicles=1, trips=len(days))
+    frame = rows.table.to_pandas().assign(started_at=[f"{day}T08:00:00" for day in days])
+    few = TripRows.join([pa.Table.from_pandas(frame.assign(ambient_temperature_degc=degc), schema=ROWS)])
+    assert coldest_week(few) == (dt.date(2025, 1, 6), pytest.approx(-3.0))
+    nine = few.where(few.texts("started_at") == "2025-01-13T08:00:00")
+    assert coldest_week(nine) == (dt.date(2025, 1, 13), pytest.approx(-9.0))

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import json
+import ssl
 import time
-from collections.abc import Awaitable, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable
 from pathlib import Path
 from typing import Any
 
@@ -210,3 +211,157 @@ def test_trips_with_lost_late_and_doubled_messages_end_whole(tmp_path: Path, kil
     for found in replay(tmp_path, drives, forecasts, killed=killed):
         assert found.difference_wh < 1e-6
         assert (found.missing, found.twice) == (0, 0)
+
+
+class Client:
+    """Stands for a client of a broker: what is published, with its options; it is lost when its messages end."""
+
+    def __init__(self, *messages: aiomqtt.Message) -> None:
+        self.given, self.sent, self.filters = messages, list[tuple[Any, ...]](), list[Any]()
+
+    async def __aenter__(self) -> Client:
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        pass
+
+    @property
+    async def messages(self) -> AsyncIterator[aiomqtt.Message]:
+        for message in self.given:
+            yield message
+        raise aiomqtt.MqttError("gone")
+
+    async def subscribe(self, name: str, qos: int) -> None:
+        self.filters.append((name, qos))
+
+    async def publish(self, topic: str, text: str, qos: int, retain: bool) -> None:
+        self.sent.append((topic, text, qos, retain))
+
+
+class Followed:
+    """A follower whose clients, clock and waits are those of a test; it stops after a number of waits."""
+
+    def __init__(
+        self, patch: pytest.MonkeyPatch, clients: list[Client | None], waits: int, **more: Any
+    ) -> None:
+        self.clients, self.waits, self.slept = clients, waits, list[float]()
+        self.taken, self.notes = list[tuple[str, Sample]](), list[str]()
+        settings = MqttSettings(
+            Broker("192.0.2.7", 1883), {"leaf": ("abrp", "cars/leaf"), "zoe": ("abrp", "cars/leaf2")}, **more
+        )
+        self.follower = following.Follower(settings, self.take, self.documents, self.notes.append)
+        patch.setattr(self.follower, "_client", self.client)
+        patch.setattr(asyncio, "sleep", self.sleep)
+
+    def client(self) -> Client:
+        found = self.clients.pop(0) if self.clients else None
+        if found is None:
+            raise aiomqtt.MqttError("x" * 300)
+        return found
+
+    async def take(self, name: str, sample: Sample) -> None:
+        if sample.values["speed_m_s"] > 50.0:
+            raise InvalidInput.of("y" * 300, "speed_m_s")
+        self.taken.append((name, sample))
+
+    async def documents(self) -> dict[str, dict[str, Any]]:
+        return {}
+
+    async def sleep(self, seconds: float) -> None:
+        if seconds == self.follower.every_s:  # between two messages
+            await asyncio.Event().wait()
+        self.slept.append(seconds)
+        if len(self.slept) == self.waits:
+            raise asyncio.CancelledError
+
+    def follow(self) -> None:
+        with pytest.raises(asyncio.CancelledError):
+            asyncio.run(self.follower.follow())
+
+
+def test_a_lost_broker_is_asked_again_after_twice_the_time_and_at_most_a_minute(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    lost = Followed(monkeypatch, [], 8)
+    lost.follow()
+    assert lost.slept == [1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 60.0, 60.0]
+    assert lost.notes == [("192.0.2.7:1883: " + "x" * 300)[:200]] * 8
+    found = Followed(monkeypatch, [None, None, Client(), None], 5)
+    found.follow()
+    assert found.slept == [1.0, 2.0, 1.0, 2.0, 4.0]
+    assert found.notes[2] == "192.0.2.7:1883: gone"
+
+
+def test_a_follower_subscribes_and_says_whether_it_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    client = Client()
+    Followed(monkeypatch, [client], 1).follow()
+    assert {qos for _, qos in client.filters} == {1}
+    assert len(client.filters) == 2
+    assert client.sent == [("tripwatt", "online", 1, True), ("tripwatt", "offline", 1, True)]
+    silent = Client()
+    Followed(monkeypatch, [silent], 1, publish_to="").follow()
+    assert silent.sent == []
+
+
+def test_a_message_is_of_the_car_whose_topic_it_is_below(monkeypatch: pytest.MonkeyPatch) -> None:
+    def message(topic: str, speed_m_s: float) -> aiomqtt.Message:
+        text = json.dumps({"utc": NOON_S, "speed": 3.6 * speed_m_s})
+        return aiomqtt.Message(topic, text.encode(), 1, False, 1, None)
+
+    client = Client(
+        message("cars/leaf2", 3.0),
+        message("cars/leaf", 4.0),
+        message("cars/leaf", 60.0),
+        message("x/leaf", 5.0),
+    )
+    found = Followed(monkeypatch, [client], 1)
+    found.follow()
+    assert [(name, round(sample.values["speed_m_s"], 6)) for name, sample in found.taken] == [
+        ("zoe", 3.0),
+        ("leaf", 4.0),
+    ]
+    refused, lost = found.notes
+    assert refused == (f"leaf: message not stored: {'y' * 300}")[:200]
+    assert lost == "192.0.2.7:1883: gone"
+
+
+def test_a_car_is_published_where_it_is_another_and_after_its_age(monkeypatch: pytest.MonkeyPatch) -> None:
+    found, client, now_s = Followed(monkeypatch, [], 1), Client(), [NOON_S]
+    monkeypatch.setattr(time, "time", lambda: now_s[0])
+
+    def publish_at(later_s: float, soc: float, age_s: float) -> list[tuple[str, Any]]:
+        client.sent.clear()
+        now_s[0] = NOON_S + later_s
+        document = {"soc": soc, "seconds_since_message": age_s}
+        asyncio.run(found.follower._publish_car(client, "leaf", document))  # type: ignore[arg-type]
+        assert {tuple(more) for _, _, *more in client.sent} <= {(1, True)}
+        return [(topic, json.loads(text)) for topic, text, *_ in client.sent]
+
+    first = publish_at(0.0, 0.8, 0.0)
+    car = [("tripwatt/leaf", {"soc": 0.8, "seconds_since_message": 0.0})]
+    assert first == [*discovery("leaf", "tripwatt", "homeassistant"), *car]
+    assert publish_at(29.9, 0.8, 29.9) == []
+    assert publish_at(30.0, 0.8, 30.0) == [("tripwatt/leaf", {"soc": 0.8, "seconds_since_message": 30.0})]
+    assert publish_at(31.0, 0.7, 0.5) == [("tripwatt/leaf", {"soc": 0.7, "seconds_since_message": 0.5})]
+    assert publish_at(60.0, 0.7, 29.5) == []
+
+
+def test_a_client_leaves_a_will_and_its_messages_wait_for_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    made: dict[str, Any] = {}
+    monkeypatch.setattr(aiomqtt, "Client", lambda *given, **more: made.update(more, given=given))
+
+    def client(broker: Broker, **more: Any) -> dict[str, Any]:
+        settings = MqttSettings(broker, {"leaf": ("plain", "x"), "zoe": ("plain", "y")}, **more)
+        following.Follower(settings, print, print, print)._client()  # type: ignore[arg-type]
+        return made
+
+    plain = dict(client(Broker("h", 1883, "me", "secret")))
+    assert plain["given"] == ("h", 1883)
+    assert (plain["username"], plain["password"], plain["tls_context"]) == ("me", "secret", None)
+    assert (plain["clean_session"], plain["keepalive"]) == (False, 30)
+    assert plain["identifier"] == "tripwatt-tripwatt"
+    will = plain["will"]
+    assert (will.topic, will.payload, will.qos, will.retain) == ("tripwatt", "offline", 1, True)
+    silent = client(Broker("h", 8883, encrypted=True), publish_to="")
+    assert (silent["identifier"], silent["will"]) == ("tripwatt-leaf,zoe", None)
+    assert silent["tls_context"].verify_mode == ssl.CERT_REQUIRED

@@ -68,6 +68,16 @@ def test_the_forecast_is_that_of_update_at_every_moment(
         )
 
 
+def test_one_sample_of_a_trip_is_no_update(drive: pd.DataFrame, forecast: Forecast, folder: Path) -> None:
+    sent = samples_of(drive)[:200]
+    with RoadCar(folder) as car:
+        fed(car, sent)
+        for rows in (1, 2):
+            car.set_plan({}, sent[-rows].time_s)
+            assert len(car.observed()) == rows
+            assert (car.update(forecast) is forecast) == (rows == 1)
+
+
 def test_messages_of_abrp_give_the_same_forecast(
     drive: pd.DataFrame, forecast: Forecast, folder: Path
 ) -> None:

@@ -14,7 +14,7 @@ from tests.support.service_process import Service
 
 from tripwatt.errors import InvalidInput
 from tripwatt.service.app import Api
-from tripwatt.service.contract import Repeats, chosen
+from tripwatt.service.contract import Repeats, chosen, known_parameters
 from tripwatt.service.problems import TITLES, Problem, pointer_to
 from tripwatt.service.settings import Settings
 
@@ -100,6 +100,25 @@ def test_a_response_has_the_fields_that_were_asked_for(service: Service, drive: 
     assert orjson.loads(lines.content) == {"trip": whole["trip"]}
     wrong = service.client.post("/v1/forecast", params={"fields": "energy"}, json=drive)
     assert (wrong.status_code, wrong.json()["faults"][0]["where"]) == (422, "query.fields")
+
+
+def test_parameters_of_the_path_are_not_those_of_the_query() -> None:
+    async def handler(request: Request, zoom: int, fields: str | None) -> None: ...
+
+    def faults_of(query: bytes) -> list[tuple[str, str]]:
+        request = Request({"type": "http", "query_string": query})
+        try:
+            asyncio.run(check.dependency(request))  # type: ignore[misc, arg-type]
+        except InvalidInput as refused:
+            return [(fault.where, fault.fix) for fault in refused.faults]
+        return []
+
+    (check,) = known_parameters(handler, "/v1/tiles/{zoom}")
+    assert faults_of(b"fields=a") == []
+    assert [where for where, _ in faults_of(b"request=1&zoom=2&fields=a")] == ["query.request", "query.zoom"]
+    ((where, fix),) = faults_of(b"field=a")
+    assert (where, "fields" in fix) == ("query.field", True)
+    assert faults_of(b"x" * 100 + b"=1")[0][0] == f"query.{'x' * 80}"
 
 
 def test_every_unknown_field_is_named() -> None:

@@ -267,6 +267,13 @@ def test_the_need_of_a_plan_is_a_quantile_and_the_charge_to_leave_with(served: S
     assert need(served).json()["charge_wh"] == 0.0
 
 
+def test_a_car_on_the_road_by_its_old_name_is_announced(served: Served) -> None:
+    served.put({"links": LINKS, "soc": 0.5})
+    old, new = (served("/v1/need", params={name: "leaf"}) for name in ("vehicle", "car"))
+    assert (old.status_code, new.status_code) == (200, 200)
+    assert ("deprecation" in old.headers, "deprecation" in new.headers) == (True, False)
+
+
 def test_the_need_without_a_plan_is_that_of_the_usual_trip(served: Served, drive: pd.DataFrame) -> None:
     car = _cars(served).by_name("leaf")
     for sent in abrp_messages(drive):
