@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
 import signal
 import subprocess
 from collections.abc import Iterator, Mapping
@@ -59,11 +58,12 @@ class HomeAssistant:
         Its configuration, with what it stores.
     """
 
-    def __init__(self, python: Path, folder: Path, port: int, token: str = "") -> None:
-        self.python, self.folder, self.token = python, folder, token
+    def __init__(self, python: Path, folder: Path, port: int) -> None:
+        self.python, self.folder, self.token = python, folder, ""
         self.url = f"http://127.0.0.1:{port}"
         self.client = httpx.Client(base_url=self.url, timeout=60.0)
         self.process: subprocess.Popen[bytes] | None = None
+        self._asker: subprocess.Popen[str] | None = None
 
     def start(self) -> None:
         """Start it, and wait until it runs."""
@@ -77,8 +77,8 @@ class HomeAssistant:
         assert self.process is not None
         assert self.process.poll() is None, (self.folder / "output").read_text()[-2000:]
         try:
-            if not self.token:
-                return self.client.get("/api/onboarding").status_code == 200
+            if not self.token and self.client.get("/api/onboarding").status_code == 200:
+                self._onboard()
             answer = self.client.get("/api/config", headers=self.headers)
         except httpx.TransportError:
             return False
@@ -86,6 +86,9 @@ class HomeAssistant:
 
     def stop(self) -> None:
         """End it as a service manager does: it writes what it stores."""
+        if self._asker is not None:
+            self._asker.communicate()
+            self._asker = None
         if self.process is not None and self.process.poll() is None:
             self.process.send_signal(signal.SIGTERM)
             self.process.wait(60)
@@ -94,7 +97,7 @@ class HomeAssistant:
     def headers(self) -> dict[str, str]:
         return {"Authorization": f"Bearer {self.token}"}
 
-    def onboard(self) -> None:
+    def _onboard(self) -> None:
         """Make the first user, and keep its token."""
         about = {"client_id": f"{self.url}/"}
         person = {"name": "Test", "username": "test", "password": "for-tests-only", "language": "en"}
@@ -110,14 +113,29 @@ class HomeAssistant:
         return answer.json()
 
     def websocket(self, kind: str, **more: Any) -> Any:
-        """The result of a command of the WebSocket."""
-        command = [self.python, Path(__file__).with_name("ask_websocket.py"), self.url, self.token]
-        done = subprocess.run(
-            [*command, json.dumps({"type": kind, **more})], check=True, capture_output=True, text=True
-        )
-        answer = json.loads(done.stdout)
+        """The result of a command of the WebSocket; it has to be a good one."""
+        answer = self._asked(kind, **more)
         assert answer["success"], answer
         return answer["result"]
+
+    def removed(self, device_id: str, entry: str) -> bool:
+        """Whether a device could be removed by hand."""
+        answer = self._asked(
+            "config/device_registry/remove_config_entry", device_id=device_id, config_entry_id=entry
+        )
+        return bool(answer["success"])
+
+    def _asked(self, kind: str, **more: Any) -> dict[str, Any]:
+        if self._asker is None:
+            command = [self.python, Path(__file__).with_name("ask_websocket.py"), self.url, self.token]
+            self._asker = subprocess.Popen(
+                command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1
+            )
+        assert self._asker.stdin is not None
+        assert self._asker.stdout is not None
+        self._asker.stdin.write(json.dumps({"type": kind, **more}) + "\n")
+        answer: dict[str, Any] = json.loads(self._asker.stdout.readline())
+        return answer
 
     def flow(self, handler: str, *inputs: Mapping[str, Any], kind: str = "flow") -> dict[str, Any]:
         """The last step of a dialogue: of a new entry, or of the options of one."""
@@ -126,9 +144,9 @@ class HomeAssistant:
             step = self(f"/config/config_entries/{kind}/{step['flow_id']}", given)
         return step
 
-    def entries(self) -> list[dict[str, Any]]:
-        """The entries of the integration."""
-        listed: list[dict[str, Any]] = self("/config/config_entries/entry?domain=tripwatt")
+    def entries(self, domain: str = "tripwatt") -> list[dict[str, Any]]:
+        """The entries of an integration."""
+        listed: list[dict[str, Any]] = self(f"/config/config_entries/entry?domain={domain}")
         return listed
 
     def registered(self) -> dict[str, dict[str, Any]]:
@@ -144,12 +162,13 @@ class HomeAssistant:
 
     def states(self, car: str) -> dict[str, dict[str, Any]]:
         """The states of a car by the keys of their descriptions."""
-        found = {}
-        for unique, entity in self.registered().items():
-            _, _, rest = unique.partition("_")
-            if rest.startswith(f"{car}_"):
-                found[rest.removeprefix(f"{car}_")] = entity["entity_id"]
-        return {key: self(f"/states/{entity_id}") for key, entity_id in found.items()}
+        all_states = {one["entity_id"]: one for one in self("/states")}
+        split = ((unique.split("_", 1)[1], one["entity_id"]) for unique, one in self.registered().items())
+        return {
+            key.removeprefix(f"{car}_"): all_states[entity_id]
+            for key, entity_id in split
+            if key.startswith(f"{car}_") and entity_id in all_states
+        }
 
     def figures(self, car: str) -> dict[str, str]:
         """The values of a car by the keys of their descriptions."""
@@ -167,31 +186,16 @@ class HomeAssistant:
 
 
 @contextmanager
-def running(python: Path, prepared: Path, folder: Path, token: str) -> Iterator[HomeAssistant]:
-    """Home Assistant with a copy of a prepared folder."""
-    shutil.copytree(prepared, folder, symlinks=True, ignore=shutil.ignore_patterns("output", "*.log*"))
-    port = free_port()
-    (folder / "configuration.yaml").write_text(CONFIGURATION.format(port=port))
-    found = HomeAssistant(python, folder, port, token)
-    try:
-        found.start()
-        yield found
-    finally:
-        found.stop()
-        found.client.close()
-
-
-def prepare(python: Path, folder: Path) -> str:
-    """Make the folder of a Home Assistant with the integration and a first user; gives the user's token."""
+def running(python: Path, folder: Path) -> Iterator[HomeAssistant]:
+    """Home Assistant with the integration in its folder, and with a first user."""
     folder.mkdir()
     (folder / "custom_components").symlink_to(COMPONENTS)
     port = free_port()
     (folder / "configuration.yaml").write_text(CONFIGURATION.format(port=port))
-    first = HomeAssistant(python, folder, port)
+    made = HomeAssistant(python, folder, port)
     try:
-        first.start()
-        first.onboard()
+        made.start()
+        yield made
     finally:
-        first.stop()
-        first.client.close()
-    return first.token
+        made.stop()
+        made.client.close()
