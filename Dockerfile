@@ -1,5 +1,5 @@
 # syntax=docker/dockerfile:1
-# The service in a container: docs/service.md says how to run it.
+# The service in a container: docs/reference/service.md has how to run it. The add-on of Home Assistant begins with its last stage.
 
 # `make image` pins this to the digest that it resolves to; a release is built by that target alone.
 ARG BASE=python:3.12-slim
@@ -17,12 +17,13 @@ RUN /opt/tripwatt/bin/pip install --no-cache-dir --disable-pip-version-check --n
     && /opt/tripwatt/bin/pip check \
     && /opt/tripwatt/bin/python -m compileall -q /opt/tripwatt/lib
 
-FROM ${BASE}
+FROM ${BASE} AS service
 # LightGBM's runtime
 RUN apt-get update \
     && apt-get install --yes --no-install-recommends libgomp1 \
     && rm -rf /var/lib/apt/lists/* \
-    && useradd --system --uid 10001 --no-create-home --shell /usr/sbin/nologin tripwatt
+    && useradd --system --uid 10001 --no-create-home --shell /usr/sbin/nologin tripwatt \
+    && install --directory --owner tripwatt /cars
 COPY --from=build /opt/tripwatt /opt/tripwatt
 ENV PATH=/opt/tripwatt/bin:$PATH \
     PYTHONDONTWRITEBYTECODE=1 \

@@ -15,7 +15,7 @@ export MYPY_NUM_WORKERS ?= $(WORKERS)
 PIP_INSTALL = -m pip install --quiet --disable-pip-version-check
 UV = UV_CACHE_DIR=.venv-tools/cache UV_PYTHON_DOWNLOADS=never .venv-tools/bin/uv
 
-.PHONY: types run check check-latest lowest constraints image sbom docs bench peers bars bars-fleet results page browser clean
+.PHONY: types run check check-latest lowest constraints image sbom docs bench peers bars bars-fleet results page browser add-on hass clean
 
 .venv/.ready: pyproject.toml
 	$(PYTHON) -m venv .venv
@@ -71,7 +71,7 @@ constraints: .venv-tools/.ready  ## the newest release of everything into constr
 	$(UV) pip compile --quiet --upgrade --universal --python-version 3.11 --generate-hashes --no-emit-index-url \
 		--no-header --no-annotate --extra dev --extra interop pyproject.toml constraints/build.in --output-file constraints/check.txt
 	$(UV) pip compile --quiet --upgrade --universal --python-version 3.11 --generate-hashes --no-emit-index-url \
-		--no-header --no-annotate --extra service pyproject.toml constraints/build.in \
+		--no-header --no-annotate --extra service --extra fleet --extra live --extra routing pyproject.toml constraints/build.in \
 		--constraint constraints/check.txt --output-file constraints/service.txt
 
 BASE ?= python:3.12-slim
@@ -81,6 +81,16 @@ image:  ## the container for a release: the base image pinned by its digest, whi
 	docker pull --quiet $(BASE)
 	docker build --build-arg BASE=$$(docker inspect --format '{{index .RepoDigests 0}}' $(BASE)) --tag $(IMAGE) .
 	docker inspect --format '{{index .RepoDigests 0}}' $(BASE)
+
+ADD_ON = out/add-on/tripwatt
+
+add-on:  ## the add-on of Home Assistant with all that its image is built from, for the folder /addons, into out/add-on
+	rm -rf $(ADD_ON)
+	mkdir -p $(ADD_ON)
+	cp -R pyproject.toml README.md LICENSE NOTICE constraints src $(ADD_ON)
+	cp -R integrations/home_assistant/add-on/. $(ADD_ON)
+	cat Dockerfile integrations/home_assistant/add-on/Dockerfile > $(ADD_ON)/Dockerfile
+	find $(ADD_ON) -name __pycache__ -prune -exec rm -r {} +
 
 sbom: .venv-tools/.ready constraints/service.txt  ## the bill of materials of the container, in CycloneDX
 	.venv-tools/bin/python $(PIP_INSTALL) cyclonedx-bom

@@ -114,18 +114,19 @@ class HomeAssistant:
 
     def websocket(self, kind: str, **more: Any) -> Any:
         """The result of a command of the WebSocket; it has to be a good one."""
-        answer = self._asked(kind, **more)
+        answer = self.asked(kind, **more)
         assert answer["success"], answer
         return answer["result"]
 
     def removed(self, device_id: str, entry: str) -> bool:
         """Whether a device could be removed by hand."""
-        answer = self._asked(
+        answer = self.asked(
             "config/device_registry/remove_config_entry", device_id=device_id, config_entry_id=entry
         )
         return bool(answer["success"])
 
-    def _asked(self, kind: str, **more: Any) -> dict[str, Any]:
+    def asked(self, kind: str, **more: Any) -> dict[str, Any]:
+        """The answer to a command of the WebSocket."""
         if self._asker is None:
             command = [self.python, Path(__file__).with_name("ask_websocket.py"), self.url, self.token]
             self._asker = subprocess.Popen(

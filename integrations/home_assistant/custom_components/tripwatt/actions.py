@@ -122,7 +122,8 @@ def _request(call: ServiceCall, coordinator: TripwattCoordinator, car: CarState)
         request["stops"] = [coordinator.home, *stops] if len(stops) == 1 else stops
     if "links" in data:
         request["links"] = data["links"]
-    return request | data["more"]
+    more: dict[str, Any] = data["more"]
+    return request | more
 
 
 async def _asked(
