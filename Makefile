@@ -38,6 +38,23 @@ UV = UV_CACHE_DIR=.venv-tools/cache UV_PYTHON_DOWNLOADS=never .venv-tools/bin/uv
 	.venv-bench/bin/python $(PIP_INSTALL) -e ".[dev,bench]"
 	touch $@
 
+# The newest Home Assistant that HASS_PYTHON can run, for the tests of the integration. Its first start installs what it always loads.
+HASS_PYTHON ?= $(shell for python in python3.14 python3.13 $${PYENV_ROOT:-$$HOME/.pyenv}/versions/3.1[3-9]*/bin/python; do \
+	$$python -c 'import sys; sys.exit(sys.version_info < (3, 13))' 2>/dev/null && echo $$python && break; done)
+
+.venv-hass/.ready: .venv-tools/.ready
+	test -n "$(HASS_PYTHON)"
+	$(HASS_PYTHON) -m venv --clear .venv-hass
+	$(UV) pip install --quiet --python .venv-hass/bin/python 'homeassistant>=2025.4'
+	touch $@
+
+.venv-emhass/.ready: .venv-tools/.ready
+	$(PYTHON) -m venv --clear .venv-emhass
+	$(UV) pip install --quiet --python .venv-emhass/bin/python emhass
+	touch $@
+
+hass: .venv-hass/.ready .venv-emhass/.ready  ## Home Assistant and EMHASS for their tests, where an index and Python 3.13 are
+
 .venv-tools/.ready:
 	$(PYTHON) -m venv .venv-tools
 	.venv-tools/bin/python $(PIP_INSTALL) uv
