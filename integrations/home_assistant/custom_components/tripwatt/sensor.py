@@ -48,7 +48,17 @@ def _of_need(name: str, factor: float = 1.0) -> Callable[[CarState], float | Non
 
 def _need_in_words(car: CarState) -> dict[str, Any]:
     need = car.ahead.need or {}
-    names = ("message", "plan", "usual_trip", "probability", "reserve", "charging_s", "wall_wh", "preheat")
+    names = (
+        "message",
+        "plan",
+        "usual_trip",
+        "departs_at",
+        "probability",
+        "reserve",
+        "charging_s",
+        "wall_wh",
+        "preheat",
+    )
     about = {name: need[name] for name in names if name in need}
     return about if car.ahead.trip is None else about | {"trip": car.ahead.trip.title}
 
