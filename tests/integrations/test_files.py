@@ -57,7 +57,7 @@ def test_every_text_is_there_in_english_and_german() -> None:
     english, german = (leaves(read(f"translations/{language}.json")) for language in ("en", "de"))
     assert set(english) == set(german)
     same = {key for key, text in english.items() if german[key] == text}
-    assert {english[key] for key in same} <= {"Token", "Reserve"}
+    assert {english[key] for key in same} <= {"Token", "Reserve", "Chance"}
     assert all(german.values())
     holes = {key: re.findall(r"\{\w+\}", text) for key, text in english.items()}
     assert holes == {key: re.findall(r"\{\w+\}", text) for key, text in german.items()}

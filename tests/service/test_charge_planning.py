@@ -168,7 +168,7 @@ def test_every_request_of_the_page_asks_what_the_service_takes(served: Served) -
 
 def test_names_of_sensors_follow_from_their_titles() -> None:
     text = "\n".join(blocks("yaml"))
-    titles = {"sensor." + name.lower().replace(" ", "_") for name in re.findall(r"- name: (.+)", text)}
+    titles = {"sensor." + name.lower().replace(" ", "_") for name in re.findall(r"- name: ([A-Z].+)", text)}
     assert set(re.findall(r"sensor\.\w+", text)) == titles
 
 

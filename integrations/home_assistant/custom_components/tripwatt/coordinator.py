@@ -121,11 +121,19 @@ class TripwattCoordinator(DataUpdateCoordinator[dict[str, CarState]]):
         if before is not None and before.made_of == made_of:
             return CarState(live, described, before)
         state = CarState(live, described, Ahead(made_of, trip, None, None))
-        if live["trip"] is None:
-            state.ahead.need = await self.need(state, trip)
-        if live["soc"] is not None:
-            car = live["car"] if described else None
-            state.ahead.reach = await self._or_none("/v1/range", ("invalid-input",), soc=live["soc"], car=car)
+        try:
+            if live["trip"] is None:
+                state.ahead.need = await self.need(state, trip)
+            if live["soc"] is not None:
+                car = live["car"] if described else None
+                state.ahead.reach = await self._or_none(
+                    "/v1/range", ("invalid-input",), soc=live["soc"], car=car
+                )
+        except (
+            ServiceAwayError
+        ) as error:  # too busy for a forecast: the state of the cars counts all the same
+            _LOGGER.debug("%s: %s", live["car"], error)
+            state.ahead.made_of = ()
         return state
 
     async def _or_none(self, path: str, kinds: Iterable[str], **parameters: Any) -> dict[str, Any] | None:
