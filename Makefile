@@ -145,4 +145,4 @@ results: .venv-check/.ready  ## what is published and stale, anew, then all page
 	.venv-check/bin/python -m tools.docs.make_results
 
 clean:
-	rm -rf .venv .venv-check .venv-bench .venv-latest .venv-lowest .venv-tools site out out.unfinished bench.json
+	rm -rf .venv .venv-check .venv-bench .venv-latest .venv-lowest .venv-tools .venv-hass .venv-emhass site out out.unfinished bench.json
