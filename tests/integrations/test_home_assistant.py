@@ -418,6 +418,7 @@ def test_10_the_next_trip_of_a_calendar_gives_the_need(hass: HomeAssistant, serv
     eventually(departs, far)
     by_distance = served.ask("/v1/need", distance_km=80, quantile=0.9, soc=0.6, departs_at=far.isoformat())
     assert needed() == pytest.approx(by_distance["soc_needed"])
+    assert float(hass.figures("leaf")["charge"]) == pytest.approx(by_distance["charge_wh"] / 1000.0)
     place = event("Concert", 1.0, location="Ostheim")
     eventually(departs, place)
     home = {"latitude_deg": 47.0, "longitude_deg": 9.0}
@@ -514,6 +515,22 @@ def test_12_a_service_that_is_removed_leaves_nothing(hass: HomeAssistant, served
     # it may be added again, with the same names
     added(hass, served)
     assert hass.states("leaf")["soc"]["entity_id"] == "sensor.leaf_charge"
+
+
+def test_a_service_that_moved_is_found_at_its_new_address(hass: HomeAssistant, served: Served) -> None:
+    entry = added(hass, served)
+    served.stop()
+    before, served.port = served.port, free_port()
+    served.start()
+    form = hass("/config/config_entries/flow", {"handler": "tripwatt", "entry_id": entry})
+    assert form["step_id"] == "reconfigure"
+    path = f"/config/config_entries/flow/{form['flow_id']}"
+    gone = hass(path, {**served.given, "url": f"http://127.0.0.1:{before}"})
+    assert gone["errors"] == {"base": "cannot_connect"}
+    assert hass(path, served.given)["reason"] == "reconfigure_successful"
+    eventually(lambda: hass.figures("leaf")["soc"], "60.0")
+    assert [one["entry_id"] for one in hass.entries()] == [entry]
+    assert hass.flow("tripwatt", served.given)["reason"] == "already_configured"
 
 
 def test_diagnostics_have_no_token_no_address_and_no_times_of_departure(
