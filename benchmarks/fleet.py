@@ -415,7 +415,7 @@ def synthetic_rows(trips: int, vehicles: int) -> Any:
     rows = []
     for log in many_vehicles(plan):
         car_model = plan.car_models[int(str(log.context.car)[1:]) % len(plan.car_models)]
-        table = segments_of(Trip.from_log(log), car_model, charge=False)
+        table = segments_of(Trip.from_log(log), car_model)
         about = {
             "car_model": car_model,
             "vehicle_id": log.context.car,

@@ -64,6 +64,9 @@ DRIVER_SD: Final = 0.02
 AGEING_PER_YEAR: Final = np.array([0.03, 0.015])
 """Rise of the battery's resistance and loss of its capacity in a year, as shares."""
 
+CAUSES: Final = ("road load", "climate", "base load", "battery")
+"""What may change of a vehicle."""
+
 NOISE_W: Final = 150.0
 PHASES: Final = 48
 
@@ -84,6 +87,9 @@ class FleetPlan:
         Longest trip; the shortest has two thirds of it.
     days_between : float
         Mean time from one trip of a vehicle to the next.
+    changes : tuple of (int, str, float, float)
+        Planted changes: number of the vehicle, one of `CAUSES`, the day of the fleet from which on it holds, and the share by
+        which it multiplies the road load, the climate control's power or the base load, or divides the capacity, on top of 1.
 
     Raises
     ------
@@ -97,6 +103,7 @@ class FleetPlan:
     seed: int = 0
     minutes: float = 24.0
     days_between: float = 3.65
+    changes: tuple[tuple[int, str, float, float], ...] = ()
 
     def __post_init__(self) -> None:
         bounds = {
@@ -259,6 +266,7 @@ class BlockOfTrips:
     ambient_degc: FloatArray
     soc: FloatArray
     resistance_share: FloatArray
+    changed: dict[str, FloatArray]
 
     @classmethod
     def drawn(
@@ -285,7 +293,17 @@ class BlockOfTrips:
             ambient,
             rng.uniform(0.5, 0.9, n),
             TRIP_SD * rng.standard_normal(n),
+            changed_shares(plan, truths, days),
         )
+
+
+def changed_shares(plan: FleetPlan, truths: list[VehicleTruth], days: FloatArray) -> dict[str, FloatArray]:
+    """Share of each cause on top of 1, of shape (trips, 1), by the planted changes of a fleet."""
+    ids = np.array([truth.vehicle_id for truth in truths])
+    shares = {cause: np.zeros((len(truths), 1)) for cause in CAUSES}
+    for number, cause, day, share in plan.changes:
+        shares[cause][(ids == f"V{number:05d}") & (np.floor(days) >= day)] += share
+    return shares
 
 
 def _speeds(n: int, trips: int, rng: np.random.Generator) -> FloatArray:
@@ -325,7 +343,8 @@ def _driven(car: Vehicle, trips: BlockOfTrips, rng: np.random.Generator) -> dict
     motor = drive.motor_power_w.reshape(count, n)
     motor = motor + trips.power_share[:, None] * np.maximum(motor, 0.0)
     climate, cabin = climate_power(car, trips, time)
-    base = car.auxiliaries.base_load_w * (1.0 + trips.shares[:, 3:4])
+    climate = climate * (1.0 + trips.changed["climate"])
+    base = car.auxiliaries.base_load_w * (1.0 + trips.shares[:, 3:4]) * (1.0 + trips.changed["base load"])
     noise = NOISE_W * rng.standard_normal((count, n)) * (0.3 + (speed > 0.0))
     current, voltage, soc = battery_states(car, trips, motor + climate + base + noise)
     cells = car.battery
@@ -366,6 +385,7 @@ def wheel_power(
     rolling_n = mass * GRAVITY_M_S2 * (constant + linear * mean) * (mean > 0.0) * factor * warm
     air_n = 0.5 * density * car.road_load.drag_area_m2 * mean * mean
     resistance = rolling_n * (1.0 + rolling + trip) + air_n * (1.0 + drag + trip)
+    resistance = resistance * (1.0 + trips.changed["road load"])
     climb = mass * GRAVITY_M_S2 * grade / np.sqrt(1.0 + grade * grade)
     return np.asarray((resistance + climb + mass * car.body.rotating_mass_factor * acceleration) * mean)
 
@@ -397,7 +417,8 @@ def battery_states(
     cells = car.battery
     years = trips.years[:, None]
     usual = open_circuit_voltage(np.full(1, 0.6), cells)[0]
-    capacity_wh = usual * cells.capacity_ah * (1.0 - AGEING_PER_YEAR[1] * years)
+    capacity_ah = cells.capacity_ah * (1.0 - AGEING_PER_YEAR[1] * years) / (1.0 + trips.changed["battery"])
+    capacity_wh = usual * capacity_ah
     taken = np.cumsum(power, axis=1) * WH_PER_J
     soc = np.clip(trips.soc[:, None] - taken / capacity_wh, 0.02, 1.0)
     ocv = open_circuit_voltage(soc.ravel(), cells).reshape(soc.shape)
@@ -406,7 +427,5 @@ def battery_states(
     most = 0.2 * ocv * ocv / resistance  # below ocv²/(4 R), beyond which no current gives the power
     current = battery_current(np.minimum(power, most), ocv, np.broadcast_to(resistance, ocv.shape))
     charge_ah = np.cumsum(current, axis=1) / SECONDS_PER_HOUR
-    soc = np.clip(
-        trips.soc[:, None] - charge_ah / (cells.capacity_ah * (1.0 - AGEING_PER_YEAR[1] * years)), 0.0, 1.0
-    )
+    soc = np.clip(trips.soc[:, None] - charge_ah / capacity_ah, 0.0, 1.0)
     return current, ocv - resistance * current, soc

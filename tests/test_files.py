@@ -1,13 +1,12 @@
 """Files from outside within bounds, and outputs that are whole at every moment."""
 
-import io
 import os
 import subprocess
 import sys
-import zipfile
 from pathlib import Path
 
 import pytest
+from tests.support.full_disk import full_disk
 
 from tripwatt import files
 from tripwatt.errors import InvalidInput
@@ -18,9 +17,9 @@ from tripwatt.files import (
     read_file,
     read_text_file,
     replace_folder,
-    require_small_content,
     restore_folder,
     write_file,
+    write_new,
 )
 
 
@@ -53,18 +52,6 @@ def test_text_is_utf_8(tmp_path: Path) -> None:
     (tmp_path / "a.toml").write_bytes(b"\xff\xff")
     with pytest.raises(InvalidInput, match="not a text file"):
         read_text_file(tmp_path / "a.toml", 100)
-
-
-def test_an_archive_is_measured_before_it_is_inflated() -> None:
-    buffer = io.BytesIO()
-    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr("a", b"\0" * 600)
-        archive.writestr("b", b"\0" * 400)
-    assert len(require_small_content(buffer, "x.npz", 1000).infolist()) == 2
-    with pytest.raises(
-        InvalidInput, match=r"archive too large: x.npz: got 1000 bytes when inflated; allowed: at most 999"
-    ):
-        require_small_content(buffer, "x.npz", 999)
 
 
 def test_a_file_is_replaced_whole_or_not_at_all(tmp_path: Path) -> None:
@@ -191,3 +178,20 @@ def test_a_lock_keeps_others_out_until_its_holder_ends(tmp_path: Path) -> None:
         pass
     with folder_lock(tmp_path):
         pass
+
+
+@pytest.mark.parametrize("second_names", [True, False])
+def test_a_new_file_takes_the_place_of_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, second_names: bool
+) -> None:
+    def refused(source: Path, target: Path) -> None:
+        raise PermissionError(1, "Operation not permitted")
+
+    if not second_names:
+        monkeypatch.setattr(os, "link", refused)
+    write_new(tmp_path / "a.csv", b"first")
+    with pytest.raises(FileExistsError):
+        write_new(tmp_path / "a.csv", b"second")
+    with full_disk(100), pytest.raises(OSError, match="too large"):
+        write_new(tmp_path / "b.csv", b"0" * 1000)
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {"a.csv": b"first"}

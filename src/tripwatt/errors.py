@@ -354,6 +354,24 @@ def places_named(names: Mapping[str, str]) -> Iterator[None]:
         raise InvalidInput(replace(f, where=names.get(f.where, f.where)) for f in error.faults) from error
 
 
+@contextmanager
+def places_within(place: str) -> Iterator[None]:
+    """Raise faults with the beginning of their places.
+
+    Examples
+    --------
+    >>> with places_within("trips[3]."):
+    ...     raise InvalidInput.of("not a number", "soc")
+    Traceback (most recent call last):
+    ...
+    tripwatt.errors.InvalidInput: not a number: trips[3].soc
+    """
+    try:
+        yield
+    except InvalidInput as error:
+        raise InvalidInput(replace(f, where=f"{place}{f.where}") for f in error.faults) from error
+
+
 class Check:
     """Run checks of one input, and raise the faults of all at the end of a `with` block.
 

@@ -11,9 +11,12 @@ from pathlib import Path
 import pytest
 from tests.support.command import Answer
 
+from tripwatt.cli import TRACEBACK, UNEXPECTED
 from tripwatt.cli.output import check_writable, unfinished_folder, write_bytes, write_text
 from tripwatt.errors import InvalidInput
 from tripwatt.files import folder_lock
+from tripwatt.live import create_car, open_car
+from tripwatt.synthetic import synthetic_fleet
 
 WORKING = """
 import pathlib, sys, time
@@ -125,6 +128,54 @@ def test_a_full_disk_is_one_message(run: Callable[..., Answer], tmp_path: Path) 
         done = subprocess.run([sys.executable, "-c", program], stdout=full, stderr=subprocess.PIPE, text=True)
     assert done.returncode == 2
     assert done.stderr == "error: the system reports No space left on device\n"
+
+
+def test_an_unexpected_error_has_a_code_and_a_sentence_of_its_own() -> None:
+    program = """
+import tripwatt.cli as cli
+def command():
+    raise ZeroDivisionError("by \\x1b[2J nothing")
+cli.app = lambda prog_name: command()
+cli.main()
+"""
+    plain = {name: value for name, value in os.environ.items() if name != TRACEBACK}
+    for environment, lines in ((plain, 1), ({**plain, TRACEBACK: "1"}, 5)):
+        done = subprocess.run(
+            [sys.executable, "-c", program], capture_output=True, text=True, env=environment
+        )
+        assert done.returncode == UNEXPECTED
+        *before, last = done.stderr.splitlines()
+        assert last.startswith(
+            r"error: an error of tripwatt, not of your input: ZeroDivisionError: by \x1b[2J"
+        )
+        assert ("Traceback" in done.stderr) == (lines > 1)
+        assert len(before) >= lines - 1
+
+
+def test_a_full_disk_ends_car_add_with_one_message(tmp_path: Path) -> None:
+    pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
+    create_car(tmp_path / "leaf", "nissan_leaf_24")
+    (log,) = synthetic_fleet(1).logs
+    log.samples.iloc[:300].to_csv(tmp_path / "a.csv", index=False)
+    program = """
+import sys
+from tests.support.full_disk import full_disk
+from tripwatt.cli import main
+sys.argv[1:] = ["car", "add", *sys.argv[1:]]
+with full_disk(FREE):
+    main()
+"""
+    for free, code in ((0, 2), (2000, 2), (1 << 24, 0)):
+        done = subprocess.run(
+            [sys.executable, "-c", program.replace("FREE", str(free)), tmp_path / "leaf", tmp_path / "a.csv"],
+            capture_output=True,
+            text=True,
+        )
+        assert done.returncode == code, done.stderr
+        assert "Traceback" not in done.stderr
+        if code:
+            assert done.stderr.splitlines()[-1].startswith("error: trip store cannot be used: ")
+    assert len(open_car(tmp_path / "leaf").diary) == 1
 
 
 def test_an_image_is_whole_or_not_there(

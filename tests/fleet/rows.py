@@ -1,9 +1,13 @@
 """Rows of trips whose deviations are known."""
 
 import numpy as np
+import pandas as pd
 import pyarrow as pa
 
+from tripwatt.fleet.features import SCALES
 from tripwatt.fleet.statistics import NUMBERS, ROWS, TripRows
+
+CAUSES = {"road load": ("rolling", "air"), "climate": ("climate",), "base load": ("base_load",)}
 
 
 def made_rows(n_vehicles=12, per_vehicle=14, seed=0):
@@ -35,3 +39,66 @@ def made_rows(n_vehicles=12, per_vehicle=14, seed=0):
                 }
             )
     return TripRows.join([pa.Table.from_pylist(table, schema=ROWS)])
+
+
+def year_of_rows(seed, vehicles=24, trips=140, changes=(), ageing=0.0, winter=0.0):
+    """Rows of a year of a fleet of two car models.
+
+    `changes` are (number of the vehicle, cause or "battery", day, share of the energy); `ageing` is the loss of capacity in the
+    year, and `winter` the share of the road load that all vehicles have on top from November on.
+    """
+    rng = np.random.default_rng([seed, 17])
+    v = np.repeat(np.arange(vehicles), trips)
+    day = np.sort(rng.integers(0, 365, (vehicles, trips)), axis=1).ravel()
+    n = len(v)
+    ambient = 10.0 - 11.0 * np.cos((day - 20) / 365.0 * 2.0 * np.pi) + rng.normal(0.0, 4.0, n)
+    km, hours = rng.uniform(8.0, 30.0, n), rng.uniform(0.3, 0.7, n)
+    parts = {
+        "rolling": 60.0 * km,
+        "air": rng.uniform(20.0, 60.0, n) * km,
+        "climate": hours * (150.0 + 90.0 * np.abs(ambient - 20.0)),
+        "base_load": 250.0 * hours,
+    }
+    own = {name: (1.0 + rng.normal(0.0, 0.05, vehicles)[v]) for name in parts}
+    true = {name: wh * own[name] for name, wh in parts.items()}
+    true["rolling"] = true["rolling"] * (1.0 + winter * (day >= 304))
+    total = sum(true.values())
+    wh_per_percent = 500.0 * (1.0 + rng.normal(0.0, 0.02, vehicles)[v]) * (1.0 - ageing * day / 365.0)
+    for number, cause, since, share in changes:
+        its = (v == number) & (day >= since)
+        if cause == "battery":
+            wh_per_percent = np.where(its, wh_per_percent / (1.0 + share), wh_per_percent)
+            continue
+        whole = sum(true[name] for name in CAUSES[cause])
+        rise = share * total[v == number].sum() / whole[v == number].sum()
+        for name in CAUSES[cause]:
+            true[name] = np.where(its, (1.0 + rise) * true[name], true[name])
+    simulated = sum(parts.values())
+    observed = sum(true.values()) * (1.0 + 0.03 * rng.standard_t(5, n)) + rng.normal(0.0, 30.0, n)
+    start = np.round(rng.uniform(60.0, 95.0, n))
+    end = np.round(2.0 * (start - observed / wh_per_percent)) / 2.0
+    features = [name for name in ROWS.names if name.startswith("x_")]
+    made = {name: np.zeros(n) for name in features} | {
+        f"x_{name}": SCALES[0] * wh for name, wh in parts.items()
+    }
+    numbers = {
+        "distance_m": 1000.0 * km,
+        "hours": hours,
+        "ambient_temperature_degc": ambient,
+        "simulated_wh": simulated,
+        "observed_wh": observed,
+        "variance_wh2": 40.0**2 + (0.05 * simulated) ** 2,
+        "displayed_start": start / 100.0,
+        "displayed_end": end / 100.0,
+    }
+    texts = {
+        "car_model": [f"m{k % 2}" for k in v],
+        "vehicle_id": [f"v{k:02d}" for k in v],
+        "driver": "",
+        "digest": [f"{k}-{i}" for i, k in enumerate(v)],
+        "drive": [f"{i}" for i in range(n)],
+        "started_at": [
+            f"{pd.Timestamp(2025, 1, 1, 8) + pd.Timedelta(days=int(d)):%Y-%m-%dT%H:%M:%S}" for d in day
+        ],
+    }
+    return TripRows.join([pa.Table.from_pandas(pd.DataFrame(texts | numbers | made), schema=ROWS)])

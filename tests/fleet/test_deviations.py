@@ -1,44 +1,37 @@
-"""Vehicles that take more than their sisters, and trips that take more than their forecasts."""
+"""Vehicles and drivers that take more than others, and trips that take more than their forecasts."""
 
-import numpy as np
 import pyarrow as pa
 import pytest
 from tests.fleet.rows import made_rows
 
-from tripwatt.fleet.deviations import change_point, drift, sisters
+from tripwatt.fleet.deviations import PARTS, deviations, drift
+from tripwatt.fleet.features import START
 from tripwatt.fleet.statistics import ROWS, TripRows
-from tripwatt.hybrid.groups import group_posterior
+from tripwatt.hybrid.groups import fit_scales, group_posterior
 
 pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
 
 
-def test_vehicles_that_take_more_are_found_with_the_day_of_the_change():
+def test_vehicles_and_drivers_stand_beside_others():
     rows = made_rows(9, 40)
     frame = rows.table.to_pandas()
     thirsty = frame["vehicle_id"] == "v04"
-    late = thirsty & (frame["started_at"] >= "2024-11")
-    frame.loc[late, "observed_wh"] *= 1.12
+    frame.loc[thirsty, "observed_wh"] += 0.1 * frame.loc[thirsty, "simulated_wh"]
+    frame["driver"] = [f"{vehicle}/{'AB'[k % 2]}" for k, vehicle in enumerate(frame["vehicle_id"])]
+    frame.loc[frame["driver"] == "v02/B", "observed_wh"] *= 1.08
     rows = TripRows.join([pa.Table.from_pandas(frame, schema=ROWS, preserve_index=False)])
     sums = rows.sums
-    from tripwatt.fleet.features import START
-    from tripwatt.hybrid.groups import fit_scales
-
-    found = sisters(group_posterior(sums, fit_scales(sums, START)), rows).set_index("vehicle_id")
-    assert found.loc["v04", "since"][:7] == "2024-11"
-    assert found.loc["v04", "change"] == pytest.approx(0.12, abs=0.02)
-    assert found["since"].drop("v04").isna().all()
-    assert found["share"].is_monotonic_decreasing
-    assert found["trips"].eq(40).all()
-    assert (found["sd"] > 0.0).all()
-
-
-def test_change_points_by_hand():
-    flat = np.array([0.0, 1.0] * 8)
-    assert change_point(flat) == (None, 0.0)
-    assert change_point(np.r_[flat, flat + 9.0]) == (16, 9.0)
-    assert change_point(np.r_[flat[:8], flat[:8] - 5.0]) == (8, -5.0)
-    assert change_point(np.r_[flat[:8], flat[:7] - 5.0]) == (None, 0.0)
-    assert change_point(np.r_[flat, flat + 0.2]) == (None, 0.0)
+    posterior = group_posterior(sums, fit_scales(sums, START))
+    vehicles, drivers = deviations(posterior, rows), deviations(posterior, rows, drivers=True)
+    for table, first, trips in ((vehicles, "v04", 40), (drivers, "v02", 20)):
+        assert table.loc[0, "vehicle_id"] == first
+        assert table["share"].is_monotonic_decreasing
+        assert table["trips"].eq(trips).all()
+        assert (table["sd"] > 0.0).all()
+        assert table[list(PARTS)].sum(axis=1).to_numpy() == pytest.approx(table["share"].to_numpy())
+    assert drivers.loc[0, "driver"] == "v02/B"
+    assert 0.01 < drivers.loc[0, "driving"] < 0.08
+    assert "driver" not in vehicles
 
 
 def test_drift_names_the_vehicles_that_take_more(rows, fleet):

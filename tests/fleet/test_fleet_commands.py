@@ -111,7 +111,6 @@ def test_evaluate_writes_the_page(fleet, tmp_path):
     _, store, _, folder = fleet
     out = tmp_path / "fleet.html"
     shown = json.loads(run("evaluate", store.place, "--out", out, "--work", folder / "rows", "--json"))
-    assert len(shown["vehicles"]) == 8
     assert {row["protocol"] for row in shown["by_car_model"]} == {
         "later trips",
         "new vehicles",
@@ -119,3 +118,35 @@ def test_evaluate_writes_the_page(fleet, tmp_path):
     }
     assert shown["own_trips"][0]["own_trips"] == 0
     assert out.read_text("utf-8").startswith("<!DOCTYPE html>")
+
+
+def test_the_report_is_a_folder_of_the_registry(fleet, registry, tmp_path):
+    _, store, _, folder = fleet
+    asked = ("report", store.place, registry.folder, "--work", folder / "rows")
+    shown = json.loads(run(*asked, "--json"))
+    assert len(shown["vehicles"]) == 8
+    assert "drivers" not in shown
+    assert "needs" not in shown
+    assert shown["changes"] == []
+    assert (
+        json.loads((registry.folder / "report" / "report.json").read_text("utf-8")) | {"out": shown["out"]}
+        == shown
+    )
+    night = tmp_path / "night.csv"
+    night.write_text(
+        "vehicle_id,trip,departs_at,distance_km,soc\nV00001,a,2030-01-12T07:30+01:00,30,0.1\nV00002,b,2030-01-12T08:30+01:00,30,\n"
+    )
+    out = tmp_path / "out"
+    begins = ("--begins", "2030-01-11 18:00", "--plug", 11000, "--quantile", 0.9)
+    text = run(*asked, "--planned", night, "--drivers", "--out", out, *begins)
+    assert "No vehicle changed" in text
+    assert "2 trips need" in text
+    assert text.endswith(f"{out / 'report.html'}\n")
+    written = json.loads((out / "report.json").read_text("utf-8"))
+    assert [row["vehicle_id"] for row in written["needs"]] == ["V00001", "V00002"]
+    assert written["emhass"]["nominal_power_of_deferrable_loads"] == [11000.0]
+    assert {row["trip"] for row in written["routes"]} == {"a", "b"}
+    assert {row["driver"].partition("/")[0] for row in written["drivers"]} <= {
+        row["vehicle_id"] for row in written["vehicles"]
+    }
+    assert "suffices with 90\u00a0%" in (out / "report.html").read_text("utf-8")

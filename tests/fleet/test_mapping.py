@@ -17,6 +17,7 @@ from tripwatt.fleet.mapping import (
     drives_of,
     map_store,
     read_rows,
+    row_of,
     rows_of_file,
     sample_of,
     segments_of,
@@ -138,8 +139,20 @@ def test_drives_that_cannot_be_used_give_no_row(fleet):
     short = log.between(0.0, 60.0)
     assert list(drives_of(short, {**row, "as_logged": False})) == []
     assert segments_of(replace(Trip.from_log(log), observed_energy_wh=None), "vw_id3") is None
-    with_charge = segments_of(Trip.from_log(log), "vw_id3")
-    without = segments_of(Trip.from_log(log), "vw_id3", charge=False)
-    assert with_charge.observed_w.tolist() == without.observed_w.tolist()
-    assert np.isfinite(with_charge.charge).all()
-    assert np.isnan(without.charge).all()
+
+
+def test_a_row_has_the_displayed_charge_or_else_that_of_the_battery(fleet):
+    plan, *_ = fleet
+    log = next(many_vehicles(plan))
+    for names, column in ((("displayed_soc",), "displayed_soc"), ((), "soc")):
+        kept = log.samples.drop(columns=[n for n in ("displayed_soc", "soc") if n != column])
+        trip = Trip.from_log(replace(log, samples=kept))
+        table = segments_of(trip, "vw_id3")
+        row = row_of(trip, table, {"car_model": "vw_id3", "vehicle_id": "V", "driver": None, "digest": "d"})
+        ends = kept[column].to_numpy()[[0, -1]]
+        assert [row["displayed_start"], row["displayed_end"]] == pytest.approx(ends, abs=0.006), names
+    bare = Trip.from_log(replace(log, samples=log.samples.drop(columns=["soc", "displayed_soc"])))
+    row = row_of(
+        bare, segments_of(bare, "vw_id3"), {"car_model": "", "vehicle_id": "", "driver": "", "digest": ""}
+    )
+    assert np.isnan([row["displayed_start"], row["displayed_end"]]).all()

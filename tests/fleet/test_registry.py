@@ -60,11 +60,16 @@ def test_versions_are_added_promoted_and_rolled_back(fleet, tmp_path):
 def test_a_worse_challenger_is_refused():
     worse = Comparison(10, 5, 0.05, 0.07, 0.02, 0.01, 0.03)
     assert worse.worse
-    assert not replace(worse, low=0.0).worse
+    assert replace(worse, low=0.00251).worse
+    assert not replace(worse, low=0.00249).worse
     assert not replace(worse, low=-0.01).worse
     assert str(worse) == (
-        "mean error 7.00% against 5.00% on 10 trips of 5 vehicles; difference +2.00% (+1.00% to +3.00%)"
+        "mean error 7.00% against 5.00% on 10 trips of 5 vehicles; "
+        "the difference of +2.00% (+1.00% to +3.00%) is surely beyond the margin of +0.25%"
     )
+    trifle = Comparison(400, 200, 0.0205, 0.0206, 0.0001, 0.00005, 0.00015)
+    assert not trifle.worse
+    assert str(trifle).endswith("(+0.01% to +0.01%) is not surely beyond the margin of +0.10%")
 
 
 def test_promote_refuses_what_is_worse(fleet, tmp_path):

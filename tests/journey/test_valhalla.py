@@ -69,7 +69,7 @@ def test_the_map_holds_roads_places_and_elevation(built: MapFolder) -> None:
     assert built.info["places"] > 2000
     assert built.info["terrain"]["tiles"] == 1
     assert (built.folder / "elevation" / "N47" / "N47E009.hgt").is_file()
-    assert not built.folder.with_name("map.unfinished").exists()
+    assert list(built.folder.parent.glob(".map.*")) == []
     south, west, north, east = built.info["bounds_deg"]
     assert 47.0 < south < 47.1 < 47.2 < north < 47.3
     assert 9.4 < west < 9.5 < 9.6 < east < 9.7

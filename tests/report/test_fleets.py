@@ -1,12 +1,21 @@
-"""The page on a fleet."""
+"""The pages on a fleet: how well it is forecast, and what its manager asks."""
+
+import datetime as dt
+import json
 
 import pandas as pd
 import pytest
 
-from tripwatt.evaluation.fleets import FleetEvaluation
-from tripwatt.report.fleets import plot_shares, report_page
-
 pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
+
+from tests.fleet.rows import year_of_rows
+
+from tripwatt.evaluation.fleets import FleetEvaluation
+from tripwatt.fleet.registry import REPORT_FILES
+from tripwatt.report.fleets import ManagerReport, evaluation_page, routes_table, said_of_routes
+
+AT = dt.datetime(2026, 1, 11, 18, tzinfo=dt.UTC)
+LEAVES = dt.datetime(2026, 1, 12, 7, 30, tzinfo=dt.UTC)
 
 
 def test_the_page_has_every_table_and_escapes_names():
@@ -26,22 +35,15 @@ def test_the_page_has_every_table_and_escapes_names():
     own = pd.DataFrame(
         [(0, 3, 0.05, 0.2, 0.05)], columns=["own_trips", "vehicles", "pooled", "own_only", "fleet_only"]
     )
-    vehicles = pd.DataFrame(
-        [("v&1", "<b>", 12, 0.1, 0.02, "2024-06-01", 0.08), ("v2", "<b>", 9, -0.05, 0.02, None, 0.0)],
-        columns=["vehicle_id", "car_model", "trips", "share", "sd", "since", "change"],
-    )
-    page = report_page("Fleet <1>", FleetEvaluation(trips, own), vehicles)
+    rows = year_of_rows(0, vehicles=3, trips=4)
+    page = evaluation_page("Fleet <1>", FleetEvaluation(trips, own), rows)
     assert "<h1>Fleet &lt;1&gt;</h1>" in page
     assert "<b>" not in page
     assert "<script" not in page
     for text in (
-        "<dt>Trips</dt><dd>21</dd>",
-        "<dt>Vehicles</dt><dd>2</dd>",
-        "<dt>With a change</dt><dd>1</dd>",
+        "<dt>Trips</dt><dd>12</dd>",
+        "<dt>Vehicles</dt><dd>3</dd>",
         "10.0 % on later trips",
-        "v&amp;1",
-        "+10.0 ± 2.0",
-        "+8.0 % since 2024-06-01",
         "By outside temperature",
         "0 to 10 °C",
         "10 to 25 km",
@@ -49,11 +51,106 @@ def test_the_page_has_every_table_and_escapes_names():
         "<td>5.0</td>\n<td>20.0</td>\n<td>5.0</td>",
     ):
         assert text in page, text
-    assert "v2" not in report_page("F", FleetEvaluation(trips, own), vehicles, most=1)
 
 
-def test_the_bars_are_the_shares_of_the_vehicles():
-    vehicles = pd.DataFrame({"vehicle_id": ["$a", "b"], "share": [0.1, -0.05], "sd": [0.02, 0.01]})
-    (axes,) = plot_shares(vehicles).axes
-    assert [bar.get_width() for bar in axes.patches] == pytest.approx([10.0, -5.0])
-    assert [label.get_text() for label in axes.get_yticklabels()] == ["$a", "b"]
+def report(changes=60, **more):
+    """A report of made tables, with many changes."""
+    changed = pd.DataFrame(
+        {
+            "vehicle_id": [f"<v{k}>" for k in range(changes)],
+            "car_model": "m",
+            "cause": "road load",
+            "probability": 0.987,
+            "since": "2025-06-01",
+            "from_day": "2025-05-20",
+            "to_day": "2025-06-03",
+            "change": 0.051,
+            "sd": 0.004,
+            "z": 12.0,
+            "before": 40,
+            "after": 60,
+        }
+    )
+    parts = {"share": 0.1, "sd": 0.02, "driving": 0.08, "climate": 0.03, "base_load": -0.01}
+    vehicles = pd.DataFrame(
+        [{"car_model": "m", "vehicle_id": f"<v{k}>", "trips": 100, **parts} for k in range(80)]
+    )
+    return ManagerReport("Fleet & co", 0.95, changed, vehicles, **more)
+
+
+def test_every_change_is_listed_with_its_cause_and_its_beginning():
+    page = report().page()
+    for k in range(60):
+        assert f'<th scope="row">&lt;v{k}&gt;</th>' in page
+    for text in (
+        "road load (99\u00a0%)",
+        ">2025-05-20<",
+        ">2025-06-03<",
+        "+5.1\u00a0±\u00a00.4",
+        "60 of 80 vehicles: 60 by road load",
+        "Fleet &amp; co",
+    ):
+        assert text in page, text
+    assert "<script" not in page
+    assert "No vehicle changed by 2\u00a0% or more beyond chance." in report(0).page()
+
+
+def test_drivers_are_shown_only_where_they_are_asked_for():
+    drivers = report().vehicles.assign(driver="anna")
+    assert "anna" not in report().page()
+    assert "anna" in report(drivers=drivers).page()
+
+
+def needs_of(soc):
+    row = {"vehicle_id": "V1", "car_model": "m", "departs_at": LEAVES, "arrives_at": LEAVES, "trips": 2}
+    wh = {"distance_m": 6e4, "energy_wh": 9e3, "energy_quantile_wh": 12e3}
+    return pd.DataFrame(
+        [{**row, **wh, "soc_needed": 0.5, "soc": soc, "charge_wh": 6e3 if soc is not None else None}]
+    )
+
+
+def test_a_folder_has_a_file_for_each_program_and_none_of_an_earlier_report(tmp_path):
+    routes = pd.DataFrame({"trip": ["north"], "a": [0.5]})
+    full = report(needs=needs_of(0.2), routes=routes, week=(dt.date(2025, 1, 6), -7.4))
+    document = full.write(tmp_path, AT, 7400.0)
+    assert {file.name for file in tmp_path.iterdir()} == set(REPORT_FILES) - {"drivers.csv"}
+    assert json.loads((tmp_path / "report.json").read_text("utf-8")) == document
+    assert json.loads((tmp_path / "emhass.json").read_text("utf-8")) == document["emhass"]
+    assert (tmp_path / "evcc.txt").read_text("utf-8") == "/api/vehicles/V1/plan/soc/50/2026-01-12T07:30:00Z"
+    needs = pd.read_csv(tmp_path / "needs.csv")
+    assert needs["departs_at"].item() == "2026-01-12T07:30:00+0000"
+    assert needs["charge_wh"].item() == 6000.0
+    assert len(pd.read_csv(tmp_path / "changes.csv")) == 60
+    assert document["coldest_week"] == {"monday": "2025-01-06", "ambient_temperature_degc": -7.4}
+    report().write(tmp_path, AT, 7400.0)
+    assert {file.name for file in tmp_path.iterdir()} == {
+        "changes.csv",
+        "vehicles.csv",
+        "report.json",
+        "report.html",
+    }
+
+
+def test_the_need_of_the_night_is_summed():
+    page = report(needs=needs_of(0.2)).page()
+    assert "2 trips need 12 kWh if each gets what suffices with 95\u00a0%." in page
+    assert "for the 1 departures of vehicles whose charge now is known: 6 kWh." in page
+    assert "does not suffice for all of them: 0." in page
+    assert (
+        "does not suffice for all of them: 1." in report(needs=needs_of(None).assign(soc_needed=1.2)).page()
+    )
+
+
+def test_routes_name_the_cars_that_can_drive_them():
+    routes = pd.DataFrame({"trip": ["a", "b", "c"], "small": [0.5, 1.2, 1.4], "large": [0.2, 0.6, 1.1]})
+    assert routes_table(routes).rows == (
+        ("a", "all", "50", "20"),
+        ("b", "large", "–", "60"),
+        ("c", "none", "–", "–"),
+    )
+    said = said_of_routes(routes, 0.95, dt.date(2025, 1, 6), -7.4)
+    assert "from 2025-01-06 at −7 °C" in said
+    assert (
+        "suffices for 1 of 3 routes with 95\u00a0%; 1 need some of the car models, and 1 need a charging stop"
+        in said
+    )

@@ -276,17 +276,17 @@ def test_as_many_batches_as_the_limit_run() -> None:
     assert served.post("/v1/forecast/batch", b"{}", LINES).status_code == 200  # the place is free again
 
     async def run() -> list[httpx.Response]:
-        go_on = asyncio.Event()
+        runs, go_on = asyncio.Event(), asyncio.Event()
 
         async def held(job: dict[str, Any], body: bytes, *, may_queue: bool = False) -> JobResult:
+            runs.set()
             await go_on.wait()
             return served.pool.result
 
         served.pool.run = held  # type: ignore[method-assign]
         more: dict[str, Any] = {"content": b"{}", "headers": {"Content-Type": LINES}}
         first = asyncio.create_task(served.ask("/v1/forecast/batch", "POST", **more))
-        for _ in range(30):
-            await asyncio.sleep(0)
+        await runs.wait()
         second = await served.ask("/v1/forecast/batch", "POST", **more)
         go_on.set()
         return [await first, second]

@@ -15,6 +15,8 @@ from tripwatt.fleet.model import FleetModel
 from tripwatt.fleet.registry import Registry
 from tripwatt.forecasting.storage import DEFAULT_MODEL, model_folder
 from tripwatt.routes import plan_from_route, route_from_links
+from tripwatt.service.fleet_operations import report_file
+from tripwatt.service.fleets import NightResponse
 from tripwatt.service.jobs import Jobs
 from tripwatt.service.settings import Limits
 from tripwatt.trips import Departure
@@ -119,6 +121,70 @@ def test_models_and_fleets_are_listed(fleet: Any, registry: Registry) -> None:
     assert list(Jobs.from_folders({}, Limits()).models) == [DEFAULT_MODEL]
 
 
+def night(**fields: Any) -> dict[str, Any]:
+    trips = [
+        {"vehicle_id": "V00000", "departs_at": "2030-01-12T07:30:00+01:00", "distance_km": 40.0, "soc": 0.1},
+        {"vehicle_id": "V00002", "departs_at": "2030-01-12T08:30:00+01:00", "links": LINKS},
+    ]
+    return {"trips": trips, "begins_at": "2030-01-11T18:00:00+01:00", **fields}
+
+
+def asked(jobs: Jobs, **fields: Any) -> dict[str, Any]:
+    answer = jobs.run({"kind": "night"}, orjson.dumps(night(**fields)))
+    assert isinstance(answer, dict)
+    return answer
+
+
+def test_the_night_of_a_fleet_is_that_of_the_library(fleet: Any, registry: Registry) -> None:
+    answer = asked(jobs_of(registry), quantile=0.9)
+    NightResponse.model_validate(answer)
+    distance, links = answer["needs"]
+    own = fleet[2].forecast(plan_from_route(route_from_links(LINKS)), vehicle_id="V00002")
+    assert links["energy_quantile_wh"] == pytest.approx(own.quantile(0.9), rel=1e-9)
+    assert (links["soc"], links["charge_wh"]) == (None, None)
+    assert distance["charge_wh"] > 0.0
+    assert answer["emhass"]["vehicles"] == ["V00000"]
+    assert answer["evcc"][0].startswith("/api/vehicles/V00000/plan/soc/")
+
+
+def test_faults_of_a_night_name_the_trip(registry: Registry) -> None:
+    jobs = jobs_of(registry)
+
+    def where(change: dict[str, Any], **fields: Any) -> list[tuple[str, str]]:
+        one, other = night()["trips"]
+        with pytest.raises(InvalidInput) as caught:
+            asked(jobs, trips=[one, {**other, **change}], **fields)
+        return [(fault.what, fault.where) for fault in caught.value.faults]
+
+    assert where({"vehicle_id": "nobody"}) == [("unknown vehicle", "trips[1].vehicle_id")]
+    assert where({"distance_km": 3.0}) == [("one of them is needed", "trips[1].distance_km, links")]
+    assert where({"links": [{"length_m": -1.0, "speed_m_s": 9.0}]})[0][1].startswith("trips[1].")
+    assert where({}, model="cars") == [("no fleet", "model")]
+    assert where({}, begins_at="2030-01-13T18:00:00+01:00") == [
+        ("departs before the charging begins", "V00000")
+    ]
+    with pytest.raises(InvalidInput) as caught:
+        asked(Jobs.from_folders({}, Limits()))
+    assert caught.value.faults[0].what == "no fleet"
+
+
+def test_files_of_a_report_are_those_of_the_registry(registry: Registry, tmp_path: Path) -> None:
+    folders = {"own": model_folder(), "vans": registry.folder}
+    assert report_file(folders, None, "report.html") is None
+    (registry.folder / "report").mkdir()
+    (registry.folder / "report" / "report.html").write_bytes(b"<p>")
+    (registry.folder / "report" / "secret.txt").write_bytes(b"x")
+    assert report_file(folders, None, "report.html") == report_file(folders, "vans", "report.html") == b"<p>"
+    for model, name in (
+        (None, "secret.txt"),
+        ("own", "report.html"),
+        (None, "../current"),
+        ("x", "report.html"),
+    ):
+        assert report_file(folders, model, name) is None
+    assert report_file({"own": model_folder()}, None, "report.html") is None
+
+
 def test_a_service_follows_its_registry(fleet: Any, registry: Registry, tmp_path: Path) -> None:
     (tmp_path / "log").mkdir()
     place = f"registry:{registry.folder}"
@@ -134,3 +200,17 @@ def test_a_service_follows_its_registry(fleet: Any, registry: Registry, tmp_path
         (summary,) = service.client.get("/v1/models").json()["models"]
         assert (summary["name"], summary["model"]["version"]) == ("vans", "0002")
         assert [r["version"] for r in service.records() if r["event"] == "model changed"] == ["0002"]
+        missing = service.client.get("/v1/fleet/report/report.html")
+        assert (missing.status_code, missing.json()["type"]) == (404, "/problems/not-found")
+        (registry.folder / "report").mkdir()
+        (registry.folder / "report" / "report.html").write_text("<style>p{}</style><p>of a fleet</p>")
+        page = service.client.get("/v1/fleet/report/report.html")
+        assert page.headers["content-type"].startswith("text/html")
+        assert "style-src 'unsafe-inline'" in page.headers["content-security-policy"]
+        assert "script-src" not in page.headers["content-security-policy"]
+        again = service.client.get(
+            "/v1/fleet/report/report.html", headers={"If-None-Match": page.headers["etag"]}
+        )
+        assert (page.text, again.status_code) == ("<style>p{}</style><p>of a fleet</p>", 304)
+        needs = service.client.post("/v1/fleet/needs", json=night())
+        assert (needs.status_code, len(needs.json()["needs"])) == (200, 2)

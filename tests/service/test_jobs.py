@@ -277,7 +277,7 @@ def test_a_forecast_that_physics_forbids_is_a_fault_of_the_request(jobs: Jobs) -
 
 
 def test_every_kind_of_job_is_run(jobs: Jobs) -> None:
-    kinds = "advice describe difference distance example examples forecast map models need places plan range reach route tile update vehicles view"
+    kinds = "advice describe difference distance example examples forecast map models need night places plan range reach route tile update vehicles view"
     of_cars = (
         "car",
         "car token",
@@ -287,6 +287,7 @@ def test_every_kind_of_job_is_run(jobs: Jobs) -> None:
         "learn finished",
         "logs",
         "new car",
+        "store",
         "journey advice",
         "journey difference",
     )

@@ -25,6 +25,8 @@ SOUTH_DEG: Final = 44.1
 WEST_DEG: Final = -34.0
 KM_PER_DEG: Final = 111.195
 EXTRACT_NAME: Final = "synthetic-country.osm.pbf"
+EXAMPLE: Final = Path(__file__).parents[2] / "src" / "tripwatt" / "service" / "demo"
+EXAMPLE_SEED: Final = 42
 TILE_ROWS: Final = 1201
 """Rows of an elevation tile of 3 arc-seconds."""
 
@@ -101,6 +103,7 @@ class Size:
 SIZES: Final = MappingProxyType(
     {
         "small": Size(44, 2, 12.0, {"city": 9, "town": 5, "village": 3}, 7, 29, (0,), side_roads=2),
+        "example": Size(6, 6, 12.0, {"city": 9, "town": 5, "village": 3}, 5, 17, (2,), side_roads=2),
         "large": Size(
             76, 50, 8.0, {"city": 80, "town": 30, "village": 9}, 23, 379, (8, 25, 42), (12, 38, 63)
         ),
@@ -400,8 +403,24 @@ def write_country(folder: Path, size: str = "small", seed: int = 38) -> tuple[Pa
     return folder / EXTRACT_NAME, folder / "elevation", drawing.edges
 
 
+def write_example(folder: Path = EXAMPLE) -> None:
+    """Write the country of `tripwatt demo`: its extract, and its heights every 30 arc-seconds as whole metres."""
+    drawing = Country(SIZES["example"], EXAMPLE_SEED).draw()
+    latitude, longitude = degrees(drawing)
+    assert max(latitude) < math.floor(SOUTH_DEG) + 1.0
+    assert max(longitude) < math.floor(WEST_DEG) + 1.0
+    step = np.arange(121) / 120.0
+    grid = Heights(EXAMPLE_SEED).grid_m(math.floor(SOUTH_DEG) + 1.0 - step, math.floor(WEST_DEG) + step)
+    folder.mkdir(parents=True, exist_ok=True)
+    write_extract(folder / "example-country.osm.pbf", drawing)
+    np.save(folder / "heights.npy", np.round(grid).astype(np.int16))
+
+
 def main(out: Path = Path("country"), size: str = "small", seed: int = 38) -> int:
-    """Write a synthetic country into a folder."""
+    """Write a synthetic country into a folder; `--size example` writes that of `tripwatt demo`."""
+    if size == "example":
+        write_example()
+        return 0
     extract, elevation, edges = write_country(out, size, seed)
     print(
         f"{extract}: {edges} edges, {extract.stat().st_size / 1e6:.1f} MB; {len([*elevation.iterdir()])} elevation tiles"

@@ -31,15 +31,17 @@ go to standard error. With `--json`, standard output is one JSON document.
 |---:|---|
 | 0 | success |
 | 1 | success with warnings: trips of the data set are missing, the proposed mapping is incomplete, a trip of a batch has no forecast |
-| 2 | invalid input: one message lists all faults, and no file is written |
+| 2 | invalid input: one message lists all faults, and no file is written; also where an output cannot be written, such as on a full disk |
+| 70 | an error of tripwatt itself: one sentence names it; with `TRIPWATT_TRACEBACK=1` in the environment the traceback stands before it |
 | 130 | interrupted from the keyboard |
 | 143 | terminated |
 
 **Output is never partial.** `tripwatt evaluate` writes into `OUT.unfinished` (into `OUT/.unfinished` if OUT exists). At
 the end it renames this folder to OUT. If OUT contains older results, the command moves them away first, beginning with
 `results.json`, and writes the new `results.json` last. If `results.json` exists, the other files in OUT belong to it. An
-interrupted run keeps its finished folds for `--resume`. `tripwatt fit` writes the model beside MODEL and renames it; it
-removes an older model only after the new one is complete.
+interrupted run keeps its finished folds for `--resume`. `tripwatt fit` and `tripwatt map build` write beside MODEL and FOLDER and
+exchange the names; an older model or map goes only after the new one is complete. A command that was killed, or that ended on a full
+disk, may be repeated as it was: no trip counts twice.
 """
 
 

@@ -1,7 +1,7 @@
 """The command line: parse, call, print. Each command is the thin twin of a public function.
 
 Exit codes: 0 done, 1 done but something needs a look (a data set with missing trips, a mapping with gaps), 2 the
-input cannot be used or the output not written, 130 interrupted, 143 terminated.
+input cannot be used or the output not written, 70 an error of tripwatt itself, 130 interrupted, 143 terminated.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import traceback
 from typing import Annotated, Final, NoReturn
 
 import typer
@@ -17,6 +18,7 @@ import tripwatt
 from tripwatt.cli import (
     advise,
     cars,
+    demo,
     distances,
     evaluate,
     export,
@@ -32,19 +34,25 @@ from tripwatt.cli import (
     stores,
 )
 from tripwatt.cli.options import add_command
-from tripwatt.errors import TripwattError
+from tripwatt.errors import TripwattError, printable
 
 __all__ = ["app", "main"]
 
 MOST_LINES: Final = 200
 """Faults that an error lists; the others are counted."""
 
+UNEXPECTED: Final = 70
+"""Exit code of an error that no command expects: `EX_SOFTWARE` of sysexits.h."""
+
+TRACEBACK: Final = "TRIPWATT_TRACEBACK"
+"""Variable of the environment with which such an error prints its traceback."""
+
 TERMINATED: Final = 128 + signal.SIGTERM
 """Exit code of a command that SIGTERM ended."""
 
 app = typer.Typer(
     help="Forecast the battery energy of an electric-car trip with a prediction interval.",
-    epilog="Exit codes: 0 success, 1 success with warnings, 2 invalid input, 130 interrupted, 143 terminated.",
+    epilog="Exit codes: 0 success, 1 success with warnings, 2 invalid input, 70 error of tripwatt, 130 interrupted, 143 terminated.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -81,6 +89,7 @@ add_command(app, cars.simulate)
 export.add_commands(app)
 add_command(app, serve.serve, context_settings={"auto_envvar_prefix": "TRIPWATT"})
 add_command(app, serve.live, hidden=True)
+add_command(app, demo.demo)
 stores.add_commands(app)
 fleets.add_commands(app)
 own_cars.add_commands(app)
@@ -109,11 +118,17 @@ def main() -> None:
         _fail(f"the system reports {error.strerror or error}{name}")
     except MemoryError:
         _fail("not enough memory for this input")
+    except Exception as error:
+        if os.environ.get(TRACEBACK):
+            traceback.print_exc()
+        got = printable(f"an error of tripwatt, not of your input: {type(error).__name__}: {error}")[:250]
+        fix = f"report it with what the same command prints with {TRACEBACK}=1"
+        _fail(f"{got}; what was written before is whole; {fix}", UNEXPECTED)
 
 
-def _fail(text: str) -> NoReturn:
+def _fail(text: str, code: int = 2) -> NoReturn:
     typer.echo(f"error: {text}", err=True)
-    raise SystemExit(2) from None
+    raise SystemExit(code) from None
 
 
 def _terminate(number: int, frame: object) -> NoReturn:

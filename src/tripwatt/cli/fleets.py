@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime as dt
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tripwatt.cli.departing import DepartureOf, departure_options
+from tripwatt.cli.departing import DepartureOf, departure_options, time_of
 from tripwatt.cli.forecast import forecast_rows
 from tripwatt.cli.options import JsonOption, add_command, argument, group_of, option, options_named
 from tripwatt.cli.output import write_text
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from concurrent.futures import Executor
 
     from tripwatt.fleet.registry import Comparison, Registry
+    from tripwatt.fleet.statistics import TripRows
 
 fleet_app = group_of(
     "Many vehicles: one model of a trip store, with the deviations of each car model, vehicle and driver. It needs the "
@@ -45,6 +47,7 @@ def add_commands(app: typer.Typer) -> None:
     add_command(fleet_app, roll_back, name="rollback")
     add_command(fleet_app, forecast)
     add_command(fleet_app, batch)
+    add_command(fleet_app, report)
     add_command(fleet_app, evaluate)
     app.add_typer(fleet_app, name="fleet")
 
@@ -171,7 +174,7 @@ def refit(
 ) -> None:
     """Fit anew on all but the newest weeks, compare with the model in use, and promote it unless it is worse.
 
-    The comparison is on trips of the newest weeks, paired by vehicle. Both models are taken without these trips. A
+    Worse is an error larger by more than a twentieth, beyond chance. The comparison is on trips of the newest weeks, paired by vehicle. Both models are taken without these trips. A
     promoted model then takes them in. The exit code is 1 if the model in use stays.
 
     For example:
@@ -195,10 +198,8 @@ def _show_comparison(version: str, comparison: Comparison, promoted: bool, as_js
     from dataclasses import asdict
 
     print_json(
-        {"version": version, "in_use": promoted, "comparison": asdict(comparison)}
-    ) if as_json else typer.echo(
-        f"version {version}: {'in use' if promoted else 'not in use, because it is worse'}; {comparison}"
-    )
+        {"version": version, "in_use": promoted, "reason": f"{comparison}", "comparison": asdict(comparison)}
+    ) if as_json else typer.echo(f"version {version} is {'' if promoted else 'not '}in use: {comparison}")
 
 
 def versions(registry: RegistryArgument, as_json: JsonOption = False) -> None:
@@ -325,6 +326,84 @@ def batch(
         raise typer.Exit(1)
 
 
+def report(
+    store: StoreArgument,
+    registry: RegistryArgument,
+    planned: Annotated[
+        Path | None,
+        option(
+            "FILE",
+            "Planned trips as CSV or Parquet; see docs/howto/fleet.md. With it, what they need, and from which cars.",
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        option(
+            "FOLDER",
+            "Folder to write. Default: REGISTRY/report, which `tripwatt serve` serves.",
+            "--out",
+            "-o",
+        ),
+    ] = None,
+    drivers: Annotated[bool, typer.Option("--drivers", help="Compare drivers, too.")] = False,
+    quantile: Annotated[float, option("Q", "Probability with which a need suffices, 0.5 to 1.")] = 0.95,
+    reserve: Annotated[float, option("X", "Charge to come back with, 0 to 1.")] = 0.0,
+    plug: Annotated[float, option("W", "Power of a charger.", min=1.0)] = 7400.0,
+    begins: Annotated[
+        str | None, option("TIME", "When charging may begin, such as 18:00. Default: now.")
+    ] = None,
+    jobs: JobsOption = 1,
+    cluster: ClusterOption = None,
+    work: WorkOption = None,
+    options: StoreOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Report which vehicles changed, since when and by which cause, and what planned trips need, as HTML, CSV and JSON.
+
+    With --planned the folder has needs.csv, emhass.json and evcc.txt as well, for the management of charging.
+
+    For example:
+
+      # which vehicles changed
+      tripwatt fleet report fleet models
+      # and what the trips of tomorrow need
+      tripwatt fleet report fleet models --planned tomorrow.csv --plug 11000
+    """
+    from tripwatt.journey.nights import read_planned
+    from tripwatt.report.fleets import ManagerReport
+
+    at = dt.datetime.now().astimezone() if begins is None else time_of(begins, "--begins")
+    model, folder = _registry(registry).load(), out or registry / "report"
+    trips = read_planned(planned) if planned is not None else ()
+    rows = _rows(store, options, work or registry / "work", jobs, cluster)
+    made = ManagerReport.of(
+        f"Fleet {store}", model, rows, trips, quantile=quantile, reserve=reserve, drivers=drivers
+    )
+    document = made.write(folder, at, plug)
+    if as_json:
+        print_json({"out": f"{folder}", **document})
+        return
+    for panel in made.panels():
+        if not panel.folded:
+            typer.echo(panel.sentence)
+        if panel.key == "changes" and panel.tables:
+            (table,) = panel.tables
+            print_table(
+                table.caption, table.columns, table.rows, numbers=("more [%]", "trips before", "after")
+            )
+    typer.echo(f"{folder / 'report.html'}")
+
+
+def _rows(store: str, options: list[str] | None, work: Path, jobs: int, cluster: str | None) -> TripRows:
+    """Rows of the trips of a store."""
+    from tripwatt.fleet.mapping import map_store, read_rows, tasks_of
+
+    source = opened(store, options)
+    with progress(console()) as advance, _running(jobs, cluster) as (executor, workers):
+        tasks = tasks_of(source, source.trip_rows(), work)
+        return read_rows(map_store(tasks, executor, workers, advance))
+
+
 def evaluate(
     store: StoreArgument,
     out: Annotated[Path, option("FILE.html", "Page to write.", "--out", "-o")] = Path("fleet.html"),
@@ -338,8 +417,7 @@ def evaluate(
 ) -> None:
     """Score the linear model of a fleet on later trips, new vehicles and new car models, and write one HTML page.
 
-    The page shows errors by car model, temperature, length and number of own trips, the calibration by vehicle, and which
-    vehicles take more than others of their car model, and since when.
+    The page shows errors by car model, temperature, length and number of own trips, and the calibration by vehicle.
 
     For example:
 
@@ -347,31 +425,16 @@ def evaluate(
       tripwatt fleet evaluate fleet --out fleet.html
     """
     from tripwatt.evaluation.fleets import evaluate_rows
-    from tripwatt.fleet.deviations import sisters
     from tripwatt.fleet.features import START
-    from tripwatt.fleet.mapping import map_store, read_rows, tasks_of
-    from tripwatt.hybrid.groups import fit_scales, group_posterior
-    from tripwatt.report.fleets import accuracy_table, report_page
+    from tripwatt.hybrid.groups import fit_scales
+    from tripwatt.report.fleets import accuracy_table, evaluation_page
 
-    source = opened(store, options)
-    with progress(console()) as advance, _running(jobs, cluster) as (executor, workers):
-        tasks = tasks_of(source, source.trip_rows(), work)
-        rows = read_rows(map_store(tasks, executor, workers, advance))
-    sums = rows.sums
-    scales = fit_scales(sums, START)
-    scores = evaluate_rows(rows, scales)
-    vehicles = sisters(group_posterior(sums, scales), rows)
-    write_text(report_page(f"Fleet {store}", scores, vehicles), out)
+    rows = _rows(store, options, work, jobs, cluster)
+    scores = evaluate_rows(rows, fit_scales(rows.sums, START))
+    write_text(evaluation_page(f"Fleet {store}", scores, rows), out)
     if as_json:
-        frame = vehicles.astype(object).where(vehicles.notna(), None)
-        print_json(
-            {
-                "out": str(out),
-                "by_car_model": scores.table("car_model").to_dict("records"),
-                "own_trips": scores.own.to_dict("records"),
-                "vehicles": frame.to_dict("records"),
-            }
-        )
+        by_car_model, own = (t.to_dict("records") for t in (scores.table("car_model"), scores.own))
+        print_json({"out": str(out), "by_car_model": by_car_model, "own_trips": own})
         return
     table = accuracy_table(scores, "car_model")
     print_table(f"{out}", table.columns, table.rows, numbers=table.columns[2:])

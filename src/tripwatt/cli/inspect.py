@@ -9,6 +9,7 @@ import typer
 
 from tripwatt.cli.options import JsonOption, argument
 from tripwatt.cli.printing import change, print_json, print_table
+from tripwatt.errors import InvalidInput
 
 
 def inspect(
@@ -37,12 +38,22 @@ def inspect(
     if upgrade:
         upgrade_model(model_folder(model))
     about = load_metadata(model)
-    if as_json:
-        print_json(about)
-        return
-    print_table("Model", ("", "value"), _about_rows(about), folding=("value",))
+    try:
+        if as_json:
+            print_json(about)
+            return
+        tables = _about_rows(about), _input_rows(about)
+    except (LookupError, TypeError, ValueError, AttributeError) as error:  # digests are no signatures
+        got = f"{type(error).__name__}: {error}"[:200]
+        allowed = "metadata of a model of one car, as `tripwatt fit` writes them"
+        raise InvalidInput.of("metadata cannot be read", f"{model}", got, allowed) from error
+    print_table("Model", ("", "value"), tables[0], folding=("value",))
     columns = ("input", "unit", "allowed", "range in training", "required")
-    rows = [
+    print_table("Inputs", columns, tables[1])
+
+
+def _input_rows(about: dict[str, Any]) -> list[tuple[str, ...]]:
+    return [
         (
             entry["name"],
             entry["unit"],
@@ -53,7 +64,6 @@ def inspect(
         )
         for entry in about["contract"]["inputs"]
     ]
-    print_table("Inputs", columns, rows)
 
 
 def _about_rows(about: dict[str, Any]) -> list[tuple[str, str]]:

@@ -36,7 +36,7 @@ def build(
 ) -> None:
     """Build a map of an OpenStreetMap extract: roads for Valhalla, an index of places, charging stations.
 
-    The command requires the extra `tripwatt[routing]`. It writes into FOLDER.unfinished and renames it at the end.
+    The command requires the extra `tripwatt[routing]`. FOLDER is complete or not there; a map that it replaces stays until the new one is complete.
 
     For example:
 

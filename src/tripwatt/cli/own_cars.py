@@ -29,6 +29,7 @@ from tripwatt.cli.printing import (
     print_table,
     progress,
 )
+from tripwatt.errors import printable
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -86,7 +87,7 @@ def new(
 
     made = create_car(car, vehicle, base=base)
     print_json(made.about()) if as_json else typer.echo(
-        f"{made.folder}: {made.label}, {made.vehicle.title}, no trips yet"
+        printable(f"{made.folder}: {made.label}, {made.vehicle.title}, no trips yet")
     )
 
 
@@ -169,7 +170,7 @@ def show(
         print_json({**about, "diary": rows})
         return
     typer.echo(
-        f"{about['label']}: {about['title']}, {about['trips']} trips, {about['in_diary']} in the diary"
+        f"{printable(about['label'])}: {printable(about['title'])}, {about['trips']} trips, {about['in_diary']} in the diary"
     )
     if not about["in_diary"]:
         typer.echo("Add trips with `tripwatt car add`.")

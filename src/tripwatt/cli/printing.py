@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -10,6 +11,8 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Final, TextIO
 
 import typer
+
+from tripwatt.errors import printable
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -32,8 +35,9 @@ def console(stream: TextIO | None = None) -> Console:
 
 
 def print_json(value: object) -> None:
-    """One JSON document on standard output."""
-    typer.echo(json.dumps(value, allow_nan=False, ensure_ascii=False))
+    """One JSON document on standard output, with control characters as escapes: no text of it steers a terminal."""
+    text = json.dumps(value, allow_nan=False, ensure_ascii=False)
+    typer.echo(re.sub("[\x7f-\x9f]", lambda character: f"\\u{ord(character[0]):04x}", text))
 
 
 NARROWEST: Final = 12
@@ -55,7 +59,7 @@ def print_table(
     from rich.cells import cell_len
     from rich.table import Table
 
-    rows = list(rows)
+    rows = [[printable(cell) for cell in row] for row in rows]
     table = Table(box=SIMPLE, padding=(0, 1, 0, 0), pad_edge=False)
     needed = 0
     for k, column in enumerate(columns):
@@ -128,7 +132,8 @@ def print_reading(fleet: Fleet, result: Audit, *, every: bool = False) -> None:
 def print_notes(notes: Iterable[str | Flag]) -> None:
     """Notes on standard error; a flag as its sentence, a serious one as a warning."""
     for note in notes:
-        console().print(f"note: {note}" if isinstance(note, str) else _note(note))
+        text = f"note: {note}" if isinstance(note, str) else _note(note)
+        console().print("\n".join(map(printable, text.splitlines())))
 
 
 PROGRESS_EVERY_S: Final = 5.0

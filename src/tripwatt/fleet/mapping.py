@@ -37,7 +37,7 @@ from tripwatt.store.delta import DeltaFolder
 from tripwatt.trips import Log, Trip, plan_from_trip, table_of
 from tripwatt.vehicles import Vehicle, load_vehicle
 
-VERSION: Final = 1
+VERSION: Final = 2
 """Changes whenever rows of the same trips change."""
 
 _MEASURED: Final = (
@@ -189,7 +189,7 @@ def rows_of_file(task: FileTask) -> FileResult:
     for row, log in read_file(files, task.path, task.rows):
         trips += 1
         for drive in drives_of(log, row):
-            table = segments_of(drive, row["car_model"], charge=row["digest"] in task.sampled)
+            table = segments_of(drive, row["car_model"])
             if table is None:
                 continue
             rows.append(row_of(drive, table, row))
@@ -241,20 +241,19 @@ def drives_of(log: Log, row: Mapping[str, Any]) -> Sequence[Trip]:
     return (Trip.from_log(log),) if row["as_logged"] else audit([log]).trips
 
 
-def segments_of(drive: Trip, car_model: str, *, charge: bool = True) -> SegmentTable | None:
+def segments_of(drive: Trip, car_model: str) -> SegmentTable | None:
     """Segments of a drive; None without measured energy, or where it cannot be simulated.
 
     Parameters
     ----------
     drive : Trip
     car_model : str
-    charge : bool
-        Whether the readings of the state of charge are wanted as well.
     """
     if drive.observed_energy_wh is None:
         return None
-    names = _MEASURED if charge else _MEASURED[:4]
-    measured = replace(drive, samples=table_of({name: drive.array(name) for name in names if name in drive}))
+    measured = replace(
+        drive, samples=table_of({name: drive.array(name) for name in _MEASURED if name in drive})
+    )
     try:
         plan = plan_from_trip(drive)
         car = car_of(car_model)
@@ -274,6 +273,8 @@ def row_of(drive: Trip, table: SegmentTable, row: Mapping[str, Any]) -> dict[str
     ambient = table.features["ambient_temperature_degc"].to_numpy(dtype=np.float64)
     observed = table.totals_wh(table.observed_power_w)[0]
     started = drive.context.started_at
+    assert table.charge is not None
+    readings = table.charge[0, 2:] if np.isfinite(table.charge[0, 2:]).all() else table.charge[0, :2]
     return {
         "car_model": row["car_model"],
         "vehicle_id": row["vehicle_id"],
@@ -286,6 +287,8 @@ def row_of(drive: Trip, table: SegmentTable, row: Mapping[str, Any]) -> dict[str
         "ambient_temperature_degc": float(ambient[0]),
         "simulated_wh": float(table.totals_wh(table.simulated_w)[0]),
         "observed_wh": float(observed),
+        "displayed_start": float(readings[0]),
+        "displayed_end": float(readings[1]),
         "variance_wh2": float(trip_variance_wh2(table)[0] + (drive.observed_energy_std_wh or 0.0) ** 2),
         **{f"x_{name}": float(x) for name, x in zip(FEATURES, trip_features(table)[0], strict=True)},
     }

@@ -32,8 +32,15 @@ from tripwatt.fleet.model import FleetModel
 from tripwatt.fleet.storage import load_fleet, save_fleet
 
 BOOTSTRAP: Final = 2000
-WORSE: Final = 0.0
-"""A challenger is refused when the whole interval of its difference lies above this."""
+REPORT_TABLES: Final = ("changes", "vehicles", "drivers", "needs", "routes")
+REPORT_FILES: Final = (
+    "report.html", "report.json", *(f"{name}.csv" for name in REPORT_TABLES), "emhass.json", "evcc.txt",
+)  # fmt: skip
+"""Files of the folder `report` of a registry, which the fleet's report writes and the service serves."""
+
+MARGIN: Final = 0.05
+"""A challenger is refused when the whole interval of its difference lies above this share of the champion's error: less is of no
+practical consequence, and a newer model has seen more recent trips."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,13 +68,14 @@ class Comparison:
 
     @property
     def worse(self) -> bool:
-        """Whether the challenger is worse beyond chance."""
-        return self.low > WORSE
+        """Whether the challenger is worse beyond chance and by more than `MARGIN` of the champion's error."""
+        return self.low > MARGIN * self.champion
 
     def __str__(self) -> str:
         return (
             f"mean error {self.challenger:.2%} against {self.champion:.2%} on {self.trips} trips of {self.vehicles} vehicles; "
-            f"difference {self.difference:+.2%} ({self.low:+.2%} to {self.high:+.2%})"
+            f"the difference of {self.difference:+.2%} ({self.low:+.2%} to {self.high:+.2%}) is "
+            f"{'surely beyond' if self.worse else 'not surely beyond'} the margin of {MARGIN * self.champion:+.2%}"
         )
 
 
@@ -213,7 +221,7 @@ class Registry:
         Raises
         ------
         InvalidInput
-            When the version is damaged, or worse than the one in use beyond chance; the pointer then stays.
+            When the version is damaged, or worse than the one in use beyond chance and `MARGIN`; the pointer then stays.
         """
         self.load(version)
         if comparison is not None and comparison.worse:

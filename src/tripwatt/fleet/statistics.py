@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
+import pandas as pd
 import pyarrow as pa
 
 from tripwatt.arrays import FloatArray, IntArray
@@ -28,6 +29,8 @@ NUMBERS: Final = (
     "simulated_wh",
     "observed_wh",
     "variance_wh2",
+    "displayed_start",
+    "displayed_end",
 )
 
 ROWS: Final = pa.schema(
@@ -98,6 +101,14 @@ class TripRows:
         """Some of the rows."""
         return self.take(np.flatnonzero(mask))
 
-    def take(self, index: IntArray) -> TripRows:
-        """Some of the rows, in their order."""
-        return TripRows(self.table.take(pa.array(np.sort(index))))
+    def take(self, index: IntArray, sort: bool = True) -> TripRows:
+        """Some of the rows, in their order, or in that of the index."""
+        return TripRows(self.table.take(pa.array(np.sort(index) if sort else index)))
+
+    @property
+    def in_time(self) -> tuple[IntArray, Any]:
+        """Rows with a time of departure in the order of time, and the day of departure of every row."""
+        texts = pd.Series(self.texts("started_at"))
+        started = pd.to_datetime(texts, errors="coerce", format="ISO8601").to_numpy()
+        order = np.argsort(started, kind="stable")[: int((~np.isnat(started)).sum())]
+        return order, started.astype("datetime64[D]")

@@ -18,9 +18,10 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import FloatArray
-from tripwatt.errors import InvalidInput, excerpt
+from tripwatt.errors import InvalidInput, excerpt, raise_faults
 from tripwatt.forecasting.document import ForecastResponse
 from tripwatt.forecasting.model import ForecastModel
+from tripwatt.forecasting.plausible import impossible_faults
 from tripwatt.forecasting.upgrading import version_1_tree
 from tripwatt.hybrid import Corrector, segment_table
 from tripwatt.hybrid.correctors import corrector_name
@@ -48,6 +49,9 @@ GIVEN: Final = "given the driven speed trace"
 
 TRIAL: Final = "trial_w"
 """Key of what a corrector from outside adds on the trial trip."""
+
+TRIAL_DEGC: Final = (-15.0, 40.0)
+"""Outside temperatures of trial trips [°C], besides that of a departure of which nothing is known."""
 
 DEFAULT_MODEL: Final = "bmw_i3_tum"
 """The model that comes with the package."""
@@ -249,24 +253,28 @@ def load_model(folder: Path | str | None = None, *, corrector: Corrector | None 
 
 
 def require_usable(model: ForecastModel, where: str) -> None:
-    """Whether a model from outside gives finite numbers, by a forecast of three minutes and an update of it.
+    """Whether a model from outside forecasts what physics allows, by trips of three minutes and an update on the way.
 
-    Parts that fit each other in shape may still hold values with which nothing can be computed.
+    Parts that fit each other in shape may still hold values with which nothing can be computed, or no trip.
 
     Raises
     ------
     InvalidInput
-        When the forecast fails or a number of it is not finite.
+        When a forecast fails, a number of it is not finite, or its interval is empty or beyond what battery and motor can give.
     """
     drive = _trial_drive()
     observed = pd.DataFrame({"time_s": drive["time_s"][:61], "voltage_v": 350.0, "current_a": 30.0})
     try:
         with np.errstate(all="ignore"):
             before = model.forecast(plan_from_samples(drive, "trial"))
-            documents = [before.to_dict(), before.update(observed).to_dict()]
-            planned = replace(before.plan, link_m=250.0)
-            documents.append(model.forecast(planned).to_dict())
-            sound = all(math.isfinite(sum(_numbers(document))) for document in documents)
+            trials = [replace(before.plan, link_m=250.0)]
+            trials += [before.plan.with_departure(Departure(ambient_temperature_degc=t)) for t in TRIAL_DEGC]
+            made = [before, *map(model.forecast, trials)]
+            for forecast in made:
+                raise_faults(impossible_faults(forecast.interval(0.9)[1], forecast.drive))
+            documents = [forecast.to_dict() for forecast in (*made, before.update(observed))]
+            quantiles = [list(document["quantiles_wh"].values()) for document in documents]
+            sound = math.isfinite(sum(_numbers(documents))) and quantiles == [*map(sorted, quantiles)]
     except InvalidInput as error:
         got = error.faults[0].what
     except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
@@ -274,7 +282,7 @@ def require_usable(model: ForecastModel, where: str) -> None:
     else:
         if sound:
             return
-        got = "numbers that are not finite"
+        got = "numbers that are not finite, or quantiles that cross"
     raise InvalidInput.of("model gives no forecast", where, got, "a finite forecast of a trial trip", REFIT)
 
 

@@ -7,6 +7,7 @@ JSON document and one archive of arrays, in which an array has the name of its p
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final, TypeVar, get_args, get_origin
@@ -15,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tripwatt.arrays import FloatArray
-from tripwatt.errors import Fault, InvalidInput, excerpt
+from tripwatt.errors import Fault, InvalidInput, excerpt, first_faults, raise_faults
 from tripwatt.hybrid.factors import FactorCorrector
 from tripwatt.hybrid.familiarity import Familiarity
 from tripwatt.hybrid.outside import Corrector, TableCorrector, fitted_outside
@@ -40,6 +41,22 @@ OUTSIDE: Final = "outside"
 """Kind of a corrector around an object from outside."""
 
 REFIT: Final = "fit the model again with this version of tripwatt"
+
+
+MOST_MEMBERS: Final = 20
+"""Most members of an ensemble; those of the package have 2."""
+
+RANGES: Final[Mapping[str, tuple[float, float]]] = {
+    r"sds?(_w|_factor)?|variances?(_m)?|wh2|noise|onset|trips|least_share": (0.0, math.inf),
+    r"(constant|limit)_w|drifts\.\d+\.0|(scale|scores)\.values": (0.0, math.inf),
+    r"time_s|length(_m)?|speed_m_s|factors\.factor|wh_per_display|drifts\.\d+\.1": (1e-9, math.inf),
+    r"shrinkage\.(climate|drive|joint|off)": (0.0, 1.0),
+    r"zero_soc": (-0.5, 0.5),
+    r"full_soc": (0.5, 1.5),
+}
+"""Ends of the place of a value in a stored model, with the least and the largest value that has a meaning there."""
+
+ASCENDING: Final = r"scores\.values|length_m|factors\.speed_m_s|process\.ranges"
 
 
 @dataclass(frozen=True, eq=False)
@@ -344,12 +361,50 @@ def structured(values: Any, kind: type[T], converter: Converter, what: str) -> T
     Raises
     ------
     InvalidInput
-        With every value that does not fit, and its place.
+        With every value that does not fit or has no meaning, and its place.
     """
+    raise_faults(first_faults(list(value_faults(values)), what))
     try:
         return converter.structure(values, kind)
     except Exception as error:
         raise InvalidInput(list(_faults(error, what, ""))) from error
+
+
+def value_faults(values: Any, place: str = "") -> Iterator[Fault]:
+    """Numbers of a stored model that are outside of their ranges or out of order. O(values).
+
+    Examples
+    --------
+    >>> for fault in value_faults({"drive": {"drift_time_s": -70.0}, "range": {"low": 3.0, "high": 1.0}}):
+    ...     print(fault)
+    value out of range: model.drive.drift_time_s: got -70; allowed: 1e-09 to inf; fit the model again with this version of tripwatt
+    values out of order: model.range: got low and high [3.0, 1.0]; allowed: ascending; fit the model again with this version of tripwatt
+    """
+    where = f"model{place}"
+    if isinstance(values, Mapping):
+        ends = [values.get(name) for name in ("low", "high")]
+        if all(isinstance(end, int | float) for end in ends) and ends != sorted(ends):  # type: ignore[type-var]
+            yield Fault("values out of order", where, f"low and high {ends}", "ascending", REFIT)
+        for name, value in values.items():
+            if name != "vehicle":  # checked as the file of a car is
+                yield from value_faults(value, f"{place}.{name}")
+    elif isinstance(values, list | tuple):
+        if place.endswith("members") and len(values) > MOST_MEMBERS:
+            yield Fault("too many members", where, f"{len(values)}", f"at most {MOST_MEMBERS}", REFIT)
+            return
+        for number, value in enumerate(values):
+            yield from value_faults(value, f"{place}.{number}")
+    elif (array := np.asarray(values)).dtype.kind in "fi":
+        for names, (least, most) in RANGES.items():
+            if _ends(place, names) and (wrong := (array < least) | (array > most)).any():
+                got, allowed = f"{array[wrong][0]:g}", f"{least:g} to {most:g}"
+                yield Fault("value out of range", where, got, allowed, REFIT)
+        if _ends(place, ASCENDING) and array.ndim and (np.diff(array) < 0.0).any():
+            yield Fault("values out of order", where, "a value below the one before", "ascending", REFIT)
+
+
+def _ends(place: str, names: str) -> bool:
+    return re.search(rf"[._]({names})$", place) is not None
 
 
 def _faults(error: BaseException, what: str, place: str) -> Iterator[Fault]:

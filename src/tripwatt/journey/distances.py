@@ -200,18 +200,21 @@ class KindForecaster:
         forecast = node_forecast(self, k + (2.0 * distance_m > NODES_M[k] + NODES_M[k + 1]))
         return tuple(flag for flag in forecast.flags if flag.code not in OF_CHARGE)
 
+    def forecast(self, length_m: float) -> Forecast:
+        """The forecast of a typical road of a length [m], with what its kind leaves open."""
+        plan = replace(self.prior.plan(length_m, self.shares), link_m=None)
+        forecast = self.model.forecast(plan, self.departure)
+        share = self.prior.share(length_m, self.known)
+        return replace(forecast, route_sd_wh=share * abs(forecast.energy_wh))
+
     def _before(self, distance_m: float) -> int:
         return int(np.clip(np.searchsorted(NODES_M, distance_m) - 1, 0, len(NODES_M) - 2))
 
 
 @lru_cache(maxsize=256)
 def node_forecast(asked: KindForecaster, node: int) -> Forecast:
-    """The forecast of a typical road of a length of `NODES_M`, with what its kind leaves open."""
-    length = NODES_M[node]
-    plan = replace(asked.prior.plan(length, asked.shares), link_m=None)
-    forecast = asked.model.forecast(plan, asked.departure)
-    share = asked.prior.share(length, asked.known)
-    return replace(forecast, route_sd_wh=share * abs(forecast.energy_wh))
+    """The forecast of a typical road of a length of `NODES_M`."""
+    return asked.forecast(NODES_M[node])
 
 
 @lru_cache(maxsize=1024)
@@ -225,8 +228,7 @@ def node_values(
 def taken_by(forecast: Forecast, levels: Sequence[float]) -> tuple[FloatArray, FloatArray, float]:
     """Quantiles of energy [Wh] and displayed charge that a trip takes, shape (levels,), and its duration [s]."""
     energy = np.array([forecast.quantile(level) for level in levels])
-    start = float(forecast.soc_along(0.5)[0])
-    charge = np.array([start - float(forecast.soc_along(level)[-1]) for level in levels])
+    charge = np.array([soc[0] - soc[-1] for soc in map(forecast.soc_along, levels)])
     return energy, charge, forecast.plan.duration_s
 
 

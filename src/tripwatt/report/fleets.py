@@ -1,19 +1,36 @@
-"""One HTML page on a fleet: how well it is forecast, and which vehicles take more than their sisters, and since when."""
+"""HTML pages on a fleet: how well it is forecast; and for its manager, which vehicles changed, and what planned trips need."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import datetime as dt
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, Final
 
 import pandas as pd
-from matplotlib.figure import Figure
 
 from tripwatt.evaluation.fleets import FleetEvaluation
+from tripwatt.files import write_text
+from tripwatt.fleet.changes import FALSE_CHANGES, LEAST_CHANGE, changes
+from tripwatt.fleet.deviations import PARTS, deviations
+from tripwatt.fleet.model import FleetModel
+from tripwatt.fleet.registry import REPORT_FILES, REPORT_TABLES
+from tripwatt.fleet.statistics import TripRows
+from tripwatt.journey.nights import (
+    QUANTILE,
+    PlannedTrip,
+    coldest_week,
+    needs_by_car,
+    needs_by_hour,
+    night_document,
+    records,
+)
 from tripwatt.report.html import page_text
 from tripwatt.report.panel import Panel
-from tripwatt.report.style import PLAIN_COLOUR, WARM_COLOUR, new_figure, row_names, style_context
-from tripwatt.report.tables import Column, Table, in_percent, in_words, tabulated
-from tripwatt.report.view import plain
+from tripwatt.report.tables import Column, Table, in_kwh, in_percent, in_words, number, tabulated
+from tripwatt.report.words import percent
 
 CLASSES: Final = {
     "car_model": "car model",
@@ -23,50 +40,21 @@ CLASSES: Final = {
 LEAST_TRIPS: Final = 10
 """Trips of a vehicle whose share inside of the intervals is looked at."""
 
-_SHARES: Final = (
-    "Share of energy on the usual trip of the car model, with one standard deviation. A day is given where the mean consumption before and "
-    "after it differs clearly."
-)
+ISO: Final = "%Y-%m-%dT%H:%M:%S%z"
 
 
-def report_page(title: str, evaluation: FleetEvaluation, vehicles: pd.DataFrame, most: int = 40) -> str:
-    """The page as one file without scripts.
-
-    Parameters
-    ----------
-    title : str
-    evaluation : FleetEvaluation
-    vehicles : DataFrame
-        From `sisters`.
-    most : int
-        Vehicles that are listed.
-    """
-    listed = vehicles.reindex(vehicles["share"].abs().sort_values(ascending=False).index[:most])
-    listed = listed.sort_values("share", ascending=False)
+def evaluation_page(title: str, evaluation: FleetEvaluation, rows: TripRows) -> str:
+    """The page on how well a fleet is forecast as one file without scripts."""
     tables = (
         *(accuracy_table(evaluation, by) for by in CLASSES),
         own_table(evaluation),
         inside_table(evaluation),
     )
-    with style_context():
-        figure, shares = plot_shares(listed), (shares_table(listed),)
-    facts = {
-        "Trips": vehicles["trips"].sum(),
-        "Vehicles": len(vehicles),
-        "With a change": vehicles["since"].notna().sum(),
-    }
-    panels = [
-        Panel(
-            "vehicles",
-            "Vehicles that take more or less than others of their car model",
-            _SHARES,
-            figure,
-            shares,
-            wide=True,
-        ),
-        Panel("accuracy", "Accuracy on held-out trips", said_of_errors(evaluation), tables=tables, wide=True),
-    ]
-    return page_text("fleet.html.jinja", panels, title=title, facts=facts.items())
+    facts = {"Trips": len(rows), "Vehicles": len(set(rows.texts("vehicle_id").tolist()))}
+    panel = Panel(
+        "accuracy", "Accuracy on held-out trips", said_of_errors(evaluation), tables=tables, wide=True
+    )
+    return page_text("fleet.html.jinja", [panel], title=title, facts=facts.items(), foot=_ERROR)
 
 
 def said_of_errors(evaluation: FleetEvaluation) -> str:
@@ -122,29 +110,229 @@ def inside_table(evaluation: FleetEvaluation) -> Table:
     )
 
 
-def shares_table(vehicles: pd.DataFrame) -> Table:
-    """A row for each vehicle that is listed."""
-    return tabulated(
-        "Vehicles, by deviation",
-        vehicles.to_dict("records"),
-        Column("vehicle", "vehicle_id"),
-        in_words("car model", "car_model"),
-        Column("trips", "trips", digits=0),
-        Column("more [%]", lambda row: f"{100.0 * row['share']:+.1f} ± {100.0 * row['sd']:.1f}"),
-        in_words("change", _change),
+@dataclass(frozen=True, eq=False)
+class ManagerReport:
+    """What the manager of a fleet asks: which vehicles changed, what the planned trips need, and which cars the routes need.
+
+    Attributes
+    ----------
+    title : str
+    quantile : float
+        Probability with which a need suffices.
+    changes, vehicles : DataFrame
+        From `changes` and `deviations`.
+    drivers : DataFrame or None
+        From `deviations`; None where nobody asked for them.
+    needs, routes : DataFrame or None
+        From `needs_by_hour` and `needs_by_car`; None without planned trips.
+    week : tuple of date and float, or None
+        Monday of the coldest week, and its temperature [°C].
+    """
+
+    title: str
+    quantile: float
+    changes: pd.DataFrame
+    vehicles: pd.DataFrame
+    drivers: pd.DataFrame | None = None
+    needs: pd.DataFrame | None = None
+    routes: pd.DataFrame | None = None
+    week: tuple[dt.date, float] | None = None
+
+    @classmethod
+    def of(
+        cls, title: str, model: FleetModel, rows: TripRows, planned: Sequence[PlannedTrip] = (), *, quantile: float = QUANTILE,
+        reserve: float = 0.0, drivers: bool = False,
+    ) -> ManagerReport:  # fmt: skip
+        """The report on the trips of a fleet.
+
+        Parameters
+        ----------
+        title : str
+        model : FleetModel
+        rows : TripRows
+            Of the trips that the model has seen.
+        planned : sequence of PlannedTrip
+        quantile, reserve : float
+            As of `needs_by_hour`.
+        drivers : bool
+            Whether the drivers are compared.
+        """
+        asked = {"quantile": quantile, "reserve": reserve}
+        vehicles = deviations(model.posterior, rows)
+        report = cls(title, quantile, changes(model.posterior, rows), vehicles, week=coldest_week(rows))
+        if drivers:
+            report = replace(report, drivers=deviations(model.posterior, rows, drivers=True))
+        if planned:
+            report = replace(report, needs=needs_by_hour(model, planned, **asked))
+        if planned and report.week is not None:
+            report = replace(report, routes=needs_by_car(model, planned, report.week[1], **asked))
+        return report
+
+    @property
+    def tables(self) -> dict[str, pd.DataFrame]:
+        """Its tables by name."""
+        return {name: getattr(self, name) for name in REPORT_TABLES if getattr(self, name) is not None}
+
+    def page(self) -> str:
+        """The report as one HTML file without scripts."""
+        changed = self.changes["vehicle_id"].nunique()
+        facts = {
+            "Trips": self.vehicles["trips"].sum(),
+            "Vehicles": len(self.vehicles),
+            "That changed": changed,
+        }
+        panels = [replace(panel, wide=True) for panel in self.panels()]
+        return page_text("fleet.html.jinja", panels, title=self.title, facts=facts.items(), foot=_CHANGE)
+
+    def panels(self) -> Iterator[Panel]:
+        """Changes, needs, routes, vehicles and drivers, as far as there are any."""
+        tables = (changes_table(self.changes),) if len(self.changes) else ()
+        said = said_of_changes(self.changes, len(self.vehicles))
+        yield Panel("changes", "Vehicles that changed", said, tables=tables)
+        if self.needs is not None:
+            said, tables = said_of_needs(self.needs, self.quantile), (needs_table(self.needs, self.quantile),)
+            yield Panel("needs", "What the planned trips need", said, tables=tables)
+        if self.routes is not None and self.week is not None:
+            said, tables = (
+                said_of_routes(self.routes, self.quantile, *self.week),
+                (routes_table(self.routes),),
+            )
+            yield Panel("routes", "Cars for the planned routes", said, tables=tables)
+        for key, title in (("vehicles", "Vehicles beside others"), ("drivers", "Drivers beside others")):
+            if key in self.tables:
+                tables = (shares_table(self.tables[key], key[:-1]),)
+                yield Panel(key, title, _SHARES[key], tables=tables, folded=True)
+
+    def write(self, folder: Path, at: dt.datetime, charger_w: float) -> dict[str, Any]:
+        """Write the page, the data, each table as CSV and the files for EMHASS and evcc into a folder; return the data.
+
+        Files of an earlier report that this one lacks are removed. `at` and `charger_w` are those of `emhass`.
+        """
+        week = self.week and {"monday": f"{self.week[0]}", "ambient_temperature_degc": self.week[1]}
+        document: dict[str, Any] = {"quantile": self.quantile, "coldest_week": week}
+        document |= {name: records(table) for name, table in self.tables.items()}
+        texts = {f"{n}.csv": table.to_csv(index=False, date_format=ISO) for n, table in self.tables.items()}
+        if self.needs is not None:
+            document |= night_document(self.needs, at, charger_w)
+            texts |= {"emhass.json": json.dumps(document["emhass"]), "evcc.txt": "\n".join(document["evcc"])}
+        texts |= {"report.json": json.dumps(document, allow_nan=False), "report.html": self.page()}
+        folder.mkdir(parents=True, exist_ok=True)
+        for name in {*REPORT_FILES} - {*texts}:
+            (folder / name).unlink(missing_ok=True)
+        for name, text in texts.items():
+            write_text(folder / name, text)
+        return document
+
+
+_ERROR: Final = (
+    "Error = |measured − forecast| / measured of a trip by the linear model of the fleet, which has not seen the trip, the vehicle or the car model that "
+    "it is named after."
+)
+_CHANGE: Final = (
+    f"A change is listed if it is {percent(LEAST_CHANGE, 0)} or more and beyond chance: in a fleet without changes, one of {1.0 / FALSE_CHANGES:.0f} reports lists "
+    "one. The percentage after a cause is the probability that it is the right one; the beginning lies between the earliest and the latest day with 95 %."
+)
+_SHARES: Final = {
+    "vehicles": "Energy beyond that of the car model on the usual trip of the car model, with one standard deviation.",
+    "drivers": "Energy beyond that of the vehicle's drivers together on the usual trip of the car model, with one standard deviation.",
+}
+NONE_CHANGED: Final = f"No vehicle changed by {percent(LEAST_CHANGE, 0)} or more beyond chance."
+
+
+def said_of_changes(changed: pd.DataFrame, vehicles: int) -> str:
+    """How many vehicles changed, and by which causes."""
+    if not len(changed):
+        return NONE_CHANGED
+    causes = ", ".join(f"{n} by {cause}" for cause, n in changed["cause"].value_counts().items())
+    return (
+        f"{changed['vehicle_id'].nunique()} of {vehicles} vehicles: {causes}. A change of the consumption is a share of it; one of the battery is a "
+        "share of the displayed charge that an energy takes. What all vehicles of a car model share in a month does not count."
     )
 
 
-def _change(row: Mapping[str, Any]) -> str:
-    return "" if pd.isna(row["since"]) else f"{100.0 * row['change']:+.1f} % since {row['since']}"
+def changes_table(changed: pd.DataFrame) -> Table:
+    """A row for each change."""
+    return tabulated(
+        "Every change, the largest first",
+        changed.to_dict("records"),
+        Column("vehicle", "vehicle_id"),
+        in_words("cause", lambda row: f"{row['cause']} ({percent(row['probability'], 0)})"),
+        in_words("since", "since"),
+        in_words("earliest", "from_day"),
+        in_words("latest", "to_day"),
+        Column("more [%]", _more("change")),
+        Column("trips before", "before", digits=0),
+        Column("after", "after", digits=0),
+        in_words("car model", "car_model"),
+    )
 
 
-def plot_shares(vehicles: pd.DataFrame) -> Figure:
-    """What each vehicle takes beyond others of its car model, with one standard deviation."""
-    figure = new_figure(1.0 + 0.22 * len(vehicles), "More energy than others of the car model", "", False)
-    axes, shares = figure.add_subplot(), 100.0 * vehicles["share"]
-    colours = [WARM_COLOUR if share >= 0.0 else PLAIN_COLOUR for share in shares]
-    axes.barh(range(len(vehicles)), shares, xerr=100.0 * vehicles["sd"], color=colours)
-    row_names(axes, [plain(name, 28) for name in vehicles["vehicle_id"]])
-    axes.set_xlabel("more energy [%]")
-    return figure
+def _more(name: str) -> Callable[[Mapping[str, Any]], str]:
+    return lambda row: f"{100.0 * row[name]:+.1f}\u00a0±\u00a0{100.0 * row['sd']:.1f}"
+
+
+def said_of_needs(needs: pd.DataFrame, quantile: float) -> str:
+    """The sums of the night."""
+    kwh = needs[["energy_quantile_wh", "charge_wh"]].sum() / 1000.0
+    full = int((needs["soc_needed"] > 1.0).groupby(needs["vehicle_id"]).any().sum())
+    return (
+        f"{needs['trips'].sum()} trips need {kwh.iloc[0]:.0f} kWh if each gets what suffices with {percent(quantile, 0)}. To be charged, for the "
+        f"{needs['charge_wh'].count()} departures of vehicles whose charge now is known: {kwh.iloc[1]:.0f} kWh. Vehicles that have to charge between or on "
+        f"their trips, because a full battery does not suffice for all of them: {full}."
+    )
+
+
+def needs_table(needs: pd.DataFrame, quantile: float) -> Table:
+    """A row for each vehicle and hour of departure."""
+    return tabulated(
+        "By vehicle and hour of departure",
+        needs.to_dict("records"),
+        Column("vehicle", "vehicle_id"),
+        in_words("first departure", lambda row: f"{row['departs_at']:%Y-%m-%d %H:%M}"),
+        Column("trips", "trips", digits=0),
+        Column("distance [km]", "distance_m", 1e-3, 0),
+        in_kwh("energy, median [kWh]", "energy_wh", 1),
+        in_kwh(f"suffices with {percent(quantile, 0)} [kWh]", "energy_quantile_wh", 1),
+        in_percent("leave with [%]", "soc_needed", 0),
+        in_percent("charge now [%]", "soc", 0),
+        in_kwh("to charge [kWh]", "charge_wh", 1),
+    )
+
+
+def said_of_routes(routes: pd.DataFrame, quantile: float, monday: dt.date, ambient_degc: float) -> str:
+    """How many routes every car model can drive, some, and none."""
+    able = (routes.iloc[:, 1:] <= 1.0).mean(axis=1)
+    every, none = int((able == 1.0).sum()), int((able == 0.0).sum())
+    return (
+        f"In the coldest week so far, from {monday} at {number(ambient_degc, 1.0, 0)} °C, a full battery of every car model suffices for {every} of "
+        f"{len(able)} routes with {percent(quantile, 0)}; {len(able) - every - none} need some of the car models, and {none} need a charging stop in any of them. "
+        "The columns have the displayed charge [%] that suffices with each car model, whichever vehicle it is; a dash is more than a full battery."
+    )
+
+
+def routes_table(routes: pd.DataFrame) -> Table:
+    """A row for each route and a column for each car model."""
+    cars = [f"{car}" for car in routes.columns[1:]]
+
+    def able(row: Mapping[str, Any]) -> str:
+        names = [car for car in cars if row[car] <= 1.0]
+        return "all" if len(names) == len(cars) else ", ".join(names) or "none"
+
+    def within(car: str) -> Column:
+        return in_percent(car, lambda row: row[car] if row[car] <= 1.0 else None, 0)
+
+    columns = Column("route", "trip"), in_words("car models", able), *map(within, cars)
+    return tabulated("Charge that suffices", routes.to_dict("records"), *columns)
+
+
+def shares_table(table: pd.DataFrame, key: str) -> Table:
+    """A row for each vehicle or driver."""
+    return tabulated(
+        f"Every {key}, by deviation",
+        table.to_dict("records"),
+        Column(key, "driver" if key == "driver" else "vehicle_id"),
+        in_words("car model", "car_model"),
+        Column("trips", "trips", digits=0),
+        Column("more [%]", _more("share")),
+        *(in_percent(f"{part.replace('_', ' ')} [%]", part) for part in PARTS),
+    )

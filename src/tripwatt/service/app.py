@@ -33,6 +33,7 @@ from tripwatt.service.batching import LineSplitter, forecast_lines
 from tripwatt.service.car_operations import CarOperations
 from tripwatt.service.contract import Fields, mark_deprecated, only
 from tripwatt.service.example_requests import UPLOADS
+from tripwatt.service.fleet_operations import FleetOperations
 from tripwatt.service.jobs import Jobs
 from tripwatt.service.journey_schemas import (
     JourneyAdviceRequest,
@@ -206,7 +207,11 @@ class Api:
             lifespan=self._lifespan,
         )
         add_handlers(self.app)
-        add_operations(self.app, (self, self.live, self.cars), with_token=bool(settings.token))
+        add_operations(
+            self.app,
+            (self, FleetOperations(self.answering), self.live, self.cars),
+            with_token=bool(settings.token),
+        )
         add_page(self.app)
 
     @asynccontextmanager

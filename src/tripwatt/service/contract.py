@@ -54,7 +54,7 @@ def known_parameters(handler: Callable[..., Any], path: str) -> list[Depends]:
     if any(isinstance(types[name], type) and issubclass(types[name], BaseModel) for name in names):
         return []
 
-    def check(request: Request) -> None:
+    async def check(request: Request) -> None:  # a plain function would run in another thread
         raise_faults(
             Fault("unknown parameter", f"query.{name[:80]}", fix=did_you_mean(name, names))
             for name in request.query_params

@@ -63,6 +63,21 @@ EXAMPLES: Final[Mapping[str, Mapping[str, Any]]] = {
     "DifferenceRequest": {
         "warmer": {"one": {**PLANNED_REQUEST, "cabin_setpoint_degc": 18.0}, "other": PLANNED_REQUEST}
     },
+    "NightRequest": {
+        "tomorrow": {
+            "trips": [
+                {
+                    "vehicle_id": "V17",
+                    "vehicle": "nissan_leaf_40",
+                    "departs_at": "2027-02-01T07:30:00+01:00",
+                    "distance_km": 60.0,
+                    "soc": 0.4,
+                    "ambient_temperature_degc": -5.0,
+                }
+            ],
+            "begins_at": "2027-01-31T18:00:00+01:00",
+        }
+    },
     "ReachRequest": {"a start": {"start": {"latitude_deg": 47.141, "longitude_deg": 9.5209}, "soc": 0.2}},
     "VehicleFigures": {
         "compact car": {

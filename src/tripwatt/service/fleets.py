@@ -1,15 +1,32 @@
-"""Models of fleets: a registry whose version in use is followed, and the model of one of its vehicles."""
+"""Models of fleets: a registry whose version in use is followed, the model of one of its vehicles, and what its planned trips need."""
 
 from __future__ import annotations
 
+import datetime as dt
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
-from tripwatt.errors import InvalidInput, places_named
+from pydantic import AwareDatetime, Field
+
+from tripwatt.advice.preheating import PLUG_W
+from tripwatt.errors import Check, InvalidInput, places_named, places_within
 from tripwatt.fleet.model import COLD_DEGC, FleetModel
 from tripwatt.fleet.registry import FollowedModel, Registry
 from tripwatt.forecasting import ForecastModel, load_metadata
+from tripwatt.journey.nights import QUANTILE, PlannedTrip, needs_by_hour, night_document
+from tripwatt.routes import plan_from_route
+from tripwatt.service.schemas import (
+    DepartureRequest,
+    Links,
+    ResponseModel,
+    StrictModel,
+    departure_of,
+    parse_links,
+    reserved,
+)
+from tripwatt.service.settings import Limits
 from tripwatt.vehicles import load_vehicle
 
 
@@ -59,3 +76,100 @@ def vehicle_model(fleet: FleetModel, document: Mapping[str, Any]) -> ForecastMod
     cold = ambient < COLD_DEGC if isinstance(ambient, int | float) else None
     with places_named({"car_model": "vehicle"}):
         return fleet.of_vehicle(vehicle_id, car_model=vehicle, driver=driver, cold=cold)
+
+
+class PlannedTripRequest(DepartureRequest):
+    """A trip that a vehicle of a fleet is to drive: its distance and kind of road, or its `links`; `soc` is the charge now."""
+
+    vehicle_id: str = Field(min_length=1, max_length=100)
+    trip: str = Field("trip", min_length=1, max_length=100)
+    departs_at: AwareDatetime = Field(strict=False)
+    """with its time zone"""
+    distance_km: float | None = Field(None, ge=0.5, le=2000.0)
+    kind: Literal["city", "country", "motorway", "mixed"] = "mixed"
+    """kind of road of a distance; mixed: nothing is known of it"""
+    links: Links | None = None
+    vehicle: str | None = Field(None, max_length=100)
+    """one of /v1/vehicles, for a vehicle without trips"""
+    driver: str | None = Field(None, max_length=100)
+    """who drives"""
+
+    def planned(self, number: int, limits: Limits) -> PlannedTrip:
+        """The trip, the `number`-th of its request."""
+        where = f"trips[{number}]."
+        with places_within(where):
+            if (self.distance_km is None) == (self.links is None):
+                got = "neither" if self.links is None else "both"
+                raise InvalidInput.of("one of them is needed", "distance_km, links", got, "one of the two")
+            road = self.distance_km or plan_from_route(parse_links(self.links, None, limits))
+        known = departure_of(self)
+        soc = float("nan") if known.soc is None else known.soc
+        known, named = replace(known, soc=None), (self.vehicle, self.driver)
+        return PlannedTrip(
+            self.trip, self.vehicle_id, self.departs_at, road, self.kind, known, soc, *named, where
+        )
+
+
+class NightRequest(StrictModel):
+    """The planned trips of a fleet, such as those of tomorrow."""
+
+    model: str | None = Field(None, max_length=100)
+    """a fleet of /v1/models; default: the first one"""
+    trips: list[PlannedTripRequest] = Field(min_length=1, max_length=500)
+    quantile: float = Field(QUANTILE, ge=0.5, lt=1.0)
+    """probability with which the energy of a trip suffices"""
+    reserve: float = reserved(0.0)
+    plug_w: float = Field(PLUG_W, gt=0.0, le=400_000.0)
+    """power of a charger [W]"""
+    begins_at: AwareDatetime | None = Field(None, strict=False)
+    """when charging may begin; default: now"""
+
+
+class HourNeed(ResponseModel):
+    """What the trips of a vehicle need that depart in one hour."""
+
+    vehicle_id: str
+    car_model: str
+    departs_at: str
+    """departure of the first trip"""
+    arrives_at: str
+    """arrival of the last trip"""
+    trips: int
+    distance_m: float
+    energy_wh: float | None
+    """median [Wh]"""
+    energy_quantile_wh: float | None
+    """not exceeded with the probability `quantile` [Wh]"""
+    soc_needed: float | None
+    """displayed charge to leave with for this hour and the later ones, without charging in between; above 1: more than a full battery"""
+    soc: float | None
+    """displayed charge now"""
+    charge_wh: float | None
+    """to be charged for this hour beyond what the hours before need [Wh]; null where the charge now is not known"""
+
+
+class NightResponse(ResponseModel):
+    """What the planned trips of a fleet need, by vehicle and hour of departure."""
+
+    needs: list[HourNeed]
+    emhass: dict[str, Any]
+    """payload of EMHASS's action naive-mpc-optim: a load for each hour of a vehicle with something to charge, in the order of its `vehicles`"""
+    evcc: list[str]
+    """paths to post to evcc: the plan of each vehicle"""
+
+
+def night(fleets: Mapping[str, FollowedModel], request: NightRequest, limits: Limits) -> dict[str, Any]:
+    """The response to a `NightRequest`.
+
+    Raises
+    ------
+    InvalidInput
+        When there is no such fleet, or a trip cannot be forecast.
+    """
+    name = request.model or next(iter(fleets), "")
+    if name not in fleets:
+        raise InvalidInput.of("no fleet", "model", name or "none", ", ".join(fleets) or "serve a registry")
+    with Check() as check:
+        trips = [check(trip.planned, number, limits) for number, trip in enumerate(request.trips)]
+    needs = needs_by_hour(fleets[name].get(), trips, quantile=request.quantile, reserve=request.reserve)
+    return night_document(needs, request.begins_at or dt.datetime.now(dt.UTC), request.plug_w)

@@ -30,7 +30,7 @@ from tripwatt.population.cars import for_car
 from tripwatt.routes import plan_from_route
 from tripwatt.service.car_jobs import CarJobs
 from tripwatt.service.car_schemas import LogsRequest, NewCarRequest
-from tripwatt.service.fleets import followed, is_registry, model_summary, vehicle_model
+from tripwatt.service.fleets import NightRequest, followed, is_registry, model_summary, night, vehicle_model
 from tripwatt.service.journey_schemas import (
     JourneyAdviceRequest,
     JourneyDifferenceRequest,
@@ -443,6 +443,9 @@ JOB_KINDS: Final[Mapping[str, Callable[[Jobs, Mapping[str, Any], bytes], dict[st
     "difference": lambda jobs, job, body: jobs.difference(body),
     "advice": lambda jobs, job, body: jobs.advice(body),
     "need": lambda jobs, job, body: jobs.need(body, job),
+    "night": lambda jobs, job, body: night(
+        jobs.fleets, check_request(parse_json(body), NightRequest), jobs.limits
+    ),
     "update": lambda jobs, job, body: jobs.update(body),
     "route": lambda jobs, job, body: read_route(body, job["speed_m_s"], jobs.limits),
     "plan": lambda jobs, job, body: jobs.plan(body),
@@ -465,6 +468,9 @@ JOB_KINDS: Final[Mapping[str, Callable[[Jobs, Mapping[str, Any], bytes], dict[st
     "new car": lambda jobs, job, body: jobs.new_car(body),
     "forget car": lambda jobs, job, body: jobs.cars.forget(job["car"]),
     "car token": lambda jobs, job, body: jobs.cars.token(job["car"]),
+    "store": lambda jobs, job, body: jobs.cars.store(
+        job["car"], job["upload"], job["file"], body, jobs.limits.car_bytes
+    ),
     "logs": lambda jobs, job, body: jobs.cars.logs(job["car"], job["upload"], logs_request(body)),
     "learn finished": lambda jobs, job, body: jobs.cars.learn_finished(job["car"]),
     "learn": lambda jobs, job, body: jobs.cars.learn(job["car"], job["upload"], logs_request(body)),

@@ -263,7 +263,7 @@ class _RequestHandling:
         if self.scope["state"].get("deprecated"):
             headers["Deprecation"] = DEPRECATED_SINCE
         for name, value in SECURITY_HEADERS.items():
-            headers[name] = value
+            headers.setdefault(name, value)
         headers.setdefault("Cache-Control", "no-store")
 
     def _log(self, error: str) -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -105,25 +106,22 @@ class DeltaFolder:
 
     def create(self, schema: pa.Schema, partition_by: list[str], name: str, about: Mapping[str, Any]) -> None:
         """Make the table where there is none."""
-        deltalake = require_deltalake()
         try:
-            deltalake.DeltaTable.create(
-                self.place,
-                schema,
-                mode="error",
-                partition_by=partition_by,
-                name=name,
-                description=json.dumps(dict(about)),
-                configuration={
-                    "delta.dataSkippingStatsColumns": "batch"
-                },  # bounds of others would outlive a vehicle
-                storage_options=dict(self.options),
-            )
-        except deltalake.exceptions.DeltaError as error:
-            if not self.exists():
-                raise InvalidInput(_unusable(self.place, error)) from error
-        except OSError as error:
-            raise InvalidInput(_unusable(self.place, error)) from error
+            with _usable(self.place) as deltalake:
+                deltalake.DeltaTable.create(
+                    self.place,
+                    schema,
+                    mode="error",
+                    partition_by=partition_by,
+                    name=name,
+                    description=json.dumps(dict(about)),
+                    # bounds of other columns would outlive a vehicle
+                    configuration={"delta.dataSkippingStatsColumns": "batch"},
+                    storage_options=dict(self.options),
+                )
+        except InvalidInput:
+            if not self.exists():  # else another process made it meanwhile
+                raise
 
     def exists(self) -> bool:
         """Whether there is a Delta table."""
@@ -137,14 +135,12 @@ class DeltaFolder:
         InvalidInput
             When there is no table, or it cannot be read.
         """
-        deltalake = require_deltalake()
-        try:
-            return deltalake.DeltaTable(self.place, storage_options=dict(self.options))
-        except deltalake.exceptions.TableNotFoundError as error:
-            fix = "make one with `tripwatt store create`"
-            raise InvalidInput.of("no trip store", self.place, "", "two Delta tables", fix) from error
-        except (deltalake.exceptions.DeltaError, OSError) as error:
-            raise InvalidInput(_unusable(self.place, error)) from error
+        with _usable(self.place) as deltalake:
+            try:
+                return deltalake.DeltaTable(self.place, storage_options=dict(self.options))
+            except deltalake.exceptions.TableNotFoundError as error:
+                fix = "make one with `tripwatt store create`"
+                raise InvalidInput.of("no trip store", self.place, "", "two Delta tables", fix) from error
 
     def about(self) -> dict[str, Any]:
         """What was written at its creation."""
@@ -190,15 +186,15 @@ class DeltaFolder:
         raise InvalidInput(_busy(self.place))
 
     def _write(self, table: Any, rows: pa.Table, *, tries: int) -> None:
-        deltalake = require_deltalake()
-        deltalake.write_deltalake(
-            table,
-            rows,
-            mode="append",
-            target_file_size=ONE_FILE,
-            writer_properties=_writing(),
-            commit_properties=deltalake.CommitProperties(max_commit_retries=tries),
-        )
+        with _usable(self.place) as deltalake:
+            deltalake.write_deltalake(
+                table,
+                rows,
+                mode="append",
+                target_file_size=ONE_FILE,
+                writer_properties=_writing(),
+                commit_properties=deltalake.CommitProperties(max_commit_retries=tries),
+            )
 
     def delete(self, predicate: str) -> int:
         """Delete rows by an SQL predicate; tried again when another writer was first.
@@ -223,7 +219,7 @@ class DeltaFolder:
         return {name: metrics[name] for name in ("numFilesAdded", "numFilesRemoved")}
 
     def try_to_compact(self, target_size: int) -> bool:
-        """Merge small data files as `compact` does, unless another writer changes them meanwhile.
+        """Merge small data files as `compact` does, unless another writer changes them meanwhile or the disk is full.
 
         Returns
         -------
@@ -232,7 +228,7 @@ class DeltaFolder:
         """
         try:
             self.open().optimize.compact(target_size=target_size, writer_properties=_writing())
-        except require_deltalake().exceptions.CommitFailedError:
+        except (require_deltalake().exceptions.DeltaError, OSError):
             return False
         return True
 
@@ -240,7 +236,8 @@ class DeltaFolder:
         failed = require_deltalake().exceptions.CommitFailedError
         for _ in range(MOST_TRIES):
             try:
-                return action(self.open())
+                with _usable(self.place):
+                    return action(self.open())
             except failed:
                 continue
         raise InvalidInput(_busy(self.place))
@@ -253,9 +250,10 @@ class DeltaFolder:
         int
             Files that were removed.
         """
-        removed = self.open().vacuum(
-            retention_hours=hours, dry_run=False, enforce_retention_duration=False, full=False
-        )
+        with _usable(self.place):
+            removed = self.open().vacuum(
+                retention_hours=hours, dry_run=False, enforce_retention_duration=False, full=False
+            )
         return len(removed)
 
     def read(self, columns: list[str], where: Any = None) -> pa.Table:
@@ -300,11 +298,21 @@ def _writing() -> Any:
     return require_deltalake().WriterProperties(compression="ZSTD", max_row_group_size=ROW_GROUP)
 
 
-def _unusable(place: str, error: Exception) -> Fault:
-    got = (str(error).splitlines() or [type(error).__name__])[0][:200]
-    return Fault(
-        "trip store cannot be used", place, got, "a folder or an object store that can be read and written"
-    )
+@contextmanager
+def _usable(place: str) -> Iterator[Any]:
+    """The package `deltalake`; raises `InvalidInput` for a table that cannot be used, such as on a full disk.
+
+    That another writer was first is passed on.
+    """
+    deltalake = require_deltalake()
+    try:
+        yield deltalake
+    except deltalake.exceptions.CommitFailedError:
+        raise
+    except (deltalake.exceptions.DeltaError, OSError) as error:
+        got = (str(error).splitlines() or [type(error).__name__])[0][:200]
+        allowed = "a folder or an object store that can be read and written"
+        raise InvalidInput.of("trip store cannot be used", place, got, allowed) from error
 
 
 def _busy(place: str) -> Fault:

@@ -386,6 +386,38 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/v1/fleet/needs": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        post: operations["fleet_needs"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/fleet/report/{file}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get: operations["get_fleet_report"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/v1/telemetry": {
         parameters: {
             query?: never;
@@ -972,6 +1004,19 @@ export interface components {
             status: string;
             workers: number;
         };
+        HourNeed: {
+            vehicle_id: string;
+            car_model: string;
+            departs_at: string;
+            arrives_at: string;
+            trips: number;
+            distance_m: number;
+            energy_wh: number | null;
+            energy_quantile_wh: number | null;
+            soc_needed: number | null;
+            soc: number | null;
+            charge_wh: number | null;
+        };
         JourneyAdviceRequest: {
             model?: string | null;
             vehicle?: string | null;
@@ -1171,6 +1216,7 @@ export interface components {
             vehicle: string;
             seconds_since_message: number | null;
             messages: components["schemas"]["LiveMessages"];
+            held: number;
             soc: number | null;
             soc_source: ("soc" | "bms_soc") | null;
             trip: components["schemas"]["LiveTripDocument"] | null;
@@ -1301,6 +1347,21 @@ export interface components {
             p_reach: number;
             more_s: number;
         };
+        NightRequest: {
+            model?: string | null;
+            trips: components["schemas"]["PlannedTripRequest"][];
+            quantile?: number;
+            reserve?: number | null;
+            plug_w?: number;
+            begins_at?: string | null;
+        };
+        NightResponse: {
+            needs: components["schemas"]["HourNeed"][];
+            emhass: {
+                [key: string]: unknown;
+            };
+            evcc: string[];
+        };
         PaceDocument: {
             front: components["schemas"]["PaceRow"][];
             knee: components["schemas"]["PaceSpeeds"];
@@ -1396,6 +1457,32 @@ export interface components {
             roads: components["schemas"]["RoadDocument"][];
             flags: components["schemas"]["FlagDocument"][];
             attribution: string;
+        };
+        PlannedTripRequest: {
+            soc?: number | null;
+            ambient_temperature_degc?: number | null;
+            cabin_setpoint_degc?: number | null;
+            cabin_temperature_degc?: number | null;
+            battery_temperature_degc?: number | null;
+            payload_mass_kg?: number | null;
+            climate?: ("auto" | "off" | "heat" | "cool") | null;
+            extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights" | "heated_seats")[] | null;
+            terrain?: ("unknown" | "flat" | "hilly" | "mountains") | null;
+            wind_speed_m_s?: number | null;
+            wind_from_deg?: number | null;
+            rain_mm_h?: number | null;
+            pressure_pa?: number | null;
+            tyre_pressure?: number | null;
+            vehicle_id: string;
+            trip?: string;
+            /** Format: date-time */
+            departs_at: string;
+            distance_km?: number | null;
+            /** @enum {string} */
+            kind?: "city" | "country" | "motorway" | "mixed";
+            links?: components["schemas"]["Link"][] | null;
+            vehicle?: string | null;
+            driver?: string | null;
         };
         PolygonDocument: {
             /** @constant */
@@ -1549,13 +1636,13 @@ export interface components {
             [key: string]: unknown;
         };
         TelemetryResponse: {
-            /** @constant */
-            status: "ok";
+            /** @enum {string} */
+            status: "ok" | "held";
             car: string;
             /** @deprecated */
             vehicle: string;
             /** @enum {string} */
-            arrival: "new" | "doubled" | "late";
+            arrival: "new" | "doubled" | "held";
             ignored: components["schemas"]["ProblemFault"][];
         };
         TerrainDocument: {
@@ -1740,6 +1827,7 @@ export type ForecastRequest = components['schemas']['ForecastRequest'];
 export type ForecastResponse = components['schemas']['ForecastResponse'];
 export type Forgotten = components['schemas']['Forgotten'];
 export type HealthResponse = components['schemas']['HealthResponse'];
+export type HourNeed = components['schemas']['HourNeed'];
 export type JourneyAdviceRequest = components['schemas']['JourneyAdviceRequest'];
 export type JourneyDifferenceRequest = components['schemas']['JourneyDifferenceRequest'];
 export type KeptSpeed = components['schemas']['KeptSpeed'];
@@ -1771,6 +1859,8 @@ export type NeedAnswer = components['schemas']['NeedAnswer'];
 export type NeedResponse = components['schemas']['NeedResponse'];
 export type NewCarRequest = components['schemas']['NewCarRequest'];
 export type NextStationDocument = components['schemas']['NextStationDocument'];
+export type NightRequest = components['schemas']['NightRequest'];
+export type NightResponse = components['schemas']['NightResponse'];
 export type PaceDocument = components['schemas']['PaceDocument'];
 export type PaceRow = components['schemas']['PaceRow'];
 export type PaceSpeeds = components['schemas']['PaceSpeeds'];
@@ -1780,6 +1870,7 @@ export type PlaceRequest = components['schemas']['PlaceRequest'];
 export type PlacesResponse = components['schemas']['PlacesResponse'];
 export type PlanRequest = components['schemas']['PlanRequest'];
 export type PlanResponse = components['schemas']['PlanResponse'];
+export type PlannedTripRequest = components['schemas']['PlannedTripRequest'];
 export type PolygonDocument = components['schemas']['PolygonDocument'];
 export type PreheatDocument = components['schemas']['PreheatDocument'];
 export type ProblemDocument = components['schemas']['ProblemDocument'];
@@ -1814,7 +1905,7 @@ export interface operations {
     forecast: {
         parameters: {
             query?: {
-                fields?: string | null;
+                fields?: string;
             };
             header?: never;
             path?: never;
@@ -1839,7 +1930,7 @@ export interface operations {
     update: {
         parameters: {
             query?: {
-                fields?: string | null;
+                fields?: string;
             };
             header?: never;
             path?: never;
@@ -1910,7 +2001,7 @@ export interface operations {
     batch: {
         parameters: {
             query?: {
-                fields?: string | null;
+                fields?: string;
             };
             header?: never;
             path?: never;
@@ -1935,7 +2026,7 @@ export interface operations {
     route: {
         parameters: {
             query?: {
-                speed_m_s?: number | null;
+                speed_m_s?: number;
             };
             header?: never;
             path?: never;
@@ -1967,7 +2058,7 @@ export interface operations {
     plan: {
         parameters: {
             query?: {
-                fields?: string | null;
+                fields?: string;
             };
             header?: never;
             path?: never;
@@ -1992,7 +2083,7 @@ export interface operations {
     plan_alias: {
         parameters: {
             query?: {
-                fields?: string | null;
+                fields?: string;
             };
             header?: never;
             path?: never;
@@ -2086,29 +2177,29 @@ export interface operations {
     get_need: {
         parameters: {
             query?: {
-                soc?: number | null;
-                ambient_temperature_degc?: number | null;
-                cabin_setpoint_degc?: number | null;
-                cabin_temperature_degc?: number | null;
-                battery_temperature_degc?: number | null;
-                payload_mass_kg?: number | null;
-                departure_utc?: string | null;
-                climate?: ("auto" | "off" | "heat" | "cool") | null;
-                extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights" | "heated_seats")[] | null;
-                terrain?: ("unknown" | "flat" | "hilly" | "mountains") | null;
-                wind_speed_m_s?: number | null;
-                wind_from_deg?: number | null;
-                rain_mm_h?: number | null;
-                pressure_pa?: number | null;
-                tyre_pressure?: number | null;
+                soc?: number;
+                ambient_temperature_degc?: number;
+                cabin_setpoint_degc?: number;
+                cabin_temperature_degc?: number;
+                battery_temperature_degc?: number;
+                payload_mass_kg?: number;
+                departure_utc?: string;
+                climate?: "auto" | "off" | "heat" | "cool";
+                extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights" | "heated_seats")[];
+                terrain?: "unknown" | "flat" | "hilly" | "mountains";
+                wind_speed_m_s?: number;
+                wind_from_deg?: number;
+                rain_mm_h?: number;
+                pressure_pa?: number;
+                tyre_pressure?: number;
                 kind?: "city" | "country" | "motorway" | "mixed";
-                model?: string | null;
-                vehicle?: string | null;
-                car?: string | null;
-                vehicle_figures?: string | null;
-                reserve?: number | null;
-                distance_km?: number | null;
-                trip?: string | null;
+                model?: string;
+                vehicle?: string;
+                car?: string;
+                vehicle_figures?: string;
+                reserve?: number;
+                distance_km?: number;
+                trip?: string;
                 quantile?: number;
                 trips?: number;
                 probability?: number;
@@ -2133,27 +2224,27 @@ export interface operations {
     get_range: {
         parameters: {
             query?: {
-                soc?: number | null;
-                ambient_temperature_degc?: number | null;
-                cabin_setpoint_degc?: number | null;
-                cabin_temperature_degc?: number | null;
-                battery_temperature_degc?: number | null;
-                payload_mass_kg?: number | null;
-                departure_utc?: string | null;
-                climate?: ("auto" | "off" | "heat" | "cool") | null;
-                extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights" | "heated_seats")[] | null;
-                terrain?: ("unknown" | "flat" | "hilly" | "mountains") | null;
-                wind_speed_m_s?: number | null;
-                wind_from_deg?: number | null;
-                rain_mm_h?: number | null;
-                pressure_pa?: number | null;
-                tyre_pressure?: number | null;
+                soc?: number;
+                ambient_temperature_degc?: number;
+                cabin_setpoint_degc?: number;
+                cabin_temperature_degc?: number;
+                battery_temperature_degc?: number;
+                payload_mass_kg?: number;
+                departure_utc?: string;
+                climate?: "auto" | "off" | "heat" | "cool";
+                extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights" | "heated_seats")[];
+                terrain?: "unknown" | "flat" | "hilly" | "mountains";
+                wind_speed_m_s?: number;
+                wind_from_deg?: number;
+                rain_mm_h?: number;
+                pressure_pa?: number;
+                tyre_pressure?: number;
                 kind?: "city" | "country" | "motorway" | "mixed";
-                model?: string | null;
-                vehicle?: string | null;
-                car?: string | null;
-                vehicle_figures?: string | null;
-                reserve?: number | null;
+                model?: string;
+                vehicle?: string;
+                car?: string;
+                vehicle_figures?: string;
+                reserve?: number;
             };
             header?: never;
             path?: never;
@@ -2282,7 +2373,7 @@ export interface operations {
     get_vehicles: {
         parameters: {
             query?: {
-                search?: string | null;
+                search?: string;
             };
             header?: never;
             path?: never;
@@ -2420,10 +2511,59 @@ export interface operations {
             };
         };
     };
+    fleet_needs: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["NightRequest"];
+            };
+        };
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["NightResponse"];
+                };
+            };
+        };
+    };
+    get_fleet_report: {
+        parameters: {
+            query?: {
+                model?: string;
+            };
+            header?: never;
+            path: {
+                file: "report.html" | "report.json" | "changes.csv" | "vehicles.csv" | "drivers.csv" | "needs.csv" | "routes.csv" | "emhass.json" | "evcc.txt";
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "text/html": string;
+                    "application/json": unknown;
+                    "text/csv": string;
+                    "text/plain": string;
+                };
+            };
+        };
+    };
     telemetry: {
         parameters: {
             query?: {
-                token?: string | null;
+                token?: string;
             };
             header?: never;
             path?: never;

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import json
-import os
-import shutil
+import sqlite3
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,6 +11,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from tripwatt.errors import Fault, InvalidInput, raise_faults
+from tripwatt.files import read_text_file, replace_folder
 from tripwatt.routes.maps.elevation import Elevation, needed, tile_name
 from tripwatt.routes.maps.engine import build_tiles, require_valhalla, router_in_process
 from tripwatt.routes.maps.extract import Named, read_objects
@@ -21,6 +21,7 @@ from tripwatt.routes.routers.valhalla import ValhallaRouter
 INFO_NAME: Final = "map.json"
 INDEX_NAME: Final = "places.sqlite"
 FORMAT: Final = 2
+MOST_INFO_BYTES: Final = 1 << 20
 ATTRIBUTION: Final = "© OpenStreetMap contributors, ODbL 1.0"
 """What has to be shown wherever a map, a road or a place of an extract is."""
 
@@ -78,15 +79,23 @@ def open_map(folder: Path | str) -> MapFolder:
     """
     folder = Path(folder)
     try:
-        info = json.loads((folder / INFO_NAME).read_text("utf-8"))
-    except (OSError, ValueError) as error:
+        info = json.loads(read_text_file(folder / INFO_NAME, MOST_INFO_BYTES))
+    except (InvalidInput, ValueError, RecursionError) as error:
         fix = "build one with tripwatt map build REGION.osm.pbf"
-        got, allowed = type(error).__name__, "a folder with a map"
+        got = error.faults[0].got if isinstance(error, InvalidInput) else type(error).__name__
+        allowed = "a folder with a map"
         raise InvalidInput.of("no map", str(folder), got, allowed, fix) from error
     if not isinstance(info, dict) or info.get("format") != FORMAT:
         got = f"format {info.get('format')!r}" if isinstance(info, dict) else "no object"
         fix = "build the map again with tripwatt map build"
         raise InvalidInput.of("map of another release", str(folder), got[:60], f"format {FORMAT}", fix)
+    bounds, limits = info.get("bounds_deg"), (90.0, 180.0, 90.0, 180.0)
+    try:
+        sound = bounds is None or all(abs(at) <= most for at, most in zip(bounds, limits, strict=True))
+    except (TypeError, ValueError):
+        sound = False
+    if not (sound and isinstance(info.get("extract"), str) and isinstance(info.get("terrain"), dict)):
+        raise InvalidInput.of("no map", str(folder / INFO_NAME), "damaged facts", "a folder with a map")
     return MapFolder(folder, info)
 
 
@@ -95,6 +104,7 @@ def build_map(
     folder: Path | str,
     *,
     elevation: Path | str | None = None,
+    attribution: str = ATTRIBUTION,
     progress: Callable[[str], object] = lambda step: None,
 ) -> MapFolder:
     """Build a map of an OpenStreetMap extract. The folder is complete or not there.
@@ -108,6 +118,8 @@ def build_map(
     elevation : path, optional
         Folder with elevation tiles, in it or in folders below: of SRTM (`N47E009.hgt`, also `.hgt.gz` or in a `.zip`), or GeoTIFF with
         the extra `tripwatt[elevation]`. Those that the map needs are taken.
+    attribution : str
+        What has to be shown with the map; that of an extract of OpenStreetMap by default.
     progress : callable
         Called with the name of each step.
 
@@ -119,10 +131,8 @@ def build_map(
     extract, folder = Path(extract), Path(folder)
     require_valhalla()
     heights = _require_paths(extract, folder, elevation)
-    work = folder.with_name(folder.name + ".unfinished")
-    shutil.rmtree(work, ignore_errors=True)
-    work.mkdir(parents=True)
-    try:
+
+    def write(work: Path) -> None:
         progress("places")
         objects = read_objects(extract, settlements_only=True)
         places = [place for place in objects if isinstance(place, Named)]
@@ -139,17 +149,19 @@ def build_map(
             "format": FORMAT,
             "extract": extract.name,
             "extract_bytes": extract.stat().st_size,
-            "attribution": ATTRIBUTION,
+            "attribution": attribution,
             "bounds_deg": bounds,
             "terrain": terrain,
             **counts,
         }
         (work / INFO_NAME).write_text(json.dumps(info, indent=1) + "\n", "utf-8")
-        shutil.rmtree(folder, ignore_errors=True)
-        os.replace(work, folder)
-    finally:
-        shutil.rmtree(work, ignore_errors=True)
-    return MapFolder(folder, info)
+
+    try:
+        replace_folder(folder, write)
+    except (OSError, sqlite3.Error) as error:  # a full disk is an error of either
+        got = f"{getattr(error, 'strerror', None) or error}"
+        raise InvalidInput.of("cannot write the map", f"{folder}", got, "a writable folder") from error
+    return open_map(folder)
 
 
 def _require_paths(extract: Path, folder: Path, elevation: Path | str | None) -> Elevation | None:

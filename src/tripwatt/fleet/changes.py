@@ -1,0 +1,330 @@
+"""Vehicles that changed: since when, by how much and by which cause, by what their trips show beside those of their car model.
+
+The energy of a vehicle's trips is that of its car model and drivers plus deviations of its own, which are normal with the scales of the
+fleet. A change multiplies the energy of one cause from one day on. For every day and cause the change is estimated beside the
+deviations (generalised least squares), from sums over the trips after that day, so the work is linear in the trips. The same is done for the displayed
+charge that trips take, which shows a change of the battery or of its display. Trips far off count less (Huber 1964). What vehicles have
+in common in a month, such as winter tyres, is taken out first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+import pandas as pd
+
+from tripwatt.arrays import BoolArray, FloatArray
+from tripwatt.fleet.features import FEATURES, SCALES, WARM_DEGC
+from tripwatt.fleet.statistics import TripRows
+from tripwatt.hybrid.groups import GroupPosterior, Scales, Sums, fit_scales, group_posterior
+
+CAUSES: Final[Mapping[str, tuple[str, ...]]] = {
+    "road load": ("rolling", "air"),
+    "climate": ("climate",),
+    "base load": ("base_load",),
+}
+"""What may change the consumption of a vehicle -> causes of the simulation that it multiplies."""
+
+BATTERY: Final = "battery energy per displayed percent"
+
+FALSE_CHANGES: Final = 0.05
+"""Chance that a fleet without a change has one listed, for normal errors; shared by all vehicles, days and causes (Bonferroni)."""
+
+LEAST_CHANGE: Final = 0.02
+"""Smaller changes are not listed, however sure they are."""
+
+LEAST_TRIPS: Final = 8
+"""Trips before and after a change."""
+
+MOST_CHANGES: Final = 3
+"""Of one vehicle and quantity."""
+
+USUAL_CHANGE: Final = 0.08
+"""Standard deviation of a change, as a share of the consumption, before any trip: what makes causes and days comparable."""
+
+HUBER: Final = 2.0
+READING: Final = 0.003
+"""Usual standard deviation of the difference of two readings of a display [1]; the level is estimated."""
+
+DISPLAY: Final = Scales(((0.05, 0.03), (0.05, 0.01)), 1.0, (0, 1, 1, 1), 0.3)
+"""Usual scales of the displayed charge that an energy takes, of car models and vehicles: its level apart from what cold, years and
+the level of the charge do to it."""
+
+SISTERS: Final = 5
+"""Vehicles of a car model from which on what they have in common in a month is no change of each of them."""
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """Trips of one vehicle in the order of time: what was measured beside what was expected, and what may explain it.
+
+    Attributes
+    ----------
+    vehicle_id, car_model : str
+    day : ndarray of datetime64[D], shape (trips,)
+    y, variance : ndarray, shape (trips,)
+        What the expectation leaves, and its usual variance.
+    X : ndarray, shape (trips, terms)
+        Terms of the vehicle's own deviations.
+    prior : ndarray, shape (terms,)
+        Their prior variances.
+    causes : mapping of str to ndarray, shape (terms,)
+        Weights whose rise by 1 is a rise of the cause by all of itself.
+    total : float
+        Sum of what is expected of all trips, of which changes are shares.
+    """
+
+    vehicle_id: str
+    car_model: str
+    day: Any
+    y: FloatArray
+    variance: FloatArray
+    X: FloatArray
+    prior: FloatArray
+    causes: Mapping[str, FloatArray]
+    total: float
+
+
+def changes(posterior: GroupPosterior, rows: TripRows) -> pd.DataFrame:
+    """Every change of every vehicle that is beyond chance and at least `LEAST_CHANGE`. O(trips).
+
+    Parameters
+    ----------
+    posterior : GroupPosterior
+        Of the fleet.
+    rows : TripRows
+        Those without a time of departure are left out.
+
+    Returns
+    -------
+    DataFrame
+        One row a change, the largest first: `vehicle_id`, `car_model`, `cause`, `probability` [1] that the cause is the right one of its
+        quantity, `since` (first day), `from_day` and `to_day` (95 % interval of it), `change` [1] as a share of the consumption, or of the
+        energy per displayed percent, with its standard deviation `sd`, `z`, and the trips `before` and `after`.
+    """
+    series = list(series_of(posterior, rows))
+    tests = sum(max(len(s.y) - 2 * LEAST_TRIPS, 0) * len(s.causes) for s in series)
+    listed = [row for s in series for row in changes_of(s, FALSE_CHANGES / max(tests, 1))]
+    columns = ["vehicle_id", "car_model", "cause", "probability", "since", "from_day", "to_day", "change", "sd", "z",
+               "before", "after"]  # fmt: skip
+    table = pd.DataFrame(listed, columns=columns)
+    return table.sort_values("change", key=np.abs, ascending=False, ignore_index=True)
+
+
+def series_of(posterior: GroupPosterior, rows: TripRows) -> Iterator[Series]:
+    """Series of the energy of each vehicle, and of the displayed charge where it was logged."""
+    order, day = rows.in_time
+    if not len(order):
+        return
+    rows, day = rows.take(order, sort=False), day[order]
+    X, observed = rows.X, rows.numbers("observed_wh")
+    causes = {name: np.isin(FEATURES, parts) / SCALES for name, parts in CAUSES.items()}
+    amounts = rows.numbers("simulated_wh"), rows.residual_wh, rows.numbers("variance_wh2")
+    trips = rows.groups
+    yield from _by_vehicle(posterior, trips, day, X, *amounts, causes)
+
+    start, end = rows.numbers("displayed_start"), rows.numbers("displayed_end")
+    read = np.flatnonzero((start - end > 0.0) & (observed > 0.0))
+    if not len(read):
+        return
+    groups = [trips[i][:2] for i in read]
+    ratio = pd.Series(observed[read] / (start - end)[read])
+    share = observed[read] / ratio.groupby([group[0] for group in groups]).transform("median").to_numpy()
+    cold = np.maximum(
+        WARM_DEGC - np.nan_to_num(rows.numbers("ambient_temperature_degc")[read], nan=WARM_DEGC), 0.0
+    )
+    years = (day[read] - day[0]) / np.timedelta64(365, "D")
+    terms = np.column_stack([np.ones(len(read)), cold / WARM_DEGC, years, 0.5 * (start + end)[read] - 0.5])
+    X, y, n = share[:, None] * terms, (start - end)[read] - share, READING**2 + (0.01 * share) ** 2
+    by_group = sorted(range(len(read)), key=lambda i: groups[i])
+    sums = Sums.from_trips([groups[i] for i in by_group], X[by_group], y[by_group], n[by_group])
+    display = group_posterior(sums, fit_scales(sums, DISPLAY))
+    yield from _by_vehicle(display, groups, day[read], X, share, y, n, {BATTERY: np.eye(terms.shape[1])[0]})
+
+
+def _by_vehicle(
+    posterior: GroupPosterior, groups: Sequence[tuple[str, ...]], day: Any, X: FloatArray, expected: FloatArray, residual: FloatArray,
+    variance: FloatArray, causes: Mapping[str, FloatArray],
+) -> list[Series]:  # fmt: skip
+    """Series of trips in the order of time: what the car model and the drivers leave, without what its vehicles share in a month."""
+    names = sorted(set(groups))
+    place = {name: k for k, name in enumerate(names)}
+    code = np.array([place[group] for group in groups])
+    base = np.array([posterior.weights(name[0])[0] for name in names])
+    own = np.array([posterior.weights(*name[:2])[0] for name in names])
+    driver = np.array([posterior.weights(*name)[0] for name in names]) - own
+    known = (X * (base + driver)[code]).sum(axis=1)
+    expected, y = expected + known, residual - known
+    model, vehicle = (np.array([group[k] for group in groups]) for k in (0, 1))
+    relative = (y - (X * (own - base)[code]).sum(axis=1)) / np.maximum(np.abs(expected), 1e-9)
+    y = y - expected * common_of_month(model, vehicle, day, relative)
+    prior = posterior.scales.variances(2)
+    return [
+        Series(
+            str(name),
+            str(model[i[0]]),
+            day[i],
+            y[i],
+            variance[i],
+            X[i],
+            prior,
+            causes,
+            float(expected[i].sum()),
+        )
+        for name, i in pd.Series(vehicle).groupby(vehicle).indices.items()
+    ]
+
+
+def common_of_month(model: Any, vehicle: Any, day: Any, relative: FloatArray) -> FloatArray:
+    """What the vehicles of a car model have in common in the month of each trip, shape (trips,): the median of their medians.
+
+    It is 0 for fewer than `SISTERS` vehicles.
+    """
+    frame = pd.DataFrame(
+        {"model": model, "month": day.astype("datetime64[M]"), "vehicle": vehicle, "r": relative}
+    )
+    medians = frame.groupby(["model", "month", "vehicle"])["r"].median().groupby(["model", "month"])
+    common = medians.median().where(medians.size() >= SISTERS, 0.0).rename("common")
+    return np.asarray(frame.join(common, on=["model", "month"])["common"], dtype=np.float64)
+
+
+def changes_of(series: Series, chance: float) -> Iterator[dict[str, object]]:
+    """Changes of one series, the surest first, each beside those before it.
+
+    Parameters
+    ----------
+    series : Series
+    chance : float
+        Of a test, below which a change is no chance.
+    """
+    from scipy.stats import t as student
+
+    X, prior = series.X, series.prior
+    free = np.append(True, series.day[1:] != series.day[:-1])  # a day's trips stay together
+    for _ in range(MOST_CHANGES):
+        scan = Scan.of(series, X, prior, free)
+        if scan is None:
+            return
+        cause, k, share, sd = scan.best()
+        z = share / sd
+        if 2.0 * student.sf(abs(z), max(len(series.y) - 4, 1)) > chance or abs(share) < LEAST_CHANGE:
+            return
+        probability, since, from_day, to_day = scan.certainty(cause, series.day)
+        yield {
+            "vehicle_id": series.vehicle_id,
+            "car_model": series.car_model,
+            "cause": cause,
+            "probability": probability,
+            "since": f"{since}",
+            "from_day": f"{from_day}",
+            "to_day": f"{to_day}",
+            "change": share,
+            "sd": sd,
+            "z": z,
+            "before": k,
+            "after": len(series.y) - k,
+        }
+        step = (series.X @ series.causes[cause]) * (np.arange(len(series.y)) >= k)
+        X, prior = np.column_stack([X, step]), np.append(prior, 1e2)
+        free &= np.abs(np.arange(len(free)) - k) >= LEAST_TRIPS
+
+
+@dataclass(frozen=True, eq=False)
+class Scan:
+    """Estimates of a change by each cause from each trip on, beside the terms of a vehicle's own.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Causes.
+    first : int
+        Trip of the first column.
+    share, sd : ndarray, shape (causes, places)
+        Estimated change of the total and its standard deviation [1].
+    evidence : ndarray, shape (causes, places)
+        Logarithm of the Bayes factor against no change.
+    """
+
+    names: tuple[str, ...]
+    first: int
+    share: FloatArray
+    sd: FloatArray
+    evidence: FloatArray
+
+    @classmethod
+    def of(cls, series: Series, X: FloatArray, prior: FloatArray, free: BoolArray) -> Scan | None:
+        """All causes and the `free` trips of a series; None where it has too few trips.
+
+        The level of the errors and the weights of trips far off are those beside the likeliest change.
+        """
+        n = len(series.y)
+        if n < 2 * LEAST_TRIPS:
+            return None
+        scan, terms, own = None, X, prior
+        for _ in range(2):
+            scan = cls._weighted(series, X, prior, free, _weights(series, terms, own))
+            cause, k, *_ = scan.best()
+            step = (series.X @ series.causes[cause]) * (np.arange(n) >= k)
+            terms, own = np.column_stack([X, step]), np.append(prior, 1e2)
+        return scan
+
+    @classmethod
+    def _weighted(
+        cls, series: Series, X: FloatArray, prior: FloatArray, free: BoolArray, w: FloatArray
+    ) -> Scan:
+        inverse = np.linalg.inv((X.T * w) @ X + np.diag(1.0 / prior))
+        fit = series.y - X @ (inverse @ (X.T @ (w * series.y)))
+        places = slice(LEAST_TRIPS, len(w) - LEAST_TRIPS + 1)
+        shares, sds = [], []
+        for weights in series.causes.values():
+            z = series.X @ weights
+            both, square, error = (
+                np.cumsum(values[::-1], axis=0)[::-1][places]
+                for values in (X * (w * z)[:, None], w * z * z, w * z * fit)
+            )
+            information = square - np.einsum("kp,pq,kq->k", both, inverse, both)
+            known = free[places] & (information > 1e-9 * np.maximum(square, 1e-30))
+            sds.append(np.where(known, 1.0 / np.sqrt(np.where(known, information, 1.0)), np.inf))
+            shares.append(np.where(known, error / np.where(known, information, 1.0), 0.0))
+        # a rise of a cause by all of itself, as a share of the total
+        unit = np.array([[(series.X @ weights).sum() / series.total] for weights in series.causes.values()])
+        share, sd = np.array(shares) * unit, np.maximum(np.array(sds) * unit, 1e-12)
+        ratio = USUAL_CHANGE**2 / sd**2
+        evidence = 0.5 * (share / sd) ** 2 * ratio / (1.0 + ratio) - 0.5 * np.log1p(ratio)
+        return cls(tuple(series.causes), LEAST_TRIPS, share, sd, evidence)
+
+    def best(self) -> tuple[str, int, float, float]:
+        """The likeliest cause and first trip, with the change and its standard deviation."""
+        c, k = np.unravel_index(int(np.argmax(self.evidence)), self.evidence.shape)
+        return self.names[c], self.first + int(k), float(self.share[c, k]), float(self.sd[c, k])
+
+    def certainty(self, cause: str, day: Any) -> tuple[float, Any, Any, Any]:
+        """Probability of a cause; the likeliest day of its beginning in the likeliest month, and the 95 % interval of the beginning.
+
+        A change may have begun on any day after the trip before the first one that shows it.
+        """
+        probability = np.exp(self.evidence - self.evidence.max())
+        mine = probability[self.names.index(cause)]
+        places = np.arange(self.first, self.first + len(mine))
+        days = np.arange(day[places[0] - 1] + 1, day[places[-1]] + 1)
+        k = np.searchsorted(day, days)
+        density = mine[k - self.first] / (day[k] - day[k - 1]).astype(np.float64)
+        month = days.astype("datetime64[M]").astype(np.int64)
+        of_month = np.bincount(month - month[0], density)
+        since = days[np.argmax(density * (month == month[0] + np.argmax(of_month)))]
+        ends = np.searchsorted(np.cumsum(density) / density.sum(), (0.025, 0.975))
+        return float(mine.sum() / probability.sum()), since, *days[ends]
+
+
+def _weights(series: Series, X: FloatArray, prior: FloatArray) -> FloatArray:
+    """Inverse variances of trips by the median of the errors, less for trips beyond `HUBER` standard deviations."""
+    w = 1.0 / series.variance
+    for _ in range(2):
+        inverse = np.linalg.inv((X.T * w) @ X + np.diag(1.0 / prior))
+        z = np.abs(series.y - X @ (inverse @ (X.T @ (w * series.y)))) / np.sqrt(series.variance)
+        level = 1.4826 * float(np.median(z)) * np.sqrt(len(z) / max(len(z) - len(prior) / 2.0, 1.0)) + 1e-9
+        w = np.minimum(1.0, HUBER / np.maximum(z / level, 1e-9)) / (level**2 * series.variance)
+    return np.asarray(w)
