@@ -1,5 +1,5 @@
 # syntax=docker/dockerfile:1
-# The service in a container: docs/reference/service.md describes how to run it.
+# The service in a container: docs/reference/service.md has how to run it. The add-on of Home Assistant begins with its last stage.
 
 # `make image` pins this to the digest that it resolves to; a release is built by that target alone.
 ARG BASE=python:3.12-slim
@@ -34,7 +34,7 @@ RUN /opt/pip/bin/pip --python /opt/tripwatt/bin/python install --no-cache-dir --
     && find /opt/tripwatt/lib -name '*.so*' -not -path '*.libs/*' -exec strip --strip-unneeded {} + \
     && /opt/tripwatt/bin/python -m compileall -q /opt/tripwatt/lib
 
-FROM ${BASE}
+FROM ${BASE} AS service
 # LightGBM's runtime, and a folder that the user may write to
 # hadolint ignore=DL3008
 RUN apt-get update \
