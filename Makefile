@@ -15,7 +15,7 @@ export MYPY_NUM_WORKERS ?= $(WORKERS)
 PIP_INSTALL = -m pip install --quiet --disable-pip-version-check
 UV = UV_CACHE_DIR=.venv-tools/cache UV_PYTHON_DOWNLOADS=never .venv-tools/bin/uv
 
-.PHONY: types run check check-latest lowest constraints image sbom docs bench peers bars bars-fleet results page browser clean
+.PHONY: types run check check-latest lowest constraints image release docs bench peers bars bars-fleet results page browser add-on hass clean
 
 .venv/.ready: pyproject.toml
 	$(PYTHON) -m venv .venv
@@ -37,6 +37,23 @@ UV = UV_CACHE_DIR=.venv-tools/cache UV_PYTHON_DOWNLOADS=never .venv-tools/bin/uv
 	$(PYTHON) -m venv .venv-bench
 	.venv-bench/bin/python $(PIP_INSTALL) -e ".[dev,bench]"
 	touch $@
+
+# The newest Home Assistant that HASS_PYTHON can run, for the tests of the integration. Its first start installs what it always loads.
+HASS_PYTHON ?= $(shell for python in python3.14 python3.13 $${PYENV_ROOT:-$$HOME/.pyenv}/versions/3.1[3-9]*/bin/python; do \
+	$$python -c 'import sys; sys.exit(sys.version_info < (3, 13))' 2>/dev/null && echo $$python && break; done)
+
+.venv-hass/.ready: .venv-tools/.ready
+	test -n "$(HASS_PYTHON)"
+	$(HASS_PYTHON) -m venv --clear .venv-hass
+	$(UV) pip install --quiet --python .venv-hass/bin/python 'homeassistant>=2025.4'
+	touch $@
+
+.venv-emhass/.ready: .venv-tools/.ready
+	$(PYTHON) -m venv --clear .venv-emhass
+	$(UV) pip install --quiet --python .venv-emhass/bin/python emhass
+	touch $@
+
+hass: .venv-hass/.ready .venv-emhass/.ready  ## Home Assistant and EMHASS for their tests, where an index and Python 3.13 are
 
 .venv-tools/.ready:
 	$(PYTHON) -m venv .venv-tools
@@ -71,20 +88,37 @@ constraints: .venv-tools/.ready  ## the newest release of everything into constr
 	$(UV) pip compile --quiet --upgrade --universal --python-version 3.11 --generate-hashes --no-emit-index-url \
 		--no-header --no-annotate --extra dev --extra interop pyproject.toml constraints/build.in --output-file constraints/check.txt
 	$(UV) pip compile --quiet --upgrade --universal --python-version 3.11 --generate-hashes --no-emit-index-url \
-		--no-header --no-annotate --extra service pyproject.toml constraints/build.in \
+		--no-header --no-annotate --extra service --extra fleet --extra live pyproject.toml constraints/build.in \
 		--constraint constraints/check.txt --output-file constraints/service.txt
+	$(UV) pip compile --quiet --upgrade --universal --python-version 3.11 --generate-hashes --no-emit-index-url \
+		--no-header --no-annotate --extra service --extra fleet --extra live --extra routing pyproject.toml constraints/build.in \
+		--constraint constraints/check.txt --output-file constraints/map.txt
 
 BASE ?= python:3.12-slim
 IMAGE ?= tripwatt
+# packages of the image: service, or map
+PACKAGES ?= service
 
 image:  ## the container for a release: the base image pinned by its digest, which is printed; needs docker
 	docker pull --quiet $(BASE)
-	docker build --build-arg BASE=$$(docker inspect --format '{{index .RepoDigests 0}}' $(BASE)) --tag $(IMAGE) .
+	docker build --build-arg BASE=$$(docker inspect --format '{{index .RepoDigests 0}}' $(BASE)) --build-arg PACKAGES=$(PACKAGES) --tag $(IMAGE) .
 	docker inspect --format '{{index .RepoDigests 0}}' $(BASE)
 
-sbom: .venv-tools/.ready constraints/service.txt  ## the bill of materials of the container, in CycloneDX
-	.venv-tools/bin/python $(PIP_INSTALL) cyclonedx-bom
-	.venv-tools/bin/cyclonedx-py requirements constraints/service.txt --output-reproducible --of JSON -o sbom.json
+REHEARSAL ?=
+
+release: .venv-check/.ready .venv-tools/.ready  ## sdist, wheel, bills of materials, provenance and notes into dist, tried; REHEARSAL=--rehearsal before a version is set
+	.venv-tools/bin/python $(PIP_INSTALL) cyclonedx-bom twine
+	.venv-check/bin/python -m tools.release $(REHEARSAL)
+
+ADD_ON = out/add-on/tripwatt
+
+add-on:  ## the add-on of Home Assistant with all that its image is built from, for the folder /addons, into out/add-on
+	rm -rf $(ADD_ON)
+	mkdir -p $(ADD_ON)
+	cp -R pyproject.toml README.md LICENSE NOTICE constraints src $(ADD_ON)
+	cp -R integrations/home_assistant/add-on/. $(ADD_ON)
+	sed 's/^ARG PACKAGES=service/ARG PACKAGES=map/' Dockerfile | cat - integrations/home_assistant/add-on/Dockerfile > $(ADD_ON)/Dockerfile
+	find $(ADD_ON) -name __pycache__ -prune -exec rm -r {} +
 
 browser:  ## Debian's chromium for the tests of the page, where it is missing; needs root
 	@command -v chromium-headless-shell >/dev/null || command -v chromium >/dev/null || { apt-get -qq update \
@@ -118,4 +152,4 @@ results: .venv-check/.ready  ## what is published and stale, anew, then all page
 	.venv-check/bin/python -m tools.docs.make_results
 
 clean:
-	rm -rf .venv .venv-check .venv-bench .venv-latest .venv-lowest .venv-tools site out out.unfinished bench.json
+	rm -rf .venv .venv-check .venv-bench .venv-latest .venv-lowest .venv-tools .venv-hass .venv-emhass site dist out out.unfinished bench.json

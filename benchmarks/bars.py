@@ -28,6 +28,7 @@ from benchmarks import (
     batch,
     before,
     cars,
+    clocks,
     coarse_speed,
     cruise,
     dirty_logs,
@@ -74,6 +75,7 @@ def suites(results: Path | None, forecast: Path | None, links: Path | None) -> I
     yield Suite(f"{bench}stops", stops.rows)
     yield Suite(f"{bench}cruise", cruise.rows)
     yield Suite(f"{bench}live", live.rows, (tum,))
+    yield Suite(f"{bench}clocks", clocks.rows, (tum,))
     yield Suite(f"{bench}half_known", half_known.rows, (tum,))
     yield Suite(f"{bench}coarse_speed", coarse_speed.rows, (tum,))
     yield Suite(f"{bench}dirty_logs", dirty_logs.rows)

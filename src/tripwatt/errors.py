@@ -135,19 +135,27 @@ EXTRAS: Final[Mapping[str, tuple[str, ...]]] = {
     "fleet": ("deltalake",),
     "routing": ("httpx",),
     "live": ("aiomqtt",),
+    "mcp": ("mcp",),
 }
 """Extra of the package -> the modules without which none of its commands works."""
 
 
+ON_AN_INDEX: Final = False
+"""Whether the package can be installed from an index: `python -m tools.docs.install_lines` sets it, and all lines that install."""
+
+
 def install(*extras: str) -> str:
-    """What installs extras into the environment of a clone, which stays editable.
+    """What installs extras: from an index, or into the environment of a clone, which stays editable.
 
     Examples
     --------
     >>> install("service", "fleet")
     "run pip install -e '.[service,fleet]' in the clone of tripwatt"
     """
-    return f"run pip install -e '.[{','.join(extras)}]' in the clone of tripwatt"
+    names = ",".join(extras)
+    if ON_AN_INDEX:
+        return f"run pip install 'tripwatt[{names}]'"
+    return f"run pip install -e '.[{names}]' in the clone of tripwatt"
 
 
 def extras_faults(needed: Mapping[str, str]) -> list[Fault]:

@@ -1,7 +1,7 @@
 """Files from outside, read within bounds, and outputs that are whole at every moment.
 
-Reading: only regular files, of a bounded size, and archives whose content is bounded before it is inflated. Writing: to
-another name first, which then takes the place of the output in one step. What a killed process left behind is removed by
+Reading: only regular files, of a bounded size; `containers` bounds what is packed in them. Writing: to another name
+first, which then takes the place of the output in one step. What a killed process left behind is removed by
 the next one that writes the same output.
 """
 
@@ -16,7 +16,6 @@ import stat
 import sys
 import threading
 import tomllib
-import zipfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import IO, Any, Final
@@ -31,9 +30,6 @@ MOST_FILE_BYTES: Final = 1 << 30
 
 MOST_TEXT_BYTES: Final = 1 << 18
 """Largest TOML file of a car or a mapping; the largest of the package has 30 kB."""
-
-MOST_CONTENT_BYTES: Final = 1 << 28
-"""Largest content of an archive."""
 
 WRITING: Final = ".writing"
 """End of the hidden name of a file or folder that is being written."""
@@ -77,7 +73,7 @@ def read_file(
     tripwatt.errors.InvalidInput: cannot read the file: /dev/zero: got no regular file; ...
     """
     try:
-        with _open_regular(Path(path)) as stream:
+        with open_regular(Path(path)) as stream:
             content = stream.read(most_bytes + 1)
     except (OSError, ValueError) as error:
         got = getattr(error, "strerror", None) or str(error)
@@ -91,7 +87,7 @@ def read_file(
 def file_head(path: Path | str, count: int = 4096) -> bytes:
     """The first bytes of a regular file; none of one that cannot be read."""
     try:
-        with _open_regular(Path(path)) as stream:
+        with open_regular(Path(path)) as stream:
             return stream.read(count)
     except (OSError, ValueError):
         return b""
@@ -100,7 +96,14 @@ def file_head(path: Path | str, count: int = 4096) -> bytes:
 _NOT_REGULAR: Final = "no regular file"
 
 
-def _open_regular(path: Path) -> IO[bytes]:
+def open_regular(path: Path) -> IO[bytes]:
+    """Open a regular file to read; a pipe or a device is an `OSError`.
+
+    Raises
+    ------
+    OSError
+        For anything else than a regular file.
+    """
     # without O_NONBLOCK, opening a pipe waits for its writer
     descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
     mode = os.fstat(descriptor).st_mode
@@ -140,29 +143,6 @@ def parse_toml(text: str, where: str) -> dict[str, Any]:
         raise InvalidInput.of("not a TOML file", where, str(error)[:200], "TOML 1.0") from error
 
 
-def require_small_content(
-    archive: IO[bytes], where: str, most_bytes: int = MOST_CONTENT_BYTES
-) -> zipfile.ZipFile:
-    """A ZIP archive (also .npz and .xlsx) whose inflated content is within a bound, before anything is inflated.
-
-    A member never gives more bytes than its entry declares, so that the sum of the entries is a bound.
-
-    Raises
-    ------
-    zipfile.BadZipFile
-        When it is no archive.
-    InvalidInput
-        When the content is too large.
-    """
-    opened = zipfile.ZipFile(archive)
-    total = sum(entry.file_size for entry in opened.infolist())
-    if total > most_bytes:
-        raise InvalidInput.of(
-            "archive too large", where, f"{total} bytes when inflated", f"at most {most_bytes} bytes"
-        )
-    return opened
-
-
 def write_file(path: Path, write: Callable[[Path], object]) -> None:
     """Write one file, whole or not at all: `write` fills another name beside it, which then takes its place.
 
@@ -196,12 +176,23 @@ def write_new(path: Path, content: bytes) -> None:
     """
     with _beside(path.absolute(), folder=False) as partial:
         partial.write_bytes(content)
-        try:
-            os.link(partial, path)
-        except OSError:  # there is one, or the file system has no second names
-            if os.path.lexists(path):
-                raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), f"{path}") from None
-            partial.rename(path)
+        move_new(partial, path)
+
+
+def move_new(file: Path, path: Path) -> None:
+    """Give a file a name that is not taken, in one step; its old name may stay.
+
+    Raises
+    ------
+    FileExistsError
+        When there is one, which stays as it is.
+    """
+    try:
+        os.link(file, path)
+    except OSError:  # there is one, or the file system has no second names
+        if os.path.lexists(path):
+            raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), f"{path}") from None
+        file.rename(path)
 
 
 def write_text(path: Path, text: str) -> None:

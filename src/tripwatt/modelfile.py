@@ -22,8 +22,9 @@ from typing import Any, Final, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from tripwatt.containers import INSIDE, Budget, open_archive
 from tripwatt.errors import Check, Fault, InvalidInput, excerpt, system_errors
-from tripwatt.files import read_file, replace_folder, require_small_content
+from tripwatt.files import read_file, replace_folder
 
 Arrays = Mapping[str, npt.NDArray[Any]]
 Part = Arrays | Mapping[str, Any]
@@ -304,7 +305,7 @@ def _decode(place: Path, raw: bytes) -> Part:
         if not isinstance(document, dict):
             raise ValueError("not a JSON object")
         return document
-    require_small_content(io.BytesIO(raw), f"{place}", MOST_PART_BYTES)
+    open_archive(raw, Budget(f"{place}", {INSIDE: MOST_PART_BYTES}), most_ratio=MOST_PART_BYTES)
     with np.load(io.BytesIO(raw), allow_pickle=False) as arrays:
         return {name: arrays[name] for name in arrays.files}
 

@@ -120,9 +120,9 @@ def test_every_trip_that_cannot_be_forecast_is_named(fleet, tmp_path):
     assert faults_of(read_planned, file) == [("not a time", "trip north of V00000: departs_at")]
     file.write_text(NIGHT.replace(",60,", ",0,"))
     assert faults_of(read_planned, file)[0][1] == "trip south of V00000: distance_km"
-    file.write_text("trip,departs_at\n")
+    file.write_text("trip,departs_at\nnorth,2026-01-12T07:30\n")
     assert [where for _, where in faults_of(read_planned, file)] == [f"{file}"] * 2
-    assert faults_of(read_planned, tmp_path / "none.csv")[0][0] == "unreadable table"
+    assert faults_of(read_planned, tmp_path / "none.csv")[0][1] == f"{tmp_path / 'none.csv'}"
 
 
 def test_emhass_charges_between_the_trips(needs):

@@ -17,6 +17,7 @@ from typing import Any, Final
 import aiomqtt
 import pandas as pd
 from tests.live.messages import NOON_S, abrp_messages, over_a_bad_connection
+from tests.support.service_process import free_port
 
 from tripwatt.forecasting import Forecast
 from tripwatt.live import Broker, Follower, MqttSettings, RoadCar, Sample, sample_from_abrp
@@ -32,10 +33,7 @@ AGAIN: Final = 4 * PART
 @contextmanager
 def broker(folder: Path, port: int = 0) -> Iterator[tuple[Broker, subprocess.Popen[bytes]]]:
     """A broker on loopback that holds what it cannot deliver yet."""
-    if not port:
-        with socket.socket() as probe:
-            probe.bind(("127.0.0.1", 0))
-            port = probe.getsockname()[1]
+    port = port or free_port()
     config = folder / "mosquitto.conf"
     config.write_text(
         f"listener {port} 127.0.0.1\nallow_anonymous true\nmax_queued_messages 0\npersistence false\nsys_interval 1\n"

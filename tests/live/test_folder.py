@@ -11,7 +11,7 @@ from tests.live.messages import NOON_S, abrp_messages, measured
 
 from tripwatt.errors import InvalidInput
 from tripwatt.live import RoadCar, create_car, forget_car, issue_token, sample_from_abrp
-from tripwatt.live.folder import finished_names
+from tripwatt.live.folder import finished_logs, finished_names, forecasts_of
 from tripwatt.live.live_trip import SILENCE_S
 from tripwatt.synthetic import example_trip
 
@@ -98,6 +98,19 @@ def test_samples_of_a_silent_car_are_erased_and_those_of_a_trip_stay(tmp_path: P
         car.keep_days = 7.0
         car.erase_old(NOON_S + 3000.0 * DAY_S)
         assert len(car.observed()) > 300
+    with RoadCar(tmp_path / "leaf") as car:
+        assert len(car.observed()) > 300, "on disk, too"
+
+
+def test_a_journal_without_samples_is_not_written_again_when_the_car_is_silent(tmp_path: Path) -> None:
+    with RoadCar(tmp_path / "parked", keep_days=7.0) as car:
+        car.add(sample_from_abrp({"utc": NOON_S, "speed": 0, "soc": 61.0}), now_s=NOON_S)
+        for day in (8.0, 9.0):
+            car.erase_old(NOON_S + day * DAY_S)
+            written = car._journal.path.stat()
+            assert car.about(NOON_S)["soc"] is None
+        car.erase_old(NOON_S + 10.0 * DAY_S)
+        assert car._journal.path.stat().st_ino == written.st_ino
 
 
 @pytest.mark.parametrize("ended", [True, False])
@@ -114,6 +127,18 @@ def test_nothing_is_left_of_a_forgotten_car(tmp_path: Path, ended: bool) -> None
     assert not folder.exists()
     assert f"{LATITUDE}".encode() not in content(tmp_path)
     assert content(tmp_path) == b""
+
+
+@pytest.mark.parametrize(
+    "name", ["99999999T999999Z", "20240231T080000Z", "99991231T235959Z", "00010101T000000Z"]
+)
+def test_a_file_whose_name_is_no_time_is_no_trip(tmp_path: Path, name: str) -> None:
+    folder = tmp_path / "leaf"
+    drive(folder, NOON_S)
+    (folder / "live" / "trips" / f"{name}.csv").write_text("time_s,speed_m_s\n0,1\n")
+    assert len(finished_names(folder)) == 1
+    assert len(finished_logs(folder)) == 1
+    assert forecasts_of(folder, f"leaf-{name}") == ()
 
 
 @pytest.mark.parametrize("name", ["a b", ".hidden", "-x", "ü", "x" * 65])

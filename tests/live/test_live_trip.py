@@ -77,6 +77,45 @@ def test_a_standstill_ends_a_trip_at_its_last_motion(parked: bool, limit: float)
     assert [sample.time_s - T0 for sample in finder.before] == [limit + 1.0]
 
 
+def test_a_gap_is_no_standstill() -> None:
+    _, ended = fed(at(0.0, 10.0), at(400.0, 0.0), at(401.0, 10.0))
+    assert ended == [], "the car drove on, and nobody saw it"
+    _, ended = fed(at(0.0, 10.0), at(400.0, 0.0), at(400.0 + STANDING_S - HOLD_S, 0.0))
+    assert len(ended) == 1
+
+
+def test_a_late_sample_has_its_place_in_a_gap() -> None:
+    trip = LiveTrip([at(float(k), 10.0) for k in (0, 1, 2, 3, 10, 11, 12, 13)])
+    whole = trip.distance_m
+    assert [trip.insert(at(t, 10.0, soc=0.5)) for t in (2.5, 3.0, 3.5, -1.0, 14.0, 0.0)] == [
+        False, False, True, False, False, False,
+    ]  # fmt: skip
+    assert trip.insert(at(6.0))
+    assert trip.distance_m == pytest.approx(whole)
+    assert trip.insert(at(5.0, 20.0))
+    assert trip.distance_m > whole
+    table = trip.table()
+    assert table["time_s"].tolist() == [0.0, 1.0, 2.0, 3.0, 3.5, 5.0, 6.0, 10.0, 11.0, 12.0, 13.0]
+    assert table["soc"].notna().sum() == 1
+    assert trip.has(at(3.5, 10.0, soc=0.5))
+    assert not trip.has(at(3.5, 10.0, soc=0.6))
+    assert not trip.has(at(3.5, 10.0, cabin_temperature_degc=20.0))
+    assert not trip.has(at(99.0, 10.0))
+
+
+def test_a_late_motion_is_the_last_one() -> None:
+    trip = LiveTrip([at(float(k), 10.0) for k in range(5)] + [at(float(k), 0.0) for k in range(20, 30)])
+    assert trip.insert(at(15.0, 5.0))
+    assert (trip.moved_s, trip.stood_s) == (T0 + 15.0, T0 + 15.0)
+    trip.move(-5.0)
+    assert (trip.start_s, trip.moved_s, trip.last_s, trip.stood_s) == (
+        T0 - 5.0,
+        T0 + 10.0,
+        T0 + 24.0,
+        T0 + 10.0,
+    )
+
+
 def test_a_sample_without_speed_is_neither_motion_nor_standstill() -> None:
     _, ended = fed(at(0.0, 10.0), *(at(float(k), displayed_soc=0.5) for k in range(1, 590)))
     assert ended == []

@@ -54,6 +54,11 @@ def test_the_window_is_bounded(extra: int, given_on: int) -> None:
     assert len(ordered.waiting) == MOST_WAITING
 
 
+def test_a_stamp_far_ahead_makes_none_late() -> None:
+    out, arrivals, _ = fed([0.0, 1.0, 1e6, 2.0, 3.0])
+    assert (out, set(arrivals)) == ([0.0, 1.0, 2.0, 3.0], {"new"})
+
+
 @given(st.lists(st.integers(0, 200), max_size=60))
 def test_any_order_gives_each_time_once_and_rising(times: list[int]) -> None:
     out, arrivals, ordered = fed([float(t) for t in times])

@@ -170,6 +170,10 @@ def test_messages_of_abrp_come_in_one_topic() -> None:
     assert joiner.take("car/tlm", json.dumps(message).encode(), 0.0, retained=True) is None
     for payload in (b"{", b"[]", b"{}", b"7", b"\xff", b"[" * 65_537, b"[" * 60_000):
         assert joiner.take("car/tlm", payload, T0) is None
+    noted: list[InvalidInput] = []
+    joiner.note = noted.append
+    assert joiner.take("car/tlm", json.dumps({"utc": 1000.0 * T0}).encode(), T0) is None
+    assert "milliseconds" in f"{noted[0]}"
     assert joiner.take("car/other", json.dumps(message).encode(), 0.0) is None
     assert joiner.flush() is None
 

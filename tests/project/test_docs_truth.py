@@ -26,8 +26,8 @@ FENCED = re.compile(r"^ *```[^\n]*\n(.*?)^ *```", re.MULTILINE | re.DOTALL)
 INLINE = re.compile(r"`([^`]+)`")
 LINK = re.compile(r"\]\(([^)\s]+)\)")
 MODULE = re.compile(
-    r"(?<![\w./@-])(?:tripwatt|benchmarks|tools)(?!\.(?:example|correctors)\b)(?:\.[A-Za-z_]\w*)+"
-)  # a name of users, a group of entry points
+    r"(?<![\w./@-])(?:tripwatt|benchmarks|tools)(?!\.(?:example|correctors|plan)\b)(?:\.[A-Za-z_]\w*)+"
+)  # a name of users, a group of entry points, an action of Home Assistant
 SCRIPT = re.compile(r"(?<![\w.*<])[\w-]+(?:/[\w.-]+)*\.py\b")
 TARGET = re.compile(r"(?<![\w-])make ((?:[A-Z]+=\S+ )*)([a-z][a-z-]*)")
 RUN_MODULE = re.compile(r"python3? -m ((?:tripwatt|benchmarks|tools)[\w.]*)")

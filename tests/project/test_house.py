@@ -1,6 +1,8 @@
 """The habits that a script can check: sizes of functions, classes and argument lists; no choice by a name."""
 
 import ast
+import subprocess
+import sys
 
 import pytest
 from tests.support import ROOT
@@ -83,3 +85,15 @@ def test_nothing_is_chosen_by_the_name_of_a_model_or_protocol() -> None:
         for line, name in compared_names(ast.parse(path.read_text("utf-8")))
     ]
     assert found == []
+
+
+@pytest.mark.parametrize(
+    "code", ["import pandas as pd\n\npd.read_csv('a')\n", "from pandas import read_excel\n"]
+)
+def test_no_parser_of_pandas_reads_files_from_outside(code: str) -> None:
+    """Pipes and devices never end for them, and some values end the interpreter; the rule is one of ruff's."""
+    command = [sys.executable, "-m", "ruff", "check", "--select", "TID251", "--stdin-filename"]
+    for place, expected in (("src/tripwatt/sources/a.py", 1), ("tests/a.py", 0)):
+        done = subprocess.run([*command, place, "-"], input=code, text=True, capture_output=True, cwd=ROOT)
+        assert done.returncode == expected, done.stdout
+        assert ("TID251" in done.stdout) == bool(expected)

@@ -1,4 +1,4 @@
-"""Every line that installs the package works in a clone: the package is on no index."""
+"""Every line that installs the package follows one switch: from a clone, or from an index once the package is on one."""
 
 from __future__ import annotations
 
@@ -9,13 +9,16 @@ from pathlib import Path
 
 import pytest
 from packaging.requirements import Requirement
+from tools.docs.install_lines import PAGES, SENTENCES, in_form
 
-from tripwatt.errors import EXTRAS, InvalidInput, extras_faults, install
+from tripwatt.errors import EXTRAS, ON_AN_INDEX, InvalidInput, extras_faults, install
 
 ROOT = Path(__file__).resolve().parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 DECLARED = PROJECT["optional-dependencies"]
-SHAPE = re.compile(r"pip install(?: -e)? (?:\.(?=[`)\s]|$)|'\.\[(?P<extras>[a-z]+(?:,[a-z]+)*)\]')")
+ON_INDEX = re.compile(r"pip install '?tripwatt(?:\[(?P<extras>[a-z]+(?:,[a-z]+)*)\]')?")
+IN_CLONE = re.compile(r"pip install(?: -e)? (?:\.(?=[`)\s]|$)|'\.\[(?P<extras>[a-z]+(?:,[a-z]+)*)\]')")
+SHAPE = ON_INDEX if ON_AN_INDEX else IN_CLONE
 
 
 def read_texts() -> list[tuple[str, str]]:
@@ -47,15 +50,39 @@ def test_lines_that_install_are_found() -> None:
 
 
 @pytest.mark.parametrize(("where", "line"), LINES, ids=[where for where, _ in LINES])
-def test_an_install_line_is_that_of_a_clone_and_names_known_extras(where: str, line: str) -> None:
-    assert not re.search(r"pip install[^`]*tripwatt\[", line), where
-    if "{" in line:  # made by `install`
+def test_an_install_line_follows_the_switch_and_names_known_extras(where: str, line: str) -> None:
+    if "{" in line or "tools/docs/install_lines" in where:  # made by `install`; both forms
+        return
+    assert ON_AN_INDEX or not re.search(r"pip install[^`]*tripwatt\[", line), where
+    if "(cd client" in line:  # a client that was generated
         return
     found = SHAPE.search(line)
     assert found, f"{where}: {line}"
     for extra in (found["extras"] or "").split(","):
         assert not extra or extra in DECLARED, f"{where}: {extra}"
-        assert not extra or "pip install -e" in line, f"{where}: the install of `make run` stays editable"
+        editable = ON_AN_INDEX or not extra or "pip install -e" in line
+        assert editable, f"{where}: the install of `make run` stays editable"
+
+
+def test_pages_follow_the_switch_and_it_goes_both_ways() -> None:
+    texts = [page.read_text("utf-8") for page in PAGES]
+    assert [in_form(text, on_index=ON_AN_INDEX) for text in texts] == texts
+    on_index = [in_form(text, on_index=True) for text in texts]
+    assert sum(len(re.findall("pip install '?tripwatt", text)) for text in on_index) > 10
+    left = "\n".join(on_index).replace("(cd client && pip install .)", "")
+    assert not re.search(r"pip install (-e )?'?\.", left)
+    assert [in_form(text, on_index=False) for text in on_index] == [
+        in_form(text, on_index=False) for text in texts
+    ]
+    for sentence in SENTENCES:
+        assert any(sentence[ON_AN_INDEX] in text for text in texts)
+
+
+def test_messages_follow_the_switch(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tripwatt.errors.ON_AN_INDEX", True)
+    assert install("service", "fleet") == "run pip install 'tripwatt[service,fleet]'"
+    monkeypatch.setattr("tripwatt.errors.ON_AN_INDEX", False)
+    assert install("mcp") == "run pip install -e '.[mcp]' in the clone of tripwatt"
 
 
 def test_messages_and_make_run_name_extras_that_exist() -> None:
@@ -65,6 +92,14 @@ def test_messages_and_make_run_name_extras_that_exist() -> None:
     assert {*brought[1].split(","), *EXTRAS} <= set(DECLARED)
     assert {"service", "fleet", "routing"} <= set(brought[1].split(","))  # the page, --cars, plan
     assert SHAPE.search(install("service", "fleet"))
+
+
+def test_the_front_page_has_an_install_line_for_each_goal() -> None:
+    index = (ROOT / "docs" / "index.md").read_text()
+    found = [match for match in map(SHAPE.search, index.splitlines()) if match]
+    named = {extra for match in found for extra in (match["extras"] or "").split(",") if extra}
+    assert len(found) >= 6
+    assert named == set(EXTRAS) | {"elevation"}
 
 
 def test_an_extra_resolves_to_what_its_commands_need() -> None:

@@ -16,6 +16,7 @@ from tests.support import ROOT
 from tests.support.cars import some_cars
 
 import tripwatt
+from tripwatt.errors import install
 from tripwatt.vehicles import LICENCES, load_vehicle, vehicle_names
 from tripwatt.vehicles.loading import file_names
 
@@ -66,7 +67,7 @@ def test_without_the_extra_service_the_rest_works_and_serve_says_what_is_missing
     )
     done = python("-c", script)
     assert done.returncode == 2
-    assert "pip install -e '.[service]'" in done.stderr
+    assert install("service") in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
     assert {car["name"] for car in json.loads(done.stdout)} == set(vehicle_names())
 

@@ -11,6 +11,7 @@ import threading
 from collections.abc import Callable, Iterator
 from functools import partial
 from html.parser import HTMLParser
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote, urljoin, urlsplit
@@ -18,7 +19,9 @@ from urllib.parse import unquote, urljoin, urlsplit
 import pytest
 from tests.support import ROOT
 from tools.docs import gallery, render_pages
+from tools.docs import pages as parts
 from tools.docs.site import conf
+from tools.docs.site.build import WORDS, versions_table, with_words
 from tools.quality.page import browsing, chromium
 
 import tripwatt
@@ -89,7 +92,7 @@ def conf_contents(index: str) -> list[str]:
 def test_the_contents_are_the_links_of_the_sections() -> None:
     pytest.importorskip("sphinx", reason="needs the extra tripwatt[docs]")
     index = (
-        "# A\n[no](zero.md)\n## Where to begin\n[no](one.md)\n## Reference\n- [b](b.md#part), [a](x/a.md)\n- [b](b.md)\n"
+        "# A\n[no](zero.md)\n## Install\n[no](install.md)\n## Where to begin\n[no](one.md)\n## Reference\n- [b](b.md#part), [a](x/a.md) [no](gallery/b.md)\n- [b](b.md)\n"
         "[out](https://x.org/c.md)\n## Empty\ntext\n## More\n[b](b.md) [d](d.md)\n"
     )
     assert conf.contents(index).split("\n") == [
@@ -168,8 +171,14 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for name in ("sphinx", "myst_parser", "numpydoc", "furo"):
         pytest.importorskip(name, reason="needs the extra tripwatt[docs]")
     out = tmp_path_factory.mktemp("site") / "site"
+    older = out / "versions" / "0.1.0"
+    older.mkdir(parents=True)
+    (older / "index.html").write_text("of 0.1.0", "utf-8")
     built = subprocess.run(
-        [sys.executable, "-m", "tools.docs.site.build", str(out)], capture_output=True, text=True, cwd=ROOT
+        [sys.executable, "-m", "tools.docs.site.build", str(out), "--release"],
+        capture_output=True,
+        text=True,
+        cwd=ROOT,
     )
     assert (built.returncode, built.stderr) == (0, "")
     return out
@@ -226,6 +235,39 @@ def test_no_page_asks_another_host_for_a_file(site: Path, pages: dict[str, Found
     for sheet in site.rglob("*.css"):
         text = sheet.read_text("utf-8")
         assert not re.search(r"@import|url\(\s*['\"]?(https?:)?//", text), sheet.name
+
+
+def test_the_front_page_shows_the_product_the_table_and_how_to_install(
+    site: Path, pages: dict[str, Found]
+) -> None:
+    first = pages["index.html"]
+    assert "_images/page-map-desktop-light.png" in first.assets
+    assert sum(asset.startswith("_images/") for asset in first.assets) >= 4  # and thumbnails of the gallery
+    text = re.sub(r"<[^>]+>", "", (site / "index.html").read_text("utf-8"))
+    table = parts.part((ROOT / "README.md").read_text("utf-8"), "results")
+    rows = [row for row in table.splitlines() if row.startswith("|")][2:]
+    assert len(rows) >= 5
+    for row in rows:
+        for cell in row.strip("|").replace("**", "").split("|"):
+            assert cell.strip() in text
+    places = [
+        text.index(f"{head}¶") for head in ("Five lines", "How far it is off", "Install", "Where to begin")
+    ]
+    assert places == sorted(places)
+    for page in ("howto/troubleshooting", "explanation/questions", "whatsnew/index", "gallery/index"):
+        assert f"{page}.html" in first.links
+
+
+def test_releases_stand_beside_the_site(site: Path, pages: dict[str, Found]) -> None:
+    own = version("tripwatt")
+    assert (site / "versions" / "0.1.0" / "index.html").read_text("utf-8") == "of 0.1.0"
+    assert f"versions/{own}/index.html" in pages
+    links = pages["whatsnew/index.html"].links
+    assert {"../versions/0.1.0/index.html", f"../versions/{own}/index.html"} <= set(links)
+    assert "../../0.1.0/index.html" in pages[f"versions/{own}/whatsnew/index.html"].links
+    rows = [line for line in versions_table(["0.1.0"]).splitlines() if re.match(r"\| \d", line)]
+    assert [line.split()[1] for line in rows] == ["0.2.0", "0.1.0"]
+    assert ["versions/0.1.0" in line for line in rows] == [False, True]
 
 
 def test_formulas_are_drawn_without_a_script(site: Path) -> None:
@@ -312,7 +354,69 @@ def test_a_page_fits_a_phone_and_follows_the_scheme_without_other_hosts(
     assert brightness(shown["dark"]) < 60
 
 
-def test_the_search_finds_a_page(look: Callable[..., Any]) -> None:
+def found_first(page: Any) -> str:
+    """The page that the search puts first."""
+    page.wait_for_function("document.querySelector('.search-summary')?.innerText.length > 0")
+    href = page.locator("#search-results li a").first.get_attribute("href")
+    return str(href).partition("#")[0]
+
+
+def test_the_search_finds_a_page_and_shows_what_it_has(look: Callable[..., Any]) -> None:
     page = look("search.html?q=conformal", 1280, "light")
     page.wait_for_selector("#search-results li a")
     assert "uncertainty" in " ".join(page.locator("#search-results li a").all_inner_texts()).lower()
+    page = look("search.html?q=wallbox", 390, "dark")
+    assert found_first(page) == "howto/charge-planning.html"
+    page.wait_for_selector("#search-results li p.context")
+    hrefs = page.locator("#search-results li a").evaluate_all(
+        "links => links.map(a => a.getAttribute('href'))"
+    )
+    assert hrefs.count("howto/charge-planning.html") == 1
+    assert "howto/charge-planning.html#index-0" not in hrefs
+    assert page.evaluate("document.documentElement.scrollWidth") <= 390
+
+
+def test_words_of_the_search_are_of_pages_and_each_once() -> None:
+    for words in WORDS.values():
+        assert words
+        assert len(set(words)) == len(words)
+        assert [w for w in words if w != w.lower() or "," in w] == []
+    assert with_words("# A\n\nText.\n", ["one", "two words"]) == (
+        "# A\n\n```{eval-rst}\n.. index::\n   ! one\n   ! two words\n\n```\n\nText.\n"
+    )
+
+
+SEARCHED = {
+    "preheat": "howto/charge-planning.html",
+    "range": "howto/need.html",
+    "wallbox": "howto/charge-planning.html",
+    "winter": "explanation/questions.html",
+    "roof box": "reference/vehicles.html",
+    "how far": "howto/need.html",
+    "faq": "explanation/questions.html",
+    "does not work": "howto/troubleshooting.html",
+}
+"""What people type -> the page that they mean."""
+
+
+def test_the_site_opens_and_searches_from_a_folder(site: Path, browser: Any) -> None:
+    said: list[str] = []
+    page = browser.new_context().new_page()
+    page.on("console", lambda message: said.append(message.text))
+    page.on("pageerror", lambda error: said.append(str(error)))
+    page.goto((site / "index.html").as_uri())
+    page.locator("input[name=q]").first.fill("roof box")
+    page.locator("input[name=q]").first.press("Enter")
+    page.wait_for_url("**/search.html?q=roof+box*")
+    assert found_first(page) == SEARCHED["roof box"]
+    page.locator("#search-results li a").first.click()
+    page.wait_for_url("**/reference/vehicles.html*")
+    first = {}
+    for words in SEARCHED:
+        page.goto(f"{(site / 'search.html').as_uri()}?q={words}")
+        first[words] = found_first(page)
+    assert first == SEARCHED
+    page.goto((site / "whatsnew" / "index.html").as_uri())
+    page.get_by_role("link", name="its site").first.click()
+    page.wait_for_url(f"**/versions/{version('tripwatt')}/index.html")
+    assert said == []

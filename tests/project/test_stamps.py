@@ -51,6 +51,7 @@ def test_a_file_of_results_is_in_the_table() -> None:
 
 FOLLOWS = {
     "README.md": {"example", "results"},
+    "docs/index.md": {"results"},
     "docs/explanation/results.md": {"paper", "forecast", "links"},
     "docs/explanation/paper.md": {"paper-page"},
     "docs/explanation/evaluation.md": {"coverage"},

@@ -4,6 +4,7 @@ import os
 import re
 import shutil
 import subprocess
+import sys
 import time
 import tomllib
 import urllib.request
@@ -14,7 +15,7 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 from tests.support import ROOT
 
-FILES = ("check.txt", "service.txt")
+FILES = ("check.txt", "service.txt", "map.txt")
 
 
 def pinned(name: str) -> dict[str, str]:
@@ -39,25 +40,67 @@ def test_every_package_has_a_hash_and_no_file_names_an_index(name: str) -> None:
     assert "://" not in text
 
 
-def test_the_container_has_what_the_service_needs_in_the_versions_of_the_gate() -> None:
+@pytest.mark.parametrize(
+    ("name", "extras"),
+    [
+        ("service.txt", ("service", "fleet", "live")),
+        ("map.txt", ("service", "fleet", "live", "routing")),
+    ],
+)
+def test_the_container_has_what_its_users_need_in_the_versions_of_the_gate(
+    name: str, extras: tuple[str, ...]
+) -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    needed = [*project["dependencies"], *project["optional-dependencies"]["service"]]
-    service, check = pinned("service.txt"), pinned("check.txt")
+    needed = [*project["dependencies"], *(r for e in extras for r in project["optional-dependencies"][e])]
+    image, check = pinned(name), pinned("check.txt")
     for requirement in map(Requirement, needed):
-        name = canonicalize_name(requirement.name)
-        assert requirement.specifier.contains(service[name]), name
-    assert {name: version for name, version in service.items() if name in check} == {
-        name: check[name] for name in service if name in check
-    }
-    assert set(service) <= set(check)
+        assert requirement.specifier.contains(image[canonicalize_name(requirement.name)]), requirement
+    assert {package: check.get(package) for package in image} == image
 
 
-def test_the_container_installs_nothing_without_a_hash() -> None:
+def test_the_container_installs_nothing_without_a_hash_and_runs_as_nobody() -> None:
     text = (ROOT / "Dockerfile").read_text()
-    assert len(re.findall("pip install", text)) == 2
-    assert "--require-hashes -r constraints/service.txt" in text
-    assert "--no-deps --no-build-isolation ." in text
-    assert set(re.findall(r"^FROM (\S+)", text, re.MULTILINE)) == {"${BASE}"}
+    installs = re.findall(r"pip --python \S+ install .*?(?=&&|\n\S)", text, re.DOTALL)
+    assert len(installs) == 2
+    assert '--require-hashes -r "constraints/${PACKAGES}.txt"' in installs[0]
+    assert "--no-deps" in installs[1]
+    assert "--no-build-isolation ." in installs[1]
+    assert len(re.findall(r"pip \S+ \S+ install|pip install", text)) == len(installs)
+    assert re.findall(r"^FROM (\S+)", text, re.MULTILINE) == ["${BASE}", "${BASE}"]
+    assert re.findall(r"^ARG PACKAGES=(\w+)", text, re.MULTILINE) == ["service"]
+    last = text.rpartition("\nFROM ")[2]
+    assert "\nUSER 10001\n" in last
+    assert "\nHEALTHCHECK " in last
+
+
+def test_what_the_container_leaves_out_is_not_imported_by_the_service() -> None:
+    """Its commands run in a process in which these packages cannot be imported."""
+    text = (ROOT / "Dockerfile").read_text()
+    (words,) = re.findall(r"uninstall --yes --quiet(.*?)&&", text, re.DOTALL)
+    modules = {"fonttools": "fontTools", "pillow": "PIL", "trove-classifiers": "trove_classifiers"}
+    gone = [modules.get(word, word) for word in words.replace("\\", " ").split()]
+    assert {"matplotlib", "dask", "PIL"} <= set(gone)
+    script = f"""
+import sys
+sys.modules |= dict.fromkeys({gone!r})
+from tripwatt.service.jobs import Jobs
+from tripwatt.service.settings import Limits, Settings
+from tripwatt.service.app import create_app
+import tripwatt.service.worker, tripwatt.service.over_mqtt, tripwatt.live, tripwatt.store, tripwatt.fleet.registry
+create_app()
+Jobs.from_folders({{}}, Limits()).warm_up()
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, timeout=120, check=False
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def test_the_container_file_has_no_fault_that_hadolint_finds() -> None:
+    if shutil.which("hadolint") is None:
+        pytest.skip("no hadolint")
+    done = subprocess.run(["hadolint", "Dockerfile"], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout
 
 
 def docker() -> str:

@@ -241,9 +241,12 @@ def test_identical_evaluations_are_shown_once_and_named(made_up: MakeRun) -> Non
     view = View(run.results)
     assert [e["trips"] for e in view.evaluations] == ["reference", "audited"]
     table = results_table.sets_table(view)
-    assert len(table.rows) == 2
-    assert table.rows[0][0] == ("leave one trip out, 4 reference trips (identical: all 4 trips, unaudited)")
-    assert "identical" not in table.rows[1][0]
+    assert len(table.columns) == 3
+    assert table.columns[1] == "leave one trip out, 4 reference trips (identical: all 4 trips, unaudited)"
+    assert "identical" not in table.columns[2]
+    assert next(row[1] for row in table.rows if row[0] == "Constant Wh/km").startswith(
+        f"{100 * reference['models']['constant']['mape']:.1f} ("
+    )
     mended = {m: {**s, "mape": s["mape"] + 1e-9} for m, s in slower.items()}
     run.results["evaluations"][1]["models"] = mended
     assert len(View(run.results).evaluations) == 3

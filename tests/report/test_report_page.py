@@ -136,6 +136,52 @@ def test_page_is_well_formed_and_every_id_is_its_own(html: str) -> None:
     assert wanted <= {f"#{name}" for name in ids}
 
 
+def outside_of_folds(html: str) -> str:
+    """What a visitor sees before anything is opened."""
+    return re.sub(
+        r'<details class="part">.*?</details>\s*(?=<details class="part">|</main>)', "", html, flags=re.DOTALL
+    )
+
+
+def test_page_begins_with_one_forecast_three_numbers_and_three_figures(
+    run: SimpleNamespace, html: str
+) -> None:
+    seen = outside_of_folds(html)
+    assert re.findall(r'<article id="panel-([\w-]+)"', seen) == list(PROTOCOLS["paper"].sections[0].panels)
+    assert (seen.count("<svg"), seen.count("<table"), html.count("<svg")) == (3, 0, len(FIGURE_KEYS))
+    words = Page(seen).words().replace("\u00a0", " ")
+    view = View.from_run(run)
+    _, trip, ape = view.selected_trips()[1]
+    row = view.main_folds.query("model == @view.best and trip == @trip").iloc[0]
+    said = f"Trip {trip}: {row['predicted_energy_wh'] / 1e3:.1f} kWh by {model_style(view.best).label}, which was fitted without it."
+    assert said in words
+    assert f"Measured: {row['observed_energy_wh'] / 1e3:.1f} kWh, an error of {100 * ape:.1f} %." in words
+    numbers = re.findall(r"<dt>([^<]+)</dt><dd><strong>([\d.]+)", seen)
+    scores = {model_style(m).label: s["mape"] for m, s in view.scores.items()}
+    assert len(numbers) == 3
+    assert all(value == f"{100 * scores[name]:.1f}" for name, value in numbers)
+    assert "forecast by models that were fitted on the other trips" in words
+    assert words.index(said) < words.index("How far forecasts are off") < words.index("Three figures")
+
+
+def test_a_given_forecast_takes_the_place_of_the_median_trip(made_up: MakeRun, tmp_path: Path) -> None:
+    with not_laid_out():
+        write_report(synthetic_run(made_up), tmp_path, "One <trip>: 2.1 kWh.")
+    html = (tmp_path / "report.html").read_text("utf-8")
+    assert html.count('<p class="lead">') == 1
+    assert '<p class="lead">One &lt;trip&gt;: 2.1 kWh.</p>' in html
+    assert "which was fitted without it" not in html
+
+
+def test_no_panel_is_a_sentence_alone(written: Path, html: str) -> None:
+    for page in (html, (written / "report.html").read_text("utf-8")):
+        panels = re.findall(r"<article.*?</article>", page, re.DOTALL)
+        assert len(panels) > 10
+        assert all("<figure>" in panel or "<table>" in panel for panel in panels)
+        assert "<h2>Beside the paper</h2>" not in page  # neither run has its studies
+        assert "How many trips the hybrid needs" in page[page.index("Without a figure or a table") :]
+
+
 def test_page_reaches_for_no_other_file_or_host(html: str) -> None:
     page = Page(html)
     for tag, attributes in page.tags:

@@ -161,7 +161,7 @@ def test_a_map_folder_is_opened(tmp_path):
     [
         (
             None,
-            "no map: .*: got FileNotFoundError; allowed: a folder with a map; build one with tripwatt map build",
+            "no map: .*: got No such file or directory; allowed: a folder with a map; build one with tripwatt map build",
         ),
         ("{", "no map: .*JSONDecodeError"),
         ("[]", "map of another release: .*: got no object"),

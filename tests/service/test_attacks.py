@@ -1,14 +1,16 @@
 """Clients that try to stall or exhaust the service: each is bounded, and others are served meanwhile."""
 
 import asyncio
+import resource
 import socket
 import time
+from pathlib import Path
 from typing import Any
 
 import orjson
 import pytest
 from tests.support.service_attacks import FORECAST, attacking, seen_by_another
-from tests.support.service_process import Service
+from tests.support.service_process import Service, serving
 
 from tripwatt.service import protocol
 from tripwatt.service.batching import LineSplitter
@@ -294,6 +296,27 @@ def test_another_client_is_served_under_an_attack(service: Service, name: str) -
     assert seen.wrong == []
     assert seen.forecast_s
     assert seen.median_s < 1.0
+
+
+def test_idle_connections_beyond_the_limit_of_files_give_way(
+    tmp_path: Path,
+) -> None:
+    """The service may open 256 files; 400 connections send nothing, and others are answered."""
+    limits = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (256, limits[1]))
+    try:
+        with serving(tmp_path, "--workers", "1") as service:
+            resource.setrlimit(resource.RLIMIT_NOFILE, limits)
+            held = [socket.create_connection(("127.0.0.1", service.port), timeout=10) for _ in range(400)]
+            try:
+                seen = seen_by_another(service, 2.0)
+            finally:
+                for connection in held:
+                    connection.close()
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, limits)
+    assert seen.wrong == []
+    assert seen.quantile_s(0.99) < 1.0
 
 
 def test_a_job_that_crashes_workers_fails_and_one_that_lost_killed_ones_is_tried_again() -> None:

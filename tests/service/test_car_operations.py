@@ -17,6 +17,7 @@ import pandas as pd
 import pytest
 from tests.sources.test_loggers import EXPORTS, WHOLE_UNITS, charge, written
 from tests.sources.test_suggest import drive
+from tests.support.bombs import BOMBS
 from tests.support.full_disk import full_disk
 from tests.support.service_process import Service, serving
 from tests.support.service_schema import conformance
@@ -24,15 +25,12 @@ from tests.support.service_schema import conformance
 pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
 
 import tripwatt as tw
+from tripwatt.errors import InvalidInput
 from tripwatt.hybrid.factors import NAMES, UNITS
 from tripwatt.hybrid.learning import KINDS
-from tripwatt.live import open_car
-from tripwatt.service.answering import Answering
-from tripwatt.service.car_operations import CarOperations
-from tripwatt.service.metrics import Metrics
-from tripwatt.service.pool import WorkerPool
+from tripwatt.live import create_car, open_car
+from tripwatt.service.car_jobs import CarJobs
 from tripwatt.service.problems import Problem
-from tripwatt.service.settings import Limits, Settings
 from tripwatt.synthetic import synthetic_fleet
 
 BYTES = {"content-type": "application/octet-stream"}
@@ -337,54 +335,63 @@ def test_the_operations_on_cars_conform_to_their_description(service: Service) -
     assert found.clean, found.text
 
 
-def operations(folder: Path, **limits: int) -> CarOperations:
-    settings = Settings(cars=folder, limits=Limits(**limits))  # type: ignore[arg-type]
-    pool = WorkerPool(settings, lambda event, **more: None)
-    answering = Answering(settings, pool, Metrics())
-    return CarOperations(answering, lambda: pytest.fail("no car sends"), pool.log_event)
+def car_jobs(folder: Path) -> CarJobs:
+    create_car(folder / "car", "bmw_i3_60ah")
+    return CarJobs(folder)
+
+
+def stored(own: CarJobs, place: Path, name: str, content: bytes, most_bytes: int = 3000) -> dict[str, int]:
+    return own.store("car", place.name, name, content, most_bytes)
 
 
 def test_what_waits_to_be_learned_has_a_bound_and_expires(tmp_path: Path) -> None:
     uploads = tmp_path / "car" / "uploads"
-    own = operations(tmp_path, car_bytes=3000)
+    own = car_jobs(tmp_path)
     content = b"time_s,speed_m_s\n" + b"0,1\n" * 200
-    assert own._store(uploads / "first001", "a.csv", content) == {"files": 1, "bytes": len(content)}
-    other = content.replace(b"1", b"2")
-    assert own._store(uploads / "first001", "a.csv", other) == {"files": 2, "bytes": 2 * len(content)}
-    assert own._store(uploads / "second02", "b.csv", content)["files"] == 1
+    assert stored(own, uploads / "first001", "a.csv", content) == {
+        "files": 1,
+        "bytes": len(content),
+    }
+    assert stored(own, uploads / "first001", "a.csv", content.replace(b"1", b"2")) == {
+        "files": 2,
+        "bytes": 2 * len(content),
+    }
+    assert stored(own, uploads / "second02", "b.csv", content)["files"] == 1
     with pytest.raises(Problem, match="3000 bytes that are not learned"):
-        own._store(uploads / "third003", "c.csv", content)
+        stored(own, uploads / "third003", "c.csv", content)
     assert sorted(place.name for place in uploads.iterdir()) == ["first001", "second02"]
     with pytest.raises(Problem, match="3000 bytes that are not learned"):
-        own._store(uploads / "first001", "d.csv", content)  # those that were sent before stay
+        stored(own, uploads / "first001", "d.csv", content)  # those that were sent before stay
     assert sorted(file.name for file in (uploads / "first001" / "tables").iterdir()) == ["a 2.csv", "a.csv"]
     for age_s in (3500.0, 3700.0):
         with pytest.raises(Problem, match="3000 bytes that are not learned"):
-            own._store(uploads / "third003", "c.csv", content)
+            stored(own, uploads / "third003", "c.csv", content)
         old = time.time() - age_s
         for place in (uploads / "first001", *(uploads / "first001").rglob("*")):
             os.utime(place, (old, old))
-    assert own._store(uploads / "third003", "c.csv", content)["files"] == 1
+    assert stored(own, uploads / "third003", "c.csv", content)["files"] == 1
     assert sorted(place.name for place in uploads.iterdir()) == ["second02", "third003"]
 
 
 def test_a_refused_file_leaves_nothing_and_may_be_sent_again(tmp_path: Path) -> None:
-    own = operations(tmp_path)
+    own = car_jobs(tmp_path)
     place = tmp_path / "car" / "uploads" / "upload08"
     content = b"time_s,speed_m_s\n" + b"0,1\n" * 2000
     packed = archive({"first.csv": b"time_s,speed_m_s\n0,1\n", "t00.csv": content})
     for name, sent in (("t00.csv", content), ("logs.zip", packed)):
         with full_disk(4096), pytest.raises(Problem, match="cannot be stored"):
-            own._store(place, name, sent)
+            stored(own, place, name, sent, 1_000_000)
         assert list((place / "tables").iterdir()) == []
     whole = {"files": 1, "bytes": len(content)}
-    assert [own._store(place, "t00.csv", content) for _ in range(2)] == [whole, whole]
+    assert [stored(own, place, "t00.csv", content, 1_000_000) for _ in range(2)] == [whole, whole]
     # the tables of an earlier request stay when a later one is refused
     with full_disk(4096), pytest.raises(Problem, match="cannot be stored"):
-        own._store(place, "more.zip", archive({"t00.csv": content, "t01.csv": content + b"1,1\n"}))
+        stored(
+            own, place, "more.zip", archive({"t00.csv": content, "t01.csv": content + b"1,1\n"}), 1_000_000
+        )
     assert [file.name for file in (place / "tables").iterdir()] == ["t00.csv"]
     (place / "tables" / ".t00.csv.1.1.writing").write_bytes(b"left by a process that was killed")
-    assert own._store(place, "t00.csv", content) == whole
+    assert stored(own, place, "t00.csv", content, 1_000_000) == whole
 
 
 def test_one_bad_file_costs_no_good_one_and_a_file_can_be_left_out(service: Service) -> None:
@@ -410,9 +417,30 @@ def test_one_bad_file_costs_no_good_one_and_a_file_can_be_left_out(service: Serv
     service.client.delete(f"/v1/cars/{car}")
 
 
+def test_a_bomb_is_refused_while_others_are_served_and_leaves_nothing(service: Service, folder: Path) -> None:
+    new_car(service, "bombed")
+    for kind in BOMBS:
+        name, content = BOMBS[kind](np.random.default_rng(3))
+        refused = put(service, "bombed", "upload09", name, content)
+        assert refused.status_code == 422, (kind, refused.text)
+        assert refused.json()["faults"][0]["where"].startswith(name), kind
+    assert not [file for file in (folder / "bombed" / "uploads").rglob("*") if file.is_file()]
+    assert service.resident_bytes() < 800e6
+    service.client.delete("/v1/cars/bombed")
+
+
+def test_tables_never_take_more_than_there_is_room_for(tmp_path: Path) -> None:
+    own, place = car_jobs(tmp_path), tmp_path / "car" / "uploads" / "upload08"
+    with pytest.raises(InvalidInput, match=r"archive too large: a.zip: got 4000 bytes .*at most 3000 bytes"):
+        stored(own, place, "a.zip", archive({"a.csv": bytes(4000)}))
+    assert stored(own, place, "a.zip", archive({"a.csv": bytes(2000)})) == {"files": 1, "bytes": 2000}
+    with pytest.raises(InvalidInput, match="at most 1000 bytes"):
+        stored(own, place, "b.zip", archive({"a.csv": bytes(2000)}))
+
+
 def test_files_of_one_name_that_come_at_once_are_all_kept(tmp_path: Path) -> None:
-    own = operations(tmp_path)
+    own = car_jobs(tmp_path)
     place = tmp_path / "car" / "uploads" / "upload07"
     with ThreadPoolExecutor(8) as pool:
-        list(pool.map(lambda k: own._store(place, "a.csv", b"%d" % k), range(40)))
+        list(pool.map(lambda k: stored(own, place, "a.csv", b"%d" % k), range(40)))
     assert sorted(int(file.read_bytes()) for file in (place / "tables").iterdir()) == list(range(40))

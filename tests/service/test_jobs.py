@@ -294,6 +294,7 @@ def test_every_kind_of_job_is_run(jobs: Jobs) -> None:
         "learn finished",
         "logs",
         "new car",
+        "store",
         "journey advice",
         "journey difference",
     )

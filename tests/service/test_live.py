@@ -405,6 +405,20 @@ def test_a_body_that_is_no_message_is_a_problem(
     assert (found.status_code, found.json()["type"]) == (status, f"/problems/{problem}")
 
 
+def test_a_message_that_does_not_count_is_answered_as_such(served: Served) -> None:
+    car = _cars(served).by_name("leaf")
+    for k in range(100):
+        car.add(Sample(NOON_S + k, {"speed_m_s": 10.0}), now_s=car.now_s() - 1000.0 + k)
+    held = served.send(message(86_400.0))
+    assert (held.status_code, held.json()["status"], held.json()["arrival"]) == (200, "held", "held")
+    assert served("/v1/live/leaf").json()["held"] == 1
+    assert served.send(message(99.0)).json()["arrival"] == "doubled"
+    car._sender.offset_s = None
+    late = served.send(message(1.5))
+    assert (late.status_code, late.json()["faults"][0]["what"]) == (422, "message too late")
+    assert served("/v1/live/leaf").json()["messages"]["late"] == 1
+
+
 @pytest.mark.parametrize(
     ("tlm", "status", "where"),
     [

@@ -132,8 +132,14 @@ def test_messages_of_forgotten_cars_and_a_full_disk_are_passed_over(
     assert published.car.counts["new"] == 0
     published.take(PARKED)
     assert published.car.counts["new"] == 1
-    with pytest.raises(InvalidInput):
-        published.take(Sample(NOON_S + 1e6, {"speed_m_s": 0.0}))
+
+    def late(_: Sample) -> None:
+        raise InvalidInput.of("message too late", "utc")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(published.car, "add", late)
+        with pytest.raises(InvalidInput, match="message too late"):  # the follower notes it
+            published.take(PARKED)
 
     def full(_: Sample) -> None:
         raise OSError("no space left on device")

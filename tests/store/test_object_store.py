@@ -1,6 +1,5 @@
 """A store in an object store, by its URL, against a server that speaks S3."""
 
-import socket
 import subprocess
 import sys
 import time
@@ -12,6 +11,7 @@ pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
 pytest.importorskip("moto.server", reason="needs moto")
 
 from tests.store.test_store import CAR, drive, same
+from tests.support.service_process import free_port
 
 from tripwatt.fleet.executors import InProcess
 from tripwatt.fleet.mapping import map_store, read_rows, tasks_of
@@ -22,9 +22,7 @@ from tripwatt.store import Added, create_store, open_store
 def bucket(monkeypatch):
     for name in ("AWS_PROFILE", "AWS_SESSION_TOKEN"):
         monkeypatch.delenv(name, raising=False)
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
+    port = free_port()
     # a process of its own: calls of the store hold this one's interpreter
     server = subprocess.Popen(
         [sys.executable, "-m", "moto.server", "-H", "127.0.0.1", "-p", f"{port}"],

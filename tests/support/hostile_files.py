@@ -24,20 +24,26 @@ from typing import Any, Final
 import numpy as np
 import orjson
 import pandas as pd
+from tests.support.bombs import zipped
+from tests.support.router_server import write_map
 from tests.support.service_fuzz import mutant, seeds
 
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
+from tripwatt.fleet import batch
 from tripwatt.forecasting import ForecastModel, load_model
 from tripwatt.forecasting.plausible import battery_wh
 from tripwatt.forecasting.storage import model_folder
+from tripwatt.journey.nights import read_planned
 from tripwatt.live import RoadCar, Sample, TopicJoiner, sample_from_abrp
 from tripwatt.live.journal import line_of
 from tripwatt.live.tokens import token_digest
 from tripwatt.routes import parse_route
+from tripwatt.routes.maps.folder import INDEX_NAME, INFO_NAME, open_map
 from tripwatt.service.jobs import Jobs
 from tripwatt.service.problems import Problem
 from tripwatt.service.settings import Limits
+from tripwatt.sources.archives import unpack
 from tripwatt.sources.canonical import read_canonical
 from tripwatt.sources.mapping import parse_mapping
 from tripwatt.sources.tum_overview import read_overview
@@ -310,7 +316,72 @@ def _live_file(name: str) -> Read:
     return read
 
 
+def _map_file(name: str) -> Read:
+    """A file of a map's folder that somebody changed: its facts, or its index of places."""
+
+    def read(content: bytes, folder: Path) -> None:
+        place = folder / "map"
+        shutil.rmtree(place, ignore_errors=True)
+        write_map(place)
+        (place / name).write_bytes(content)
+        made = open_map(place)
+        assert isinstance(made.covers, str)
+        found = [*made.index.search("Westend"), *made.index.settlements(46.0, 8.0, 48.0, 10.0, 9)]
+        assert all(math.isfinite(one.latitude_deg + one.longitude_deg) for one in found)
+        made.index.stations()
+
+    return read
+
+
+def _map_files(name: str) -> list[bytes]:
+    with tempfile.TemporaryDirectory() as folder:
+        return [(write_map(Path(folder) / "map") / name).read_bytes()]
+
+
+def _unpacked(name: str) -> Read:
+    def read(content: bytes, folder: Path) -> None:
+        with tempfile.TemporaryDirectory(dir=folder) as tables:
+            unpack(name, Path(tables), content=content)
+
+    return read
+
+
+def _archives() -> list[bytes]:
+    csv = _trip().to_csv(index=False).encode()
+    return [zipped({"a.csv": csv, "b.xlsx": _sheet(), "c.parquet": _parquet()}), zipped({"a.csv": csv}, 0)]
+
+
 OBSERVED: Final = b"time_s,voltage_v,current_a,soc\n0,360,3,0.8\n1,361,9,0.8\n2,355,40,0.79\n40,358,20,0.78\n"
+
+
+def _links_of_a_fleet() -> list[bytes]:
+    table = pd.DataFrame({"trip": ["a", "a", "b"], "vehicle_id": "v", "length_m": 900.0, "speed_m_s": 14.0})
+    buffer = io.BytesIO()
+    table.to_parquet(buffer)
+    return [buffer.getvalue()]
+
+
+def _fleet_links(path: Path) -> None:
+    """As a batch reads its input, up to the rows of each trip."""
+    with batch._opened(path) as file:
+        for part in batch._parts(batch._batches(file, path)):
+            batch._stream(part)
+
+
+def _planned_trips() -> list[bytes]:
+    table = pd.DataFrame(
+        {
+            "trip": ["a", "b"],
+            "vehicle_id": "v",
+            "departs_at": "2026-01-12T07:30+01:00",
+            "distance_km": 9.0,
+            "soc": 0.8,
+        }
+    )
+    buffer = io.BytesIO()
+    table.to_parquet(buffer)
+    return [buffer.getvalue()]
+
 
 TARGETS: Final[Mapping[str, Target]] = MappingProxyType(
     {
@@ -319,6 +390,10 @@ TARGETS: Final[Mapping[str, Target]] = MappingProxyType(
         "router responses, GeoJSON and links": Target(_uploads("application/json"), _forecast_route),
         "samples as CSV": Target(
             lambda: [_trip().to_csv(index=False).encode()], _file("t.csv", _forecast_samples)
+        ),
+        "links of a fleet": Target(_links_of_a_fleet, _file("links.parquet", _fleet_links)),
+        "planned trips of a fleet": Target(
+            _planned_trips, _file("planned.parquet", lambda path: read_planned(path) and None)
         ),
         "samples as Parquet": Target(lambda: [_parquet()], _file("t.parquet", _forecast_samples)),
         "measured so far": Target(lambda: [OBSERVED], _file("o.csv", _update)),
@@ -342,6 +417,10 @@ TARGETS: Final[Mapping[str, Target]] = MappingProxyType(
             lambda: [b'{"given_s": 1700000000.0, "departure_s": null, "request": {"links": []}}'],
             _live_file("plan.json"),
         ),
+        "facts of a map": Target(lambda: _map_files(INFO_NAME), _map_file(INFO_NAME)),
+        "places of a map": Target(lambda: _map_files(INDEX_NAME), _map_file(INDEX_NAME)),
+        "workbook of logs": Target(lambda: [_sheet()], _unpacked("a.xlsx")),
+        "archive of logs": Target(_archives, _unpacked("a.zip")),
         "token of a car": Target(lambda: [b'{"sha256": "00ff"}'], _live_file("token.json")),
     }
 )

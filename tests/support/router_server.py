@@ -13,6 +13,8 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
+from tests.support.service_process import free_port
+
 from tripwatt.routes.maps.engine import configuration, require_valhalla
 from tripwatt.routes.maps.extract import Named
 from tripwatt.routes.maps.folder import ATTRIBUTION, FORMAT, INDEX_NAME, INFO_NAME, MapFolder
@@ -108,9 +110,7 @@ def served_configuration(folder: Path, port: int) -> dict[str, Any]:
 @contextmanager
 def valhalla_serving(built: MapFolder) -> Iterator[str]:
     """A real Valhalla on loopback that serves the roads of a map: its address, as `open_atlas` takes it."""
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
+    port = free_port()
     config = built.folder / "server.json"
     config.write_text(json.dumps(served_configuration(built.folder, port)), "utf-8")
     program = require_valhalla() / "bin" / "valhalla_service"

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import resource
 import socket
 import statistics
 import subprocess
@@ -14,11 +15,14 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
+from functools import cache
 from types import MappingProxyType
 from typing import Final
 
 import httpx
+import numpy as np
 from tests.support import ROOT
+from tests.support.bombs import BOMBS
 from tests.support.service_process import Service
 
 FORECAST: Final = b'{"links": [{"length_m": 9000, "speed_m_s": 15}], "soc": 0.8}'
@@ -146,6 +150,36 @@ def slow_batches(port: int, stop: threading.Event) -> None:
     _held(port, 20, _head("/v1/forecast/batch", 1000, "application/x-ndjson") + b"\r\n{", stop, b" ")
 
 
+def idle_connections(port: int, stop: threading.Event) -> None:
+    """1,150 connections that send nothing."""
+    resource.setrlimit(resource.RLIMIT_NOFILE, (4096, resource.getrlimit(resource.RLIMIT_NOFILE)[1]))
+    _held(port, 1150, b"", stop)
+
+
+@cache
+def _made_bombs() -> list[tuple[str, bytes]]:
+    """Those that take little time to make."""
+    kinds = (
+        "long_string_in_many_cells",
+        "wide_rows",
+        "entities",
+        "workbooks_in_an_archive",
+        "parquet_dictionary",
+    )
+    return [BOMBS[kind](np.random.default_rng(k)) for kind in kinds for k in range(2)]
+
+
+def bombs(port: int, stop: threading.Event) -> None:
+    """Archives, workbooks and tables that unpack to gigabytes; the service needs a folder of cars."""
+    headers, address = {"content-type": "application/octet-stream"}, f"http://127.0.0.1:{port}/v1/cars"
+    with httpx.Client(timeout=60.0) as client:
+        client.post(address, json={"name": "bombed", "vehicle": "nissan_leaf_24"})
+        for name, content in _made_bombs():
+            if not stop.is_set():
+                with suppress(httpx.HTTPError):
+                    client.put(f"{address}/bombed/uploads/upload01/{name}", content=content, headers=headers)
+
+
 ATTACKS: Final[Mapping[str, Callable[[int, threading.Event], None]]] = MappingProxyType(
     {
         attack.__name__: attack
@@ -162,6 +196,8 @@ ATTACKS: Final[Mapping[str, Callable[[int, threading.Event], None]]] = MappingPr
             slow_bodies,
             slow_heads,
             slow_batches,
+            idle_connections,
+            bombs,
         )
     }
 )

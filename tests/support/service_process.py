@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import socket
 import subprocess
 import sys
 import time
@@ -53,6 +54,14 @@ def wait_for(condition: Callable[[], Any], seconds: float = 60.0) -> bool:
     while not (found := condition()) and time.monotonic() < until:
         time.sleep(0.05)
     return bool(found)
+
+
+def free_port() -> int:
+    """A port of loopback that nobody listens on."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port
 
 
 @contextmanager

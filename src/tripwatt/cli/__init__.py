@@ -29,6 +29,7 @@ from tripwatt.cli import (
     journey,
     logs,
     maps,
+    mcp,
     own_cars,
     serve,
     stores,
@@ -89,6 +90,7 @@ add_command(app, cars.simulate)
 export.add_commands(app)
 add_command(app, serve.serve, context_settings={"auto_envvar_prefix": "TRIPWATT"})
 add_command(app, serve.live, hidden=True)
+add_command(app, mcp.mcp)
 add_command(app, demo.demo)
 stores.add_commands(app)
 fleets.add_commands(app)

@@ -128,8 +128,11 @@ def evaluate(
     print_notes(note)
     unfinished = unfinished_folder(out)
     with folder_lock(unfinished):
-        run = _run_and_write(trips, options, jobs, out, unfinished, resume)
-    _show(run, out, built_in=data is None, as_json=as_json)
+        run = _run(trips, options, jobs, unfinished, resume)
+        lead = _example_in_words() if data is None else _median_trip_in_words(run)
+        with shown.status("writing the report"):
+            write_whole(lambda folder: _write(run, folder, lead), out, unfinished)
+    _show(run, out, lead, as_json=as_json)
 
 
 def _names(option: str | None) -> list[str] | None:
@@ -166,34 +169,6 @@ def _evaluate_cars(data: Path | None, out: Path, seed: int, as_json: bool) -> No
     typer.echo(f"Report: {out / 'report.html'}")
 
 
-def _run_and_write(
-    trips: Fleet, options: dict[str, Any], jobs: int, out: Path, unfinished: Path, resume: bool
-) -> EvaluationRun:
-    shown = console()
-    if resume and not finished_folds(unfinished):
-        shown.print("--resume: this folder has no finished folds; the run starts from the beginning")
-    try:
-        run = _run(trips, options, jobs, unfinished, resume)
-    except (KeyboardInterrupt, SystemExit) as stop:
-        typer.echo(
-            "interrupted: the finished folds are kept; continue with the same command and --resume", err=True
-        )
-        if isinstance(stop, SystemExit):
-            raise
-        raise typer.Exit(INTERRUPTED) from None
-    except OSError as error:  # a full disk, while a fold is kept
-        got = f"{unfinished}: {error.strerror or error}"
-        fix = "make room and continue with the same command and --resume"
-        raise InvalidInput.of("cannot keep the finished folds", "--out", got, fix=fix) from error
-    except InvalidInput:
-        if not finished_folds(unfinished):
-            shutil.rmtree(unfinished, ignore_errors=True)
-        raise
-    with shown.status("writing the report"):
-        write_whole(lambda folder: _write(run, folder), out, unfinished)
-    return run
-
-
 def _check(options: dict[str, Any], overrides: list[str], n_jobs: int) -> None:
     """Everything that can be wrong with the options, before hours of work; settles the overrides."""
     from tripwatt.evaluation import CarChoice, choose_models, find_protocol
@@ -216,29 +191,46 @@ def _run(fleet: Fleet, options: dict[str, Any], jobs: int, unfinished: Path, res
     from tripwatt.evaluation import Execution
     from tripwatt.evaluation import evaluate as run_evaluation
 
-    with progress(console()) as report_progress:
-        execution = Execution(jobs, unfinished / "folds", resume, report_progress)
-        return run_evaluation(fleet, **options, execution=execution)
+    if resume and not finished_folds(unfinished):
+        console().print("--resume: this folder has no finished folds; the run starts from the beginning")
+    try:
+        with progress(console()) as report_progress:
+            execution = Execution(jobs, unfinished / "folds", resume, report_progress)
+            return run_evaluation(fleet, **options, execution=execution)
+    except (KeyboardInterrupt, SystemExit) as stop:
+        typer.echo(
+            "interrupted: the finished folds are kept; continue with the same command and --resume", err=True
+        )
+        if isinstance(stop, SystemExit):
+            raise
+        raise typer.Exit(INTERRUPTED) from None
+    except OSError as error:  # a full disk, while a fold is kept
+        got = f"{unfinished}: {error.strerror or error}"
+        fix = "make room and continue with the same command and --resume"
+        raise InvalidInput.of("cannot keep the finished folds", "--out", got, fix=fix) from error
+    except InvalidInput:
+        if not finished_folds(unfinished):
+            shutil.rmtree(unfinished, ignore_errors=True)
+        raise
 
 
-def _write(run: EvaluationRun, folder: Path) -> None:
+def _write(run: EvaluationRun, folder: Path, lead: str) -> None:
     from tripwatt.evaluation import write_results
     from tripwatt.report import write_report
 
     write_results(run, folder)
-    write_report(run, folder)
+    write_report(run, folder, lead)
 
 
-def _show(run: EvaluationRun, out: Path, *, built_in: bool, as_json: bool) -> None:
+def _show(run: EvaluationRun, out: Path, lead: str, *, as_json: bool) -> None:
     """A forecast in words, the short table, and where the report is, in this order; the rest is in the report."""
     if as_json:
         print_json(run.results)
         return
     from tripwatt.report import render_table
 
-    sentence = _example_in_words() if built_in else _median_trip_in_words(run)
-    if sentence:
-        typer.echo(f"{sentence}\n")
+    if lead:
+        typer.echo(f"{lead}\n")
     console(sys.stdout).print(render_table(run.results))
     notes = len(run.results["notes"])
     noted = f" ({notes} note{'s' if notes > 1 else ''} of the run in it)" if notes else ""

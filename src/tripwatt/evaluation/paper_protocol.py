@@ -29,7 +29,7 @@ from tripwatt.evaluation.hold_outs import (
 )
 from tripwatt.evaluation.outside import WholeMethod, WholeModel, is_whole, outside_spec
 from tripwatt.evaluation.paper_studies import simulation_forms, studies, study_comparisons
-from tripwatt.evaluation.protocol import AUDIT, DIFFERENCES, RESULT, TRIP_BY_TRIP, ReportSection
+from tripwatt.evaluation.protocol import AUDIT, DIFFERENCES, MODELS, RESULT, ReportSection
 from tripwatt.evaluation.results import EvaluationRun, about_run
 from tripwatt.evaluation.table_models import (
     CONSTANT,
@@ -84,6 +84,7 @@ class PaperProtocol:
     )
     sections: tuple[ReportSection, ...] = (
         RESULT,
+        MODELS,
         ReportSection(
             "errors", "Errors of every model", ("error-distribution", "error-boxes", "benchmark-boxes")
         ),
@@ -92,7 +93,7 @@ class PaperProtocol:
             "Beside the paper",
             ("simulation-forms", "working-correlations", "gamm-errors", "trips-needed"),
         ),
-        *(TRIP_BY_TRIP, DIFFERENCES, AUDIT),
+        *(DIFFERENCES, AUDIT),
         ReportSection(
             "gamm",
             "The GAMM",

@@ -26,13 +26,15 @@ class ReportSection:
     panels: tuple[str, ...]
 
 
-RESULT: Final = ReportSection("result", "Result", ("table", "mean-errors", "legend", "sets", "full-tables"))
-TRIP_BY_TRIP: Final = ReportSection("trips", "Trip by trip", ("trip-energy", "trip-errors", "all-trips"))
+RESULT: Final = ReportSection("result", "Three figures", ("trip-energy", "mean-errors", "trip-errors"))
+MODELS: Final = ReportSection(
+    "models", "Every model and every trip", ("table", "legend", "sets", "full-tables", "all-trips")
+)
 DIFFERENCES: Final = ReportSection("comparison", "Differences between the models", ("paired-differences",))
 AUDIT: Final = ReportSection(
     "audit", "Trips that were used, and reasons why others were not", ("audit-findings", "trips-used")
 )
-"""Sections of every protocol's report."""
+"""Sections of every protocol's report; the page shows the first one and folds the others."""
 
 
 class EvaluationProtocol(Protocol):

@@ -13,6 +13,7 @@ import json
 import shutil
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from importlib.metadata import version
@@ -26,7 +27,7 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.files import write_file
+from tripwatt.files import open_regular, write_file
 from tripwatt.fleet.executors import map_bounded
 from tripwatt.fleet.model import FleetModel
 from tripwatt.fleet.storage import load_fleet
@@ -130,7 +131,7 @@ def forecast_batch(
     """
     _check(quantiles, reserve)
     with _opened(source) as file:
-        columns = _columns(file, source)
+        _columns(file, source)  # what is missing is one fault before any work
         folder, unfinished = Path(model).absolute(), Path(f"{out}.unfinished")
         load_fleet(folder)  # a model that cannot be read is one fault, not one for each trip
         digest = hashlib.sha256((folder / METADATA).read_bytes()).hexdigest()
@@ -139,7 +140,7 @@ def forecast_batch(
         names: list[str] = []
 
         def open_parts() -> Iterator[BatchPart]:
-            for table in _parts(file, columns):
+            for table in _parts(_batches(file, source)):
                 part = replace(asked, rows=_stream(table))
                 names.append(part.name)
                 if not (unfinished / part.name).is_file():
@@ -169,13 +170,27 @@ def _check(quantiles: Sequence[float], reserve: float) -> None:
 
 
 def _opened(source: Path | str) -> pq.ParquetFile:
-    try:
+    with _damage_told(f"{source}"):
+        open_regular(Path(source)).close()
         return pq.ParquetFile(source)
+
+
+@contextmanager
+def _damage_told(where: str) -> Iterator[None]:
+    """Errors of the reader as faults."""
+    try:
+        yield
     except (OSError, pa.ArrowException) as error:
         got = (str(error).splitlines() or [type(error).__name__])[0][:160]
         raise InvalidInput.of(
-            "unreadable Parquet file", f"{source}", got, "a Parquet file of links", WRITE_IT
+            "unreadable Parquet file", where, got, "a Parquet file of links", WRITE_IT
         ) from error
+
+
+def _batches(file: pq.ParquetFile, source: Path | str) -> Iterator[pa.RecordBatch]:
+    """The columns of the input that count, some rows at a time."""
+    with _damage_told(f"{source}"):
+        yield from file.iter_batches(columns=_columns(file, source))
 
 
 def _columns(file: pq.ParquetFile, source: Path | str) -> list[str]:
@@ -240,10 +255,10 @@ def quantile_column(quantile: float, of: str = "energy_wh") -> str:
     return f"{of}_q{whole.zfill(2)}" + (f"_{rest}" if rest else "")
 
 
-def _parts(file: pq.ParquetFile, columns: list[str]) -> Iterator[pa.Table]:
+def _parts(batches: Iterator[pa.RecordBatch]) -> Iterator[pa.Table]:
     """Rows of whole trips, some trips at a time; the rows of a trip follow each other."""
     held: list[pa.RecordBatch] = []
-    for batch in file.iter_batches(columns=columns):
+    for batch in batches:
         table = pa.Table.from_batches([*held, batch])
         *cuts, last = _starts(table)[
             ::TRIPS_AT_ONCE

@@ -17,7 +17,7 @@ from urllib.parse import quote
 
 import pandas as pd
 
-from tripwatt.errors import Check, Fault, InvalidInput, places_within, system_errors
+from tripwatt.errors import Check, Fault, InvalidInput, places_within
 from tripwatt.fleet.batch import KNOWN
 from tripwatt.fleet.model import COLD_DEGC, FleetModel
 from tripwatt.fleet.statistics import TripRows
@@ -25,6 +25,7 @@ from tripwatt.forecasting import Forecast, ForecastModel
 from tripwatt.journey.distances import DISTANCES_KM, KindForecaster, taken_by
 from tripwatt.journey.kinds import UNKNOWN
 from tripwatt.routes import plan_from_route, route_from_links
+from tripwatt.sources.columnar import open_table
 from tripwatt.trips import LINK_COLUMNS, Departure, Plan, raise_faults
 from tripwatt.trips.columns import require_fraction, require_number
 from tripwatt.vehicles import Vehicle
@@ -37,6 +38,7 @@ LEAST_TRIPS: Final = 10
 """Trips of a week whose mean temperature counts."""
 
 TEXTS: Final = ("vehicle_id", "trip", "departs_at", "car_model", "driver", "kind")
+TRUTHS: Final = {"True": True, "False": False}
 TAKEN: Final = ("distance_m", "energy_wh", "energy_quantile_wh", "soc_taken")
 NEEDS: Final = (
     "vehicle_id",
@@ -110,19 +112,21 @@ def read_planned(file: Path | str) -> list[PlannedTrip]:
     InvalidInput
         When the file cannot be read, or a column is missing; with the first trip that cannot be planned.
     """
-    with system_errors("unreadable table", f"{file}", "CSV or Parquet"):
-        try:
-            parquet = Path(file).suffix == ".parquet"
-            table = pd.read_parquet(file) if parquet else pd.read_csv(file, dtype=dict.fromkeys(TEXTS, str))
-        except ValueError as error:
-            raise InvalidInput.of(
-                "unreadable table", f"{file}", f"{error}"[:160], "CSV or Parquet"
-            ) from error
+    read = open_table(Path(file))
+    table = pd.DataFrame({name: _typed(name, read.texts(name)) for name in read.names})
     missing = [name for name in TEXTS[:3] if name not in table]
     missing += [] if {"distance_km", "length_m"} & set(table) else ["distance_km or length_m"]
     names = ", ".join(map(str, table))[:200]
     raise_faults(Fault("missing column", f"{file}", names, f"a column {name}") for name in missing)
     return [_planned(rows) for _, rows in table.groupby(["vehicle_id", "trip", "departs_at"], sort=False)]
+
+
+def _typed(name: str, cells: list[str]) -> pd.Series:
+    """A column as numbers or truths where it is one, missing where it is empty."""
+    texts = pd.Series(cells, dtype=object).where(lambda cell: cell != "")
+    numbers = pd.to_numeric(texts, errors="coerce")
+    is_number = name not in TEXTS and numbers.notna().equals(texts.notna())
+    return numbers if is_number else texts.map(lambda cell: TRUTHS.get(cell, cell))
 
 
 def _planned(rows: pd.DataFrame) -> PlannedTrip:

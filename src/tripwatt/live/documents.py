@@ -65,6 +65,7 @@ class LiveMessages(TypedDict):
     new: int
     doubled: int
     late: int
+    """too late, or with a time of another clock: they do not count"""
 
 
 class LiveDocument(TypedDict):
@@ -77,6 +78,8 @@ class LiveDocument(TypedDict):
     seconds_since_message: float | None
     """null before the first message"""
     messages: LiveMessages
+    held: int
+    """messages that wait until later ones confirm their time"""
     soc: float | None
     """displayed state of charge by the latest message that has a charge; of a charge of the battery management, what the display shows by the model of the car"""
     soc_source: Literal["soc", "bms_soc"] | None

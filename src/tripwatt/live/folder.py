@@ -14,6 +14,7 @@ from tripwatt.errors import InvalidInput, system_errors
 from tripwatt.files import write_file
 from tripwatt.live.on_the_way import MadeForecast, read_forecasts, write_forecasts
 from tripwatt.live.own_car import LIVE, VALID_NAME
+from tripwatt.live.telemetry import FIRST_TIME_S, LAST_TIME_S
 from tripwatt.sources.canonical import read_canonical
 from tripwatt.trips import Context, Log
 
@@ -44,7 +45,16 @@ def live_folder(place: Path) -> Path:
 def finished_names(folder: Path) -> list[str]:
     """Names of the trips that a car has finished, in the order of their departure; files that others put there are left out."""
     files = (folder / LIVE / TRIPS).glob("*.csv")
-    return sorted(path.stem for path in files if NAMES.fullmatch(path.stem))
+    return sorted(path.stem for path in files if _is_name(path.stem))
+
+
+def _is_name(name: str) -> bool:
+    try:
+        return (
+            NAMES.fullmatch(name) is not None and FIRST_TIME_S <= started_at(name).timestamp() <= LAST_TIME_S
+        )
+    except ValueError:  # no such day or time of day
+        return False
 
 
 def finished_logs(folder: Path, names: Iterable[str] | None = None) -> tuple[Log, ...]:
@@ -97,7 +107,7 @@ def log_name(car: str, name: str) -> str:
 def forecasts_of(folder: Path, trip_id: str) -> tuple[MadeForecast, ...]:
     """Forecasts that were made during a finished trip, by the name of its log; none where none were made."""
     name = trip_id.removeprefix(log_name(folder.name, ""))
-    if NAMES.fullmatch(name) is None:
+    if not _is_name(name):
         return ()
     return read_forecasts(folder / LIVE / TRIPS / f"{name}.{FORECASTS}")[1]
 

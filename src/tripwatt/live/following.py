@@ -6,15 +6,16 @@ import asyncio
 import contextlib
 import json
 import ssl
-import time
 from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 from urllib.parse import unquote, urlsplit
 
 from tripwatt.errors import InvalidInput
 from tripwatt.live.discovery import OFFLINE, ONLINE, discovery
+from tripwatt.live.sender import steady_clock
 from tripwatt.live.telemetry import Sample
 from tripwatt.live.topics import TopicJoiner
 
@@ -171,6 +172,9 @@ class Follower:
 
     def __post_init__(self) -> None:
         self._joiners = {name: TopicJoiner(*given) for name, given in self.settings.cars.items()}
+        self._now_s = steady_clock()
+        for name, joiner in self._joiners.items():
+            joiner.note = partial(self._refused, name)
         self._received_s = dict.fromkeys(self._joiners, 0.0)
         # what was published of a car, without its age, and when
         self._published: dict[str, tuple[dict[str, Any], float]] = {}
@@ -202,13 +206,16 @@ class Follower:
             wait_s = min(2.0 * wait_s, AGAIN_S[1])
 
     async def _listen(self, client: aiomqtt.Client) -> None:
+        mqtt = client._client  # aiomqtt has no way to acknowledge a message when it is stored
+        mqtt.manual_ack_set(True)
         async for message in client.messages:
             payload = message.payload if isinstance(message.payload, bytes) else str(message.payload).encode()
-            now_s, topic = time.time(), message.topic.value
+            now_s, topic = self._now_s(), message.topic.value
             for name, joiner in self._joiners.items():
                 if topic == joiner.root or topic.startswith(f"{joiner.root}/"):
                     self._received_s[name] = now_s
                     await self._take(name, joiner.take(topic, payload, now_s, retained=bool(message.retain)))
+            mqtt.ack(message.mid, message.qos)
 
     async def _take(self, name: str, sample: Sample | None) -> None:
         if sample is None:
@@ -216,13 +223,16 @@ class Follower:
         try:
             await self.take(name, sample)
         except InvalidInput as error:
-            self.note(f"{name}: message not stored: {error}"[:200])
+            self._refused(name, error)
+
+    def _refused(self, name: str, error: InvalidInput) -> None:
+        self.note(f"{name}: message not stored: {error}"[:200])
 
     async def _report(self, client: aiomqtt.Client) -> None:
         while True:
             await asyncio.sleep(self.every_s)
             for name, joiner in self._joiners.items():
-                if time.time() - self._received_s[name] >= FLUSH_S:
+                if self._now_s() - self._received_s[name] >= FLUSH_S:
                     await self._take(name, joiner.flush())
             if self.settings.publish_to:
                 for name, document in (await self.documents()).items():
@@ -230,7 +240,7 @@ class Follower:
 
     async def _publish_car(self, client: aiomqtt.Client, name: str, document: Mapping[str, Any]) -> None:
         """Publish a car where it is another, and at times so that its age grows."""
-        now_s, lasting = time.time(), {**document, "seconds_since_message": None}
+        now_s, lasting = self._now_s(), {**document, "seconds_since_message": None}
         before = self._published.get(name)
         if before is not None and before[0] == lasting and now_s < before[1] + AGE_S:
             return

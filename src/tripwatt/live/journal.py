@@ -10,19 +10,25 @@ import contextlib
 import json
 import math
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Final
+from types import MappingProxyType
+from typing import Any, Final
 
 from tripwatt.errors import InvalidInput, system_errors
 from tripwatt.files import write_file
-from tripwatt.live.telemetry import FIRST_TIME_S, LAST_TIME_S, Sample
+from tripwatt.live.telemetry import CHARGES, FIRST_TIME_S, LAST_TIME_S, Sample, is_sound
 
 MOST_LINE_BYTES: Final = 4096
 """Longest line; a sample with all columns has less than 1 kB."""
 
-_AFTER: Final = b'{"after_s":%r}\n'
 FLAGS: Final = ("charging", "parked")
+RECEIVED: Final = "received_s"
+NOTHING: Final[Mapping[str, Any]] = MappingProxyType({})
+
+
+Charge = tuple[float, str, float]
+"""Time, field of a departure and value."""
 
 
 def line_of(sample: Sample) -> bytes:
@@ -33,7 +39,8 @@ def line_of(sample: Sample) -> bytes:
     >>> line_of(Sample(1.7e9, {"speed_m_s": 20.0}, parked=True))
     b'{"time_s":1700000000.0,"speed_m_s":20.0,"parked":true}\n'
     """
-    more = {name: True for name in FLAGS if getattr(sample, name)}
+    more: dict[str, float] = {name: True for name in FLAGS if getattr(sample, name)}
+    more |= {} if sample.received_s is None else {RECEIVED: sample.received_s}
     text = json.dumps(
         {"time_s": sample.time_s, **sample.values, **more}, separators=(",", ":"), allow_nan=False
     )
@@ -45,8 +52,9 @@ def sample_of(line: bytes) -> Sample | None:
     try:
         fields = json.loads(line)
         charging, parked = (bool(fields.pop(name, False)) for name in FLAGS)
-        time_s = float(fields.pop("time_s"))
-        return Sample(time_s, {name: float(value) for name, value in fields.items()}, charging, parked)
+        time_s, came = float(fields.pop("time_s")), fields.pop(RECEIVED, None)
+        values = {name: float(value) for name, value in fields.items()}
+        return Sample(time_s, values, charging, parked, received_s=None if came is None else float(came))
     except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError, InvalidInput):
         return None
 
@@ -64,6 +72,8 @@ class Journal:
         Samples in the file.
     after_s : float
         Samples up to this time were in the file before it was rewritten [s since 1970].
+    more : mapping
+        What else was known then.
 
     Raises
     ------
@@ -75,6 +85,7 @@ class Journal:
         self.path = path
         self.lines = 0
         self.after_s = -math.inf
+        self.more = NOTHING
         self._descriptor = -1
         self._size = 0
         self._open()
@@ -85,7 +96,8 @@ class Journal:
             self._size = _whole_bytes(self._descriptor)
             if self._size < os.fstat(self._descriptor).st_size:
                 os.ftruncate(self._descriptor, self._size)
-            self.after_s = _after_s(os.pread(self._descriptor, MOST_LINE_BYTES, 0).partition(b"\n")[0])
+            first = os.pread(self._descriptor, MOST_LINE_BYTES, 0).partition(b"\n")[0]
+            self.after_s, self.more = _first_line(first)
 
     def read(self) -> Iterator[Sample]:
         """All samples in the order of their arrival; damaged lines are left out. O(bytes)."""
@@ -126,7 +138,7 @@ class Journal:
         with contextlib.suppress(OSError):
             os.ftruncate(self._descriptor, self._size)
 
-    def rewrite(self, samples: Iterable[Sample], after_s: float) -> None:
+    def rewrite(self, samples: Iterable[Sample], after_s: float, more: Mapping[str, Any] = NOTHING) -> None:
         """Replace all samples by these, in one step: a process that is killed leaves the old or the new file.
 
         Parameters
@@ -134,6 +146,8 @@ class Journal:
         samples : iterable of Sample
         after_s : float
             Time up to which samples are no longer in the file [s since 1970].
+        more : mapping
+            What else is known.
 
         Raises
         ------
@@ -141,7 +155,8 @@ class Journal:
             When the file cannot be written; it is as before.
         """
         lines = [line_of(sample) for sample in samples]
-        write_file(self.path, lambda made: made.write_bytes(b"".join([_AFTER % after_s, *lines])))
+        first = json.dumps({"after_s": after_s, **more}, separators=(",", ":")).encode() + b"\n"
+        write_file(self.path, lambda made: made.write_bytes(b"".join([first, *lines])))
         self.close()
         self._open()
         self.lines = len(lines)
@@ -153,13 +168,14 @@ class Journal:
             self._descriptor = -1
 
 
-def _after_s(line: bytes) -> float:
-    """The time of the first line of a rewritten file; minus infinity of any other line."""
+def _first_line(line: bytes) -> tuple[float, Mapping[str, Any]]:
+    """The time of the first line of a rewritten file, and what else it has; minus infinity of any other line."""
     try:
-        after_s = float(json.loads(line)["after_s"])
+        more = json.loads(line)
+        after_s = float(more["after_s"])
     except (ValueError, TypeError, KeyError, OverflowError, RecursionError):
-        return -math.inf
-    return after_s if FIRST_TIME_S <= after_s <= LAST_TIME_S else -math.inf
+        return -math.inf, NOTHING
+    return (after_s if FIRST_TIME_S <= after_s <= LAST_TIME_S else -math.inf), more
 
 
 def _whole_bytes(descriptor: int) -> int:
@@ -170,3 +186,14 @@ def _whole_bytes(descriptor: int) -> int:
     if newline < 0 and start:
         return end  # no line of ours is so long
     return start + newline + 1
+
+
+def charge_of(given: Any) -> tuple[Charge | None, Charge | None]:
+    """The latest charge of the first line of a journal, and the same where it is that of a standing car."""
+    try:
+        time_s, field, value, parked = given
+        sound = is_sound(CHARGES[field], value)
+        charge = (float(time_s), f"{field}", float(value)) if sound else None
+    except (TypeError, ValueError, KeyError):  # an older file, or a damaged one
+        return None, None
+    return charge, charge if parked else None

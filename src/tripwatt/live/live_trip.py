@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import bisect
 import itertools
 import math
 from array import array
@@ -13,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import FloatArray, held
-from tripwatt.live.telemetry import Sample
+from tripwatt.live.telemetry import Sample, moved
 from tripwatt.trips import MOST_DURATION_S, table_of
 
 MOVING_M_S: Final = 1.0
@@ -41,6 +42,9 @@ HOLD_S: Final = 10.0
 MOST_SAMPLES: Final = 40_000
 """Most samples of a trip that are held: 11 h at 1 Hz. When they are full, every other one goes, and of the next ones too."""
 
+GAP_STEPS: Final = 1.5
+"""A late sample counts where those around it are apart by so many of the usual steps of the trip: other ones are doubles, or strays."""
+
 _MOST_BEFORE: Final = 2000
 
 
@@ -58,6 +62,8 @@ class LiveTrip:
         Time of the first sample [s since 1970].
     moved_s : float
         Time of the last sample in motion [s since 1970].
+    stood_s : float
+        Since when the car stands, as far as samples show it [s since 1970]; infinite while it drives.
     distance_m : float
         Driven so far [m].
 
@@ -69,11 +75,18 @@ class LiveTrip:
     11.0
     >>> trip.table()["speed_m_s"].tolist()
     [10.0, 12.0]
+    >>> trip.append(Sample(1.7e9 + 4.0, {"speed_m_s": 12.0}))
+    >>> trip.insert(Sample(1.7e9 + 2.0, {"speed_m_s": 12.0})), trip.has(Sample(1.7e9 + 2.0, {"speed_m_s": 12.0}))
+    (True, True)
+    >>> trip.move(3600.0)
+    >>> trip.start_s
+    1700003600.0
     """
 
     def __init__(self, samples: Sequence[Sample]) -> None:
         self.start_s = samples[0].time_s
         self.moved_s = self.last_s = -math.inf
+        self.stood_s = math.inf
         self.distance_m = 0.0
         self._speed_m_s = 0.0
         self._least_step_s = 0.0
@@ -98,7 +111,9 @@ class LiveTrip:
                 self.distance_m += 0.5 * (speed + self._speed_m_s) * min(sample.time_s - self.last_s, HOLD_S)
             self._speed_m_s = speed
             if speed >= MOVING_M_S:
-                self.moved_s = sample.time_s
+                self.moved_s, self.stood_s = sample.time_s, math.inf
+            else:
+                self.stood_s = min(self.stood_s, max(self.moved_s, sample.time_s - HOLD_S))
         times = self._columns["time_s"]
         if not times or sample.time_s - times[-1] >= self._least_step_s:
             self._keep(sample)
@@ -116,6 +131,68 @@ class LiveTrip:
             if name != "time_s":
                 values.append(sample.values.get(name, math.nan))
         self._columns["time_s"].append(sample.time_s)
+
+    def has(self, sample: Sample) -> bool:
+        """Tell whether the very sample is part of the trip. O(log(samples)).
+
+        Parameters
+        ----------
+        sample : Sample
+            One that came again.
+
+        Returns
+        -------
+        bool
+            False for another one of the same time.
+        """
+        at = bisect.bisect_left(self._columns["time_s"], sample.time_s)
+        row = {name: values[at : at + 1] for name, values in self._columns.items()}
+        sent = {"time_s": sample.time_s, **sample.values}
+        return all(row.get(name, array("d")).tolist() == [value] for name, value in sent.items())
+
+    def insert(self, sample: Sample) -> bool:
+        """Take a late sample into a gap of the trip, if there is one at its time. O(samples).
+
+        Parameters
+        ----------
+        sample : Sample
+            One that is earlier than the latest of the trip.
+
+        Returns
+        -------
+        bool
+            Whether it was taken.
+        """
+        times = self._columns["time_s"]
+        at, steps = bisect.bisect_left(times, sample.time_s), np.diff(times)
+        if not 0 < at < len(times) < MOST_SAMPLES or steps[at - 1] < GAP_STEPS * np.median(steps):
+            return False
+        before_m = self._driven_m()
+        for name in {*sample.values} - {*self._columns}:
+            self._columns[name] = array("d", [math.nan]) * len(times)
+        for name, values in self._columns.items():
+            values.insert(at, sample.time_s if name == "time_s" else sample.values.get(name, math.nan))
+        self.distance_m += self._driven_m() - before_m
+        if sample.values.get("speed_m_s", 0.0) >= MOVING_M_S and sample.time_s > self.moved_s:
+            self.moved_s, self.stood_s = sample.time_s, max(sample.time_s, self.stood_s)
+        return True
+
+    def _driven_m(self) -> float:
+        time, speed = (np.array(self._columns[name]) for name in ("time_s", "speed_m_s"))
+        time, speed = time[np.isfinite(speed)], speed[np.isfinite(speed)]
+        return float(0.5 * (speed[1:] + speed[:-1]) @ np.minimum(np.diff(time), HOLD_S))
+
+    def move(self, by_s: float) -> None:
+        """Move all times: the clock of the sender was set. O(samples).
+
+        Parameters
+        ----------
+        by_s : float
+            What is added to them [s].
+        """
+        self._columns["time_s"] = array("d", (time_s + by_s for time_s in self._columns["time_s"]))
+        for name in ("start_s", "moved_s", "last_s", "stood_s"):
+            setattr(self, name, getattr(self, name) + by_s)
 
     def table(
         self,
@@ -187,6 +264,7 @@ class TripFinder:
     >>> finder = TripFinder()
     >>> [finder.add(Sample(1.7e9 + k, {"speed_m_s": 10.0})) for k in range(3)]
     [None, None, None]
+    >>> finder.move(3600.0)
     >>> finder.end().distance_m
     20.0
     >>> finder.trip is None
@@ -230,14 +308,28 @@ class TripFinder:
         ended, self.trip = self.trip, None
         return ended
 
+    def move(self, by_s: float) -> None:
+        """Move all times: the clock of the sender was set. O(samples).
+
+        Parameters
+        ----------
+        by_s : float
+            What is added to them [s].
+        """
+        self.before = deque((moved(sample, by_s) for sample in self.before), _MOST_BEFORE)
+        if self.trip is not None:
+            self.trip.move(by_s)
+
     def _ends(self, trip: LiveTrip, sample: Sample) -> bool:
         if sample.charging or sample.time_s - trip.last_s >= SILENCE_S:
             return True
         if sample.time_s - trip.start_s >= MOST_DURATION_S:
             return True
         speed = sample.values.get("speed_m_s")
-        stands = speed is not None and speed < MOVING_M_S
-        return stands and sample.time_s - trip.moved_s >= (PARKED_S if sample.parked else STANDING_S)
+        if speed is None or speed >= MOVING_M_S:
+            return False
+        stood_s = min(trip.stood_s, max(trip.moved_s, sample.time_s - HOLD_S))  # a gap is no standstill
+        return sample.time_s - stood_s >= (PARKED_S if sample.parked else STANDING_S)
 
     def _stand(self, sample: Sample) -> None:
         if sample.charging:

@@ -63,6 +63,12 @@ class OnTheWay:
         """The forecasts of the trip that started at a time [s since 1970]."""
         return self._made if self._start_s == start_s else ()
 
+    def move(self, start_s: float, moved_s: float) -> None:
+        """Take another start of the trip that started at a time: the clock of its sender was set."""
+        if self.of(start_s):
+            write_forecasts(self.path, moved_s, self._made)
+            self._start_s = moved_s
+
     def is_due(self, start_s: float, at_s: float) -> bool:
         """Whether a forecast that is made so long after the start is kept."""
         made = self.of(start_s)

@@ -7,7 +7,7 @@ import math
 from operator import attrgetter
 from typing import Final, Literal
 
-from tripwatt.live.telemetry import Sample
+from tripwatt.live.telemetry import Sample, moved
 
 LATE_S: Final = 30.0
 """A sample may arrive this much later than one that was sent after it [s of its own time]."""
@@ -15,7 +15,8 @@ LATE_S: Final = 30.0
 MOST_WAITING: Final = 600
 """Most samples that wait for late ones: 20 Hz for `LATE_S`. Of more, the oldest waits no longer."""
 
-Arrival = Literal["new", "doubled", "late"]
+Place = Literal["new", "doubled", "late"]
+Arrival = Place | Literal["held"]
 
 _time = attrgetter("time_s")
 
@@ -52,12 +53,10 @@ class OrderedSamples:
         self.waiting: list[Sample] = []
         self.newest_s = self.given_s = after_s
 
-    def arrival(self, sample: Sample) -> Arrival:
+    def arrival(self, sample: Sample) -> Place:
         """Whether a sample is new, is there already by its time, or is too late. O(log(`MOST_WAITING`))."""
         if sample.time_s <= self.given_s:
             return "doubled" if sample.time_s == self.given_s else "late"
-        if sample.time_s < self.newest_s - LATE_S:
-            return "late"
         at = bisect.bisect_left(self.waiting, sample.time_s, key=_time)
         there = at < len(self.waiting) and self.waiting[at].time_s == sample.time_s
         return "doubled" if there else "new"
@@ -71,6 +70,11 @@ class OrderedSamples:
         """Give the samples on before which no other can come, in the order of their times."""
         count = bisect.bisect_right(self.waiting, self.newest_s - LATE_S, key=_time)
         return self._give(max(count, len(self.waiting) - MOST_WAITING))
+
+    def move(self, by_s: float) -> None:
+        """Move all times: the clock of the sender was set."""
+        self.waiting = [moved(sample, by_s) for sample in self.waiting]
+        self.newest_s, self.given_s = self.newest_s + by_s, self.given_s + by_s
 
     def rest(self) -> list[Sample]:
         """Give all samples on; nothing is awaited any more."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import datetime as dt
 import math
-import time
 from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import replace
@@ -13,7 +12,7 @@ from typing import Any, Final, Self
 
 import pandas as pd
 
-from tripwatt.errors import InvalidInput, or_none
+from tripwatt.errors import Fault, InvalidInput, or_none
 from tripwatt.files import folder_lock
 from tripwatt.live.documents import LiveMessages
 from tripwatt.live.folder import (
@@ -25,13 +24,14 @@ from tripwatt.live.folder import (
     live_folder,
     started_at,
 )
-from tripwatt.live.journal import Journal
+from tripwatt.live.journal import Charge, Journal, charge_of
 from tripwatt.live.live_trip import LEAST_M, SILENCE_S, LiveTrip, TripFinder
 from tripwatt.live.on_the_way import OnTheWay
-from tripwatt.live.ordering import Arrival, OrderedSamples
+from tripwatt.live.ordering import Arrival, OrderedSamples, Place
 from tripwatt.live.own_car import LIVE
 from tripwatt.live.plan import PLAN, LivePlan
-from tripwatt.live.telemetry import CHARGES, Sample
+from tripwatt.live.sender import Sender, steady_clock
+from tripwatt.live.telemetry import CHARGES, Sample, number_of
 from tripwatt.live.usual import LONGER, usual_departure
 from tripwatt.trips import Context, Departure, Log
 from tripwatt.trips.departure import FIRST_S
@@ -40,8 +40,8 @@ from tripwatt.units import SECONDS_PER_DAY
 
 JOURNAL: Final = "journal.ndjson"
 
-FUTURE_S: Final = 120.0
-"""A time may be this much ahead of our clock [s]: one that is further ahead would make all that follow late."""
+FAR_S: Final = 366.0 * SECONDS_PER_DAY
+"""No clock of ours is slow by more [s]."""
 
 LEAST_ROWS: Final = 3
 """Fewest samples of a table that can be read again."""
@@ -65,7 +65,9 @@ class Recorder:
     Attributes
     ----------
     counts : dict of str to int
-        Samples since the car was opened: `new`, `doubled` and `late`.
+        Samples since the car was opened: `new`, `doubled` and `late`, which are also those whose time fits no clock of the sender.
+    now_s : callable
+        Returns the time by our clock [s since 1970], which goes on steadily when that of the machine is set.
     received_s : float or None
         When the last message came [s since 1970, by our clock].
     plan : LivePlan or None
@@ -94,10 +96,11 @@ class Recorder:
         # departure of a trip, its usual trip, and the road of that
         self._usual: tuple[float, Log | None, LivePlan | None] | None = None
         # time, field of a departure and charge of the latest sample that has one, and of the latest one before the trip
-        self._soc: tuple[float, str, float] | None = None
-        self._parked: tuple[float, str, float] | None = None
+        self._soc: Charge | None = None
+        self._parked: Charge | None = None
         self._erased_s = -math.inf
         self._plans = 0
+        self.now_s = steady_clock()
         # start and departure of a trip, and what its first samples show
         self._first: tuple[tuple[float, float], Departure] | None = None
         with ExitStack() as stack:
@@ -106,15 +109,18 @@ class Recorder:
             self._journal = Journal(live / JOURNAL)
             stack.callback(self._journal.close)
             self._ordered = OrderedSamples(self._journal.after_s)
+            offset_s = number_of(self._journal.more.get("offset_s"))
+            self._sender = Sender(None if math.isnan(offset_s) else offset_s)
+            self._soc, self._parked = charge_of(self._journal.more.get("charge"))
             self.plan = LivePlan.read(live)
             self._on_the_way = OnTheWay(live / FORECASTS)
             for sample in self._journal.read():
-                if self._ordered.arrival(sample) == "new":
-                    self._take(sample)
+                self._take(sample, self._arrival(sample))
+            self.counts = {"new": 0, "doubled": 0, "late": 0}
             self.received_s = self._journal.written_s if self._journal.lines else None
-            self._listening_s = time.time() if self._journal.lines else -math.inf
+            self._listening_s = self.now_s() if self._journal.lines else -math.inf
             self._finish()
-            self.erase_old(time.time())
+            self.erase_old(self.now_s())
             self._open = stack.pop_all()
 
     @property
@@ -134,31 +140,81 @@ class Recorder:
 
         Returns
         -------
-        {"new", "doubled", "late"}
-            Only a new sample counts.
+        {"new", "doubled", "late", "held"}
+            Only a new sample counts. One that is held counts when later ones confirm that the clock of the sender was set.
 
         Raises
         ------
         InvalidInput
-            When its time is ahead of our clock by more than `FUTURE_S`.
+            When the clock of the sender is not known yet, and the time is ahead of ours by more than `FAR_S`.
         OSError
             When it cannot be written; send it again.
         """
-        now_s = time.time() if now_s is None else now_s
-        if sample.time_s > now_s + FUTURE_S:
+        now_s = self.now_s() if now_s is None else now_s
+        if self._sender.offset_s is None and sample.time_s > now_s + FAR_S:
             got = f"{sample.time_s - now_s:.0f} s ahead"
-            allowed, fix = f"at most {FUTURE_S:g} s ahead of our clock", "set the clock of the sender"
+            allowed, fix = f"at most {FAR_S:g} s ahead of our clock", "set the clock of the sender"
             raise InvalidInput.of("time in the future", "utc", got, allowed, fix)
-        arrival = self._ordered.arrival(sample)
-        if arrival == "new":
+        sample = replace(sample, received_s=now_s)
+        arrival = self._arrival(sample)
+        if arrival in ("new", "held"):
             self._journal.append(sample)
-            self._take(sample)
-        self.counts[arrival] += 1
+        self._take(sample, arrival)
         self.received_s = now_s
         self._finish()
-        return arrival
+        return "new" if arrival == "held" and not self._sender.held else arrival
 
-    def _take(self, sample: Sample) -> None:
+    def _arrival(self, sample: Sample) -> Arrival:
+        arrival = self._ordered.arrival(sample)
+        late = arrival == "late"
+        if late and self.trip is not None and self.trip.has(sample):
+            return "doubled"
+        return arrival if arrival == "doubled" or self._sender.fits(sample, late=late) else "held"
+
+    def _take(self, sample: Sample, arrival: Arrival) -> None:
+        sender = self._sender
+        if arrival == "held":
+            if not sender.takes(sample):
+                self._release()
+            sender.held.append(sample)
+            if sender.was_set:
+                by_s, held = sender.set_clock(self._ordered.newest_s)
+                self._move(by_s)
+                for one in held:
+                    self._count(one, self._ordered.arrival(one))
+            return
+        if arrival == "new":
+            sender.go_on(sample)
+        self._count(sample, arrival)
+        if sender.was_not_set:
+            self._release()
+
+    def _release(self) -> None:
+        """Count the samples that were held, for which there is a gap in the trip: they come from a time without a network."""
+        for sample in self._sender.release():
+            arrival = self._ordered.arrival(sample)
+            if arrival == "late" and self.trip is not None and self.trip.insert(sample):
+                self.counts["new"] += 1
+            else:
+                self.counts["late"] += 1
+                if arrival == "new" or self.trip is not None:  # else it is of a trip that has ended
+                    self._sender.contradict(sample)
+
+    def _move(self, by_s: float) -> None:
+        """Give all samples so far the times that the clock of the sender has now."""
+        trip = self.trip
+        before_s = None if trip is None else trip.start_s
+        self._ordered.move(by_s)
+        self._finder.move(by_s)
+        if trip is not None and before_s is not None:
+            self._on_the_way.move(before_s, trip.start_s)
+        self._soc, self._parked = (one and (one[0] + by_s, *one[1:]) for one in (self._soc, self._parked))
+        self._usual = self._first = None
+
+    def _count(self, sample: Sample, arrival: Place) -> None:
+        self.counts[arrival] += 1
+        if arrival != "new":
+            return
         field = next((name for name, column in CHARGES.items() if column in sample.values), None)
         if field is not None and (self._soc is None or sample.time_s >= self._soc[0]):
             self._soc = sample.time_s, field, sample.values[CHARGES[field]]
@@ -193,6 +249,7 @@ class Recorder:
             self.erase_old(now_s)
         if self.received_s is None or now_s - max(self.received_s, self._listening_s) < SILENCE_S:
             return False
+        self._release()
         self._follow(self._ordered.rest())
         self._end(self._finder.end())
         done = bool(self._ended)
@@ -227,7 +284,8 @@ class Recorder:
         erased = erase_trips(self.folder, before_s)
         silent = self.received_s is not None and self.received_s < before_s
         if silent and self.trip is None and self._journal.lines:
-            self._journal.rewrite([], self._ordered.newest_s)
+            self._soc = self._parked = None
+            self._rewrite([], self._ordered.newest_s)
         if erased:
             self._usual = None
         return erased
@@ -240,11 +298,15 @@ class Recorder:
             del self._ended[0]
         if self.trip is not None:
             return  # a trip has begun already: the journal is shortened after it
-        waiting = len(self._finder.before) + len(self._ordered.waiting)
+        waiting = len(self._finder.before) + len(self._ordered.waiting) + len(self._sender.held)
         if done or self._journal.lines > 2 * waiting + SLACK_LINES:
             rest = [*self._finder.before, *self._ordered.waiting]
             after_s = math.nextafter(rest[0].time_s, -math.inf) if rest else self._ordered.given_s
-            self._journal.rewrite(rest, after_s)
+            self._rewrite([*rest, *self._sender.held], after_s)
+
+    def _rewrite(self, samples: list[Sample], after_s: float) -> None:
+        charge = None if self._soc is None else [*self._soc, self._parked is not None]
+        self._journal.rewrite(samples, after_s, {"offset_s": self._sender.offset_s, "charge": charge})
 
     def _keep(self, trip: LiveTrip) -> None:
         table = trip.table(until_s=trip.moved_s)
@@ -400,6 +462,7 @@ class Recorder:
             "vehicle": self.name,
             "seconds_since_message": None if self.received_s is None else max(0.0, now_s - self.received_s),
             "messages": self.counts.copy(),
+            "held": len(self._sender.held),
             "soc": self._soc[2] if self._soc is not None and self._soc[1] == "soc" else None,
             "soc_source": None if self._soc is None else self._soc[1],
             "trip": None
@@ -412,6 +475,24 @@ class Recorder:
                 "samples": len(trip),
             },
         }
+
+    def mixed(self, now_s: float) -> list[dict[str, str]]:
+        """Fault of messages that look like those of two senders, for `SILENCE_S` after the last of them.
+
+        Parameters
+        ----------
+        now_s : float
+            The time by our clock [s since 1970].
+
+        Returns
+        -------
+        list of dict
+            Empty where there is one sender.
+        """
+        if now_s - self._sender.mixed_s >= SILENCE_S:
+            return []
+        allowed, fix = "the messages of one sender", "make another token for the other one"
+        return [Fault("two senders", "utc", self.name, allowed, fix).texts]
 
     def close(self) -> None:
         """Leave the car to another process."""

@@ -195,7 +195,7 @@ class RoadCar(Recorder):
             "plan": "given" if self.plan is not None else None if usual is None else "usual",
             "usual_trip": usual,
             "forecast": self._forecast,
-            "faults": self._faults,
+            "faults": [*self._faults, *self.mixed(now_s)],
         }
         return cast(LiveDocument, document)
 

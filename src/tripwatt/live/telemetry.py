@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Final
 
@@ -57,6 +57,8 @@ class Sample:
         Whether the car is being charged; whether its gear is in park.
     faults : tuple of Fault
         Values of the message that are out of range or no numbers: they are left out.
+    received_s : float or None
+        When it came, by our clock [s since 1970]; None where that was not kept.
 
     Raises
     ------
@@ -75,6 +77,7 @@ class Sample:
     charging: bool = False
     parked: bool = False
     faults: tuple[Fault, ...] = ()
+    received_s: float | None = None
 
     def __post_init__(self) -> None:
         faults = [*_time_faults(self.time_s)]
@@ -84,6 +87,11 @@ class Sample:
             elif not is_sound(name, value):
                 faults.append(Fault("value out of range", name, f"{value:g}", COLUMNS[name].allowed))
         raise_faults(faults)
+
+
+def moved(sample: Sample, by_s: float) -> Sample:
+    """A sample whose stamp is another one, within the bounds of stamps."""
+    return replace(sample, time_s=min(max(sample.time_s + by_s, FIRST_TIME_S), LAST_TIME_S))
 
 
 def _time_faults(time_s: float) -> list[Fault]:

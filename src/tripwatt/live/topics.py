@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 from tripwatt.errors import InvalidInput
@@ -40,6 +40,11 @@ class TopicJoiner:
     root : str
         Topic below which the metrics are: `ovms/me/leaf/metric`, `teslamate/cars/1`; or that of whole messages.
 
+    Attributes
+    ----------
+    note : callable
+        Called with the fault of a message that cannot be a sample, such as one with a time in milliseconds.
+
     Raises
     ------
     InvalidInput
@@ -61,6 +66,7 @@ class TopicJoiner:
         if not self.root or {"+", "#"} & set(self.root):
             raise InvalidInput.of("no topic of one car", "topic", root[:60], "a topic without '+' and '#'")
         self.format = format_of(source)
+        self.note: Callable[[InvalidInput], None] = lambda _: None
         self._hold_s = max(self.format.mapping.hold_s, JOIN_S)
         self._values: dict[str, tuple[float, float]] = {}
         self._flags: dict[str, str] = {}
@@ -176,5 +182,8 @@ class TopicJoiner:
             given: Any = json.loads(payload)
             given = given.get("tlm", given) if isinstance(given, Mapping) else given
             return self.format.sample(given, received_s) if given else None
-        except (ValueError, RecursionError, InvalidInput):
-            return None
+        except InvalidInput as error:
+            self.note(error)
+        except (ValueError, RecursionError):
+            pass
+        return None

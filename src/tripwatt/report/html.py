@@ -10,10 +10,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from tripwatt.files import write_bytes
+from tripwatt.report.model_styles import model_style
 from tripwatt.report.panel import Panel
 from tripwatt.report.panels import build_sections, figure_keys
+from tripwatt.report.short_table import short_list
 from tripwatt.report.style import INK, PAPER_COLOUR, RULE, style_context
-from tripwatt.report.view import View, of_evaluation, plain
+from tripwatt.report.tables import number
+from tripwatt.report.view import SCHEMES, TESTED, View, of_evaluation, plain
+from tripwatt.report.words import interval, label, percent
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -49,7 +53,7 @@ def page_text(template: str, panels: Sequence[Panel], **context: Any) -> str:
     return _render(template, panels, _drawings(panels), context)
 
 
-def write_report(run: object, out: Path) -> None:
+def write_report(run: object, out: Path, lead: str = "") -> None:
     """Write `report.html` and `figures/*.png`, `figures/*.svg` into a folder. Each file appears whole or not at all.
 
     Parameters
@@ -58,13 +62,15 @@ def write_report(run: object, out: Path) -> None:
         As for `render_report`.
     out : Path
         The folder; made when it is not there. Figures that an earlier report left and this one lacks are removed.
+    lead : str
+        A forecast in words, with which the page begins. By default it is that of the trip with the median error.
 
     Examples
     --------
     >>> import tripwatt as tw
     >>> write_report(tw.evaluate(tw.read_logs("logs")), Path("out"))  # doctest: +SKIP
     """
-    panels, context = _evaluation_page(View.from_run(run))
+    panels, context = _evaluation_page(View.from_run(run), lead)
     write_page(out, "report.html.jinja", panels, **context)
     for key in set(figure_keys()) - {panel.key for panel in panels if panel.figure is not None}:
         for suffix in ("png", "svg"):
@@ -169,11 +175,45 @@ def _render(
     return environment.get_template(template).render(panels=panels, drawn=drawn, **context)
 
 
-def _evaluation_page(view: View) -> tuple[list[Panel], dict[str, Any]]:
+def _evaluation_page(view: View, lead: str = "") -> tuple[list[Panel], dict[str, Any]]:
     """The panels of an evaluation's page, and what else its template needs."""
     sections = build_sections(view)
     panels = [panel for section in sections for panel in section.panels]
-    return panels, {"head": _head(view), "sections": sections}
+    shown = [section for section in sections if any(panel.shown for panel in section.panels)]
+    absent = [panel for panel in panels if not panel.shown]
+    return panels, {
+        "head": {**_head(view), "lead": lead or _median_trip(view)},
+        "sections": shown,
+        "absent": absent,
+    }
+
+
+def _median_trip(view: View) -> str:
+    """The held-out forecast of the trip with the median error in words; empty where no predictions were kept."""
+    for _, trip, ape in view.selected_trips()[:2][
+        -1:
+    ]:  # the best, the median and the worst trip, where there are three
+        rows = view.main_folds
+        row = rows[(rows["model"] == view.best) & (rows["trip"].astype(str) == trip)].iloc[0]
+        energy, measured = (number(row[f"{name}_energy_wh"], 1e-3, 1) for name in ("predicted", "observed"))
+        return (
+            f"Trip {plain(trip)}: {energy} kWh by {label(view.best or '')}, which was fitted without it. "
+            f"Measured: {measured} kWh, an error of {percent(ape)}."
+        )
+    return ""
+
+
+def _numbers(view: View) -> list[tuple[str, str, str, str]]:
+    """Mean error, name, meaning and interval of the model that the report describes, of a constant and of the simulation."""
+    others = [
+        m for m in short_list(view) if m != view.best and model_style(m).kind in ("constant", "physics")
+    ]
+    names = [m for m in (view.best, *others[:2]) if m is not None]
+    scores = [(m, view.scores[m]) for m in names]
+    return [
+        (percent(s.get("mape")), label(m), model_style(m).meaning, interval(s).strip(" ()"))
+        for m, s in scores
+    ]
 
 
 def _head(view: View) -> dict[str, Any]:
@@ -188,6 +228,9 @@ def _head(view: View) -> dict[str, Any]:
     versions = results.get("versions") or {}
     return {
         "synthetic": view.synthetic,
+        "tested": TESTED.get(str(view.main.get("scheme")), ""),
+        "scheme": SCHEMES.get(str(view.main.get("scheme")), ""),
+        "numbers": _numbers(view),
         "dataset": plain(view.dataset),
         "facts": [(name, plain(value, 200)) for name, value in facts if value is not None],
         "versions": ", ".join(f"{name} {version}" for name, version in versions.items()),

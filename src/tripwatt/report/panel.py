@@ -58,6 +58,11 @@ class Panel:
     folded: bool = False
     wide: bool = False
 
+    @property
+    def shown(self) -> bool:
+        """Whether it has a figure or a table; of another one the page has the sentence, in a list at its end."""
+        return self.figure is not None or bool(self.tables)
+
 
 @dataclass(frozen=True)
 class Section:

@@ -30,6 +30,14 @@ SCHEMES: Final = {
     "leave_regime_out": "trips of another kind",
     "time_split": "later trips",
 }
+TESTED: Final = {
+    "leave_one_trip_out": "Each trip is left out once: it is forecast by models that were fitted on the other trips",
+    "leave_one_day_out": "Each day is left out once: its trips are forecast by models that were fitted on those of other days",
+    "other_trips": "The models were fitted on one set of trips and forecast another",
+    "leave_regime_out": "Trips of one kind are forecast by models that were fitted on trips of other kinds",
+    "time_split": "Later trips are forecast by models that were fitted on earlier ones",
+}
+"""Schemes as sentences for those who read of a hold-out for the first time."""
 TRIP_SETS: Final = {
     "reference": "reference trips",
     "audited": "trips the audit keeps",

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shutil
+import time
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -14,6 +16,8 @@ from cachetools import LRUCache
 from pydantic import BaseModel
 
 from tripwatt.auditing import audit
+from tripwatt.containers import INSIDE, LIMITS
+from tripwatt.containers import TABLES as TABLES_BYTES
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.files import write_bytes
 from tripwatt.forecasting import ForecastModel
@@ -33,6 +37,7 @@ from tripwatt.live.folder import forecasts_of
 from tripwatt.live.own_car import UPLOADS, VALID_NAME, folder_name, state_of
 from tripwatt.service.car_schemas import CarResponse, CarSummary, LogsRequest, plain
 from tripwatt.service.problems import MAX_FAULTS, Problem, fault_document
+from tripwatt.sources.archives import unpack
 from tripwatt.sources.kinds import Changes, Kind, proposed_kinds
 from tripwatt.sources.mapping import TIME_STAMPS, UNITS
 from tripwatt.sources.table import read_kinds
@@ -44,6 +49,12 @@ PROGRESS: Final = "progress.json"
 """File beside the tables of an upload with the trips that were learned."""
 
 TABLES: Final = "tables"
+MOST_FILES: Final = 4000
+"""Most tables of an upload."""
+
+EXPIRES_AFTER_S: Final = 3600.0
+"""An upload that is not learned is erased after so long, when the car gets the next one."""
+
 SHOWN_FINDINGS: Final = 40
 SHOWN_FAULTS: Final = 5
 SHOWN_TRIPS: Final = 200
@@ -122,6 +133,29 @@ class CarJobs:
     def token(self, name: str) -> dict[str, Any]:
         """Make a token for a car."""
         return {"token": issue_token(self.car(name).folder)}
+
+    def store(self, name: str, upload: str, file: str, content: bytes, most_bytes: int) -> dict[str, int]:
+        """Unpack a file into the tables of an upload, and return their number and bytes; uploads that were left are erased."""
+        place = car_folder(self.folder, name) / UPLOADS / upload
+        tables = place / TABLES
+        _expire(place.parent, time.time() - EXPIRES_AFTER_S)
+        room = max(most_bytes - sum(_sizes(place.parent)), 0)
+        limits = {**LIMITS, **{kind: min(room, LIMITS[kind]) for kind in (INSIDE, TABLES_BYTES)}}
+        try:
+            tables.mkdir(parents=True, exist_ok=True)
+            before = set(tables.iterdir())
+            made = unpack(file, tables, content=content, limits=limits)
+        except OSError as error:
+            raise Problem("busy", f"the file cannot be stored: {error.strerror}") from error
+        sizes = _sizes(tables)
+        if len(sizes) > MOST_FILES or sum(_sizes(place.parent)) > most_bytes:
+            for table in set(made) - before:  # those that were sent before stay
+                table.unlink(missing_ok=True)
+            if not _sizes(tables):
+                shutil.rmtree(place, ignore_errors=True)
+            most = f"{MOST_FILES} tables and {most_bytes} bytes"
+            raise Problem("too-large", f"at most {most} that are not learned yet")
+        return {"files": len(sizes), "bytes": sum(sizes)}
 
     def logs(self, name: str, upload: str, request: LogsRequest) -> dict[str, Any]:
         """Return how the files of an upload are read, and what they hold then, as `LogsResponse`."""
@@ -371,3 +405,22 @@ def _summary(own: Car, about: Mapping[str, Any], model: type[BaseModel]) -> dict
     """What a car says of itself, as far as a response has it."""
     known = {key: about[key] for key in model.model_fields if key in about}
     return {"name": own.name, "has_token": has_token(own.folder), **known}
+
+
+def _sizes(folder: Path) -> list[int]:
+    """Bytes of the files below a folder, without those that are being written or that another upload takes away meanwhile."""
+    sizes = []
+    for place, _, names in os.walk(folder):
+        for name in () if Path(place).name.startswith(".") else names:
+            if name.startswith("."):
+                continue
+            with contextlib.suppress(FileNotFoundError):
+                sizes.append((Path(place) / name).stat().st_size)
+    return sizes
+
+
+def _expire(uploads: Path, before_s: float) -> None:
+    for place in uploads.iterdir() if uploads.is_dir() else []:
+        with contextlib.suppress(OSError):
+            if max(file.stat().st_mtime for file in (place, *place.rglob("*"))) < before_s:
+                shutil.rmtree(place, ignore_errors=True)

@@ -7,13 +7,10 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import shutil
-import time
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
 from typing import Annotated, Any, Final
 
 import orjson
@@ -22,10 +19,8 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from tripwatt.errors import Fault
-from tripwatt.files import WRITING
-from tripwatt.live.own_car import UPLOADS
 from tripwatt.service.answering import Answering, json_response
-from tripwatt.service.car_jobs import TABLES, car_folder, read_progress, require_folder
+from tripwatt.service.car_jobs import car_folder, read_progress, require_folder
 from tripwatt.service.car_schemas import (
     NAME_PATTERN,
     CarResponse,
@@ -43,16 +38,12 @@ from tripwatt.service.pool import JobResult, WorkerLost, WorkerPool
 from tripwatt.service.problems import Problem, invalid_input
 from tripwatt.service.receiving import require_accepts
 from tripwatt.service.road_trips import RoadTrips
-from tripwatt.sources.archives import unpack
 
 ReadBody = Callable[..., Awaitable[bytes]]
 
 UPLOAD_PATTERN: Final = "^[a-z0-9]{8,32}$"
-MOST_FILES: Final = 4000
-"""Most tables of an upload."""
-
-EXPIRES_AFTER_S: Final = 3600.0
-"""An upload that is not learned is erased after so long, when the car gets the next one."""
+MOST_PLACES: Final = 4
+"""Most files that arrive and wait to be unpacked; further ones are refused."""
 
 CarName = Annotated[str, PathValue(pattern=NAME_PATTERN, description="name of the car")]
 UploadName = Annotated[
@@ -107,6 +98,7 @@ class CarOperations:
         self.learners = WorkerPool(replace(self.settings, workers=1, limits=limits), log_event)
         self.learning: dict[str, Learning] = {}
         self._started = False
+        self._places, self._unpacking = asyncio.Semaphore(MOST_PLACES), asyncio.Lock()
 
     @asynccontextmanager
     async def running(self) -> AsyncIterator[None]:
@@ -176,9 +168,15 @@ class CarOperations:
     @operation("PUT /v1/cars/{car}/uploads/{upload}/{file}", "cars", UploadResponse, {BYTES: BINARY})
     async def put_file(self, request: Request, car: CarName, upload: UploadName, file: FileName) -> Response:
         """Add a file of logs to an upload: a table, a workbook, or an archive of them."""
-        place = car_folder(self.settings.cars, car) / UPLOADS / upload
-        content = await self.answering.read(request, (BYTES,), self.settings.limits.upload_bytes, large=True)
-        return json_response(await asyncio.to_thread(self._store, place, file, content))
+        car_folder(self.settings.cars, car)  # before the file arrives
+        if self._places.locked():
+            raise Problem("busy", "too many files are unpacked", headers={"Retry-After": "2"})
+        async with self._places:
+            content = await self.answering.read(
+                request, (BYTES,), self.settings.limits.upload_bytes, large=True
+            )
+            async with self._unpacking:  # one worker unpacks, the others go on
+                return await self.answering.job(request, "store", content, car=car, upload=upload, file=file)
 
     @operation("POST /v1/cars/{car}/uploads/{upload}", "cars", LogsResponse, LogsRequest, also=("not-found",))
     async def read_logs(self, request: Request, car: CarName, upload: UploadName) -> Response:
@@ -249,26 +247,6 @@ class CarOperations:
         if self._is_learning(car):
             raise Problem("busy", "the car is learning", headers={"Retry-After": "5"})
 
-    def _store(self, place: Path, name: str, content: bytes) -> dict[str, int]:
-        """Unpack a file into the tables of an upload; uploads that were left are erased."""
-        _expire(place.parent, time.time() - EXPIRES_AFTER_S)
-        tables = place / TABLES
-        try:
-            tables.mkdir(parents=True, exist_ok=True)
-            before = set(tables.iterdir())
-            made = unpack(name, tables, content=content)
-        except OSError as error:
-            raise Problem("busy", f"the file cannot be stored: {error.strerror}") from error
-        sizes = _sizes(tables)
-        if len(sizes) > MOST_FILES or sum(_sizes(place.parent)) > self.settings.limits.car_bytes:
-            for table in set(made) - before:  # those that were sent before stay
-                table.unlink(missing_ok=True)
-            if not _sizes(tables):
-                shutil.rmtree(place, ignore_errors=True)
-            most = f"{MOST_FILES} tables and {self.settings.limits.car_bytes} bytes"
-            raise Problem("too-large", f"at most {most} that are not learned yet")
-        return {"files": len(sizes), "bytes": sum(sizes)}
-
     def _learning(self, car: str) -> dict[str, Any] | None:
         """What a car learns, as `LearningDocument`."""
         learning = self.learning.get(car)
@@ -291,20 +269,3 @@ def _shown(response: Response, learning: Mapping[str, Any] | None) -> Response:
     if response.status_code != 200:
         return response
     return json_response({**orjson.loads(response.body), "learning": learning})
-
-
-def _sizes(folder: Path) -> list[int]:
-    """Bytes of the files below a folder; those that another upload takes away meanwhile are not counted."""
-    sizes = []
-    for file in folder.rglob("*"):
-        with contextlib.suppress(FileNotFoundError):
-            if file.is_file() and file.suffix != WRITING:
-                sizes.append(file.stat().st_size)
-    return sizes
-
-
-def _expire(uploads: Path, before_s: float) -> None:
-    for place in uploads.iterdir() if uploads.is_dir() else []:
-        with contextlib.suppress(OSError):
-            if max(file.stat().st_mtime for file in (place, *place.rglob("*"))) < before_s:
-                shutil.rmtree(place, ignore_errors=True)

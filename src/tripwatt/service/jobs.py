@@ -468,6 +468,9 @@ JOB_KINDS: Final[Mapping[str, Callable[[Jobs, Mapping[str, Any], bytes], dict[st
     "new car": lambda jobs, job, body: jobs.new_car(body),
     "forget car": lambda jobs, job, body: jobs.cars.forget(job["car"]),
     "car token": lambda jobs, job, body: jobs.cars.token(job["car"]),
+    "store": lambda jobs, job, body: jobs.cars.store(
+        job["car"], job["upload"], job["file"], body, jobs.limits.car_bytes
+    ),
     "logs": lambda jobs, job, body: jobs.cars.logs(job["car"], job["upload"], logs_request(body)),
     "learn finished": lambda jobs, job, body: jobs.cars.learn_finished(job["car"]),
     "learn": lambda jobs, job, body: jobs.cars.learn(job["car"], job["upload"], logs_request(body)),

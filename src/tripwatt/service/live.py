@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import time
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property, partial
@@ -155,7 +154,7 @@ class LiveCars:
         Raises
         ------
         InvalidInput
-            For a time in the future.
+            For a message that is too late to count.
         Problem
             `busy` where it cannot be stored.
         """
@@ -163,8 +162,21 @@ class LiveCars:
             arrival = await self.run(car.add, sample)
         except OSError as error:
             raise self._not_stored("message", car, error) from error
+        if arrival == "late":
+            allowed, fix = (
+                "the time of a message that fits the trip",
+                "send messages in the order of their times",
+            )
+            raise InvalidInput.of("message too late", "utc", f"{sample.time_s:.3f}", allowed, fix)
         ignored = [fault_document(fault) for fault in sample.faults]
-        return {"status": "ok", "car": car.name, "vehicle": car.name, "arrival": arrival, "ignored": ignored}
+        status = "held" if arrival == "held" else "ok"
+        return {
+            "status": status,
+            "car": car.name,
+            "vehicle": car.name,
+            "arrival": arrival,
+            "ignored": ignored,
+        }
 
     async def set_plan(self, car: RoadCar, plan: dict[str, Any], departure_s: float | None) -> JobResult:
         """Give a car the plan of its trip, if it can be forecast.
@@ -199,7 +211,7 @@ class LiveCars:
         return await self.run(self._document, car)
 
     def _document(self, car: RoadCar) -> dict[str, Any]:
-        document = car.document(time.time())
+        document = car.document(car.now_s())
         message = None if document["faults"] else or_none(self._told, car)
         return {**document, "message": None if message is None else message.to_dict()}
 
@@ -271,8 +283,7 @@ class LiveCars:
 
     def summary(self) -> dict[str, Any]:
         """The cars, as `LiveCarsResponse`."""
-        now_s = time.time()
-        rows = (car.about(now_s) for _, car in sorted(self.cars.items()))
+        rows = (car.about(car.now_s()) for _, car in sorted(self.cars.items()))
         cars = [
             {
                 "car": row["car"],
@@ -331,9 +342,9 @@ class LiveCars:
         while True:
             for car in [*self.cars.values()]:
                 try:
-                    await self.run(car.end_when_silent, time.time())
+                    await self.run(car.end_when_silent, car.now_s())
                     if car.wants_forecast:
-                        await self.run(car.document, time.time())
+                        await self.run(car.document, car.now_s())
                 except OSError as error:
                     self._not_stored("trip", car, error)
                 except Exception as error:  # the other cars are watched all the same

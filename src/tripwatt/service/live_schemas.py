@@ -31,12 +31,13 @@ class TelemetryRequest(BaseModel):
 class TelemetryResponse(ResponseModel):
     """What became of a message."""
 
-    status: Literal["ok"]
+    status: Literal["ok", "held"]
+    """`held`: the message waits until later ones confirm its time"""
     car: str
     vehicle: str
     """deprecated: old name of `car`"""
-    arrival: Literal["new", "doubled", "late"]
-    """only a new message counts"""
+    arrival: Literal["new", "doubled", "held"]
+    """only a new message counts; one that is too late to count is refused"""
     ignored: list[ProblemFault]
     """values that cannot be one"""
 

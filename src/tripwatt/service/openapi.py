@@ -193,6 +193,9 @@ def add_operations(app: FastAPI, owners: Iterable[object], *, with_token: bool) 
     def document() -> dict[str, Any]:
         if app.openapi_schema is None:
             derived = derive()
+            for operations in derived["paths"].values():
+                for parameter in (p for of in operations.values() for p in of.get("parameters", ())):
+                    parameter["schema"] = _without_null(parameter["schema"])
             ordered = sorted(models, key=lambda model: model.__name__)
             _, schemas = TypeAdapter.json_schemas(
                 [(model, "validation", TypeAdapter(model)) for model in ordered],
@@ -212,6 +215,12 @@ def add_operations(app: FastAPI, owners: Iterable[object], *, with_token: bool) 
         return app.openapi_schema
 
     app.openapi = document  # type: ignore[method-assign] # the way that FastAPI documents
+
+
+def _without_null(schema: dict[str, Any]) -> dict[str, Any]:
+    """The schema of a parameter: in a URL it can be left out, but not be null."""
+    kinds = [one for one in schema.get("anyOf", ()) if one != {"type": "null"}]
+    return {**kinds[0], **{k: v for k, v in schema.items() if k != "anyOf"}} if len(kinds) == 1 else schema
 
 
 def _by_type(content: Content | Mapping[str, Content] | None) -> Mapping[str, Content]:

@@ -59,7 +59,7 @@ class OverMqtt:
         Raises
         ------
         InvalidInput
-            For a time in the future.
+            For a message that is too late to count.
         """
         with contextlib.suppress(Problem):  # it is logged, and a broker does not send a message again
             if name in self.cars.cars:

@@ -8,6 +8,7 @@ not notice it.
 from __future__ import annotations
 
 import asyncio
+import sys
 from http import HTTPStatus
 from typing import Any, Final
 
@@ -15,6 +16,9 @@ import orjson
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 
 from tripwatt.service.problems import MEDIA_TYPE, Problem
+
+if sys.platform != "win32":
+    import resource
 
 MAX_HEAD_BYTES: Final = 32_768
 """Most bytes that a connection may send without completing a head or a part of a body."""
@@ -32,6 +36,13 @@ SEND_TIMEOUT_S: Final = 20.0
 """Longest time that a client may leave a full send buffer unread."""
 
 
+def most_connections() -> int:
+    """Half of the files that the process may open: workers, uploads and connections that just arrive need the others."""
+    if sys.platform == "win32":
+        return 512
+    return min(resource.getrlimit(resource.RLIMIT_NOFILE)[0] // 2, 16_384)
+
+
 class BoundedProtocol(HttpToolsProtocol):
     """HTTP/1.1 of uvicorn with bounds of the head of a request and of slow clients.
 
@@ -43,15 +54,21 @@ class BoundedProtocol(HttpToolsProtocol):
     _unused_bytes = 0
     _progress = False
     _is_too_large = False
+    _heard_s = 0.0
+    most_connections = most_connections()
 
     def __init__(self, *args: Any, **more: Any) -> None:
         super().__init__(*args, **more)
         self._body: list[bytes] = []
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Start the time of the first head."""
+        """Start the time of the first head; with too many connections, close the one that is idle for longest."""
         super().connection_made(transport)
+        self._heard_s = self.loop.time()
         self._start_timer()
+        if len(self.connections) > self.most_connections:
+            open_ones = (c for c in self.connections if isinstance(c, BoundedProtocol) and c.is_idle)
+            min(open_ones, key=lambda one: one._heard_s).transport.abort()
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Stop the timers."""
@@ -59,8 +76,14 @@ class BoundedProtocol(HttpToolsProtocol):
         self.resume_writing()
         super().connection_lost(exc)
 
+    @property
+    def is_idle(self) -> bool:
+        """Whether no request is answered, and the connection is not closing."""
+        return not self.transport.is_closing() and (self.cycle is None or self.cycle.response_complete)
+
     def data_received(self, data: bytes) -> None:
         """Parse received bytes in slices, until one exceeds the bound."""
+        self._heard_s = self.loop.time()
         for start in range(0, len(data), SLICE_BYTES):
             if self.transport.is_closing():
                 return

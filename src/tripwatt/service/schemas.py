@@ -21,6 +21,7 @@ from pydantic import (
     WithJsonSchema,
     create_model,
     field_validator,
+    model_validator,
 )
 
 from tripwatt.arrays import FloatArray
@@ -142,6 +143,21 @@ class StrictModel(BaseModel):
     """Base of documents in requests: no unknown fields, no texts for numbers, no infinities."""
 
     model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, use_attribute_docstrings=True)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _null_under_another_name_is_left_out(cls, data: Any) -> Any:
+        choices = [
+            f.validation_alias.choices
+            for f in cls.model_fields.values()
+            if isinstance(f.validation_alias, AliasChoices)
+        ]
+        names = {name for of_field in choices for name in of_field}
+        return (
+            {k: v for k, v in data.items() if v is not None or k not in names}
+            if isinstance(data, dict)
+            else data
+        )
 
     @field_validator("reserve", mode="before", check_fields=False)
     @classmethod

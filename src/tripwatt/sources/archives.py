@@ -4,41 +4,40 @@ from __future__ import annotations
 
 import csv
 import datetime as dt
+import filecmp
 import io
 import itertools
-import lzma
 import re
+import shutil
 import tempfile
-import warnings
 import zipfile
 import zlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
-from typing import Any, Final, TypeVar
+from typing import IO, Any, Final
 
+from tripwatt.containers import CELLS, LIMITS, TABLES, Budget, open_archive
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.files import MOST_CONTENT_BYTES, read_file, require_small_content, write_new
-from tripwatt.sources.columnar import MOST_ROWS, SUFFIXES
+from tripwatt.files import move_new, read_file
+from tripwatt.sources.columnar import PARQUET, SUFFIXES, require_small_columns
 from tripwatt.sources.delimited import MOST_COLUMNS
-
-T = TypeVar("T")
+from tripwatt.sources.workbooks import read_workbook
 
 ARCHIVE: Final = ".zip"
 WORKBOOK: Final = ".xlsx"
 MOST_FILES: Final = 2000
 """Most tables of an archive."""
 
-MOST_SHEETS: Final = 50
 LEAST_NAMES: Final = 2
 """Texts that make a row of a sheet its header."""
 
 MOST_LEADING_ROWS: Final = 50
 """Rows above the header of a sheet."""
 
-LONGEST_STEM: Final = 60
+LONGEST_STEM: Final = 80
 
-DAMAGED: Final = (zipfile.BadZipFile, zlib.error, lzma.LZMAError)
+DAMAGED: Final = (zipfile.BadZipFile, zlib.error)
 """What reading a damaged archive raises beside errors of files and values."""
 
 
@@ -53,7 +52,9 @@ def is_packed(path: Path | str) -> bool:
     return Path(path).suffix.lower() in (ARCHIVE, WORKBOOK)
 
 
-def unpack(path: Path | str, folder: Path, *, content: bytes | None = None) -> list[Path]:
+def unpack(
+    path: Path | str, folder: Path, *, content: bytes | None = None, limits: Mapping[str, int] = LIMITS
+) -> list[Path]:
     """Write the tables of a file into a folder: its own, those of an archive, the sheets of a workbook as CSV.
 
     Members of an archive that are no tables are left out. O(bytes).
@@ -66,6 +67,8 @@ def unpack(path: Path | str, folder: Path, *, content: bytes | None = None) -> l
         An existing folder. Names that are taken get a number.
     content : bytes, optional
         Of the file; it is read when not given.
+    limits : mapping of str to int
+        Most of what comes out of it, see `Budget`.
 
     Returns
     -------
@@ -75,7 +78,7 @@ def unpack(path: Path | str, folder: Path, *, content: bytes | None = None) -> l
     Raises
     ------
     InvalidInput
-        When it holds no table, is damaged, or holds more than `MOST_FILES` tables or 256 MiB.
+        When it holds no table, is damaged, or holds more than `MOST_FILES` tables or the limits.
 
     Examples
     --------
@@ -86,20 +89,13 @@ def unpack(path: Path | str, folder: Path, *, content: bytes | None = None) -> l
     """
     place = Path(path)
     data = read_file(place) if content is None else content
-    kind = place.suffix.lower()
-    tables: list[Path] = []
-    before = set(folder.iterdir())
-    try:
-        for name, table in _tables(kind, place, data):
-            tables.append(_written(folder, name, table))
-    except BaseException:  # a damaged archive or a full disk leaves nothing
-        for made in set(tables) - before:
-            made.unlink(missing_ok=True)
-        raise
-    if not tables:
-        allowed = f"a file {', '.join((*SUFFIXES, WORKBOOK))}, or an archive {ARCHIVE} of them"
-        raise InvalidInput.of("no trips", f"{place}", f"no table in {place.name}", allowed)
-    return tables
+    budget = Budget(f"{place}", limits)
+    with tempfile.TemporaryDirectory(dir=folder, prefix=".") as made:
+        tables = list(_tables(place, data, Path(made), budget))
+        if not tables:
+            allowed = f"a file {', '.join((*SUFFIXES, WORKBOOK))}, or an archive {ARCHIVE} of them"
+            raise InvalidInput.of("no trips", f"{place}", f"no table in {place.name}", allowed)
+        return [_kept(table, folder) for table in tables]
 
 
 @contextmanager
@@ -139,14 +135,17 @@ def unpacked(path: Path | str, faults: list[Fault] | None = None) -> Iterator[Pa
         yield Path(folder)
 
 
-def _tables(kind: str, place: Path, data: bytes) -> Iterator[tuple[str, bytes]]:
-    """Names and contents."""
+def _tables(place: Path, data: bytes, folder: Path, budget: Budget) -> Iterator[Path]:
+    kind = place.suffix.lower()
     if kind == ARCHIVE:
-        yield from _from_archive(place, data)
+        yield from _from_archive(place, data, folder, budget)
     elif kind == WORKBOOK:
-        yield from _from_workbook(place, data)
+        yield from _from_workbook(place, data, folder, budget)
     elif kind in SUFFIXES:
-        yield place.name, data
+        made = _written(folder, place.name, io.BytesIO(data))
+        if kind == PARQUET:
+            require_small_columns(made)
+        yield made
 
 
 def safe_name(name: str, suffix: str) -> str:
@@ -168,21 +167,32 @@ def _last_part(name: str) -> str:
     return PurePosixPath(name.replace("\\", "/")).name
 
 
-def _written(folder: Path, name: str, data: bytes) -> Path:
-    """The file of a table, written under a name that is free; one with the same content is there already: it was sent again."""
-    suffix = PurePosixPath(name).suffix.lower()
-    wanted = folder / safe_name(name, suffix)
-    place, number = wanted, 1
-    while True:
+def _written(folder: Path, name: str, data: IO[bytes]) -> Path:
+    """The file of a table in the folder of its container, under a name that is free."""
+    wanted = folder / safe_name(name, PurePosixPath(name).suffix.lower())
+    place = next(place for place in _names(wanted) if not place.exists())
+    with place.open("wb") as made:
+        shutil.copyfileobj(data, made)
+    return place
+
+
+def _kept(table: Path, folder: Path) -> Path:
+    """A table in its folder under a name that is free; one with the same content is there already: it was sent again."""
+    for place in _names(folder / table.name):
         try:
-            write_new(place, data)  # a file of the same name may be written at the same moment
+            move_new(table, place)  # a file of the same name may be written at the same moment
         except FileExistsError:
-            if place.is_file() and place.read_bytes() == data:
-                return place
-            number += 1
-            place = wanted.with_name(f"{wanted.stem} {number}{suffix}")
-        else:
-            return place
+            if not (place.is_file() and filecmp.cmp(table, place, shallow=False)):
+                continue
+        return place
+    raise AssertionError
+
+
+def _names(wanted: Path) -> Iterator[Path]:
+    """A name, and then the same with a number."""
+    return (
+        wanted.with_name(f"{wanted.stem} {n}{wanted.suffix}") if n > 1 else wanted for n in itertools.count(1)
+    )
 
 
 def _is_table(name: str) -> bool:
@@ -190,71 +200,68 @@ def _is_table(name: str) -> bool:
     return not is_hidden and PurePosixPath(name).suffix.lower() in (*SUFFIXES, WORKBOOK)
 
 
-def _from_archive(place: Path, data: bytes) -> Iterator[tuple[str, bytes]]:
+def _from_archive(place: Path, data: bytes, folder: Path, budget: Budget) -> Iterator[Path]:
+    for name, member in _members(place, data, budget):
+        yield from _tables(Path(name), member, folder, budget)
+
+
+def _members(place: Path, data: bytes, budget: Budget) -> Iterator[tuple[str, bytes]]:
+    """Names and contents of the tables of an archive."""
     try:
-        archive = require_small_content(io.BytesIO(data), f"{place}")
+        archive = open_archive(data, budget)
         tables = [entry for entry in archive.infolist() if _is_table(entry.filename)]
         if len(tables) > MOST_FILES:
             got = f"{len(tables)} tables"
             raise InvalidInput.of("too many files", f"{place}", got, f"at most {MOST_FILES}")
         for entry in tables:
-            member = archive.read(entry)
-            if entry.filename.lower().endswith(WORKBOOK):
-                yield from _from_workbook(Path(entry.filename), member)
-            else:
-                yield entry.filename, member
+            budget.take(TABLES, 0 if entry.filename.lower().endswith(WORKBOOK) else entry.file_size)
+            yield entry.filename, archive.open(entry).read(entry.file_size + 1)
     except (*DAMAGED, NotImplementedError, RuntimeError, EOFError, OSError, ValueError) as error:
         allowed = "a ZIP archive without a password"
         raise InvalidInput.of("unreadable archive", f"{place}", f"{error}"[:160], allowed) from error
 
 
-def read_workbook(
-    data: bytes, where: str, read: Callable[[Any], T], *, most_bytes: int = MOST_CONTENT_BYTES, fix: str = ""
-) -> list[tuple[str, T]]:
-    """Title of each of the first sheets of a workbook, and what a function reads of the sheet.
-
-    Raises
-    ------
-    InvalidInput
-        When it is no workbook, or holds more than so many bytes when it is inflated.
-    """
-    import openpyxl
-
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # about styles and extensions, which are not read
-            stream = io.BytesIO(data)
-            require_small_content(stream, where, most_bytes)
-            book = openpyxl.load_workbook(stream, data_only=True, read_only=True)
-            return [(sheet.title, read(sheet)) for sheet in book.worksheets[:MOST_SHEETS]]
-    except InvalidInput:
-        raise
-    except Exception as error:  # openpyxl documents no error types: a damaged archive raises a dozen kinds
-        got = f"{type(error).__name__}: {error}"[:160]
-        raise InvalidInput.of("unreadable sheet", where, got, "an .xlsx workbook", fix) from error
+def _from_workbook(place: Path, data: bytes, folder: Path, budget: Budget) -> Iterator[Path]:
+    with tempfile.TemporaryDirectory(dir=folder) as sheets:
+        read = read_workbook(data, lambda rows: _write_table(rows, Path(sheets), budget), budget)
+        tables = [(title, table) for title, (count, table) in read if count > 1]
+        for title, table in tables:
+            stem = place.stem if len(tables) == 1 else f"{place.stem} {title}"
+            with table.open("rb") as source:
+                yield _written(folder, f"{stem}.csv", source)
 
 
-def _from_workbook(place: Path, data: bytes) -> Iterator[tuple[str, bytes]]:
-    sheets = read_workbook(data, f"{place}", _table_of)
-    tables = [(title, table) for title, table in sheets if len(table) > 1]
-    for title, table in tables:
-        text = io.StringIO()
-        csv.writer(text, lineterminator="\n").writerows(table)
-        stem = place.stem if len(tables) == 1 else f"{place.stem} {title}"
-        yield f"{stem}.csv", text.getvalue().encode("utf-8")
-
-
-def _table_of(sheet: Any) -> list[list[str]]:
-    """Rows of a sheet as texts from its header on, cut to the columns that the header names."""
-    rows = sheet.iter_rows(values_only=True, max_col=MOST_COLUMNS, max_row=MOST_ROWS)
-    head = [row for row in itertools.islice(rows, MOST_LEADING_ROWS) if any(cell is not None for cell in row)]
+def _write_table(rows: Iterator[list[Any]], folder: Path, budget: Budget) -> tuple[int, Path]:
+    """Write the rows of a sheet as CSV from its header on, cut to the columns that the header names; their number, and the file."""
+    head = list(itertools.islice(filter(_is_filled, rows), MOST_LEADING_ROWS))
+    made, count = folder / f"{len(list(folder.iterdir()))}", 0
     for k, row in enumerate(head):
         names, below = _names_in(row), _names_in(head[k + 1]) if k + 1 < len(head) else 0
         if names >= LEAST_NAMES and below <= names:  # a title has fewer cells than the header below it
-            width = max(i + 1 for i, cell in enumerate(row) if cell is not None)
-            filled = (row for row in rows if any(cell is not None for cell in row))
-            return [[_text(cell) for cell in row[:width]] for row in itertools.chain(head[k:], filled)]
-    return []
+            width = min(max(i + 1 for i, cell in enumerate(row) if cell is not None), MOST_COLUMNS)
+            with made.open("w", encoding="utf-8", newline="") as text:
+                for line in _lines(itertools.chain(head[k:], filter(_is_filled, rows)), width, budget):
+                    text.write(line)
+                    count += 1
+            break
+    return count, made
+
+
+def _lines(rows: Iterable[list[Any]], width: int, budget: Budget) -> Iterator[str]:
+    for row in rows:
+        budget.take(CELLS, max(width - len(row), 0))
+        cells = [_text(cell) for cell in row[:width]] + [""] * (width - len(row))
+        line = ",".join(cells)
+        budget.take(TABLES, len(line))
+        if line.count(",") >= width or any(mark in line for mark in '"\r\n'):
+            quoted = io.StringIO()
+            csv.writer(quoted, lineterminator="").writerow(cells)
+            line = quoted.getvalue()
+        yield f"{line}\n"
+
+
+def _is_filled(row: Sequence[Any]) -> bool:
+    return any(cell is not None for cell in row)
 
 
 def _names_in(row: Sequence[Any]) -> int:

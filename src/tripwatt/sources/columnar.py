@@ -7,7 +7,7 @@ import os
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, TypeVar
 
@@ -15,8 +15,9 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import FloatArray
+from tripwatt.containers import MOST_CONTENT_BYTES
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.files import MOST_CONTENT_BYTES, read_file
+from tripwatt.files import read_file
 from tripwatt.sources.delimited import (
     MOST_COLUMNS,
     Delimited,
@@ -29,12 +30,14 @@ from tripwatt.sources.delimited import (
 from tripwatt.trips import raise_faults
 
 if TYPE_CHECKING:
+    import pyarrow as pa
     import pyarrow.parquet as pq
 
 Item = TypeVar("Item")
 Read = TypeVar("Read")
 
-SUFFIXES: Final = (".csv", ".tsv", ".txt", ".parquet")
+PARQUET: Final = ".parquet"
+SUFFIXES: Final = (".csv", ".tsv", ".txt", PARQUET)
 MOST_ROWS: Final = 500_000
 """Most rows of a Parquet file with less than `LEAST_ROW_BYTES` a row; equal values take next to no space in it."""
 LEAST_ROW_BYTES: Final = 4
@@ -42,6 +45,7 @@ LEAST_ROW_BYTES: Final = 4
 INDEX: Final = re.compile(r"__index_level_\d+__")
 """Columns in which pandas keeps the index of a table."""
 
+UNREADABLE: Final = "unreadable Parquet file"
 PROSE: Final = ".txt"
 """In a folder with other tables a file of this suffix is a note about them."""
 
@@ -127,25 +131,42 @@ class ParquetTable:
         """None: a schema has no units."""
         return {}
 
-    def _column(self, name: str) -> pd.Series:
+    def read(self, name: str) -> pa.ChunkedArray:
+        """One column, within `MOST_CONTENT_BYTES` as it is and as texts of its rows.
+
+        Raises
+        ------
+        InvalidInput
+            When it is larger, has values that are neither numbers, times nor texts, or cannot be read.
+        """
         import pyarrow as pa
 
-        entries = [k for k, column in enumerate(self._leaves) if column.partition(".")[0] == name]
+        where, entries = f"{self.path} column {name!r}", self._entries(name)
         metadata = self.file.metadata
         size = sum(
             metadata.row_group(group).column(k).total_uncompressed_size
             for group in range(metadata.num_row_groups)
             for k in entries
         )
-        if size > MOST_CONTENT_BYTES:
-            where, got = f"{self.path} column {name!r}", f"{size} bytes when inflated"
-            raise InvalidInput.of("column too large", where, got, f"at most {MOST_CONTENT_BYTES} bytes")
         try:
-            # text stays a dictionary, so that a long text in every row is held once
-            table = self.file.read(columns=[name], use_threads=False)
-            return pd.Series(table.replace_schema_metadata().to_pandas()[name])
+            if not _is_plain(self.file.schema_arrow.field(name).type):
+                raise TypeError("values that are neither numbers, times nor texts")
+            if size <= MOST_CONTENT_BYTES:
+                # text stays a dictionary, so that a long text in every row is held once
+                column = self.file.read(columns=[name], use_threads=False)[name]
+                size = sum(map(_text_size, column.chunks))
         except (OSError, ValueError, LookupError, TypeError, pa.ArrowException) as error:
             raise InvalidInput(_unreadable(self.path, error)) from error
+        if size > MOST_CONTENT_BYTES:
+            got = f"{size} bytes when inflated"
+            raise InvalidInput.of("column too large", where, got, f"at most {MOST_CONTENT_BYTES} bytes")
+        return column
+
+    def _column(self, name: str) -> pd.Series:
+        return pd.Series(self.read(name).to_pandas())
+
+    def _entries(self, name: str) -> list[int]:
+        return [k for k, column in enumerate(self._leaves) if column.partition(".")[0] == name]
 
     @property
     def _leaves(self) -> list[str]:
@@ -210,7 +231,7 @@ def open_table(
     InvalidInput
         When it cannot be read in the format of its suffix.
     """
-    if path.suffix.lower() == ".parquet":
+    if path.suffix.lower() == PARQUET:
         return _open_parquet(path, faults)
     source = open_delimited(path, names=names)
     if faults is None:
@@ -235,7 +256,9 @@ def _open_parquet(path: Path, faults: list[Fault] | None) -> ParquetTable:
     content = read_file(path)
     try:
         file = pq.ParquetFile(io.BytesIO(content))
-        texts = [field.name for field in file.schema_arrow if pa.types.is_string(field.type)]
+        schema = file.schema
+        leaves = [schema.column(k) for k in range(len(schema))]
+        texts = [leaf.path for leaf in leaves if leaf.physical_type == "BYTE_ARRAY"]
         file = pq.ParquetFile(io.BytesIO(content), read_dictionary=texts)
     except (OSError, ValueError, pa.ArrowException) as error:
         raise InvalidInput(_unreadable(path, error)) from error
@@ -248,9 +271,42 @@ def _open_parquet(path: Path, faults: list[Fault] | None) -> ParquetTable:
     return ParquetTable(path, file, faults)
 
 
+def require_small_columns(path: Path) -> None:
+    """Raise `InvalidInput` for a Parquet file of which a column is larger than `MOST_CONTENT_BYTES`; one that cannot be read is let pass."""
+    try:
+        table = _open_parquet(path, None)
+        for name in table.names:
+            table.read(name)
+    except InvalidInput as error:
+        if error.faults[0].what != UNREADABLE:
+            fault = error.faults[0]
+            raise InvalidInput([replace(fault, where=fault.where.replace(f"{path}", path.name))]) from error
+
+
+def _is_plain(of: pa.DataType) -> bool:
+    from pyarrow import types
+
+    of = of.value_type if types.is_dictionary(of) else of
+    texts = (types.is_string, types.is_large_string, types.is_binary, types.is_large_binary)
+    kinds = (types.is_primitive, types.is_decimal, types.is_null, *texts)
+    return any(kind(of) for kind in kinds)
+
+
+def _text_size(chunk: pa.Array) -> int:
+    """Bytes of the texts of the rows; 0 for numbers."""
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    if not pa.types.is_dictionary(chunk.type):
+        return int(chunk.nbytes)
+    if pa.types.is_primitive(chunk.type.value_type):
+        return int(chunk.nbytes)
+    return pc.sum(pc.binary_length(chunk.dictionary).take(chunk.indices)).as_py() or 0
+
+
 def _unreadable(path: Path, error: Exception) -> Fault:
     got = str(error).splitlines()[0][:160] if str(error) else type(error).__name__
-    return Fault("unreadable Parquet file", f"{path}", got, "a Parquet file")
+    return Fault(UNREADABLE, f"{path}", got, "a Parquet file")
 
 
 def table_files(path: Path) -> list[Path]:

@@ -9,14 +9,15 @@ from __future__ import annotations
 import datetime as dt
 import itertools
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
+from tripwatt.containers import INSIDE, LIMITS, Budget
 from tripwatt.errors import InvalidInput
 from tripwatt.files import read_file
-from tripwatt.sources.archives import read_workbook
 from tripwatt.sources.delimited import column_key
+from tripwatt.sources.workbooks import read_workbook
 from tripwatt.trips import Context, Flag
 
 SEASONS: Final = {"A": "summer", "B": "winter"}
@@ -90,11 +91,11 @@ def _sheet_rows(path: Path) -> list[Mapping[str, object]]:
     """Rows of the first sheet that has a column `Trip`, keyed by `column_key` of the header without its unit."""
     fix = "fetch it again, or remove it to read the trips without season and weather"
 
-    def rows_of(sheet: Any) -> list[tuple[object, ...]]:
-        return list(itertools.islice(sheet.iter_rows(values_only=True, max_col=_MOST_COLUMNS), _MOST_ROWS))
+    def rows_of(rows: Iterator[list[object]]) -> list[list[object]]:
+        return [row[:_MOST_COLUMNS] for row in itertools.islice(rows, _MOST_ROWS)]
 
     data = read_file(path, _MOST_SHEET_BYTES)
-    tables = read_workbook(data, f"{path}", rows_of, most_bytes=_MOST_SHEET_BYTES, fix=fix)
+    tables = read_workbook(data, rows_of, Budget(f"{path}", {**LIMITS, INSIDE: _MOST_SHEET_BYTES}), fix)
     for _, table in tables:
         for number, cells in enumerate(table[:10]):
             names = [re.sub(r"\s*\[.*", "", column_key(_text(cell))) for cell in cells]

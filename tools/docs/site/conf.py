@@ -9,6 +9,7 @@ from typing import Any
 
 from docutils.nodes import SkipNode
 from docutils.utils.math import latex2mathml
+from sphinx.addnodes import index as index_node
 
 project = "tripwatt"
 author = "The tripwatt authors"
@@ -45,8 +46,10 @@ html_theme = "furo"
 html_title = f"tripwatt {release}"
 html_static_path = ["static"]
 html_css_files = ["site.css"]
+html_js_files = ["search.js"]
 html_favicon = "static/icon.svg"
 html_copy_source = False
+html_use_index = False  # no page links to it; the words of the search would be among the names
 html_show_sourcelink = False
 html_show_sphinx = False
 html_theme_options: dict[str, list[str]] = {"top_of_page_buttons": []}
@@ -59,7 +62,7 @@ _LINK = re.compile(r"\]\(([^):#\s]+\.md)[^)]*\)")
 
 
 def contents(index: str) -> str:
-    """The table of contents of the site: the pages that each section of the first page links to, in its order.
+    """The table of contents of the site: the pages that each section below the entrances links to, in its order.
 
     Parameters
     ----------
@@ -73,11 +76,13 @@ def contents(index: str) -> str:
     """
     seen: set[str] = set()
     trees = []
-    for section in re.split(r"^## ", index, flags=re.MULTILINE)[1:]:
+    lists = re.split(r"^## Where .*$", index, flags=re.MULTILINE)[
+        -1
+    ]  # entrances link to pages of the other sections
+    for section in re.split(r"^## ", lists, flags=re.MULTILINE)[1:]:
         title, _, text = section.partition("\n")
-        if title.startswith("Where"):  # entrances link to pages of the other sections
-            continue
-        pages = [page.removesuffix(".md") for page in _LINK.findall(text) if page not in seen]
+        linked = (page for page in _LINK.findall(text) if page not in seen)
+        pages = [page.removesuffix(".md") for page in linked if not re.match("gallery/(?!index)", page)]
         seen |= {f"{page}.md" for page in pages}
         if pages:
             trees += [
@@ -96,6 +101,14 @@ def contents(index: str) -> str:
 def _add_contents(app: Any, docname: str, source: list[str]) -> None:
     if docname in ("index", "decisions/index", "gallery/index"):
         source[0] += contents(source[0])
+
+
+def _lead_to_pages(app: Any, doctree: Any) -> None:
+    """Words of the search lead to a page, not to a place in it, so that the search lists the page once."""
+    for node in doctree.findall(index_node):
+        node["entries"] = [
+            (kind, word, "" if main else to, main, key) for kind, word, to, main, key in node["entries"]
+        ]
 
 
 def _skip_member(app: Any, what: str, name: str, thing: Any, skip: bool, options: Any) -> bool | None:
@@ -127,6 +140,7 @@ def setup(app: Any) -> dict[str, bool]:
         What Sphinx wants to know of an extension.
     """
     app.connect("source-read", _add_contents)
+    app.connect("doctree-read", _lead_to_pages)
     app.connect("autodoc-skip-member", _skip_member)
     app.add_html_math_renderer("mathml", (_inline, None), (_display, None))
     return {"parallel_read_safe": True}

@@ -85,10 +85,13 @@ type Answer<O> = O extends { responses: { 200: infer Response } } ? Json<Respons
 type Body<O> = O extends { requestBody: infer Content } ? Json<Content> : never;
 type Given<O> = O extends { parameters: infer Parameters } ? Parameters : never;
 
+/** The values of a query; a null is left out of the URL. */
+type OrNull<V> = { [K in keyof V]: V[K] | null };
+
 /** What a request has beside its path. */
 interface Call<O> {
   path?: Given<O> extends { path: infer Values } ? Values : never;
-  query?: Given<O> extends { query?: infer Values } ? Values : never;
+  query?: Given<O> extends { query?: infer Values } ? OrNull<Values> : never;
   body?: Body<O>;
   /** A body that is no JSON document. */
   bytes?: BodyInit;
@@ -103,7 +106,7 @@ function pathOf(template: string, values: object = {}, query: object = {}): stri
   });
   const search = new URLSearchParams(
     Object.entries(query).flatMap(([name, value]) =>
-      (Array.isArray(value) ? value : [value]).map((one) => [name, String(one)]),
+      (Array.isArray(value) ? value : value === null ? [] : [value]).map((one) => [name, String(one)]),
     ),
   );
   return search.size > 0 ? `${path}?${search}` : path;
@@ -201,8 +204,8 @@ export const findAdvice = (body: ForecastRequest, signal?: AbortSignal) =>
 export const findJourneyAdvice = (body: JourneyRequest, signal?: AbortSignal) =>
   ask("post", "/v1/journeys/advice", { body, signal });
 
-type NeedQuery = NonNullable<paths["/v1/need"]["get"]["parameters"]["query"]>;
-type RangeQuery = NonNullable<paths["/v1/range"]["get"]["parameters"]["query"]>;
+type NeedQuery = OrNull<NonNullable<paths["/v1/need"]["get"]["parameters"]["query"]>>;
+type RangeQuery = OrNull<NonNullable<paths["/v1/range"]["get"]["parameters"]["query"]>>;
 
 /** What a distance needs, without a road. */
 export const findNeed = async (query: NeedQuery, signal?: AbortSignal) =>

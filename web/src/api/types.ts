@@ -1216,6 +1216,7 @@ export interface components {
             vehicle: string;
             seconds_since_message: number | null;
             messages: components["schemas"]["LiveMessages"];
+            held: number;
             soc: number | null;
             soc_source: ("soc" | "bms_soc") | null;
             trip: components["schemas"]["LiveTripDocument"] | null;
@@ -1635,13 +1636,13 @@ export interface components {
             [key: string]: unknown;
         };
         TelemetryResponse: {
-            /** @constant */
-            status: "ok";
+            /** @enum {string} */
+            status: "ok" | "held";
             car: string;
             /** @deprecated */
             vehicle: string;
             /** @enum {string} */
-            arrival: "new" | "doubled" | "late";
+            arrival: "new" | "doubled" | "held";
             ignored: components["schemas"]["ProblemFault"][];
         };
         TerrainDocument: {
@@ -1904,7 +1905,7 @@ export interface operations {
     forecast: {
         parameters: {
             query?: {
-                fields?: string | null;
+                fields?: string;
             };
             header?: never;
             path?: never;
@@ -1929,7 +1930,7 @@ export interface operations {
     update: {
         parameters: {
             query?: {
-                fields?: string | null;
+                fields?: string;
             };
             header?: never;
             path?: never;
@@ -2000,7 +2001,7 @@ export interface operations {
     batch: {
         parameters: {
             query?: {
-                fields?: string | null;
+                fields?: string;
             };
             header?: never;
             path?: never;
@@ -2025,7 +2026,7 @@ export interface operations {
     route: {
         parameters: {
             query?: {
-                speed_m_s?: number | null;
+                speed_m_s?: number;
             };
             header?: never;
             path?: never;
@@ -2057,7 +2058,7 @@ export interface operations {
     plan: {
         parameters: {
             query?: {
-                fields?: string | null;
+                fields?: string;
             };
             header?: never;
             path?: never;
@@ -2082,7 +2083,7 @@ export interface operations {
     plan_alias: {
         parameters: {
             query?: {
-                fields?: string | null;
+                fields?: string;
             };
             header?: never;
             path?: never;
@@ -2176,29 +2177,29 @@ export interface operations {
     get_need: {
         parameters: {
             query?: {
-                soc?: number | null;
-                ambient_temperature_degc?: number | null;
-                cabin_setpoint_degc?: number | null;
-                cabin_temperature_degc?: number | null;
-                battery_temperature_degc?: number | null;
-                payload_mass_kg?: number | null;
-                departure_utc?: string | null;
-                climate?: ("auto" | "off" | "heat" | "cool") | null;
-                extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights" | "heated_seats")[] | null;
-                terrain?: ("unknown" | "flat" | "hilly" | "mountains") | null;
-                wind_speed_m_s?: number | null;
-                wind_from_deg?: number | null;
-                rain_mm_h?: number | null;
-                pressure_pa?: number | null;
-                tyre_pressure?: number | null;
+                soc?: number;
+                ambient_temperature_degc?: number;
+                cabin_setpoint_degc?: number;
+                cabin_temperature_degc?: number;
+                battery_temperature_degc?: number;
+                payload_mass_kg?: number;
+                departure_utc?: string;
+                climate?: "auto" | "off" | "heat" | "cool";
+                extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights" | "heated_seats")[];
+                terrain?: "unknown" | "flat" | "hilly" | "mountains";
+                wind_speed_m_s?: number;
+                wind_from_deg?: number;
+                rain_mm_h?: number;
+                pressure_pa?: number;
+                tyre_pressure?: number;
                 kind?: "city" | "country" | "motorway" | "mixed";
-                model?: string | null;
-                vehicle?: string | null;
-                car?: string | null;
-                vehicle_figures?: string | null;
-                reserve?: number | null;
-                distance_km?: number | null;
-                trip?: string | null;
+                model?: string;
+                vehicle?: string;
+                car?: string;
+                vehicle_figures?: string;
+                reserve?: number;
+                distance_km?: number;
+                trip?: string;
                 quantile?: number;
                 trips?: number;
                 probability?: number;
@@ -2223,27 +2224,27 @@ export interface operations {
     get_range: {
         parameters: {
             query?: {
-                soc?: number | null;
-                ambient_temperature_degc?: number | null;
-                cabin_setpoint_degc?: number | null;
-                cabin_temperature_degc?: number | null;
-                battery_temperature_degc?: number | null;
-                payload_mass_kg?: number | null;
-                departure_utc?: string | null;
-                climate?: ("auto" | "off" | "heat" | "cool") | null;
-                extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights" | "heated_seats")[] | null;
-                terrain?: ("unknown" | "flat" | "hilly" | "mountains") | null;
-                wind_speed_m_s?: number | null;
-                wind_from_deg?: number | null;
-                rain_mm_h?: number | null;
-                pressure_pa?: number | null;
-                tyre_pressure?: number | null;
+                soc?: number;
+                ambient_temperature_degc?: number;
+                cabin_setpoint_degc?: number;
+                cabin_temperature_degc?: number;
+                battery_temperature_degc?: number;
+                payload_mass_kg?: number;
+                departure_utc?: string;
+                climate?: "auto" | "off" | "heat" | "cool";
+                extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights" | "heated_seats")[];
+                terrain?: "unknown" | "flat" | "hilly" | "mountains";
+                wind_speed_m_s?: number;
+                wind_from_deg?: number;
+                rain_mm_h?: number;
+                pressure_pa?: number;
+                tyre_pressure?: number;
                 kind?: "city" | "country" | "motorway" | "mixed";
-                model?: string | null;
-                vehicle?: string | null;
-                car?: string | null;
-                vehicle_figures?: string | null;
-                reserve?: number | null;
+                model?: string;
+                vehicle?: string;
+                car?: string;
+                vehicle_figures?: string;
+                reserve?: number;
             };
             header?: never;
             path?: never;
@@ -2372,7 +2373,7 @@ export interface operations {
     get_vehicles: {
         parameters: {
             query?: {
-                search?: string | null;
+                search?: string;
             };
             header?: never;
             path?: never;
@@ -2536,7 +2537,7 @@ export interface operations {
     get_fleet_report: {
         parameters: {
             query?: {
-                model?: string | null;
+                model?: string;
             };
             header?: never;
             path: {
@@ -2562,7 +2563,7 @@ export interface operations {
     telemetry: {
         parameters: {
             query?: {
-                token?: string | null;
+                token?: string;
             };
             header?: never;
             path?: never;

@@ -32,12 +32,14 @@ def figure_keys(protocol: EvaluationProtocol | None = None) -> tuple[str, ...]:
 
 
 def build_sections(view: View) -> list[Section]:
-    """Every section of the report of a run; a panel without data stays and gives the reason."""
+    """Every section of the report of a run; a panel without data stands last and gives the reason."""
     sections = []
     for section in view.protocol.sections:
-        built = [PANELS[name].build(view) for name in section.panels]
-        panels = filled_rows([panel for panel in built if panel is not None])
-        sections.append(Section(section.key, section.title, panels))
+        built = [p for name in section.panels if (p := PANELS[name].build(view)) is not None]
+        empty = (panel for panel in built if not panel.shown)
+        sections.append(
+            Section(section.key, section.title, (*filled_rows([p for p in built if p.shown]), *empty))
+        )
     return sections
 
 

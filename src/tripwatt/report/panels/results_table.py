@@ -189,27 +189,21 @@ def results_table(view: View, evaluation: Record) -> Table:
 
 
 def sets_table(view: View) -> Table:
-    """Mean error of each model (columns) in each evaluation (rows)."""
-    rows: list[tuple[str, Mapping[str, str]]] = []
-    for evaluation in view.evaluations:
-        scores = evaluation.get("models") or {}
-        cells = {m: _mean_and_interval(score) for m, score in scores.items()}
-        rows.append((named_evaluation(evaluation), cells))
-    if view.published:
-        means = {m: number(view.published.get(m), 100, 1) for m in view.models}
-        rows.append((f"the paper ({PAPER})", means))
+    """Mean error of each model (rows) in each evaluation (columns)."""
+    scores = [(named_evaluation(e), e.get("models") or {}) for e in view.evaluations]
+    paper = [in_percent(f"the paper ({PAPER})", view.published.get)] if view.published else []
     return tabulated(
         view.captioned("Mean error [%] with its 95 % interval, by the trips that were used"),
-        rows,
-        Column("Trips", lambda row: row[0]),
-        *(Column(label(model), partial(_cell_of, model)) for model in view.models),
+        view.models,
+        Column("Model", label),
+        *(Column(name, partial(_mean_and_interval, models)) for name, models in scores),
+        *paper,
     )
 
 
-def _cell_of(model: str, row: tuple[str, Mapping[str, str]]) -> str | None:
-    return row[1].get(model)
-
-
-def _mean_and_interval(score: Record) -> str:
+def _mean_and_interval(models: Mapping[str, Record], model: str) -> str | None:
+    score = models.get(model)
+    if score is None:
+        return None
     bounds = score.get("mape_ci95")
     return f"{number(score.get('mape'), 100, 1)} {f'({span(bounds)})' if bounds else ''}"

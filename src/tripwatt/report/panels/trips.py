@@ -40,7 +40,10 @@ def trip_energy(view: View) -> Content | None:
         return None
     if not selected:
         return Content("No predictions along the trips were kept.")
-    return Content(on_trip_energy(selected, best), plot_trip_energy(view, selected, best))
+    said = on_trip_energy(selected, best)
+    if view.protocol.focus is None and model_style(best).kind == "hybrid":
+        said += " A corrected curve need not begin at 0: the paper's correctors estimate the error of the energy so far, also at departure."
+    return Content(said, plot_trip_energy(view, selected, best))
 
 
 @panel("trip-errors", "Error by trip", draws=True)

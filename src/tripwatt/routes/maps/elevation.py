@@ -7,6 +7,7 @@ theirs by bilinear interpolation, which is exact for Valhalla's own: a part of a
 from __future__ import annotations
 
 import gzip
+import io
 import math
 import re
 import zipfile
@@ -20,7 +21,9 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from tripwatt.containers import Budget, open_archive
 from tripwatt.errors import Fault, InvalidInput, install, raise_faults
+from tripwatt.files import read_file
 
 ROWS: Final = 3601
 ARC_SECONDS: Final[Mapping[int, str]] = MappingProxyType({ROWS: "1 arc-second", 1201: "3 arc-seconds"})
@@ -185,14 +188,15 @@ def _read(path: Path) -> Heights:
     """Heights of a file."""
     most = 2 * ROWS**2 + 1
     try:
+        content = read_file(path, 2 * most, what="cannot read the elevation tile", allowed="a tile of SRTM")
         if path.name.lower().endswith(".zip"):
-            with zipfile.ZipFile(path) as archive:
-                inside = [name for name in archive.namelist() if name.lower().endswith(".hgt")]
-                with archive.open(inside[0] if inside else "*.hgt") as file:
-                    content = file.read(most)
-        else:
-            with (gzip.open if path.name.lower().endswith(".gz") else open)(path, "rb") as file:
-                content = file.read(most)
+            archive = open_archive(
+                content, Budget(path.name), most_ratio=most
+            )  # a tile of the sea is nothing but zeros
+            inside = [name for name in archive.namelist() if name.lower().endswith(".hgt")]
+            content = archive.open(inside[0] if inside else "*.hgt").read(most)
+        elif path.name.lower().endswith(".gz"):
+            content = gzip.GzipFile(fileobj=io.BytesIO(content)).read(most)
     except (OSError, EOFError, KeyError, zipfile.BadZipFile, zlib.error) as error:
         got = str(error)[:80]
         raise InvalidInput.of("cannot read the elevation tile", path.name, got, "a tile of SRTM") from error

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from tripwatt.errors import Fault, InvalidInput, raise_faults
-from tripwatt.files import replace_folder
+from tripwatt.files import read_text_file, replace_folder
 from tripwatt.routes.maps.elevation import Elevation, needed, tile_name
 from tripwatt.routes.maps.engine import build_tiles, require_valhalla, router_in_process
 from tripwatt.routes.maps.extract import Named, read_objects
@@ -21,6 +21,7 @@ from tripwatt.routes.routers.valhalla import ValhallaRouter
 INFO_NAME: Final = "map.json"
 INDEX_NAME: Final = "places.sqlite"
 FORMAT: Final = 2
+MOST_INFO_BYTES: Final = 1 << 20
 ATTRIBUTION: Final = "© OpenStreetMap contributors, ODbL 1.0"
 """What has to be shown wherever a map, a road or a place of an extract is."""
 
@@ -78,15 +79,23 @@ def open_map(folder: Path | str) -> MapFolder:
     """
     folder = Path(folder)
     try:
-        info = json.loads((folder / INFO_NAME).read_text("utf-8"))
-    except (OSError, ValueError) as error:
+        info = json.loads(read_text_file(folder / INFO_NAME, MOST_INFO_BYTES))
+    except (InvalidInput, ValueError, RecursionError) as error:
         fix = "build one with tripwatt map build REGION.osm.pbf"
-        got, allowed = type(error).__name__, "a folder with a map"
+        got = error.faults[0].got if isinstance(error, InvalidInput) else type(error).__name__
+        allowed = "a folder with a map"
         raise InvalidInput.of("no map", str(folder), got, allowed, fix) from error
     if not isinstance(info, dict) or info.get("format") != FORMAT:
         got = f"format {info.get('format')!r}" if isinstance(info, dict) else "no object"
         fix = "build the map again with tripwatt map build"
         raise InvalidInput.of("map of another release", str(folder), got[:60], f"format {FORMAT}", fix)
+    bounds, limits = info.get("bounds_deg"), (90.0, 180.0, 90.0, 180.0)
+    try:
+        sound = bounds is None or all(abs(at) <= most for at, most in zip(bounds, limits, strict=True))
+    except (TypeError, ValueError):
+        sound = False
+    if not (sound and isinstance(info.get("extract"), str) and isinstance(info.get("terrain"), dict)):
+        raise InvalidInput.of("no map", str(folder / INFO_NAME), "damaged facts", "a folder with a map")
     return MapFolder(folder, info)
 
 

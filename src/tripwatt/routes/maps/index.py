@@ -7,7 +7,7 @@ import sqlite3
 import sys
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import closing
+from contextlib import closing, contextmanager
 from dataclasses import astuple, dataclass
 from functools import cached_property
 from pathlib import Path
@@ -255,13 +255,18 @@ class PlaceIndex:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        try:
+        with self._damage_is_a_fault():
             uri = f"{path.resolve().as_uri()}?mode=ro"
             self.database = sqlite3.connect(uri, uri=True, check_same_thread=False)
             self.database.execute("SELECT count(*) FROM stations").fetchone()
-        except sqlite3.Error as error:
+
+    @contextmanager
+    def _damage_is_a_fault(self) -> Iterator[None]:
+        try:
+            yield
+        except (sqlite3.Error, ValueError, TypeError, LookupError) as error:
             fix = "build the map again with tripwatt map build"
-            raise InvalidInput.of("no index of places", str(path), str(error)[:80], fix=fix) from error
+            raise InvalidInput.of("no index of places", str(self.path), str(error)[:80], fix=fix) from error
 
     def search(self, text: str, *, limit: int = 10) -> tuple[Place, ...]:
         """Places whose name begins with the words of a text, the most important first.
@@ -286,14 +291,17 @@ class PlaceIndex:
         if not words or limit < 1:
             return ()
         limit = min(limit, MOST_FOUND)
-        rows = self._matching([[f'"{word}"*'] for word in words])
-        found = sorted((_Match.of(row, words) for row in rows), key=lambda match: match.order)
-        near: list[_Match] = []
-        if not (found and found[0].is_whole):
-            near = self._similar(words)
-            room = [match for match in near if match.row[0] < SETTLEMENT] if len(found) >= limit else near
-            found = found[: limit - NEAR_PLACES] + room[:NEAR_PLACES] + found[limit - NEAR_PLACES :] + near
-        return without_twins((match.place for match in found), limit)
+        with self._damage_is_a_fault():
+            rows = self._matching([[f'"{word}"*'] for word in words])
+            found = sorted((_Match.of(row, words) for row in rows), key=lambda match: match.order)
+            near: list[_Match] = []
+            if not (found and found[0].is_whole):
+                near = self._similar(words)
+                room = [match for match in near if match.row[0] < SETTLEMENT] if len(found) >= limit else near
+                found = (
+                    found[: limit - NEAR_PLACES] + room[:NEAR_PLACES] + found[limit - NEAR_PLACES :] + near
+                )
+            return without_twins((match.place for match in found), limit)
 
     def _matching(self, words: Sequence[Sequence[str]]) -> list[tuple[Any, ...]]:
         """Rows of the first places with one of the terms of each word, in the order of their importance."""
@@ -326,12 +334,13 @@ class PlaceIndex:
         self, south: float, west: float, north: float, east: float, limit: int
     ) -> tuple[Place, ...]:
         """Settlements inside of bounds [°], cities first, then towns, villages and what is smaller. O(settlements)."""
-        rows = self.database.execute(
-            "SELECT kind, name, latitude, longitude FROM places WHERE id < ? AND latitude BETWEEN ? AND ? "
-            "AND longitude BETWEEN ? AND ? ORDER BY id LIMIT ?",
-            (self._first_street, south, north, west, east, limit),
-        ).fetchall()
-        return tuple(Place(lat, lon, name, KINDS[kind]) for kind, name, lat, lon in rows)
+        with self._damage_is_a_fault():
+            rows = self.database.execute(
+                "SELECT kind, name, latitude, longitude FROM places WHERE id < ? AND latitude BETWEEN ? AND ? "
+                "AND longitude BETWEEN ? AND ? ORDER BY id LIMIT ?",
+                (self._first_street, south, north, west, east, limit),
+            ).fetchall()
+            return tuple(Place(lat, lon, name, KINDS[kind]) for kind, name, lat, lon in rows)
 
     @cached_property
     def _first_street(self) -> int:
@@ -343,11 +352,12 @@ class PlaceIndex:
 
     def stations(self) -> tuple[Station, ...]:
         """All charging stations."""
-        rows = self.database.execute("SELECT * FROM stations").fetchall()
-        return tuple(
-            Station(lat, lon, name, w, bool(dc), bool(known), tuple("".join(plugs).split()))
-            for lat, lon, name, w, dc, known, *plugs in rows  # an index of an older version has no plugs
-        )
+        with self._damage_is_a_fault():
+            rows = self.database.execute("SELECT * FROM stations").fetchall()
+            return tuple(
+                Station(lat, lon, name, w, bool(dc), bool(known), tuple("".join(plugs).split()))
+                for lat, lon, name, w, dc, known, *plugs in rows  # an index of an older version has no plugs
+            )
 
 
 def _names(row: Sequence[Any]) -> list[str]:

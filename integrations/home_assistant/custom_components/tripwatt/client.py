@@ -1,0 +1,110 @@
+"""Requests to a service of tripwatt."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+from aiohttp import ClientError, ClientSession, ClientTimeout
+from yarl import URL
+
+TIMEOUT: Final = ClientTimeout(total=60)
+"""The service itself gives up on a forecast after 20 s, on a journey with many stations later."""
+
+
+class ServiceAwayError(Exception):
+    """The service does not answer, or what answers is no tripwatt."""
+
+
+class TokenRefusedError(Exception):
+    """The service asks for another token."""
+
+
+class ServiceProblemError(Exception):
+    """The service refused a request with a problem document (RFC 9457).
+
+    Attributes
+    ----------
+    kind : str
+        The last part of the problem's `type`, such as "no-plan".
+    """
+
+    def __init__(self, document: Mapping[str, Any]) -> None:
+        faults = [
+            f"{fault.get('where')}: {fault.get('what')}, got {fault.get('got')}, allowed: {fault.get('allowed')}"
+            for fault in document.get("faults", ())
+        ]
+        detail = document.get("detail") or document.get("title") or "refused"
+        super().__init__("; ".join(faults) or str(detail))
+        self.kind = str(document["type"]).rpartition("/")[2]
+
+
+def service_url(text: str) -> URL:
+    """The address of a service as the user gave it, without what follows its path.
+
+    Raises
+    ------
+    ValueError
+        When it is no address of the web.
+    """
+    url = URL(text.strip())
+    if url.scheme not in ("http", "https") or not url.host:
+        raise ValueError(text)
+    return url.with_query(None).with_fragment(None).with_user(None).with_path(url.path.rstrip("/"))
+
+
+class ServiceClient:
+    """Asks one service, in the shared session of Home Assistant.
+
+    Parameters
+    ----------
+    session : ClientSession
+    url : str
+        Address of the service.
+    token : str
+        Empty where the service asks for none.
+    """
+
+    def __init__(self, session: ClientSession, url: str, token: str = "") -> None:
+        self._session = session
+        self._url = service_url(url)
+        self._headers = {"Authorization": f"Bearer {token}"} if token else {}
+
+    async def get(self, path: str, **parameters: Any) -> Any:
+        """The answer to a GET; parameters that are None are left out.
+
+        Raises
+        ------
+        ServiceAwayError, TokenRefusedError, ServiceProblemError
+        """
+        given = {name: str(value) for name, value in parameters.items() if value is not None}
+        return await self._answer("GET", path, params=given)
+
+    async def post(self, path: str, body: Mapping[str, Any], **parameters: str) -> Any:
+        """The answer to a POST of a JSON document; fields that are None are left out.
+
+        Raises
+        ------
+        ServiceAwayError, TokenRefusedError, ServiceProblemError
+        """
+        given = {name: value for name, value in body.items() if value is not None}
+        return await self._answer("POST", path, json=given, params=parameters)
+
+    async def _answer(self, method: str, path: str, **more: Any) -> Any:
+        url = self._url.with_path(self._url.path.rstrip("/") + path)
+        try:
+            async with self._session.request(
+                method, url, headers=self._headers, timeout=TIMEOUT, allow_redirects=False, **more
+            ) as answer:
+                document = await answer.json(content_type=None)
+        except (ClientError, TimeoutError, ValueError) as error:
+            raise ServiceAwayError(f"{self._url}: {error!r}") from error
+        if answer.status == 200 and isinstance(document, dict):
+            return document
+        if not isinstance(document, dict) or not str(document.get("type", "")).startswith("/problems/"):
+            raise ServiceAwayError(f"{self._url}: status {answer.status}, no answer of tripwatt")
+        if answer.status == 401:
+            raise TokenRefusedError(str(document.get("detail", "")))
+        if answer.status in (429, 502, 503, 504):
+            raise ServiceAwayError(f"{self._url}: {document.get('title')}")
+        raise ServiceProblemError(document)

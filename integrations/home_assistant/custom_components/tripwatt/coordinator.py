@@ -1,0 +1,225 @@
+"""What the service knows of its cars, asked again and again."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from typing import Any, TypeAlias
+
+from homeassistant.config_entries import ConfigEntry
+from homeassistant.const import CONF_TOKEN, CONF_URL
+from homeassistant.core import HomeAssistant
+from homeassistant.exceptions import ConfigEntryAuthFailed
+from homeassistant.helpers.aiohttp_client import async_get_clientsession
+from homeassistant.helpers.update_coordinator import DataUpdateCoordinator, UpdateFailed
+
+from .client import ServiceAwayError, ServiceClient, ServiceProblemError, TokenRefusedError
+from .const import (
+    AHEAD_EVERY_S,
+    CONF_CALENDARS,
+    CONF_INTERVAL,
+    CONF_PLUG,
+    CONF_PROBABILITY,
+    CONF_RESERVE,
+    DOMAIN,
+    INTERVAL_S,
+    PROBABILITY,
+)
+from .trips import CalendarTrip, next_trip
+
+_LOGGER = logging.getLogger(__name__)
+
+JOURNEY_FIELDS = "soc_needed,leave,verdict,p_arrive"
+"""What is read of a journey; without its roads it is short."""
+
+TripwattEntry: TypeAlias = "ConfigEntry[TripwattCoordinator]"
+
+
+@dataclass(slots=True)
+class Ahead:
+    """What lies before a car: the trip of its calendar, what the next trip needs, and how far the charge carries."""
+
+    made_of: tuple[Any, ...]
+    trip: CalendarTrip | None
+    need: dict[str, Any] | None
+    reach: dict[str, Any] | None
+
+
+@dataclass(slots=True)
+class CarState:
+    """A car as the service has it, and what lies before it."""
+
+    live: dict[str, Any]
+    described: bool
+    """whether the service keeps a description of the car, and with it a model"""
+    ahead: Ahead
+
+    @property
+    def known(self) -> dict[str, Any]:
+        """What a request has of the car: its charge, and its own model where there is one."""
+        named = {"model": self.live["car"]} if self.described else {}
+        return {"soc": self.live["soc"], **named}
+
+
+class TripwattCoordinator(DataUpdateCoordinator[dict[str, CarState]]):
+    """The cars of one service, by name.
+
+    Parameters
+    ----------
+    hass : HomeAssistant
+    entry : ConfigEntry
+    """
+
+    config_entry: TripwattEntry
+
+    def __init__(self, hass: HomeAssistant, entry: TripwattEntry) -> None:
+        interval = timedelta(seconds=entry.options.get(CONF_INTERVAL, INTERVAL_S))
+        super().__init__(hass, _LOGGER, config_entry=entry, name=DOMAIN, update_interval=interval)
+        session = async_get_clientsession(hass)
+        self.client = ServiceClient(session, entry.data[CONF_URL], entry.data.get(CONF_TOKEN, ""))
+        self._has_map: bool | None = None
+
+    async def _async_update_data(self) -> dict[str, CarState]:
+        try:
+            return await self._cars()
+        except TokenRefusedError as error:
+            raise ConfigEntryAuthFailed(translation_domain=DOMAIN, translation_key="token_refused") from error
+        except (ServiceAwayError, ServiceProblemError) as error:
+            raise UpdateFailed(
+                translation_domain=DOMAIN,
+                translation_key="away",
+                translation_placeholders={"why": str(error)},
+            ) from error
+
+    async def _cars(self) -> dict[str, CarState]:
+        names = [row["car"] for row in (await self.client.get("/v1/live"))["cars"]]
+        described = {row["name"] for row in (await self.client.get("/v1/cars"))["cars"] or ()}
+        if self._has_map is None:
+            self._has_map = (await self.client.get("/v1/map"))["roads"]
+        cars = {}
+        for name in names:
+            live = await self.client.get(f"/v1/live/{name}")
+            before = self.data[name].ahead if self.data and name in self.data else None
+            cars[name] = await self._car(live, name in described, before)
+        return cars
+
+    async def _car(self, live: dict[str, Any], described: bool, before: Ahead | None) -> CarState:
+        source = self.config_entry.options.get(CONF_CALENDARS, {}).get(live["car"])
+        trip = None if source is None else await next_trip(self.hass, source)
+        made_of = (
+            live["messages"]["new"],
+            live["soc"],
+            live["trip"] is None,
+            live["plan"],
+            live["usual_trip"],
+            trip,
+            time.time() // AHEAD_EVERY_S,
+        )
+        if before is not None and before.made_of == made_of:
+            return CarState(live, described, before)
+        state = CarState(live, described, Ahead(made_of, trip, None, None))
+        try:
+            if live["trip"] is None:
+                state.ahead.need = await self.need(state, trip)
+            if live["soc"] is not None:
+                car = live["car"] if described else None
+                state.ahead.reach = await self._or_none(
+                    "/v1/range", ("invalid-input",), soc=live["soc"], car=car
+                )
+        except (
+            ServiceAwayError
+        ) as error:  # too busy for a forecast: the state of the cars counts all the same
+            _LOGGER.debug("%s: %s", live["car"], error)
+            state.ahead.made_of = ()
+        return state
+
+    async def _or_none(self, path: str, kinds: Iterable[str], **parameters: Any) -> dict[str, Any] | None:
+        """An answer, or None where the service refuses for one of these kinds of problems."""
+        try:
+            answer: dict[str, Any] = await self.client.get(path, **parameters)
+        except ServiceProblemError as problem:
+            if problem.kind not in kinds:
+                raise
+            _LOGGER.debug("%s: %s", path, problem)
+            return None
+        return answer
+
+    async def need(self, car: CarState, trip: CalendarTrip | None) -> dict[str, Any] | None:
+        """What the next trip needs, with the fields of `GET /v1/need`; those that are not known are missing.
+
+        A trip with a place that the map has is a journey from home, one with kilometres is a distance, and any other is
+        the plan of the car or the trip that it usually drives at that time of day.
+        """
+        options = self.config_entry.options
+        chance = options.get(CONF_PROBABILITY, PROBABILITY) / 100.0
+        reserve = options.get(CONF_RESERVE)
+        kept = {"reserve": None if reserve is None else reserve / 100.0, "plug_w": options.get(CONF_PLUG)}
+        name, leaves = car.live["car"], None if trip is None else trip.starts_at.isoformat()
+        if trip is not None and trip.place and self._has_map:
+            journey = await self._journey(car, trip, kept["reserve"])
+            if journey is not None:
+                return journey
+        if trip is not None and trip.distance_km is not None:
+            own = name if car.described else None
+            soc = car.live["soc"]
+            return await self._or_none(
+                "/v1/need",
+                ("invalid-input",),
+                distance_km=trip.distance_km,
+                quantile=chance,
+                departs_at=leaves,
+                soc=soc,
+                car=own,
+                **kept,
+            )
+        return await self._or_none(
+            "/v1/need",
+            ("no-plan", "no-such-car", "invalid-input"),
+            car=name,
+            probability=chance,
+            departs_at=leaves,
+            **kept,
+        )
+
+    async def _journey(
+        self, car: CarState, trip: CalendarTrip, reserve: float | None
+    ) -> dict[str, Any] | None:
+        """The need of a trip from home to its place; None where the map has no such place."""
+        body = {
+            **car.known,
+            "stops": [self.home, trip.place],
+            "departs_at": trip.starts_at.isoformat(),
+            "reserve": reserve,
+        }
+        try:
+            journey = await self.client.post("/v1/journeys", body, fields=JOURNEY_FIELDS)
+        except ServiceProblemError as problem:
+            _LOGGER.debug("%s: %s", trip.place, problem)
+            return None
+        return {
+            "plan": "journey",
+            "expected_wh": journey["verdict"]["energy_wh"],
+            "soc_needed": journey["soc_needed"],
+            "target_soc": min(1.0, journey["soc_needed"]),
+            "message": journey["leave"],
+            "departs_at": trip.starts_at.isoformat(),
+            "p_arrive": journey["p_arrive"],
+        }
+
+    @property
+    def home(self) -> dict[str, Any]:
+        """The home of Home Assistant as a place of a request."""
+        config = self.hass.config
+        return {
+            "latitude_deg": config.latitude,
+            "longitude_deg": config.longitude,
+            "name": config.location_name,
+        }
+
+
+def parsed_time(text: str | None) -> datetime | None:
+    """A time of the service; it has its offset."""
+    return None if text is None else datetime.fromisoformat(text)

@@ -1,0 +1,54 @@
+"""`tripwatt mcp`: the tools for assistants."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tripwatt.cli.journey import MapOption, PlacesOption, StationsOption, WeatherOption
+from tripwatt.cli.options import argument, option, require_extras
+from tripwatt.cli.serve import models_of
+from tripwatt.errors import Check
+
+
+def mcp(
+    model: Annotated[
+        list[str] | None, argument("[MODEL ...]", "Folders of models, as for `tripwatt serve`.")
+    ] = None,
+    map_: MapOption = "",
+    places: PlacesOption = "",
+    weather: WeatherOption = "",
+    stations: StationsOption = None,
+    cars: Annotated[
+        Path | None, option("DIR", "Folder of cars that learn from their trips (see `tripwatt car`).")
+    ] = None,
+    changes: Annotated[
+        bool, typer.Option("--changes", help="Also offer tools that change something, such as a new car.")
+    ] = False,
+) -> None:
+    """Serve an assistant over standard input and output, by the Model Context Protocol.
+
+    The command requires the extra `tripwatt[mcp]`. An assistant starts it; docs/howto/assistants.md has configurations. Its
+    tools change nothing without --changes, and nothing leaves this machine unless an option names the URL of a server.
+
+    For example:
+
+      # need, range, advise, forecast
+      tripwatt mcp
+      # also plan journeys on a map, and read the diaries of your cars
+      tripwatt mcp --map map --cars cars
+    """
+    require_extras(dict.fromkeys(("service", "mcp"), "tripwatt mcp") | ({"fleet": "--cars"} if cars else {}))
+    from tripwatt.journey import AtlasSettings
+    from tripwatt.mcp import make_server, serve
+    from tripwatt.service import car_jobs, jobs, journeys, settings
+
+    atlas = asdict(AtlasSettings(map_, places, weather, "" if stations is None else str(stations)))
+    with Check() as check:
+        folders = check(models_of, model or [], None)
+        on_map = check(journeys.JourneyJobs.from_settings, atlas)
+    made = jobs.Jobs.from_folders(folders, settings.Limits(), on_map, car_jobs.CarJobs(cars))
+    serve(make_server(made, changes=changes, remote=any("://" in named for named in atlas.values())))
