@@ -8,6 +8,7 @@ import ssl
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pandas as pd
@@ -218,6 +219,10 @@ class Client:
 
     def __init__(self, *messages: aiomqtt.Message) -> None:
         self.given, self.sent, self.filters = messages, list[tuple[Any, ...]](), list[Any]()
+        self.done: list[Any] = []  # how messages are acknowledged, and their numbers
+        self._client = SimpleNamespace(
+            manual_ack_set=self.done.append, ack=lambda *message: self.done.append(message)
+        )
 
     async def __aenter__(self) -> Client:
         return self
@@ -308,7 +313,7 @@ def test_a_follower_subscribes_and_says_whether_it_is_there(monkeypatch: pytest.
 def test_a_sample_is_complete_after_two_seconds_of_silence(monkeypatch: pytest.MonkeyPatch) -> None:
     found, now_s = Followed(monkeypatch, [], 1, publish_to=""), [NOON_S]
     flushed: list[tuple[str, float]] = []
-    monkeypatch.setattr(time, "time", lambda: now_s[0])
+    monkeypatch.setattr(found.follower, "_now_s", lambda: now_s[0])
     for name, joiner in found.follower._joiners.items():
         monkeypatch.setattr(joiner, "flush", lambda name=name: flushed.append((name, now_s[0] - NOON_S)))
     found.follower._received_s = {"leaf": NOON_S, "zoe": NOON_S + 1.0}
@@ -344,11 +349,12 @@ def test_a_message_is_of_the_car_whose_topic_it_is_below(monkeypatch: pytest.Mon
     refused, lost = found.notes
     assert refused == (f"leaf: message not stored: {'y' * 300}")[:200]
     assert lost == "192.0.2.7:1883: gone"
+    assert client.done == [True, (1, 1), (1, 1), (1, 1), (1, 1)]  # also one that cannot be stored
 
 
 def test_a_car_is_published_where_it_is_another_and_after_its_age(monkeypatch: pytest.MonkeyPatch) -> None:
     found, client, now_s = Followed(monkeypatch, [], 1), Client(), [NOON_S]
-    monkeypatch.setattr(time, "time", lambda: now_s[0])
+    monkeypatch.setattr(found.follower, "_now_s", lambda: now_s[0])
 
     def publish_at(later_s: float, soc: float, age_s: float) -> list[tuple[str, Any]]:
         client.sent.clear()
