@@ -101,6 +101,10 @@ def test_need_and_range_are_made_again_after_news_and_with_the_time_of_day(publi
     published.now_s = begins_s + 599.0
     assert published.document()["need"] == first["need"]
     assert published.pool.kinds == ["need", "range"]
+    again = Sample(NOON_S + 2.0, dict(PARKED.values), parked=True)
+    published.take(again)  # a message without news
+    assert published.document()["need"] == first["need"]
+    assert published.pool.kinds == ["need", "range"]
     published.now_s = begins_s + ten_minutes
     starts = [document["need"]["preheat"]["starts_at"] for document in (first, published.document())]
     early, late = (dt.datetime.fromisoformat(text) for text in starts)
