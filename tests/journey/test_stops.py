@@ -1,7 +1,7 @@
 """Charging stops of a journey."""
 
 import datetime as dt
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,6 +13,8 @@ import tripwatt as tw
 from tripwatt.journey import Place, planning
 from tripwatt.journey.charging import WARM_DEGC
 from tripwatt.journey.corridor import Corridor, Leg
+from tripwatt.journey.plans import _trimmed
+from tripwatt.journey.solver import STEP, StopPlan
 from tripwatt.routes.maps import Station
 
 FAR = Place(47.0, 11.2, "Far")
@@ -273,3 +275,41 @@ def test_a_leg_needs_what_its_lowest_charge_and_its_reserve_do(sure, heat, need)
     leg = Leg(None, forecast, heat)
     corridor = SimpleNamespace(_legs={}, rules=SimpleNamespace(reserve=0.1))
     assert Corridor._of_leg(corridor, leg, 0.9) == pytest.approx((0.2 + heat, need))
+
+
+@dataclass(frozen=True)
+class Levelled:
+    """Stands for a plan: whether its chance suffices is a matter of the sum of the levels of its legs."""
+
+    legs: tuple[float, ...]
+    least: float
+
+    @property
+    def p_reserve(self):
+        return 0.95 if sum(leg.level for leg in self.legs) >= self.least else 0.9
+
+
+@dataclass(frozen=True)
+class LegAt:
+    level: float
+
+    def shifted(self, level):
+        return LegAt(level)
+
+
+@pytest.mark.parametrize(
+    ("spare", "trimmed"), [(0.5, (0, 0, 0)), (1.5, (0, 1, 0)), (2.5, (0, 1, 1)), (9.0, (0, 1, 1))]
+)
+def test_stations_are_left_with_a_level_less_while_the_chance_suffices(spare, trimmed):
+    """Each in turn, once; the start has the charge that it has."""
+    levels = (0.9, 0.5, 0.6)
+    plan = Levelled(tuple(map(LegAt, levels)), sum(levels) - spare * STEP)
+    problem = SimpleNamespace(duration_s=lambda nodes, levels: 1000.0 * sum(levels))
+    corridor = SimpleNamespace(problem=lambda first, other: problem)
+    found = StopPlan((0, 1, 2, 3), levels, 1000.0 * sum(levels))
+    after, less, chances = _trimmed(corridor, plan, found, (0.99, 0.98))
+    expected = [level - STEP * cut for level, cut in zip(levels, trimmed, strict=True)]
+    assert [leg.level for leg in after.legs] == pytest.approx(expected)
+    assert less.levels == pytest.approx(expected)
+    assert less.duration_s == pytest.approx(1000.0 * sum(expected))
+    assert chances == (0.99, 0.98)
