@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tripwatt.forecasting import ForecastModel, load_metadata, save_model
-from tripwatt.forecasting.fitting import data_digest, fit_with_provenance
+from tripwatt.forecasting.fitting import CarOfTrips, data_digest, fit_with_provenance
 from tripwatt.forecasting.inner import INNER_FOLDS
 from tripwatt.hybrid import segment_trips
 from tripwatt.synthetic import synthetic_fleet
@@ -69,3 +69,9 @@ def test_progress_counts_the_inner_folds_and_the_fit(fleet, car) -> None:
     ForecastModel(car, corrector="linear").fit(trips, progress=lambda *done: counted.append(done))
     of = 1 + min(INNER_FOLDS, len(trips))
     assert counted == [(k, of) for k in range(1, of + 1)]
+
+
+def test_a_car_is_identified_by_its_trips_where_it_is_asked_for(fleet, car) -> None:
+    asked, bare = (CarOfTrips.from_trips(fleet.trips[:3], car, identified=on) for on in (True, False))
+    assert [made.values()[0] is None for made in (asked, bare)] == [False, True]
+    assert bare.values()[1:] == (None, car)

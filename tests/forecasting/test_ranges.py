@@ -7,7 +7,14 @@ import pandas as pd
 import pytest
 
 import tripwatt as tw
-from tripwatt.forecasting.ranges import Range, unknown_state_sd_wh, unknown_wind_sd_wh
+from tripwatt.forecasting.ranges import (
+    Range,
+    compare,
+    training_ranges,
+    unknown_state_sd_wh,
+    unknown_wind_sd_wh,
+)
+from tripwatt.hybrid import segment_trips
 from tripwatt.physics import simulate_trip
 from tripwatt.trips import Plan
 from tripwatt.vehicles import load_vehicle
@@ -77,3 +84,15 @@ def test_a_wind_from_an_unknown_side_is_half_of_what_head_and_tail_wind_differ()
     assert against > behind + 100.0
     assert unknown_wind_sd_wh(car, windy) == pytest.approx(0.5 * (against - behind))
     assert unknown_wind_sd_wh(car, road) == 0.0
+
+
+def test_a_training_trip_has_nothing_outside_and_a_longer_one_its_distance():
+    car, trips = load_vehicle("bmw_i3_60ah"), tw.synthetic_fleet(8, seed=4).trips
+    table = segment_trips(trips, car)
+    ranges = training_ranges(table)
+    longest = int(np.argmax([trip.duration_s for trip in trips]))
+    one, departure = table.take([longest]), trips[longest].departure
+    assert compare(one, ranges, car, departure).outside == {}
+    seen = ranges["duration_s"]
+    shorter = ranges | {"duration_s": replace(seen, high=seen.high - 2.0 * seen.sd)}
+    assert compare(one, shorter, car, departure).outside == {"duration_s": pytest.approx(2.0)}

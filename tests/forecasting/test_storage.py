@@ -6,6 +6,7 @@ import math
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -148,3 +149,14 @@ def test_a_model_from_outside_forecasts_finite_numbers_in_their_order(monkeypatc
         storage.require_usable(load_model(), "model")
     (fault,) = caught.value.faults
     assert (fault.where, fault.got) == ("model", "numbers that are not finite, or quantiles that cross")
+
+
+def test_a_model_from_outside_is_tried_in_cold_and_heat():
+    tried, model = [], load_model()
+
+    def forecast(plan):
+        tried.append((plan.departure.ambient_temperature_degc, plan.link_m))
+        return model.forecast(plan)
+
+    storage.require_usable(SimpleNamespace(forecast=forecast), "model")
+    assert tried == [(None, None), (None, 250.0), (-15.0, None), (40.0, None)]
