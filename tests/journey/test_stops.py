@@ -10,7 +10,7 @@ from benchmarks.stops import chances
 from tests.journey.made import COLD, MADE, A, journey
 
 import tripwatt as tw
-from tripwatt.journey import Place, planning
+from tripwatt.journey import Place, planning, plans
 from tripwatt.journey.charging import WARM_DEGC
 from tripwatt.journey.corridor import Corridor, Leg
 from tripwatt.journey.plans import _trimmed
@@ -313,3 +313,42 @@ def test_stations_are_left_with_a_level_less_while_the_chance_suffices(spare, tr
     assert less.levels == pytest.approx(expected)
     assert less.duration_s == pytest.approx(1000.0 * sum(expected))
     assert chances == (0.99, 0.98)
+
+
+def test_a_risk_at_which_there_is_no_plan_is_too_small(monkeypatch):
+    """Made: no plan below a risk of 0.02 of each leg; the whole has twice the risk of a leg, and 0.025 is the most."""
+    tried = []
+
+    def optimum(chances, label):
+        tried.append(1.0 - chances[1])
+        return chances if tried[-1] >= 0.02 else None
+
+    made = SimpleNamespace(optimum=optimum)
+    made.driven, made.rules = (lambda found: found), SimpleNamespace(reserve=0.1)
+    monkeypatch.setattr(
+        plans, "ChargingPlan", lambda label, _, legs, reserve: SimpleNamespace(p_reserve=2.0 * legs[1] - 1.0)
+    )
+    monkeypatch.setattr(plans, "_trimmed", lambda corridor, *best: best)
+    monkeypatch.setattr(plans, "_with_stops", lambda corridor, plan, found, chances: plan)
+    for guess in (0.001, 0.01, 0.03):
+        plan, risk = plans._certain(made, "fastest", guess)
+        assert 0.95 <= plan.p_reserve <= 0.96
+        assert 0.02 <= risk <= 0.025
+    # the last guess: its whole risk is 0.06, and 0.0475 is aimed at
+    assert tried[-2:] == pytest.approx([0.03, 0.03 * 0.0475 / 0.06])
+
+
+def test_the_leg_from_the_start_keeps_its_charge():
+    class Left:
+        def leaving_with(self, level):
+            return level
+
+    start, later = Left(), Left()
+    corridor = SimpleNamespace(routed={(0, 2): start, (2, 3): later})
+    found = StopPlan((0, 2, 3), (0.7, 0.6), 1.0)
+    assert Corridor.driven(corridor, found) == (start, 0.6)
+    assert corridor.routed == {(0, 2): start, (2, 3): 0.6}
+
+
+def test_another_station_is_reached_by_four_of_five_at_least():
+    assert plans.IF_FULL == (0.95, 0.9, 0.8)
