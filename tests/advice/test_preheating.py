@@ -158,6 +158,16 @@ def test_the_choices_are_those_that_are_described() -> None:
     assert preheating(car, plan) == preheating(car, plan, plug_w=7400.0, worth=2.0)
 
 
+def test_only_the_part_that_may_be_warmed_is() -> None:
+    car, plan = tw.load_vehicle("nissan_leaf_40"), road(12.0, ambient_temperature_degc=-25.0)
+    cabin, battery = (preheating(car, plan, worth=SCARCE, only=part) for part in ("cabin", "battery"))
+    assert cabin is not None
+    assert battery is not None
+    assert (cabin.battery_before_s, battery.cabin_before_s) == (0.0, 0.0)
+    assert cabin.cabin_before_s >= STEP_S
+    assert battery.battery_before_s >= BATTERY_STEPS * STEP_S
+
+
 def test_off_the_plug_a_cabin_is_left_alone() -> None:
     for name, degc in itertools.product(some_cars(4), (-10.0, 0.0, 30.0)):
         plan = road(ambient_temperature_degc=degc)

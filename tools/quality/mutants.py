@@ -41,6 +41,8 @@ from tools.quality.mutating import Mutant, mutants_of
 HERE: Final = Path(__file__).parent
 
 ROOMS: Final = (
+    "live",
+    "journey",
     "forecasting",
     "uncertainty",
     "evaluation",
