@@ -147,6 +147,16 @@ def test_colder_air_means_no_later_start(name: str) -> None:
     assert before[2] > 0.0  # at -5 °C there is
 
 
+def test_the_choices_are_those_that_are_described() -> None:
+    """One phase of 32 A; twice for energy of the battery; 10 K for six minutes for 1 kWh; an hour in steps of a minute."""
+    assert pytest.approx(32.0 * 230.0, rel=0.01) == PLUG_W
+    assert (WORTH, SCARCE, CHARGER) == (2.0, 10.0, 0.9)
+    assert COMFORT_W_K * 10.0 * 0.1 == 1000.0
+    assert (STEPS * STEP_S, STEP_S) == (3600.0, 60.0)
+    plan, car = road(ambient_temperature_degc=-5.0), tw.load_vehicle(CAR)
+    assert preheating(car, plan) == preheating(car, plan, plug_w=7400.0, worth=2.0)
+
+
 def test_off_the_plug_a_cabin_is_left_alone() -> None:
     for name, degc in itertools.product(some_cars(4), (-10.0, 0.0, 30.0)):
         plan = road(ambient_temperature_degc=degc)

@@ -6,8 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tripwatt.forecasting import load_metadata, save_model
+from tripwatt.forecasting import ForecastModel, load_metadata, save_model
 from tripwatt.forecasting.fitting import data_digest, fit_with_provenance
+from tripwatt.forecasting.inner import INNER_FOLDS
 from tripwatt.hybrid import segment_trips
 from tripwatt.synthetic import synthetic_fleet
 from tripwatt.trips import Fleet
@@ -60,3 +61,11 @@ def test_digest_knows_every_value_but_no_order(fleet) -> None:
     samples.loc[5, "speed_m_s"] += 1e-12
     other = dataclasses.replace(trips[0], samples=samples)
     assert data_digest([other, *trips[1:]]) != data_digest(trips)
+
+
+def test_progress_counts_the_inner_folds_and_the_fit(fleet, car) -> None:
+    counted: list[tuple[int, int]] = []
+    trips = fleet.trips[:8]
+    ForecastModel(car, corrector="linear").fit(trips, progress=lambda *done: counted.append(done))
+    of = 1 + min(INNER_FOLDS, len(trips))
+    assert counted == [(k, of) for k in range(1, of + 1)]

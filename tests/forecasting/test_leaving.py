@@ -150,3 +150,12 @@ def test_a_plan_is_forecast_again_as_it_was_forecast(model):
     unknown = asked(model, soc=None)
     assert "soc_assumed" in [flag.code for flag in unknown.flags]
     assert "soc_assumed" not in [flag.code for flag in unknown.leaving_with(0.5).flags]
+
+
+def test_the_document_has_the_charge_to_leave_with_by_its_reserve(model):
+    trip = asked(model, "descent")
+    for reserve in (None, 0.3):
+        leave = trip.to_dict(reserve, 0.9)["leave_with"]
+        assert leave["reserve"] == (reserve or 0.0)
+        assert leave["soc_needed"] == pytest.approx(trip.soc_needed(reserve or 0.0, 0.9), abs=1e-12)
+    assert trip.to_dict(0.3)["leave_with"] is None

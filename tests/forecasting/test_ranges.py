@@ -1,11 +1,14 @@
 """What a trip has that training did not."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
 
 import tripwatt as tw
-from tripwatt.forecasting.ranges import Range, unknown_state_sd_wh
+from tripwatt.forecasting.ranges import Range, unknown_state_sd_wh, unknown_wind_sd_wh
+from tripwatt.physics import simulate_trip
 from tripwatt.trips import Plan
 from tripwatt.vehicles import load_vehicle
 
@@ -62,3 +65,15 @@ def test_unknown_temperatures_are_independent_and_a_heat_pump_saves():
     heat_w_k = climate.shell_w_k + climate.fresh_air_low_w_k
     expected = 8.0 * heat_w_k * 0.5 / climate.heat_pump_cop_at_0_degc
     assert unknown_state_sd_wh(leaf, both[:1], 0.5) == pytest.approx(expected)
+
+
+def test_a_wind_from_an_unknown_side_is_half_of_what_head_and_tail_wind_differ():
+    car, road = load_vehicle("vw_id3"), tw.read_route([{"length_m": 20_000.0, "speed_m_s": 25.0}])
+    windy = road.with_departure(tw.Departure(wind_speed_m_s=8.0))
+    side = windy.air.any_side_m_s
+    still = replace(windy.air, any_side_m_s=0.0)
+    along = [replace(still, headwind_m_s=np.full_like(still.headwind_m_s, wind)) for wind in (side, -side)]
+    against, behind = (simulate_trip(car, windy.with_weather(air)).simulated_energy_wh for air in along)
+    assert against > behind + 100.0
+    assert unknown_wind_sd_wh(car, windy) == pytest.approx(0.5 * (against - behind))
+    assert unknown_wind_sd_wh(car, road) == 0.0

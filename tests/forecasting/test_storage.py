@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import math
 import subprocess
 import sys
 from pathlib import Path
@@ -9,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from tripwatt.errors import InvalidInput
-from tripwatt.forecasting import ForecastModel, load_metadata, load_model, save_model
+from tripwatt.forecasting import Forecast, ForecastModel, load_metadata, load_model, save_model, storage
 from tripwatt.forecasting.storage import model_folder
 from tripwatt.hybrid import segment_trips
 from tripwatt.modelfile import read_model
@@ -127,3 +128,23 @@ def test_forecasting_imports_no_learner() -> None:
     )
     answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert answer.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize(
+    ("document", "sound"),
+    [
+        ({"quantiles_wh": {"0.1": 1.0, "0.9": 2.0}, "soc": None}, True),
+        ({"quantiles_wh": {"0.1": 2.0, "0.9": 1.0}, "soc": None}, False),
+        ({"quantiles_wh": {"0.1": 1.0, "0.9": 2.0}, "soc": math.nan}, False),
+        ({"quantiles_wh": {"0.1": 1.0, "0.9": 2.0}, "series": {"soc": [0.5, math.inf]}}, False),
+    ],
+)
+def test_a_model_from_outside_forecasts_finite_numbers_in_their_order(monkeypatch, document, sound):
+    monkeypatch.setattr(Forecast, "to_dict", lambda self: document)
+    if sound:
+        storage.require_usable(load_model(), "model")
+        return
+    with pytest.raises(InvalidInput) as caught:
+        storage.require_usable(load_model(), "model")
+    (fault,) = caught.value.faults
+    assert (fault.where, fault.got) == ("model", "numbers that are not finite, or quantiles that cross")

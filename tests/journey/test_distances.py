@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from benchmarks.need import rounded_shares, set_rows
+from benchmarks.need import rounded_shares, set_rows, study, trips_and_car
 from tools import DATA
 
 import tripwatt as tw
@@ -68,6 +68,17 @@ def test_a_usual_trip_is_the_forecast_of_its_plan(model: ForecastModel) -> None:
     forecast = model.forecast(trip, COLD)
     needed = tw.need(trip, departure=COLD, model=model)
     assert (needed.kind, needed.energy_quantile_wh) == ("trip", forecast.quantile(0.9))
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_what_a_data_set_shows_of_roads_is_that_of_its_logs(name: str) -> None:
+    if not (DATA / name).is_dir():
+        pytest.skip(f"no trips of {name} at TRIPWATT_DATA")
+    kept, found = STUDIES[name], study(*trips_and_car(name, DATA))
+    assert found.length_m == pytest.approx(kept.length_m, abs=1.0)
+    assert found.time_s == pytest.approx(kept.time_s, abs=1.0)
+    assert found.known == pytest.approx(kept.known, rel=1e-2, abs=1e-5)
+    assert found.unknown == pytest.approx(kept.unknown, rel=1e-2, abs=1e-5)
 
 
 def test_a_data_set_is_left_out_of_its_own_prior() -> None:

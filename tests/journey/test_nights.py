@@ -100,6 +100,11 @@ def test_a_trip_of_links_is_forecast_on_its_road(fleet, tmp_path):
     table = needs_by_hour(fleet[2], [trip])
     road = tw.read_route([{"length_m": 1500.0, "speed_m_s": v} for v in (12.0, 20.0, 15.0)])
     own = fleet[2].forecast(road, tw.Departure(ambient_temperature_degc=4.0), vehicle_id="V00000")
+    (row,) = needs_by_car(fleet[2], [trip], -20.0, quantile=0.9, reserve=0.1).to_dict("records")
+    for name in sorted(set(fleet[2].vehicles().values())):
+        new = fleet[2].of_vehicle(None, car_model=name, cold=True)
+        charge = new.forecast(road, tw.Departure(ambient_temperature_degc=-20.0)).soc_along(0.9)
+        assert row[name] == pytest.approx(0.1 + charge[0] - charge[-1], rel=1e-6)
     assert table["energy_quantile_wh"].item() == pytest.approx(own.quantile(0.95))
     assert table["distance_m"].item() == pytest.approx(4500.0, abs=1.0)
 
@@ -136,6 +141,42 @@ def test_emhass_charges_between_the_trips(needs):
     assert faults_of(emhass, needs, EVENING + dt.timedelta(hours=15), 7400.0) == [
         ("departs before the charging begins", "V00000")
     ]
+
+
+def test_a_load_of_emhass_by_hand():
+    """A step is half an hour; the second load of V1 begins in the first whole step after its return."""
+    hour = dt.timedelta(hours=1)
+    rows = [
+        ("V1", EVENING, EVENING + 1.2 * hour, 12_345.0),
+        ("V1", EVENING + 5 * hour, EVENING + 6 * hour, 6660.0),
+        ("V2", EVENING + 9 * hour, EVENING + 9.5 * hour, 0.0),
+        ("V3", EVENING + 9 * hour, EVENING + 9.5 * hour, math.nan),
+    ]
+    table = pd.DataFrame(rows, columns=["vehicle_id", "departs_at", "arrives_at", "charge_wh"])
+    assert emhass(table, EVENING, 7400.0) == {
+        "prediction_horizon": 10,
+        "number_of_deferrable_loads": 2,
+        "nominal_power_of_deferrable_loads": [7400.0, 7400.0],
+        "operating_hours_of_each_deferrable_load": [1.854, 1.0],
+        "start_timesteps_of_each_deferrable_load": [0, 3],
+        "end_timesteps_of_each_deferrable_load": [0, 10],
+        "vehicles": ["V1", "V1"],
+    }
+    hourly = emhass(table[1:], EVENING + hour, 7400.0, 3600.0)
+    assert hourly["start_timesteps_of_each_deferrable_load"] == [0]
+    assert hourly["end_timesteps_of_each_deferrable_load"] == [4]
+    nothing = emhass(table[2:], EVENING, 7400.0)
+    assert (nothing["prediction_horizon"], nothing["vehicles"]) == (1, [])
+    late = EVENING + dt.timedelta(seconds=1)
+    assert faults_of(emhass, table, late, 7400.0) == [("departs before the charging begins", "V1")]
+
+
+def test_evcc_rounds_up_to_a_percent_and_at_most_to_a_full_battery():
+    needed = {"A b": 0.56, "B": 0.5601, "C": 1.3, "D/E": 0.001}
+    rows = [(name, EVENING, soc) for name, soc in needed.items()]
+    plans = evcc(pd.DataFrame(rows, columns=["vehicle_id", "departs_at", "soc_needed"]))
+    assert [plan.split("/")[3] for plan in plans] == ["A%20b", "B", "C", "D%2FE"]
+    assert [plan.split("/")[6] for plan in plans] == ["56", "57", "100", "1"]
 
 
 def test_evcc_has_a_plan_for_the_first_departure_of_each_vehicle(needs):

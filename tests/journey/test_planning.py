@@ -74,6 +74,20 @@ def test_the_speed_with_which_the_journey_arrives_is_the_highest_one(model):
     assert found.speed.duration_s > found.forecast.plan.duration_s
 
 
+def test_every_speed_in_tens_is_advised_where_it_is_the_highest_that_arrives(model):
+    far, alone = Place(47.0, 9.6), replace(MADE, stations=())
+    known = [tw.Departure(soc=soc, ambient_temperature_degc=10.0) for soc in (0.58, 0.61, 0.64, 0.69, 0.74)]
+    found = [journey(model, departure, (A, far), alone) for departure in known]
+    speeds = [80.0, 90.0, 100.0, 110.0, 120.0]
+    assert [one.speed.speed_m_s / KM_H for one in found] == pytest.approx(speeds)
+    for departure, one, km_h in zip(known, found, speeds, strict=True):
+        chances = [
+            RoadForecaster(model, departure).forecast(capped(one.roads[0].road, v * KM_H)).p_arrive(0.1)
+            for v in (km_h, km_h + 10.0)
+        ]
+        assert chances[1] < 0.95 <= chances[0]
+
+
 def test_no_speed_is_advised_where_it_is_not_needed_or_does_not_help(model):
     assert journey(model, stops=(A, Place(47.0, 9.2))).speed is None
     found = journey(model, replace(COLD, soc=0.2))

@@ -2,6 +2,7 @@
 
 import datetime as dt
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,7 +10,9 @@ from benchmarks.stops import chances
 from tests.journey.made import COLD, MADE, A, journey
 
 import tripwatt as tw
-from tripwatt.journey import Place
+from tripwatt.journey import Place, planning
+from tripwatt.journey.charging import WARM_DEGC
+from tripwatt.journey.corridor import Corridor, Leg
 from tripwatt.routes.maps import Station
 
 FAR = Place(47.0, 11.2, "Far")
@@ -231,3 +234,42 @@ def test_the_journey_shows_its_stops(long_journey):
     assert (frame["energy_wh"] < frame["energy_high_wh"]).all()
     assert "stops to charge" in repr(long_journey)
     assert long_journey.plot().axes[1].lines
+
+
+def corridor_of(model, departure, atlas, patch, **options):
+    """What the stops of a journey are looked for in."""
+    seen = []
+    patch.setattr(planning, "find_plans", lambda corridor: seen.append(corridor) or ())
+    journey(model, departure, atlas=atlas, **options)
+    return seen[0]
+
+
+def test_a_battery_is_heated_for_stations_alone(model, monkeypatch):
+    """By hand: what the cells lack to be warm, where it is worth it; nothing for the start and the destination."""
+    cold = replace(COLD, soc=0.9, ambient_temperature_degc=-10.0)
+    atlas = replace(MADE, stations=row(9, 9.8, 150_000.0))
+    corridor = corridor_of(model, cold, atlas, monkeypatch, preheat_battery=True)
+    heat = corridor.preheat_soc
+    assert (heat[0], heat[-1], heat.max() > 0.0) == (0.0, 0.0, True)
+    lacking_k = WARM_DEGC - corridor.cell_degc
+    assert lacking_k[-1] > 0.0
+    wh = model.vehicle.battery.heat_capacity_j_k * lacking_k / 3600.0
+    heated = heat > 0.0
+    assert heat[heated] == pytest.approx(wh[heated] / corridor.forecast.charge.wh_per_display)
+    plain = corridor_of(model, cold, atlas, monkeypatch)
+    assert (plain.preheat_soc == 0.0).all()
+    assert (plain.charging_s[[0, -1]] == 0.0).all()
+    assert (plain.charging_s[1:-1, -1] > 0.0).all()
+    assert (corridor.charging_s[1:-1, -1] < plain.charging_s[1:-1, -1]).any()
+
+
+@pytest.mark.parametrize(
+    ("sure", "heat", "need"),
+    [((0.6, 0.1, 0.4), 0.0, 0.6), ((0.6, 0.5, 0.4), 0.0, 0.4), ((0.6, 0.5, 0.4), 0.1, 0.5)],
+)
+def test_a_leg_needs_what_its_lowest_charge_and_its_reserve_do(sure, heat, need):
+    """With 0.1 in reserve: over a pass the lowest charge counts, else that at the end, and heat for the battery on top."""
+    forecast = SimpleNamespace(soc_along=lambda chance: np.array({0.9: sure, 0.5: (0.7, 0.6, 0.5)}[chance]))
+    leg = Leg(None, forecast, heat)
+    corridor = SimpleNamespace(_legs={}, rules=SimpleNamespace(reserve=0.1))
+    assert Corridor._of_leg(corridor, leg, 0.9) == pytest.approx((0.2 + heat, need))

@@ -158,3 +158,11 @@ def test_a_folder_that_cannot_be_made_or_a_damaged_plan_is_refused(folder: Path)
         (other / "live" / "plan.json").write_text(content)
         with pytest.raises(InvalidInput, match="damaged file"):
             RoadCar(other)
+
+
+def test_a_plan_is_taken_away_twice(folder: Path) -> None:
+    with RoadCar(folder) as car:
+        car.set_plan({"links": []})
+        for _ in range(2):
+            car.set_plan(None)
+            assert (car.plan, (folder / "live" / "plan.json").exists()) == (None, False)

@@ -294,7 +294,9 @@ def test_a_lost_broker_is_asked_again_after_twice_the_time_and_at_most_a_minute(
 
 def test_a_follower_subscribes_and_says_whether_it_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
     client = Client()
-    Followed(monkeypatch, [client], 1).follow()
+    found = Followed(monkeypatch, [client], 1)
+    found.follow()
+    assert found.follower.every_s == 5.0
     assert {qos for _, qos in client.filters} == {1}
     assert len(client.filters) == 2
     assert client.sent == [("tripwatt", "online", 1, True), ("tripwatt", "offline", 1, True)]

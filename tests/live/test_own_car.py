@@ -316,3 +316,18 @@ def test_a_log_that_was_added_before_with_other_samples_costs_no_other_log(
     done = car.add([again, logs[2]])
     assert (done.added, done.entries) == (1, 1)
     assert done.left_out == (f"{logs[0].trip_id}: another log of this name was added before",)
+
+
+@pytest.mark.parametrize(("number", "opens"), [(0, True), (1, True), (2, False), ("1", False)])
+def test_a_car_of_a_newer_format_is_refused(tmp_path: Path, number: object, opens: bool) -> None:
+    place = create_car(tmp_path / "leaf", "nissan_leaf_24").folder / module.ABOUT
+    about = json.loads(place.read_text())
+    assert about["tripwatt_car"] == 1
+    place.write_text(json.dumps({**about, "tripwatt_car": number}))
+    if opens:
+        assert open_car(tmp_path / "leaf").vehicle.name == "nissan_leaf_24"
+        return
+    with pytest.raises(InvalidInput) as caught:
+        open_car(tmp_path / "leaf")
+    (fault,) = caught.value.faults
+    assert (fault.what, fault.got, fault.allowed) == ("car of a newer format", f"format {number}", "format 1")

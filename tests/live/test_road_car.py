@@ -68,6 +68,14 @@ def test_the_forecast_is_that_of_update_at_every_moment(
         )
 
 
+def test_the_time_since_a_message_is_never_below_zero(folder: Path) -> None:
+    with RoadCar(folder) as car:
+        assert car.about(NOON_S)["seconds_since_message"] is None
+        car.add(Sample(NOON_S, {"speed_m_s": 0.0}), now_s=NOON_S)
+        found = [car.about(NOON_S + later)["seconds_since_message"] for later in (-5.0, 0.0, 0.5, 7.0)]
+    assert found == [0.0, 0.0, 0.5, 7.0]
+
+
 def test_one_sample_of_a_trip_is_no_update(drive: pd.DataFrame, forecast: Forecast, folder: Path) -> None:
     sent = samples_of(drive)[:200]
     with RoadCar(folder) as car:

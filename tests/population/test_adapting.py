@@ -472,6 +472,7 @@ def test_without_own_trips_the_scores_are_those_of_a_t_distribution() -> None:
         quantile = t_distribution.ppf(0.5 + 0.5 * level, 4) / np.sqrt(2.0)
         assert scores.factor(level) == pytest.approx(quantile, rel=0.02)
     assert scores.factor(0.9) == pytest.approx(1.507, rel=0.02)
+    assert [len(scores_of(np.full(n, 1.0)).values) for n in (0, 1, 100)] == [40, 40, 40]
 
 
 def test_own_errors_narrow_and_widen_the_scores() -> None:
@@ -537,3 +538,19 @@ def test_a_car_model_with_trips_of_another_vehicle_starts_from_these(
     assert [one.vehicle for one in twice.sources] == ["third leaf"], (
         "trips of a model take the place of older ones"
     )
+
+
+@pytest.mark.parametrize(
+    ("cars", "notes"),
+    [((None, None), []), (("one", "one"), []), (("one", "other"), ["cars one, other count as one car"])],
+)
+def test_logs_of_several_cars_are_said_to_count_as_one(
+    leaf: Vehicle, cars: tuple[str | None, ...], notes: list[str]
+) -> None:
+    made = synthetic_fleet(2, seed=3, vehicle=leaf)
+    logs = tuple(
+        replace(log, context=replace(log.context, car=name))
+        for log, name in zip(made.logs, cars, strict=True)
+    )
+    _, provenance, _ = adapt_model(replace(made, logs=logs), leaf, load_model(), load_metadata())
+    assert [note for note in provenance["data"]["notes"] if "count as one car" in note] == notes

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -11,8 +12,10 @@ import pytest
 from tripwatt.certification import describe_car
 from tripwatt.hybrid.factors import NAMES, SDS, TripEvidence
 from tripwatt.hybrid.learning import KINDS
-from tripwatt.population.prior import POPULATION_FILE, Population, Source, population
+from tripwatt.population.prior import POPULATION_FILE, Population, Source, _beyond_values, population
 from tripwatt.vehicles import load_vehicle
+from tripwatt.vehicles.catalogue import beyond_classes
+from tripwatt.vehicles.spreads import spreads
 
 P = len(NAMES)
 
@@ -117,6 +120,23 @@ def test_a_car_far_below_the_classes_rolls_harder_and_is_less_certain() -> None:
     assert far[0][rolling] * SDS[rolling] > 0.3
     assert near[0][rolling] == pytest.approx(0.0)
     assert far[1][0, 0] > 2.0 * near[1][0, 0]
+    beyond = beyond_classes(light.body.curb_mass_kg)
+    for name in ("rolling", "drivetrain"):
+        its = NAMES.index(name)
+        assert far[0][its] * SDS[its] == pytest.approx(math.exp(0.5 * beyond) - 1.0)
+
+
+def test_a_mass_outside_of_the_classes_widens_the_whole_consumption_by_a_quarter_of_its_distance() -> None:
+    light, usual = describe_car(body="quadricycle"), describe_car(mass_kg=1500, body="hatchback")
+    beyond = beyond_classes(light.body.curb_mass_kg)
+    assert beyond > 0.3
+    far, near = (_beyond_values(vehicle) for vehicle in (light, usual))
+    assert far[1][0] == pytest.approx((0.25 * beyond / SDS[0]) ** 2)
+    assert (near[0] == 0.0).all()
+    for name, width in spreads(usual.anchor).items():
+        assert near[1][NAMES.index(name)] == pytest.approx(
+            max(0.0, (width / SDS[NAMES.index(name)]) ** 2 - 1.0)
+        )
 
 
 def test_the_better_a_car_is_anchored_the_more_certain_it_is() -> None:

@@ -14,7 +14,7 @@ from tests.support.service_process import Service
 
 from tripwatt.errors import InvalidInput
 from tripwatt.service.app import Api
-from tripwatt.service.contract import Repeats, chosen, known_parameters
+from tripwatt.service.contract import Repeats, chosen, known_parameters, tagged
 from tripwatt.service.problems import TITLES, Problem, pointer_to
 from tripwatt.service.settings import Settings
 
@@ -179,6 +179,43 @@ def test_a_repeated_request_is_done_once() -> None:
 
     asyncio.run(run())
     assert len(done) == 5
+
+
+@pytest.mark.parametrize(("status", "times"), [(200, 1), (399, 1), (400, 2), (503, 2)])
+def test_what_was_refused_may_be_sent_again(status: int, times: int) -> None:
+    repeats, done = Repeats(), list[int]()
+
+    async def work() -> Response:
+        done.append(status)
+        return Response(b"x", status, media_type="text/plain")
+
+    async def run() -> list[Response]:
+        return [await repeats.once(asked("k" * 255), b"", work) for _ in range(2)]
+
+    responses = asyncio.run(run())
+    assert done == [status] * times
+    assert [(r.status_code, r.body, r.media_type) for r in responses] == [(status, b"x", "text/plain")] * 2
+    with pytest.raises(InvalidInput):
+        asyncio.run(repeats.once(asked("k" * 256), b"", work))
+
+
+def test_a_thousand_keys_are_kept_for_a_day() -> None:
+    kept = Repeats()._kept
+    assert (kept.maxsize, kept.ttl) == (1000, 24 * 3600)
+
+
+def test_a_tag_is_of_the_content() -> None:
+    def answer(content: bytes, *headers: tuple[bytes, bytes]) -> Response:
+        return tagged(Request({"type": "http", "headers": headers}), content, "text/plain")
+
+    first, other = answer(b"a"), answer(b"b")
+    tag = first.headers["etag"]
+    assert re.fullmatch(r'W/"[0-9a-f]{20}"', tag)
+    assert tag != other.headers["etag"]
+    assert (first.body, first.headers["cache-control"]) == (b"a", "no-cache")
+    again = answer(b"a", (b"if-none-match", f'"x" , {tag}'.encode()))
+    assert (again.status_code, again.body, again.headers["etag"]) == (304, b"", tag)
+    assert answer(b"b", (b"if-none-match", tag.encode())).status_code == 200
 
 
 def test_another_site_changes_nothing(service: Service, document: dict[str, Any]) -> None:

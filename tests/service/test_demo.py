@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import json
 import math
@@ -9,7 +10,9 @@ import os
 import subprocess
 import sys
 import time
+import urllib.request
 from pathlib import Path
+from typing import Any
 
 import httpx
 import numpy as np
@@ -29,7 +32,10 @@ from tripwatt.service.settings import Settings
 def made(tmp_path_factory: pytest.TempPathFactory) -> Settings:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("tripwatt.service.demo.find_spec", lambda name: None)
-        return demo.make_demo(tmp_path_factory.mktemp("demo"))[0]
+        steps: list[str] = []
+        settings = demo.make_demo(tmp_path_factory.mktemp("demo"), steps.append)[0]
+        assert steps == ["car with the diary of 14 made-up trips"]
+        return settings
 
 
 def test_the_country_is_that_of_the_tool(tmp_path: Path) -> None:
@@ -57,6 +63,37 @@ def test_the_car_has_a_diary_and_a_drive_of_this_moment(made: Settings) -> None:
             len(rest) * demo.EVERY_S * demo.DRIVEN / (1.0 - demo.DRIVEN), rel=0.05
         )
         assert car.plan is not None
+
+
+def test_the_drive_has_the_samples_of_its_example_from_its_beginning_on() -> None:
+    times, speeds = [10.0 + 0.5 * k for k in range(41)], [float(k) for k in range(41)]
+    trip = {"request": {"samples": {"time_s": times, "speed_m_s": speeds}}, "observed": {"soc": speeds}}
+    found = [*demo._samples(trip, 1000.0)]
+    assert [time_s for time_s, _ in found] == [1000.0, 1005.0, 1010.0, 1015.0]
+    assert [values for _, values in found] == [{"speed_m_s": k, "soc": k} for k in (0.0, 10.0, 20.0, 30.0)]
+
+
+def test_samples_are_sent_at_their_times_as_those_of_a_route_planner(monkeypatch: pytest.MonkeyPatch) -> None:
+    now_s, slept, sent = [100.0], list[float](), list[tuple[Any, ...]]()
+
+    def sleep(seconds: float) -> None:
+        slept.append(seconds)
+        now_s[0] += seconds
+
+    def urlopen(request: urllib.request.Request, timeout: float) -> contextlib.nullcontext[None]:
+        sent.append((request.full_url, request.method, json.loads(request.data or b""), timeout))  # type: ignore[arg-type]
+        return contextlib.nullcontext()
+
+    monkeypatch.setattr(time, "time", lambda: now_s[0])
+    monkeypatch.setattr(time, "sleep", sleep)
+    monkeypatch.setattr(urllib.request, "urlopen", urlopen)
+    values = {"speed_m_s": 10.0, "voltage_v": 360.0, "current_a": -20.0, "elevation_m": 5.0}
+    demo.send(iter([(103.0, values), (101.0, values)]), "http://h", "secret")
+    assert slept == [3.0, 0.0]
+    message = {"utc": 103.0, "speed": 36.0, "voltage": 360.0, "current": -20.0}
+    url = "http://h/v1/telemetry"
+    assert sent[0] == (url, "POST", {"token": "secret", "tlm": message}, demo.EVERY_S)
+    assert [document["tlm"]["utc"] for _, _, document, _ in sent] == [103.0, 101.0]
 
 
 def test_what_is_there_is_used_again(made: Settings, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -234,6 +234,13 @@ def test_a_log_has_its_duration_and_no_links(jobs: Jobs) -> None:
     assert (fault.where, fault.got) == ("upload", "120 s")
 
 
+def test_a_track_with_few_times_is_a_road(jobs: Jobs) -> None:
+    """A point every 4 s is a log; one every 10 min is a plan, whose links have the times."""
+    found = read_route(gpx_of(0, 600, 1200), None, jobs.limits)
+    assert found["duration_s"] == pytest.approx(1200.0)
+    assert sum(link["travel_time_s"] for link in found["links"]) == pytest.approx(1200.0)
+
+
 def test_the_cars_and_the_models_fitted_on_them(jobs: Jobs) -> None:
     rows = {row["name"]: row["models"] for row in jobs.vehicles()["vehicles"]}
     own = jobs.models[DEFAULT_MODEL].vehicle.name

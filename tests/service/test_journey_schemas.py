@@ -9,7 +9,16 @@ import pytest
 from pydantic import BaseModel
 
 from tripwatt.errors import InvalidInput
-from tripwatt.service.journey_schemas import PlaceRequest, PlanRequest, ReachRequest, WeatherRequest
+from tripwatt.service.car_schemas import ColumnChoice, NewCarRequest
+from tripwatt.service.journey_schemas import (
+    NeedQuery,
+    PlaceRequest,
+    PlanRequest,
+    RangeQuery,
+    ReachRequest,
+    WeatherRequest,
+)
+from tripwatt.service.live_schemas import TelemetryRequest
 from tripwatt.service.schemas import check_request
 
 PLACE = {"latitude_deg": 47.0, "longitude_deg": 9.0}
@@ -77,6 +86,50 @@ def test_a_name_of_a_place_has_at_most_200_characters() -> None:
 @pytest.mark.parametrize("name", ["model", "vehicle"])
 def test_a_model_and_a_car_have_at_most_100_characters(name: str) -> None:
     assert [is_valid(ReachRequest, REACH | {name: "x" * k}) for k in (100, 101)] == [True, False]
+
+
+@pytest.mark.parametrize(
+    ("model", "others", "name", "least", "most"),
+    [
+        (RangeQuery, {}, "model", 0, 100),
+        (RangeQuery, {}, "vehicle", 1, 100),
+        (RangeQuery, {}, "car", 0, 100),
+        (RangeQuery, {}, "vehicle_figures", 0, 1000),
+        (NeedQuery, {}, "trip", 0, 200),
+        (TelemetryRequest, {"tlm": {}}, "token", 0, 200),
+        (NewCarRequest, {"name": "a"}, "name", 1, 100),
+        (NewCarRequest, {"name": "a"}, "vehicle", 0, 200),
+        (ColumnChoice, {"column": "a"}, "column", 0, 500),
+        (ColumnChoice, {"column": "a"}, "unit", 0, 20),
+    ],
+)
+def test_a_text_has_a_length(
+    model: type[BaseModel], others: dict[str, Any], name: str, least: int, most: int
+) -> None:
+    found = [is_valid(model, others | {name: "x" * k}) for k in (least, most, most + 1)]
+    assert found == [True, True, False]
+    assert is_valid(model, others | {name: ""}) == (least == 0)
+
+
+@pytest.mark.parametrize(
+    ("name", "taken", "refused"),
+    [
+        ("distance_km", [0.5, 2000.0], [0.49, 2000.1]),
+        ("quantile", [0.5, 0.9999], [0.4999, 1.0]),
+        ("trips", [1, 100], [0, 101]),
+        ("probability", [0.5, 0.99], [0.4999, 0.9901]),
+        ("plug_w", [0.0, 400_000.0], [-0.1, 400_000.1]),
+        ("reserve", [0.0, 1.0], [-0.01, 1.01]),
+    ],
+)
+def test_a_number_of_a_need_has_its_bounds(name: str, taken: list[float], refused: list[float]) -> None:
+    assert [is_valid(NeedQuery, {name: value}) for value in (*taken, *refused)] == [True, True, False, False]
+
+
+def test_the_defaults_of_a_need() -> None:
+    usual = check_request({}, NeedQuery)
+    assert (usual.quantile, usual.trips, usual.probability, usual.plug_w) == (0.9, 1, 0.9, 7400.0)
+    assert (usual.kind, usual.reserve, usual.distance_km) == ("mixed", None, None)
 
 
 def test_at_most_as_many_extras_as_there_are() -> None:

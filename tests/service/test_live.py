@@ -267,6 +267,12 @@ def test_the_need_of_a_plan_is_a_quantile_and_the_charge_to_leave_with(served: S
     assert need(served).json()["charge_wh"] == 0.0
 
 
+def test_a_plan_that_is_taken_is_answered_with_the_state_of_the_car(served: Served) -> None:
+    found = served.put({"links": LINKS, "soc": 0.5})
+    assert (found.status_code, found.json()) == (200, served("/v1/live/leaf").json())
+    assert found.json()["plan"] == "given"
+
+
 def test_a_car_on_the_road_by_its_old_name_is_announced(served: Served) -> None:
     served.put({"links": LINKS, "soc": 0.5})
     old, new = (served("/v1/need", params={name: "leaf"}) for name in ("vehicle", "car"))
@@ -619,6 +625,20 @@ def test_a_stream_without_news_sends_comments(served: Served, monkeypatch: pytes
     assert stream.ping_interval == 0.01
     assert stream.ping_message_factory is not None
     assert stream.ping_message_factory().encode() == b": no news\n\n"
+
+
+def test_silent_cars_are_looked_for_twice_a_minute(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    slept: list[float] = []
+
+    async def sleep(seconds: float) -> None:
+        slept.append(seconds)
+        if len(slept) == 2:
+            raise asyncio.CancelledError
+
+    monkeypatch.setattr(asyncio, "sleep", sleep)
+    with pytest.raises(asyncio.CancelledError):
+        asyncio.run(_cars(served).watch())
+    assert slept == [30.0, 30.0]
 
 
 def test_the_head_of_a_stream_ends(served: Served) -> None:

@@ -19,7 +19,7 @@ from tripwatt.errors import InvalidInput
 from tripwatt.live import Broker, MqttSettings, Sample, issue_token, sample_from_abrp
 from tripwatt.service.jobs import Jobs
 from tripwatt.service.live import LiveCars
-from tripwatt.service.over_mqtt import NEED_S, PROBABILITY, OverMqtt
+from tripwatt.service.over_mqtt import PROBABILITY, OverMqtt
 from tripwatt.service.pool import JobResult
 from tripwatt.service.settings import Limits, Settings
 from tripwatt.service.worker import run_job
@@ -93,15 +93,18 @@ def test_need_and_range_are_made_again_after_news_and_with_the_time_of_day(publi
     assert published.pool.kinds == []  # no charge, no plan
     published.take(PARKED)
     published.car.set_plan(PLAN)
+    ten_minutes = 600.0
+    begins_s = (NOON_S // ten_minutes + 1.0) * ten_minutes
+    published.now_s = begins_s
     first = published.document()
     assert published.pool.kinds == ["need", "range"]
-    same = published.document()
-    assert {**same, "seconds_since_message": None} == {**first, "seconds_since_message": None}
+    published.now_s = begins_s + 599.0
+    assert published.document()["need"] == first["need"]
     assert published.pool.kinds == ["need", "range"]
-    published.now_s = NOON_S + NEED_S
+    published.now_s = begins_s + ten_minutes
     starts = [document["need"]["preheat"]["starts_at"] for document in (first, published.document())]
     early, late = (dt.datetime.fromisoformat(text) for text in starts)
-    assert (late - early).total_seconds() == NEED_S
+    assert (late - early).total_seconds() == ten_minutes
     assert published.pool.kinds == ["need", "range"] * 2
     published.take(Sample(NOON_S + 5.0, {"speed_m_s": 0.0, "displayed_soc": 0.5}, parked=True))
     assert published.document()["range"]["range_m"] > first["range"]["range_m"]
@@ -118,7 +121,7 @@ def test_on_a_trip_and_after_a_refusal_nothing_is_guessed(published: Published) 
     assert published.car.trip is not None
     assert (found["need"], published.pool.kinds) == (None, ["range"])
     assert found["range"]["range_m"] > 0.0
-    published.pool.status, published.now_s = 503, published.now_s + NEED_S
+    published.pool.status, published.now_s = 503, published.now_s + 600.0
     assert published.document()["range"] is None
 
 
