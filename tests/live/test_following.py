@@ -218,6 +218,13 @@ class Client:
 
     def __init__(self, *messages: aiomqtt.Message) -> None:
         self.given, self.sent, self.filters = messages, list[tuple[Any, ...]](), list[Any]()
+        self.acknowledged, self._client = list[tuple[int, int]](), self
+
+    def manual_ack_set(self, on: bool) -> None:
+        assert on
+
+    def ack(self, number: int, qos: int) -> None:
+        self.acknowledged.append((number, qos))
 
     async def __aenter__(self) -> Client:
         return self
@@ -329,7 +336,7 @@ def test_a_message_is_of_the_car_whose_topic_it_is_below(monkeypatch: pytest.Mon
 
 def test_a_car_is_published_where_it_is_another_and_after_its_age(monkeypatch: pytest.MonkeyPatch) -> None:
     found, client, now_s = Followed(monkeypatch, [], 1), Client(), [NOON_S]
-    monkeypatch.setattr(time, "time", lambda: now_s[0])
+    monkeypatch.setattr(found.follower, "_now_s", lambda: now_s[0])
 
     def publish_at(later_s: float, soc: float, age_s: float) -> list[tuple[str, Any]]:
         client.sent.clear()
