@@ -153,6 +153,7 @@ def test_the_choices_are_those_that_are_described() -> None:
     assert (WORTH, SCARCE, CHARGER) == (2.0, 10.0, 0.9)
     assert COMFORT_W_K * 10.0 * 0.1 == 1000.0
     assert (STEPS * STEP_S, STEP_S) == (3600.0, 60.0)
+    assert TRIED_K == (0.0, -2.0, 2.0, 4.0)
     plan, car = road(ambient_temperature_degc=-5.0), tw.load_vehicle(CAR)
     assert preheating(car, plan) == preheating(car, plan, plug_w=7400.0, worth=2.0)
 

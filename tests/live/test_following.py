@@ -312,6 +312,25 @@ def test_a_follower_subscribes_and_says_whether_it_is_there(monkeypatch: pytest.
     assert silent.sent == []
 
 
+def test_a_sample_is_complete_after_two_seconds_of_silence(monkeypatch: pytest.MonkeyPatch) -> None:
+    found, now_s = Followed(monkeypatch, [], 1, publish_to=""), [NOON_S]
+    flushed: list[tuple[str, float]] = []
+    monkeypatch.setattr(time, "time", lambda: now_s[0])
+    for name, joiner in found.follower._joiners.items():
+        monkeypatch.setattr(joiner, "flush", lambda name=name: flushed.append((name, now_s[0] - NOON_S)))
+    found.follower._received_s = {"leaf": NOON_S, "zoe": NOON_S + 1.0}
+
+    async def sleep(seconds: float) -> None:
+        now_s[0] += 0.5
+        if now_s[0] > NOON_S + 3.0:
+            raise asyncio.CancelledError
+
+    monkeypatch.setattr(asyncio, "sleep", sleep)
+    with pytest.raises(asyncio.CancelledError):
+        asyncio.run(found.follower._report(Client()))  # type: ignore[arg-type]
+    assert flushed == [("leaf", 2.0), ("leaf", 2.5), ("leaf", 3.0), ("zoe", 3.0)]
+
+
 def test_a_message_is_of_the_car_whose_topic_it_is_below(monkeypatch: pytest.MonkeyPatch) -> None:
     def message(topic: str, speed_m_s: float) -> aiomqtt.Message:
         text = json.dumps({"utc": NOON_S, "speed": 3.6 * speed_m_s})
