@@ -58,7 +58,7 @@ KINDS: dict[str, tuple[Callable[[Any], Any], str]] = {
         "GET /v1/need parameter distance_km: is required",
     ),
     "bound of a parameter": (
-        lambda d: need(d, "distance_km")["schema"]["anyOf"][0].update(maximum=100.0),
+        lambda d: need(d, "distance_km")["schema"].update(maximum=100.0),
         "GET /v1/need parameter distance_km: maximum 2000 beside 100",
     ),
     "choice of a parameter": (

@@ -241,7 +241,8 @@ def cost_of(name: str, content: bytes, read: Callable[[str, bytes, Path], object
 
 
 def _measure(name: str, content: bytes, out: Connection) -> None:
-    resource.setrlimit(resource.RLIMIT_AS, (3_000_000_000, 3_000_000_000))
+    most = _memory("VmSize") + 3_000_000_000  # the process that is forked may be large itself
+    resource.setrlimit(resource.RLIMIT_AS, (most, most))
     Path("/proc/self/clear_refs").write_text("5")  # the peak counts from here
     before, refused = _memory("VmRSS"), ""
     with tempfile.TemporaryDirectory() as folder:

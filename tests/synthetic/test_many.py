@@ -41,6 +41,7 @@ def trips_of(
         ambient * one,
         0.8 * one,
         resistance * one,
+        dict.fromkeys(("climate", "base load", "road load", "battery"), 0.0 * one[:, None]),
     )
 
 

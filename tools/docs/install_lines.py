@@ -27,7 +27,6 @@ SENTENCES: Final = (
         "## Install from a clone\n\nYou need Python 3.11 or newer and `make`.\n",
         "## Install\n\n`pip install tripwatt`, with Python 3.11 or newer. In a clone, with `make`:\n",
     ),
-    ("Install it from a clone: `pip install -e .`", "Install it: `pip install tripwatt`"),
     ("(`pip install .` in a clone)", "(`pip install tripwatt`)"),
 )
 """Sentences about a clone, and those about an index in their place."""
@@ -46,7 +45,9 @@ def in_form(text: str, *, on_index: bool) -> str:
     for clone, index in SENTENCES:
         text = text.replace(clone, index) if on_index else text.replace(index, clone)
     if on_index:
+        text = text.replace("`pip install -e .`", "`pip install tripwatt`")
         return re.sub(rf"pip install -e '\.{EXTRAS}", r"pip install 'tripwatt[\1]'", text)
+    text = text.replace("`pip install tripwatt`", "`pip install -e .`")
     return re.sub(rf"pip install 'tripwatt{EXTRAS}", r"pip install -e '.[\1]'", text)
 
 
