@@ -1,5 +1,6 @@
 """Bombs, endless names and forged models: bounded before they cost anything."""
 
+import contextlib
 import json
 import os
 import subprocess
@@ -13,6 +14,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from tests.support.hostile_files import TARGETS, forged_models, fuzz
+from tests.support.service_fuzz import mutant
 from tests.support.writers import NEEDS, SLOW, WRITERS, tried_at_random
 
 import tripwatt as tw
@@ -98,7 +100,7 @@ def test_a_column_of_long_texts_is_measured_before_it_is_read(
     pd.DataFrame({"t": ["x" * 1000] * 50, "v": 1.0}).to_parquet(tmp_path / "a.parquet")
     table = open_table(tmp_path / "a.parquet")
     assert table.texts("t") == ["x" * 1000] * 50
-    monkeypatch.setattr(columnar, "MOST_CONTENT_BYTES", 900)
+    monkeypatch.setattr(columnar, "MOST_CONTENT_BYTES", 4000)
     with pytest.raises(InvalidInput, match=r"column too large: .*'t': got \d+ bytes when inflated"):
         table.texts("t")
     assert table.numbers(["v"])[0].sum() == 50.0
@@ -408,3 +410,13 @@ def test_years_of_no_track_are_faults(year: str) -> None:
         InvalidInput, match=rf"invalid time: .*point 1: got year {int(year)}; allowed: 1970 to 2199"
     ):
         parse_route(f"<gpx><trk><trkseg>{points}</trkseg></trk></gpx>".encode())
+
+
+def test_damaged_statistics_of_a_column_do_not_end_the_interpreter(tmp_path: Path) -> None:
+    """A mutant of which Arrow cannot give the size of one column: asking for it aborted the process."""
+    target, rng = TARGETS["samples as Parquet"], np.random.default_rng([0, 17])
+    (example,) = target.examples()
+    body = [mutant(example, rng) for _ in range(2051)][-1]
+    assert body != example
+    with contextlib.suppress(InvalidInput):
+        target.read(body, tmp_path)

@@ -141,37 +141,27 @@ class ParquetTable:
         """
         import pyarrow as pa
 
-        where, entries = f"{self.path} column {name!r}", self._entries(name)
-        metadata = self.file.metadata
-        size = sum(
-            metadata.row_group(group).column(k).total_uncompressed_size
-            for group in range(metadata.num_row_groups)
-            for k in entries
-        )
+        where, metadata = f"{self.path} column {name!r}", self.file.metadata
         try:
+            most = MOST_CONTENT_BYTES * max(min(metadata.num_columns, self.path.stat().st_size >> 20), 1)
+            # sizes of all columns: to ask for one ends the interpreter where its statistics are damaged
+            size = sum(metadata.row_group(k).total_byte_size for k in range(metadata.num_row_groups))
             if not _is_plain(self.file.schema_arrow.field(name).type):
                 raise TypeError("values that are neither numbers, times nor texts")
-            if size <= MOST_CONTENT_BYTES:
+            column = None
+            if size <= most:
                 # text stays a dictionary, so that a long text in every row is held once
                 column = self.file.read(columns=[name], use_threads=False)[name]
                 size = sum(map(_text_size, column.chunks))
         except (OSError, ValueError, LookupError, TypeError, pa.ArrowException) as error:
             raise InvalidInput(_unreadable(self.path, error)) from error
-        if size > MOST_CONTENT_BYTES:
+        if column is None or size > MOST_CONTENT_BYTES:
             got = f"{size} bytes when inflated"
             raise InvalidInput.of("column too large", where, got, f"at most {MOST_CONTENT_BYTES} bytes")
         return column
 
     def _column(self, name: str) -> pd.Series:
         return pd.Series(self.read(name).to_pandas())
-
-    def _entries(self, name: str) -> list[int]:
-        return [k for k, column in enumerate(self._leaves) if column.partition(".")[0] == name]
-
-    @property
-    def _leaves(self) -> list[str]:
-        schema = self.file.schema
-        return [schema.column(k).path for k in range(len(schema))]
 
     def numbers(self, names: Sequence[str]) -> list[FloatArray]:
         """Columns as float64, with every one that holds no numbers named."""
