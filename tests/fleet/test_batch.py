@@ -1,11 +1,12 @@
 """Forecasts of many planned trips."""
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
 from tripwatt.errors import InvalidInput
-from tripwatt.fleet.batch import forecast_batch, quantile_column, schema_of
+from tripwatt.fleet.batch import _batches, _opened, forecast_batch, quantile_column, schema_of
 from tripwatt.fleet.executors import InProcess
 from tripwatt.fleet.storage import save_fleet
 from tripwatt.trips import Departure
@@ -150,3 +151,22 @@ def test_a_batch_that_cannot_be_read_is_one_error(fleet, tmp_path):
         "energy_wh_q50",
         "energy_wh_q99_9",
     ]
+
+
+def test_what_was_read_of_the_input_is_not_kept(tmp_path):
+    rows = 200_000
+    pq.write_table(
+        pa.table(
+            {
+                "trip": ["t"] * rows,
+                "vehicle_id": ["v"] * rows,
+                "length_m": np.random.default_rng(1).uniform(size=rows),
+            }
+        ),
+        tmp_path / "in.parquet",
+        row_group_size=4000,
+    )
+    before = pa.total_allocated_bytes()
+    with _opened(tmp_path / "in.parquet") as file:
+        assert sum(len(batch) for batch in _batches(file, "in.parquet")) == rows
+        assert pa.total_allocated_bytes() - before < (tmp_path / "in.parquet").stat().st_size / 4

@@ -43,7 +43,7 @@ VERSION: Final = 1
 
 QUANTILES: Final = (0.05, 0.5, 0.95)
 TRIPS_AT_ONCE: Final = 50
-PARTS_AT_ONCE: Final = 400
+PARTS_AT_ONCE: Final = 100
 """Finished parts that make one group of rows of the output."""
 
 WRITE_IT: Final = "pandas writes one: pandas.read_csv('links.csv').to_parquet('links.parquet')"
@@ -172,7 +172,7 @@ def _check(quantiles: Sequence[float], reserve: float) -> None:
 def _opened(source: Path | str) -> pq.ParquetFile:
     with _damage_told(f"{source}"):
         open_regular(Path(source)).close()
-        return pq.ParquetFile(source)
+        return pq.ParquetFile(source, pre_buffer=False)  # the buffer keeps what was read of the whole file
 
 
 @contextmanager
