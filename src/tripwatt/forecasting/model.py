@@ -25,6 +25,7 @@ from tripwatt.forecasting.ranges import (
     compare,
     kept_temperatures,
     training_ranges,
+    unknown_air_sd_wh,
     unknown_state_sd_wh,
     unknown_wind_sd_wh,
 )
@@ -360,6 +361,9 @@ class ForecastModel:
                     plan.departure.climate == "off",
                 ),
                 unknown_wind_sd_wh(self.vehicle, plan),
+                unknown_air_sd_wh(self.vehicle, plan, simulation.simulated_energy_wh)
+                if "ambient_temperature_degc" in unfamiliar.unknown
+                else 0.0,
             ),
             climbing=None
             if plan.has_road

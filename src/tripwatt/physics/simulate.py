@@ -289,7 +289,7 @@ def conditions_at_departure(
     >>> from tripwatt.trips import Departure
     >>> from tripwatt.vehicles import load_vehicle
     >>> conditions_at_departure(load_vehicle("bmw_i3_60ah"), Departure(soc=0.8)).ambient_temperature_degc
-    20.0
+    10.0
     """
     soc = known.bms_soc
     if soc is None and known.soc is not None:
