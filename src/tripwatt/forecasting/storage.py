@@ -53,6 +53,9 @@ TRIAL: Final = "trial_w"
 TRIAL_DEGC: Final = (-15.0, 40.0)
 """Outside temperatures of trial trips [°C], besides that of a departure of which nothing is known."""
 
+UNUSABLE: Final = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError)
+"""What a model raises whose values do not go together."""
+
 DEFAULT_MODEL: Final = "bmw_i3_tum"
 """The model that comes with the package."""
 
@@ -99,13 +102,7 @@ def model_of_parts(
         model.corrector = outside
         try:
             same = np.allclose(trial_w(model), before_w, rtol=1e-6, atol=1e-6)
-        except (
-            ArithmeticError,
-            AttributeError,
-            LookupError,
-            TypeError,
-            ValueError,
-        ):  # it is not fitted, or to another input
+        except UNUSABLE:  # it is not fitted, or to another input
             same = False
         if not same:
             allowed = "the object that was fitted with the model"
@@ -277,7 +274,7 @@ def require_usable(model: ForecastModel, where: str) -> None:
             sound = math.isfinite(sum(_numbers(documents))) and quantiles == [*map(sorted, quantiles)]
     except InvalidInput as error:
         got = error.faults[0].what
-    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+    except UNUSABLE as error:
         got = f"{type(error).__name__}: {error}"[:200]
     else:
         if sound:

@@ -15,7 +15,7 @@ from tripwatt.trips.departure import Departure
 from tripwatt.trips.flags import Flag
 from tripwatt.trips.gaps import MOST_DURATION_S, gap_flags, time_faults
 from tripwatt.trips.messages import flag_to_dict, message
-from tripwatt.trips.samples import Sampled, bin_means, table_of
+from tripwatt.trips.samples import Sampled, bin_means, columns_of, table_of
 from tripwatt.trips.schema import validate_samples
 from tripwatt.trips.showing import html_table, journey
 from tripwatt.trips.trip import Recorded
@@ -229,7 +229,7 @@ class Plan(Sampled):
             "duration_s": self.duration_s,
             "distance_m": self.distance_m,
             "flags": [flag_to_dict(flag) for flag in self.flags],
-            "samples": self._columns(),
+            "samples": columns_of(self.samples),
         }
 
     def plot(self, ax: Axes | None = None) -> Figure:

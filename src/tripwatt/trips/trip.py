@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -15,7 +15,7 @@ from tripwatt.trips.columns import raise_faults
 from tripwatt.trips.context import Context
 from tripwatt.trips.departure import Departure
 from tripwatt.trips.energy import observed_cumulative_energy, observed_energy, observed_energy_std
-from tripwatt.trips.samples import Sampled, bin_means
+from tripwatt.trips.samples import Sampled, bin_means, columns_of
 from tripwatt.trips.schema import structure_faults, validate_samples
 from tripwatt.trips.showing import html_table, journey
 
@@ -147,7 +147,7 @@ class Recorded(Sampled):
             "observed_energy_wh": self.observed_energy_wh,
             "observed_energy_std_wh": self.observed_energy_std_wh,
             "context": context,
-            "samples": self._columns(),
+            "samples": columns_of(self.samples),
         }
 
     def plot(self, ax: Axes | None = None) -> Figure:
@@ -327,15 +327,7 @@ class Trip(Recorded):
         >>> tw.Trip.from_log(Log.from_samples("A", pd.DataFrame({"time_s": [0.0, 60.0], "speed_m_s": [10.0, 10.0]})))
         <Trip A: 0.6 km in 60 s, energy not measured, 2 samples>
         """
-        return cls(
-            log.trip_id,
-            log.samples,
-            log.context,
-            log.observed_energy_wh,
-            log.step_s,
-            log.observed_energy_std_wh,
-            log.observed_energy_common_std,
-        )
+        return cls(*(getattr(log, field.name) for field in fields(Recorded)))
 
 
 def resample(trip: Trip, step_s: float = 1.0) -> Trip:
