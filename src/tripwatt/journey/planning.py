@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import pandas as pd
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Check, InvalidInput
 from tripwatt.forecasting import Forecast, ForecastModel
 from tripwatt.journey.atlas import Atlas, AtlasSettings, open_atlas
 from tripwatt.journey.charging import OVERHEAD_S, WARM_DEGC, ChargingCurve, plugs_of
@@ -498,14 +498,8 @@ def find_stops(stops: Sequence[Place | str], atlas: Atlas, *, round_trip: bool =
     """
     if not 2 <= len(stops) <= MOST_STOPS:
         raise InvalidInput.of("number of places out of range", "stops", f"{len(stops)}", f"2 to {MOST_STOPS}")
-    places: list[Place] = []
-    faults: list[Fault] = []
-    for k, stop in enumerate(stops):
-        try:
-            places.append(atlas.find(stop, f"stops[{k}]"))
-        except InvalidInput as error:
-            faults += error.faults
-    raise_faults(faults)
+    with Check() as check:
+        places = [check(atlas.find, stop, f"stops[{k}]") for k, stop in enumerate(stops)]
     return (*places, places[0]) if round_trip else tuple(places)
 
 
