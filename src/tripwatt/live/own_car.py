@@ -21,13 +21,7 @@ from tripwatt.forecasting import ForecastModel, load_metadata, load_model, save_
 from tripwatt.forecasting.fitting import held_out_figures, provenance_of
 from tripwatt.live.diary import Diary, entry
 from tripwatt.modelfile import FORMAT_VERSION
-from tripwatt.population.adapting import (
-    PROTOCOL,
-    Adaptation,
-    about_adaptation,
-    in_order,
-    population_of,
-)
+from tripwatt.population.adapting import PROTOCOL, Adaptation, about_adaptation, in_order, population_of
 from tripwatt.population.cars import for_car
 from tripwatt.store import TripStore, create_store, open_store
 from tripwatt.store.rows import digest_of
@@ -445,13 +439,8 @@ def open_car(folder: Path | str) -> Car:
             "damaged file", f"{place / ABOUT}", f"{error}"[:200], "the description of a car"
         ) from error
     if not isinstance(number, int) or number > FORMAT:
-        raise InvalidInput.of(
-            "car of a newer format",
-            f"{place}",
-            f"format {number}"[:80],
-            f"format {FORMAT}",
-            "install a newer tripwatt",
-        )
+        got, allowed, fix = f"format {number}"[:80], f"format {FORMAT}", "install a newer tripwatt"
+        raise InvalidInput.of("car of a newer format", f"{place}", got, allowed, fix)
     car = replace(load_vehicle(place / VEHICLE), name=f"{name}")
     return Car(place.absolute(), car, None if base is None else Path(f"{base}"), label)
 

@@ -367,14 +367,7 @@ def _files(
         }
         for file in (unread if report is None else report.files)
     ]
-    nothing: dict[str, Any] = {
-        "kind": None,
-        "state": "ignored",
-        "rows": 0,
-        "rows_used": 0,
-        "logs": 0,
-        "faults": [],
-    }
+    nothing: dict[str, Any] = {"state": "ignored", **dict.fromkeys(names[2:], 0), "kind": None, "faults": []}
     return [*shown, *({"name": name, **nothing} for name in ignored)]
 
 

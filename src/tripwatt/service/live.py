@@ -163,17 +163,14 @@ class LiveCars:
         except OSError as error:
             raise self._not_stored("message", car, error) from error
         if arrival == "late":
-            allowed, fix = (
-                "the time of a message that fits the trip",
-                "send messages in the order of their times",
-            )
+            allowed = "the time of a message that fits the trip"
+            fix = "send messages in the order of their times"
             raise InvalidInput.of("message too late", "utc", f"{sample.time_s:.3f}", allowed, fix)
         ignored = [fault_document(fault) for fault in sample.faults]
-        status = "held" if arrival == "held" else "ok"
+        names = {"car": car.name, "vehicle": car.name}
         return {
-            "status": status,
-            "car": car.name,
-            "vehicle": car.name,
+            "status": "held" if arrival == "held" else "ok",
+            **names,
             "arrival": arrival,
             "ignored": ignored,
         }
