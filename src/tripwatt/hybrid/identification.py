@@ -366,14 +366,9 @@ def _torque_rows(trip: Trip, vehicle: Vehicle) -> tuple[FloatArray, FloatArray]:
     density = run.aero_drag_force_n / np.maximum(0.5 * vehicle.road_load.drag_area_m2 * speed * speed, 1e-9)
     mass = vehicle.body.test_mass_kg
     load = (mass + conditions.payload_mass_kg) / mass
-    columns = np.column_stack(
-        (
-            metres * factor * load,
-            metres * factor * load * colder_k,
-            0.5 * density * speed * speed * metres,
-            metres * (force - run.inertia_force_n - run.grade_force_n),
-        )
-    )
+    rolled, squares = metres * factor * load, 0.5 * density * speed * speed * metres
+    resisted = metres * (force - run.inertia_force_n - run.grade_force_n)
+    columns = np.column_stack((rolled, rolled * colder_k, squares, resisted))
     stretch = ((run.time_s - run.time_s[0]) / STRETCH_S).astype(np.int64)
     number = int(stretch[-1]) + 1
     sums = np.column_stack([np.bincount(stretch, column, number) for column in columns.T])

@@ -26,7 +26,7 @@ from tripwatt.live import RoadCar, Sample, has_token, is_car
 from tripwatt.live.tokens import digest_of, token_digest
 from tripwatt.service.car_jobs import CarJobs
 from tripwatt.service.jobs import Jobs
-from tripwatt.service.pool import JobResult, WorkerPool
+from tripwatt.service.pool import JobResult, WorkerPool, cancel
 from tripwatt.service.problems import Problem, fault_document
 from tripwatt.service.settings import Settings
 
@@ -355,9 +355,7 @@ class LiveCars:
         try:
             yield
         finally:
-            for task in tasks:
-                task.cancel()
-            await asyncio.gather(*tasks, return_exceptions=True)
+            await cancel(tasks)
             self.close()
 
     def close(self) -> None:
