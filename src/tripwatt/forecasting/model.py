@@ -54,9 +54,7 @@ from tripwatt.uncertainty.process import HeldOutResidual
 from tripwatt.vehicles import Vehicle
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
+    from tripwatt.figures import Axes, Figure
 DEFAULT_CORRECTOR: Final = "split"
 MIN_TRIPS: Final = 8
 

@@ -30,9 +30,7 @@ from tripwatt.units import M_S_PER_KM_H, SECONDS_PER_MINUTE
 from tripwatt.vehicles import Vehicle
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
+    from tripwatt.figures import Axes, Figure
 MOST_STOPS: Final = 20
 MOST_ALTERNATIVES: Final = 3
 MOST_OVERHEAD_S: Final = 7200.0

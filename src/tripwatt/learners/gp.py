@@ -211,17 +211,6 @@ class AdditiveGP:
         ]
         return np.column_stack(spreads) if spreads else np.zeros((len(X), 0))
 
-    def outside(self, X: pd.DataFrame) -> list[str]:
-        """Columns of smooth terms with a value outside the range of the training rows."""
-        names = dict.fromkeys(c for term in self.terms if term.kind == "smooth" for c in term.columns)
-
-        def is_outside(name: str) -> bool:
-            low, high = self.ranges_[name]
-            values = np.asarray(X[name], dtype=np.float64)
-            return bool((values < low).any() or (values > high).any())
-
-        return [name for name in names if is_outside(name)]
-
     def to_arrays(self) -> dict[str, npt.NDArray[Any]]:
         """Everything that prediction needs, as plain arrays."""
         arrays: dict[str, npt.NDArray[Any]] = {

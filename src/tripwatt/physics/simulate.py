@@ -24,8 +24,8 @@ from tripwatt.vehicles import Vehicle, with_extras
 
 if TYPE_CHECKING:
     import pandas as pd
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+
+    from tripwatt.figures import Axes, Figure
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)

@@ -383,13 +383,10 @@ class Jobs:
 
     def summaries(self) -> dict[str, Any]:
         """Return the models with their inputs, provenance and scores; the first is the default."""
-        names = (*self.models, *self.fleets)
-        return {
-            "models": [
-                {"name": name, **model_summary(self.folders.get(name), self.fleets.get(name))}
-                for name in names
-            ]
+        places = {
+            name: (self.folders.get(name), self.fleets.get(name)) for name in (*self.models, *self.fleets)
         }
+        return {"models": [{"name": name, **model_summary(*place)} for name, place in places.items()]}
 
     def vehicles(self, search: str | None = None) -> dict[str, Any]:
         """Return the cars of the library, or those that words find, each with the models fitted on its trips."""
@@ -397,12 +394,8 @@ class Jobs:
         cars |= {name: {*fleet.get().vehicles().values()} for name, fleet in self.fleets.items()}
         by_name = {row["name"]: row for row in vehicles()}
         names = tuple(by_name) if search is None else find_vehicles(search)
-        return {
-            "vehicles": [
-                {**by_name[name], "models": [model for model, its in cars.items() if name in its]}
-                for name in names
-            ]
-        }
+        of_models = {name: [model for model, its in cars.items() if name in its] for name in names}
+        return {"vehicles": [{**by_name[name], "models": models} for name, models in of_models.items()]}
 
 
 def _no_single_car(got: str) -> InvalidInput:
@@ -486,15 +479,9 @@ def require_finite(forecast: Mapping[str, Any]) -> dict[str, Any]:
         When a value is not finite: no car can drive the trip.
     """
     scalars = [forecast["energy_wh"], forecast["soc_arrival"], forecast["battery_loss_wh"]]
-    lists = [
-        scalars,
-        forecast["quantiles_wh"].values(),
-        forecast["p_arrive"].values(),
-        *forecast["series"].values(),
-    ]
-    if not all(
-        math.isfinite(sum(values)) for values in lists
-    ):  # one value that is not finite makes the sum so
+    by_name = (forecast[name].values() for name in ("quantiles_wh", "p_arrive"))
+    sums = [sum(values) for values in (scalars, *by_name, *forecast["series"].values())]
+    if not all(map(math.isfinite, sums)):  # one value that is not finite makes the sum so
         raise _no_forecast()
     return dict(forecast)
 

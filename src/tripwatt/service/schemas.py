@@ -53,19 +53,13 @@ def _columns_schema(required: list[str], min_items: int, meaning: str) -> dict[s
     properties = {}
     named = {**COLUMNS, BMS_SOC: COLUMNS["soc"]}
     for name, column in named.items():
-        item: dict[str, Any] = {"type": "number" if name in required else ["number", "null"]}
-        if name == "time_s":
-            item["minimum"] = 0.0
-        else:
-            item |= {"minimum": column.minimum, "maximum": column.maximum}
-        properties[name] = {
-            "type": "array",
-            "items": item,
-            "minItems": min_items,
-            "description": f"deprecated: old name of `{BMS_SOC}`"
-            if name == "soc"
-            else f"{column.meaning} [{column.unit}]",
-        }
+        bounds = {"minimum": column.minimum, "maximum": column.maximum}
+        kind = {"type": "number" if name in required else ["number", "null"]}
+        item = kind | ({"minimum": 0.0} if name == "time_s" else bounds)
+        meant = (
+            f"deprecated: old name of `{BMS_SOC}`" if name == "soc" else f"{column.meaning} [{column.unit}]"
+        )
+        properties[name] = {"type": "array", "items": item, "minItems": min_items, "description": meant}
     return {
         "type": "object",
         "properties": properties,
@@ -147,17 +141,11 @@ class StrictModel(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _null_under_another_name_is_left_out(cls, data: Any) -> Any:
-        choices = [
-            f.validation_alias.choices
-            for f in cls.model_fields.values()
-            if isinstance(f.validation_alias, AliasChoices)
-        ]
-        names = {name for of_field in choices for name in of_field}
-        return (
-            {k: v for k, v in data.items() if v is not None or k not in names}
-            if isinstance(data, dict)
-            else data
-        )
+        if not isinstance(data, dict):
+            return data
+        aliases = (field.validation_alias for field in cls.model_fields.values())
+        names = {name for alias in aliases if isinstance(alias, AliasChoices) for name in alias.choices}
+        return {k: v for k, v in data.items() if v is not None or k not in names}
 
     @field_validator("reserve", mode="before", check_fields=False)
     @classmethod

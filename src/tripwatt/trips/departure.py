@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime as dt
+import itertools
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, fields, replace
@@ -15,9 +16,8 @@ from tripwatt.trips.fields import Field, entry
 
 if TYPE_CHECKING:
     import pandas as pd
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
+    from tripwatt.figures import Axes, Figure
     from tripwatt.trips.samples import Sampled
 
 
@@ -350,12 +350,9 @@ def _first_value(samples: Sampled, column: str) -> float | None:
     if column not in samples:
         return None
     times = samples.array("time_s")
-    for time, value in zip(times, samples.array(column), strict=True):
-        if time - times[0] > FIRST_S:
-            return None
-        if math.isfinite(value):
-            return float(value)
-    return None
+    pairs = zip(times, samples.array(column), strict=True)
+    early = itertools.takewhile(lambda pair: pair[0] - times[0] <= FIRST_S, pairs)
+    return next((float(value) for _, value in early if math.isfinite(value)), None)
 
 
 FIELDS: Final[Mapping[str, Field]] = {f.name: f.metadata["field"].of(f.name) for f in fields(Departure)}

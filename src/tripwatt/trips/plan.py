@@ -22,9 +22,7 @@ from tripwatt.trips.trip import Recorded
 from tripwatt.trips.weather import PlanWeather
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
+    from tripwatt.figures import Axes, Figure
 ROUTE_COLUMNS: Final = ("time_s", "speed_m_s", "elevation_m", "grade")
 """Columns of a plan."""
 

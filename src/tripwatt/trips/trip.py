@@ -20,8 +20,7 @@ from tripwatt.trips.schema import structure_faults, validate_samples
 from tripwatt.trips.showing import html_table, journey
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+    from tripwatt.figures import Axes, Figure
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)

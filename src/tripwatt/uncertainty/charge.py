@@ -208,8 +208,5 @@ class ChargeScale:
 
         from_display = taken + hidden * full - expected
         from_soc = shown[:, 1] - (slope * soc + shift - expected)
-        ends, sds = (
-            (float(-shift / slope), float((1.0 - shift) / slope)),
-            map(scale, (from_display, from_soc)),
-        )
-        return cls(*ends, wh_per_display, *sds, len(energy), hidden)
+        ends = float(-shift / slope), float((1.0 - shift) / slope)
+        return cls(*ends, wh_per_display, scale(from_display), scale(from_soc), len(energy), hidden)
