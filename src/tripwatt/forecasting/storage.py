@@ -194,18 +194,12 @@ def save_model(
     >>> again.forecast(trips[8]).energy_wh == model.forecast(trips[8]).energy_wh
     True
     """
-    parts = model_parts(model)
+    parts, about = model_parts(model), model.to_dict()
+    del about["training"]  # the contract has it
     metadata = {
         "tripwatt": version("tripwatt"),
         "given": GIVEN,
-        "model": {
-            "corrector": corrector_name(model.corrector),
-            "seed": model.seed,
-            "vehicle": model.vehicle.name,
-            "vehicle_title": model.vehicle.title,
-            "vehicle_preset": model.vehicle.preset,
-            "trips": len(model.trip_ids_),
-        },
+        "model": {**about, "vehicle_preset": model.vehicle.preset},
         "contract": contract(model),
         "provenance": dict(provenance or {}),
         "evaluation": dict(evaluation or {}),
@@ -396,9 +390,8 @@ def contract(model: ForecastModel) -> dict[str, Any]:
     """
     payload = {"payload_mass_kg": QUANTITIES["payload_mass_kg"]}
     inputs = []
-    for name, column in (
-        {name: COLUMNS[name] for name in (*ROUTE_COLUMNS, *SIGNALS.values())} | payload
-    ).items():
+    known = {name: COLUMNS[name] for name in (*ROUTE_COLUMNS, *SIGNALS.values())} | payload
+    for name, column in known.items():
         entry: dict[str, Any] = {
             "name": name,
             "unit": column.unit,

@@ -223,7 +223,7 @@ class ClusteredBoosting(ClusteredTrees):
         fold_labels, fold_of_group = folds_of(folds, clusters)
         settings = self._settings()
         with Parallel(n_jobs=self.n_jobs) as parallel:
-            choices = self._shared_choices(sample, settings, fold_of_group, len(fold_labels), seed, parallel)
+            choices = self._shared_choices(sample, fold_of_group, seed, parallel)
             fold_of_row = fold_of_group[clusters.codes]
             params = [self._base() | settings[setting] for setting, _, _ in choices]
             results = parallel(
@@ -266,15 +266,10 @@ class ClusteredBoosting(ClusteredTrees):
         return errors
 
     def _shared_choices(
-        self,
-        sample: Sample,
-        settings: list[dict[str, Any]],
-        fold_of_group: IntArray,
-        n_folds: int,
-        seed: int,
-        parallel: Parallel,
+        self, sample: Sample, fold_of_group: IntArray, seed: int, parallel: Parallel
     ) -> list[tuple[int, int, float]]:
         """Setting and number of rounds of each fold, and the mean loss of that choice."""
+        settings, n_folds = self._settings(), int(fold_of_group.max()) + 1
         if self.n_folds is None or n_folds < 3:
             return [(0, self.n_rounds, np.nan)] * n_folds
         block_of_fold = _blocks(n_folds, 2 * self.n_folds, seed)

@@ -262,9 +262,8 @@ class Plan(Sampled):
 
     def _repr_html_(self) -> str:
         known = [(name, str(value)) for name, value in self.departure.to_dict().items()]
-        return html_table(
-            f"Plan {self._title()}", [*known, *(("assumed", message(flag)) for flag in self.flags)]
-        )
+        known += [("assumed", message(flag)) for flag in self.flags]
+        return html_table(f"Plan {self._title()}", known)
 
 
 def _require_duration(duration_s: float, where: str) -> None:
@@ -353,13 +352,7 @@ def plan_from_samples(
 def _plan(drive: Sampled, departure: Departure, step_s: float) -> Plan:
     route = {c: drive.array(c) for c in ROUTE_COLUMNS if c in drive}
     time = route["time_s"]
-    _require_duration(float(time[-1] - time[0]), drive.trip_id)
-    _, columns = bin_means(time - time[0], route, step_s)
-    return Plan(
-        drive.trip_id,
-        table_of(columns),
-        departure,
-        step_s=step_s,
-        start_s=float(time[0]),
-        end_s=float(time[-1]),
-    )
+    start, end = float(time[0]), float(time[-1])
+    _require_duration(end - start, drive.trip_id)
+    _, columns = bin_means(time - start, route, step_s)
+    return Plan(drive.trip_id, table_of(columns), departure, step_s=step_s, start_s=start, end_s=end)

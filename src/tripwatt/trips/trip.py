@@ -164,11 +164,8 @@ class Recorded(Sampled):
         """
         from tripwatt.trips.plots import plot_drive  # matplotlib is slow to import
 
-        energy = (
-            self.array("observed_energy_wh")
-            if "observed_energy_wh" in self
-            else observed_cumulative_energy(self.samples)
-        )
+        own = self.array("observed_energy_wh") if "observed_energy_wh" in self else None
+        energy = observed_cumulative_energy(self.samples) if own is None else own
         return plot_drive(self, self._title(), energy, ax)
 
     def _title(self) -> str:
@@ -180,11 +177,9 @@ class Recorded(Sampled):
         return f"<{type(self).__name__} {self._title()}, {len(self)} samples>"
 
     def _repr_html_(self) -> str:
-        known = self.departure.to_dict().items()
         rows = [("samples", f"{len(self)}"), ("columns", ", ".join(self.samples.columns))]
-        return html_table(
-            f"{type(self).__name__} {self._title()}", [*rows, *((name, str(value)) for name, value in known)]
-        )
+        rows += [(name, str(value)) for name, value in self.departure.to_dict().items()]
+        return html_table(f"{type(self).__name__} {self._title()}", rows)
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
