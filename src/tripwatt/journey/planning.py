@@ -17,7 +17,7 @@ from tripwatt.journey.charging import OVERHEAD_S, WARM_DEGC, ChargingCurve, plug
 from tripwatt.journey.corridor import CERTAIN, OF_LEG, Corridor, StopRules
 from tripwatt.journey.forecasting import RoadForecaster, capped, on_motorway
 from tripwatt.journey.plans import BEST_EFFORT, find_plans
-from tripwatt.journey.stops import ENERGY_BAND, ChargingPlan, Leg
+from tripwatt.journey.stops import ENERGY_BAND, LINE_DIGITS, ChargingPlan, Leg
 from tripwatt.journey.verdict import Verdict
 from tripwatt.population import for_car
 from tripwatt.routes.places import Place
@@ -178,11 +178,7 @@ class RoadForecast:
             "labels": list(self.labels),
             "distance_m": road.distance_m,
             "duration_s": self.forecast.plan.duration_s,
-            "line": {
-                "latitude_deg": np.round(road.latitude_deg, 6).tolist(),
-                "longitude_deg": np.round(road.longitude_deg, 6).tolist(),
-                "position_m": np.round(road.position_m, 1).tolist(),
-            },
+            "line": {name: np.round(getattr(road, name), k).tolist() for name, k in LINE_DIGITS.items()},
             "links": {
                 "length_m": road.links.length_m.tolist(),
                 "travel_time_s": road.links.travel_time_s.tolist(),

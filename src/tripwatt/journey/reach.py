@@ -181,14 +181,9 @@ def _targets(forecaster: RoadForecaster, start: Place, atlas: Atlas) -> list[Pla
 
 def _seen_from(start: Place, places: tuple[Place, ...]) -> tuple[FloatArray, FloatArray]:
     """Direction [°] and distance [m] of places."""
-    pairs = [
-        bearings_deg(
-            np.array([start.latitude_deg, place.latitude_deg]),
-            np.array([start.longitude_deg, place.longitude_deg]),
-        )[0]
-        for place in places
-    ]
-    return np.array(pairs), np.array([start.distance_m(place) for place in places])
+    ways = [np.array([(p.latitude_deg, p.longitude_deg) for p in (start, place)]).T for place in places]
+    bearings = np.array([bearings_deg(*way)[0] for way in ways])
+    return bearings, np.array([start.distance_m(place) for place in places])
 
 
 def _around(start: Place, corners: list[Place]) -> tuple[Place, ...]:

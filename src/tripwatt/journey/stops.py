@@ -22,6 +22,9 @@ ENERGY_BAND: Final = ("energy_low_wh", "energy_high_wh")
 BELOW_ABOVE: Final = np.array([-1.0, 1.0])
 SHOWN: Final = ("displayed_soc", "displayed_soc_low", "displayed_soc_high")
 
+LINE_DIGITS: Final = {"latitude_deg": 6, "longitude_deg": 6, "position_m": 1}
+"""Columns of a line on the map, and the digits that are told of each."""
+
 WHOLE: Final = (
     *("p_arrive", "p_reserve", "soc_arrival", "soc_interval"),
     *("driving_s", "charging_s", "duration_s", "energy_wh"),
@@ -357,7 +360,6 @@ class ChargingPlan:
         ['displayed_soc', 'high', 'low', 'position_m', 'time_s']
         """
         series = self.series()
-        digits = {"latitude_deg": 6, "longitude_deg": 6, "position_m": 1}
         return {
             "label": self.label,
             "stops": [stop.to_dict() for stop in self.stops],
@@ -373,5 +375,5 @@ class ChargingPlan:
                 "low": series["displayed_soc_low"].tolist(),
                 "high": series["displayed_soc_high"].tolist(),
             },
-            "line": {name: np.round(self.line[name], k).tolist() for name, k in digits.items()},
+            "line": {name: np.round(self.line[name], k).tolist() for name, k in LINE_DIGITS.items()},
         }

@@ -11,7 +11,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from tripwatt.errors import InvalidInput
+from tripwatt.errors import InvalidInput, damage
 from tripwatt.files import read_file, write_text
 from tripwatt.routes import links_of_trip, plan_from_links, route_from_links
 from tripwatt.routes.link_objects import fields_of_route, route_with_elevation
@@ -110,10 +110,6 @@ class LivePlan:
         path = folder / PLAN
         if not path.is_file():
             return None
-        try:
+        with damage(path, "a plan", "remove it"):
             about = json.loads(read_file(path, MOST_BYTES))
             return cls(dict(about["request"]), about["departure_s"], about["given_s"])
-        except (ValueError, KeyError, TypeError, RecursionError) as error:
-            raise InvalidInput.of(
-                "damaged file", f"{path}", f"{error}"[:200], "a plan", "remove it"
-            ) from error
