@@ -9,6 +9,7 @@ import re
 import signal
 import socket
 import sys
+import time
 from collections.abc import Callable, Iterator
 from typing import Any, Final
 
@@ -148,7 +149,9 @@ def log_json(**record: Any) -> None:
     **record : object
         Values that JSON can hold; `event` is `request` by default.
     """
-    now = dt.datetime.now(dt.UTC).replace(tzinfo=None).isoformat(timespec="milliseconds")
+    now = (
+        dt.datetime.fromtimestamp(time.time(), dt.UTC).replace(tzinfo=None).isoformat(timespec="milliseconds")
+    )
     text = json.dumps({"time": f"{now}Z", "event": "request", **record}, ensure_ascii=True)
     sys.stderr.write(text + "\n")
 
