@@ -149,11 +149,9 @@ def log_json(**record: Any) -> None:
     **record : object
         Values that JSON can hold; `event` is `request` by default.
     """
-    now = (
-        dt.datetime.fromtimestamp(time.time(), dt.UTC).replace(tzinfo=None).isoformat(timespec="milliseconds")
-    )
-    text = json.dumps({"time": f"{now}Z", "event": "request", **record}, ensure_ascii=True)
-    sys.stderr.write(text + "\n")
+    at = dt.datetime.fromtimestamp(time.time(), dt.UTC).replace(tzinfo=None)
+    line = {"time": f"{at.isoformat(timespec='milliseconds')}Z", "event": "request", **record}
+    sys.stderr.write(json.dumps(line, ensure_ascii=True) + "\n")
 
 
 class _JsonHandler(logging.Handler):
