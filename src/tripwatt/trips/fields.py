@@ -69,7 +69,23 @@ class Field:
         return KINDS[self.type]
 
     def of(self, name: str) -> Field:
-        """With the bounds of its name in the tables of columns, where it has none of its own, and its unit as metavar."""
+        """With the bounds of its name in the tables of columns, where it has none of its own, and its unit as metavar.
+
+        Parameters
+        ----------
+        name : str
+            Of the field.
+
+        Returns
+        -------
+        Field
+            The same one where no table has the name.
+
+        Examples
+        --------
+        >>> Field("Rain.").of("rain_mm_h").allowed, Field("Rain.").of("rain_mm_h").metavar
+        ('0 to 200 mm/h', 'MM/H')
+        """
         column = self.column or BOUNDS.get(name)
         if column is None:
             return self
