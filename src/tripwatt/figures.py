@@ -7,9 +7,10 @@ from __future__ import annotations
 
 from io import BytesIO
 
-from matplotlib.axes import Axes
+from matplotlib.axes import Axes as Axes
 from matplotlib.backend_bases import FigureManagerBase
-from matplotlib.figure import Figure, SubFigure
+from matplotlib.figure import Figure as Figure
+from matplotlib.figure import SubFigure
 
 from tripwatt.errors import InvalidInput
 

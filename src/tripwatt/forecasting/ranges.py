@@ -193,10 +193,7 @@ def compare(
 def training_ranges(table: SegmentTable) -> dict[str, Range]:
     """Range of each of `WATCHED` over the trips of a table."""
     rows = [_watched(table.take([i])) for i in range(len(table))]
-    ranges = {}
-    for name in WATCHED:
-        ranges[name] = Range.from_values([row[name] for row in rows]) or NEVER_KNOWN
-    return ranges
+    return {name: Range.from_values([row[name] for row in rows]) or NEVER_KNOWN for name in WATCHED}
 
 
 def _watched(table: SegmentTable) -> dict[str, float]:

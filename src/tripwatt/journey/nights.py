@@ -226,11 +226,9 @@ def coldest_week(rows: TripRows) -> tuple[dt.date, float] | None:
     ).dropna()
     weeks = ambient.groupby(pd.Grouper(freq="W-MON", label="left", closed="left")).agg(["mean", "size"])
     weeks = weeks[weeks["size"] >= min(LEAST_TRIPS, weeks["size"].max())] if len(weeks) else weeks
-    return (
-        None
-        if weeks.empty
-        else (pd.Timestamp(str(weeks["mean"].idxmin())).date(), float(weeks["mean"].min()))
-    )
+    if weeks.empty:
+        return None
+    return pd.Timestamp(str(weeks["mean"].idxmin())).date(), float(weeks["mean"].min())
 
 
 def needs_by_car(
@@ -307,16 +305,8 @@ def emhass(needs: pd.DataFrame, at: dt.datetime, charger_w: float, step_s: float
     needs = needs.assign(after=needs.groupby("vehicle_id")["arrives_at"].shift(fill_value=at))
     loads = needs[needs["charge_wh"] > 0.0]
     rows = loads.to_dict("records")
-    raise_faults(
-        Fault(
-            "departs before the charging begins",
-            row["vehicle_id"],
-            f"{row['departs_at']}",
-            f"later than {at}",
-        )
-        for row in rows
-        if row["departs_at"] < at
-    )
+    late = ((row["vehicle_id"], f"{row['departs_at']}") for row in rows if row["departs_at"] < at)
+    raise_faults(Fault("departs before the charging begins", *row, f"later than {at}") for row in late)
     steps = [[(row[name] - at).total_seconds() / step_s for name in ("after", "departs_at")] for row in rows]
     last = [int(end) for _, end in steps]
     hours = loads["charge_wh"] / (EFFICIENCY * charger_w)
