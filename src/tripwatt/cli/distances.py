@@ -9,9 +9,10 @@ import typer
 
 from tripwatt.cli.departing import DepartureOf, departure_options
 from tripwatt.cli.journey import CarOption, ModelOption
-from tripwatt.cli.options import JsonOption, add_command, options_named
+from tripwatt.cli.options import JsonOption, options_named
 from tripwatt.cli.printing import print_json, print_notes, print_table
 from tripwatt.cli.sentences import begins
+from tripwatt.errors import InvalidInput
 
 KindOption = Annotated[
     str,
@@ -19,12 +20,9 @@ KindOption = Annotated[
         "--kind", metavar="KIND", help="city, country, motorway, or mixed: nothing is known of the road."
     ),
 ]
-
-
-def add_commands(app: typer.Typer) -> None:
-    """Add the commands of this file."""
-    add_command(app, need)
-    add_command(app, range_, "range")
+OwnCarOption = Annotated[
+    Path | None, typer.Option("--car", metavar="FOLDER", help="Your own car, made by `tripwatt car new`.")
+]
 
 
 @departure_options()
@@ -40,9 +38,7 @@ def need(
     trips: Annotated[
         int, typer.Option(min=1, max=100, metavar="N", help="Equal trips ahead; their errors are shared.")
     ] = 1,
-    car: Annotated[
-        Path | None, typer.Option("--car", metavar="FOLDER", help="Your own car, made by `tripwatt car new`.")
-    ] = None,
+    car: OwnCarOption = None,
     trip: Annotated[
         str | None,
         typer.Option(
@@ -71,7 +67,6 @@ def need(
       tripwatt need --car my-leaf --trip 2026-01-12T07-30 --ambient -5
     """
     from tripwatt.advice.preheating import need_before_departure
-    from tripwatt.errors import InvalidInput
 
     with options_named():
         if (distance is None) == (trip is None) or (trip is not None and car is None):
@@ -109,9 +104,7 @@ def range_(
     departure: DepartureOf,
     kind: KindOption = "mixed",
     reserve: Annotated[float, typer.Option(metavar="0..1", help="State of charge to keep.")] = 0.0,
-    car: Annotated[
-        Path | None, typer.Option("--car", metavar="FOLDER", help="Your own car, made by `tripwatt car new`.")
-    ] = None,
+    car: OwnCarOption = None,
     vehicle: CarOption = None,
     model: ModelOption = None,
     as_json: JsonOption = False,
@@ -145,7 +138,6 @@ def range_(
 def _own(car: Path | None, vehicle: str | None, model: Path | None) -> dict[str, Any]:
     if car is None:
         return {"model": model, "vehicle": vehicle}
-    from tripwatt.errors import InvalidInput
     from tripwatt.live import open_car
     from tripwatt.live.usual import usual_plan
 
@@ -156,7 +148,6 @@ def _own(car: Path | None, vehicle: str | None, model: Path | None) -> dict[str,
 
 
 def _kilometres(words: list[str]) -> float:
-    from tripwatt.errors import InvalidInput
 
     text = "".join(words).lower()
     try:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import typer
 
 from tripwatt.cli.departing import DepartureOf, departure_options
-from tripwatt.cli.options import JsonOption, add_command, argument, model_of, option, options_named
+from tripwatt.cli.options import JsonOption, argument, model_of, option, options_named
 from tripwatt.cli.output import write_bytes, write_text
 from tripwatt.cli.printing import print_json, print_notes, print_table
 from tripwatt.errors import Check, Fault, InvalidInput, raise_faults
@@ -20,12 +20,6 @@ if TYPE_CHECKING:
 PLOT_SUFFIXES: Final = (".png", ".svg", ".pdf")
 LEAVE_PROBABILITY: Final = 0.95
 """Of "leave with": 19 of 20 trips."""
-
-
-def add_commands(app: typer.Typer) -> None:
-    """Add the commands of this file."""
-    add_command(app, forecast)
-    add_command(app, example, name="example-trip")
 
 
 @departure_options(without=("departs_at",))
@@ -219,7 +213,7 @@ def _show_forecast(forecast: Forecast, reserve: float) -> None:
     print_notes(forecast.flags)
 
 
-def example(
+def example_trip(
     out: Annotated[
         Path | None, option("FILE", "Write the table to this file instead of printing it.", "--out", "-o")
     ] = None,
@@ -234,9 +228,9 @@ def example(
       # write an example trip for `tripwatt forecast trip.csv`
       tripwatt example-trip --out trip.csv
     """
-    from tripwatt.synthetic import example_trip
+    from tripwatt import synthetic
 
-    text = example_trip(seed).to_csv(index=False, lineterminator="\n")
+    text = synthetic.example_trip(seed).to_csv(index=False, lineterminator="\n")
     if out is None:
         typer.echo(text, nl=False)
         return

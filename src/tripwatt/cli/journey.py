@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from tripwatt.cli.departing import DepartureOf, departure_options
-from tripwatt.cli.options import JsonOption, add_command, gather, options_named
+from tripwatt.cli.options import JsonOption, options_named
 from tripwatt.cli.printing import print_json, print_notes, print_table
+from tripwatt.errors import Check
 from tripwatt.units import SECONDS_PER_MINUTE
 
 if TYPE_CHECKING:
@@ -62,13 +63,6 @@ CarOption = Annotated[
 ]
 
 
-def add_commands(app: typer.Typer) -> None:
-    """Add the commands of this file."""
-    add_command(app, plan)
-    add_command(app, reach)
-    add_command(app, places)
-
-
 @departure_options()
 def plan(
     stops: Annotated[
@@ -114,23 +108,14 @@ def plan(
     """
     from tripwatt.journey import AtlasSettings, JourneyOptions, open_atlas, plan_journey
 
-    got: dict[str, Any] = {}
     settings = AtlasSettings(map_, places_url, weather, "" if stations is None else str(stations))
+    charging: dict[str, Any] = {"charge": not no_charge, "preheat_battery": preheat_battery}
+    overhead_s = overhead * SECONDS_PER_MINUTE
     with options_named():
-        gather(
-            lambda: got.update(atlas=open_atlas(settings)),
-            lambda: got.update(departure=departure()),
-            lambda: got.update(
-                options=JourneyOptions(
-                    reserve,
-                    alternatives,
-                    round_trip,
-                    charge=not no_charge,
-                    stop_overhead_s=overhead * SECONDS_PER_MINUTE,
-                    preheat_battery=preheat_battery,
-                )
-            ),
-        )
+        with Check() as check:
+            got: dict[str, Any] = {"atlas": check(open_atlas, settings), "departure": check(departure)}
+            asked = reserve, alternatives, round_trip
+            got["options"] = check(JourneyOptions, *asked, stop_overhead_s=overhead_s, **charging)
         journey = plan_journey(stops, model=model, vehicle=vehicle, **got)
     print_json(journey.to_dict()) if as_json else _show(journey)
 
@@ -157,6 +142,7 @@ def reach(
     """
     from tripwatt.journey import AtlasSettings, RoadForecaster, find_reach, open_atlas
     from tripwatt.population import for_car
+    from tripwatt.trips import Flag
 
     with options_named():
         atlas = open_atlas(AtlasSettings(map_, places_url))
@@ -166,28 +152,14 @@ def reach(
     if as_json:
         print_json(area.to_dict())
         return
-    rows = [
-        (f"{100.0 * level:.0f} %", *(f"{place.distance_m(p) / 1000.0:.0f} km" for p in _ends(place, corners)))
-        for level, corners in area.outlines.items()
-    ]
-    print_table(
-        f"Reach from {place.title}",
-        ("probability", "nearest", "farthest"),
-        rows,
-        numbers=("nearest", "farthest"),
-    )
-    print_notes([*([_map_ends()] if area.map_ends else []), area.attribution])
-
-
-def _ends(start: Any, corners: Any) -> tuple[Any, Any]:
-    """The nearest and the farthest corner."""
-    return min(corners, key=start.distance_m), max(corners, key=start.distance_m)
-
-
-def _map_ends() -> Any:
-    from tripwatt.trips import Flag
-
-    return Flag("map_ends", "reach")
+    rows = []
+    for level, corners in area.outlines.items():
+        away_m = [place.distance_m(corner) for corner in corners]
+        ends = (f"{distance_m / 1000.0:.0f} km" for distance_m in (min(away_m), max(away_m)))
+        rows.append((f"{100.0 * level:.0f} %", *ends))
+    columns = ("probability", "nearest", "farthest")
+    print_table(f"Reach from {place.title}", columns, rows, numbers=columns[1:])
+    print_notes([*([Flag("map_ends", "reach")] if area.map_ends else []), area.attribution])
 
 
 def places(
