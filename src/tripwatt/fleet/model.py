@@ -201,15 +201,6 @@ class FleetModel:
         """The model with other trips in its linear part; trees, scales and uncertainty stay."""
         return replace(self, sums=sums, posterior=group_posterior(sums, self.posterior.scales))
 
-    def predict_rows(self, rows: TripRows) -> tuple[FloatArray, FloatArray]:
-        """Linear forecast [Wh] of rows of trips and the standard deviation of its weights [Wh]; without the trees.
-
-        Parameters
-        ----------
-        rows : TripRows
-        """
-        return predict_rows(self.posterior, rows)
-
     def __repr__(self) -> str:
         vehicles, models = len(self.vehicles()), len({group[0] for group in self.sums.groups})
         return f"<FleetModel {self.trips} trips of {vehicles} vehicles, {models} car models>"
@@ -383,12 +374,3 @@ def update_fleet(
         return model, rows
     digests = model.digests | frozenset(rows.texts("digest").tolist())
     return replace(model.with_sums(model.sums + rows.sums), digests=digests), rows
-
-
-def without_vehicle(model: FleetModel, vehicle_id: str) -> FleetModel:
-    """A model without the sums of a vehicle, for a vehicle that was erased; its digests are kept as seen.
-
-    Trees and uncertainty of the last fit may still come from some of its trips.
-    """
-    kept = [i for i, group in enumerate(model.sums.groups) if group[1] != vehicle_id]
-    return model.with_sums(model.sums.take(kept))
