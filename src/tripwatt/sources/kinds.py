@@ -124,9 +124,7 @@ def proposed_kinds(
     kinds = []
     for number, (_, files) in enumerate(groups):
         kept = [file for file in files if file.name not in ignored]
-        kept.sort(
-            key=lambda file: bool(headers[file][1])
-        )  # a file with a header of its own is looked at first
+        kept.sort(key=lambda file: bool(headers[file][1]))  # those with a header of their own first
         kind = Kind({file: headers[file][1] for file in sorted(kept)}, headers[(kept or files)[0]][0])
         change = (changes or {}).get(number, Changes())
         kinds.append(_with_mapping(kind, kept, vehicle, change) if kept else kind)
