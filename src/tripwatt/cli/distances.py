@@ -5,49 +5,35 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any
 
-import typer
-
 from tripwatt.cli.departing import DepartureOf, departure_options
 from tripwatt.cli.journey import CarOption, ModelOption
-from tripwatt.cli.options import JsonOption, options_named
+from tripwatt.cli.options import JsonOption, argument, option, options_named
 from tripwatt.cli.printing import print_json, print_notes, print_table
 from tripwatt.cli.sentences import begins
 from tripwatt.errors import InvalidInput
 
 KindOption = Annotated[
     str,
-    typer.Option(
-        "--kind", metavar="KIND", help="city, country, motorway, or mixed: nothing is known of the road."
-    ),
+    option("KIND", "city, country, motorway, or mixed: nothing is known of the road.", "--kind"),
 ]
-OwnCarOption = Annotated[
-    Path | None, typer.Option("--car", metavar="FOLDER", help="Your own car, made by `tripwatt car new`.")
-]
+OwnCarOption = Annotated[Path | None, option("FOLDER", "Your own car, made by `tripwatt car new`.", "--car")]
 
 
 @departure_options()
 def need(
     departure: DepartureOf,
-    distance: Annotated[
-        list[str] | None, typer.Argument(metavar="DISTANCE [km]", help="Kilometres of each trip.")
-    ] = None,
+    distance: Annotated[list[str] | None, argument("DISTANCE [km]", "Kilometres of each trip.")] = None,
     kind: KindOption = "mixed",
-    quantile: Annotated[
-        float, typer.Option(metavar="0.5..1", help="Probability with which the energy suffices.")
-    ] = 0.9,
-    trips: Annotated[
-        int, typer.Option(min=1, max=100, metavar="N", help="Equal trips ahead; their errors are shared.")
-    ] = 1,
+    quantile: Annotated[float, option("0.5..1", "Probability with which the energy suffices.")] = 0.9,
+    trips: Annotated[int, option("N", "Equal trips ahead; their errors are shared.", min=1, max=100)] = 1,
     car: OwnCarOption = None,
     trip: Annotated[
         str | None,
-        typer.Option(
-            "--trip", metavar="NAME", help="A usual trip of your own car, in place of the distance."
-        ),
+        option("NAME", "A usual trip of your own car, in place of the distance.", "--trip"),
     ] = None,
     plug: Annotated[
         float,
-        typer.Option(min=0.0, metavar="W", help="Power of the plug at home; 0: the car is not plugged in."),
+        option("W", "Power of the plug at home; 0: the car is not plugged in.", min=0.0),
     ] = 7400.0,
     vehicle: CarOption = None,
     model: ModelOption = None,
@@ -103,7 +89,7 @@ def need(
 def range_(
     departure: DepartureOf,
     kind: KindOption = "mixed",
-    reserve: Annotated[float, typer.Option(metavar="0..1", help="State of charge to keep.")] = 0.0,
+    reserve: Annotated[float, option("0..1", "State of charge to keep.")] = 0.0,
     car: OwnCarOption = None,
     vehicle: CarOption = None,
     model: ModelOption = None,

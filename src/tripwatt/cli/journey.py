@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from tripwatt.cli.departing import DepartureOf, departure_options
-from tripwatt.cli.options import JsonOption, options_named
+from tripwatt.cli.options import JsonOption, argument, option, options_named
 from tripwatt.cli.printing import print_json, print_notes, print_table
 from tripwatt.errors import Check
 from tripwatt.units import SECONDS_PER_MINUTE
@@ -19,47 +19,39 @@ if TYPE_CHECKING:
 
 MapOption = Annotated[
     str,
-    typer.Option(
+    option(
+        "FOLDER|KIND=URL",
+        "Folder of a map (see `tripwatt map build`), or a router's server: valhalla=URL, osrm=URL, graphhopper=URL or "
+        "openrouteservice=URL. FOLDER@KIND=URL takes the places of a map and the roads of a server. Default: TRIPWATT_MAP.",
         "--map",
-        metavar="FOLDER|KIND=URL",
         envvar="TRIPWATT_MAP",
         show_envvar=False,
-        help="Folder of a map (see `tripwatt map build`), or a router's server: valhalla=URL, osrm=URL, graphhopper=URL or "
-        "openrouteservice=URL. FOLDER@KIND=URL takes the places of a map and the roads of a server. Default: TRIPWATT_MAP.",
     ),
 ]
 PlacesOption = Annotated[
     str,
-    typer.Option(
+    option(
+        "KIND=URL",
+        "Server that finds places: photon=URL or nominatim=URL. Default: the index of the map.",
         "--places",
-        metavar="KIND=URL",
-        help="Server that finds places: photon=URL or nominatim=URL. Default: the index of the map.",
     ),
 ]
 WeatherOption = Annotated[
     str,
-    typer.Option(
-        "--weather",
-        metavar="URL",
-        help="Server with the interface of Open-Meteo. Default: no server is asked.",
-    ),
+    option("URL", "Server with the interface of Open-Meteo. Default: no server is asked.", "--weather"),
 ]
 StationsOption = Annotated[
     Path | None,
-    typer.Option(
+    option(
+        "FILE",
+        "Charging stations as CSV: latitude_deg, longitude_deg, power_kw, name. Default: those of the map.",
         "--stations",
-        metavar="FILE",
-        help="Charging stations as CSV: latitude_deg, longitude_deg, power_kw, name. Default: those of the map.",
     ),
 ]
-ModelOption = Annotated[
-    Path | None, typer.Option("--model", metavar="FOLDER", help="Default: the bundled model.")
-]
+ModelOption = Annotated[Path | None, option("FOLDER", "Default: the bundled model.", "--model")]
 CarOption = Annotated[
     str | None,
-    typer.Option(
-        "--vehicle", metavar="NAME|FILE", help="Another car: a name from `tripwatt vehicles`, or a TOML file."
-    ),
+    option("NAME|FILE", "Another car: a name from `tripwatt vehicles`, or a TOML file.", "--vehicle"),
 ]
 
 
@@ -67,15 +59,13 @@ CarOption = Annotated[
 def plan(
     stops: Annotated[
         list[str],
-        typer.Argument(metavar="FROM [VIA...] TO", help="Places: names, or latitude and longitude."),
+        argument("FROM [VIA...] TO", "Places: names, or latitude and longitude."),
     ],
     departure: DepartureOf,
     map_: MapOption = "",
-    reserve: Annotated[
-        float, typer.Option(metavar="0..1", help="Required state of charge at arrival, as displayed.")
-    ] = 0.1,
+    reserve: Annotated[float, option("0..1", "Required state of charge at arrival, as displayed.")] = 0.1,
     round_trip: Annotated[bool, typer.Option("--round-trip", help="Back to the start.")] = False,
-    alternatives: Annotated[int, typer.Option(min=0, max=3, metavar="N", help="Other roads to compare.")] = 2,
+    alternatives: Annotated[int, option("N", "Other roads to compare.", min=0, max=3)] = 2,
     vehicle: CarOption = None,
     model: ModelOption = None,
     places_url: PlacesOption = "",
@@ -84,7 +74,7 @@ def plan(
     no_charge: Annotated[bool, typer.Option("--no-charge", help="Plan no stops to charge.")] = False,
     overhead: Annotated[
         float,
-        typer.Option(metavar="MIN", help="Parking, plugging in and paying at each stop to charge."),
+        option("MIN", "Parking, plugging in and paying at each stop to charge."),
     ] = 5.0,
     preheat_battery: Annotated[
         bool, typer.Option("--preheat-battery", help="The battery may be heated on the way to a stop.")
@@ -122,12 +112,10 @@ def plan(
 
 @departure_options()
 def reach(
-    start: Annotated[str, typer.Argument(metavar="FROM", help="A place: a name, or latitude and longitude.")],
+    start: Annotated[str, argument("FROM", "A place: a name, or latitude and longitude.")],
     departure: DepartureOf,
     map_: MapOption = "",
-    reserve: Annotated[
-        float, typer.Option(min=0.0, max=1.0, metavar="0..1", help="State of charge to keep.")
-    ] = 0.0,
+    reserve: Annotated[float, option("0..1", "State of charge to keep.", min=0.0, max=1.0)] = 0.0,
     vehicle: CarOption = None,
     model: ModelOption = None,
     places_url: PlacesOption = "",
@@ -163,10 +151,10 @@ def reach(
 
 
 def places(
-    text: Annotated[list[str], typer.Argument(metavar="TEXT", help="Start of a name, a street, a house.")],
+    text: Annotated[list[str], argument("TEXT", "Start of a name, a street, a house.")],
     map_: MapOption = "",
     places_url: PlacesOption = "",
-    limit: Annotated[int, typer.Option(min=1, max=50, metavar="N", help="Most places.")] = 10,
+    limit: Annotated[int, option("N", "Most places.", min=1, max=50)] = 10,
     as_json: JsonOption = False,
 ) -> None:
     """Find places by the start of their names, also with typing mistakes and by names in other languages.
