@@ -8,13 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tripwatt.cli.options import (
-    DatasetOption,
-    JsonOption,
-    MappingOption,
-    argument,
-    option,
-)
+from tripwatt.cli.options import DatasetOption, JsonOption, MappingOption, argument, option
 from tripwatt.cli.printing import console, print_findings, print_json, print_notes, print_table
 from tripwatt.errors import Fault, raise_faults
 
