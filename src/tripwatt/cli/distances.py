@@ -13,8 +13,7 @@ from tripwatt.cli.sentences import begins
 from tripwatt.errors import InvalidInput
 
 KindOption = Annotated[
-    str,
-    option("KIND", "city, country, motorway, or mixed: nothing is known of the road.", "--kind"),
+    str, option("KIND", "city, country, motorway, or mixed: nothing is known of the road.", "--kind")
 ]
 OwnCarOption = Annotated[Path | None, option("FOLDER", "Your own car, made by `tripwatt car new`.", "--car")]
 
@@ -28,12 +27,10 @@ def need(
     trips: Annotated[int, option("N", "Equal trips ahead; their errors are shared.", min=1, max=100)] = 1,
     car: OwnCarOption = None,
     trip: Annotated[
-        str | None,
-        option("NAME", "A usual trip of your own car, in place of the distance.", "--trip"),
+        str | None, option("NAME", "A usual trip of your own car, in place of the distance.", "--trip")
     ] = None,
     plug: Annotated[
-        float,
-        option("W", "Power of the plug at home; 0: the car is not plugged in.", min=0.0),
+        float, option("W", "Power of the plug at home; 0: the car is not plugged in.", min=0.0)
     ] = 7400.0,
     vehicle: CarOption = None,
     model: ModelOption = None,

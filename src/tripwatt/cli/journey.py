@@ -37,8 +37,7 @@ PlacesOption = Annotated[
     ),
 ]
 WeatherOption = Annotated[
-    str,
-    option("URL", "Server with the interface of Open-Meteo. Default: no server is asked.", "--weather"),
+    str, option("URL", "Server with the interface of Open-Meteo. Default: no server is asked.", "--weather")
 ]
 StationsOption = Annotated[
     Path | None,
@@ -57,10 +56,7 @@ CarOption = Annotated[
 
 @departure_options()
 def plan(
-    stops: Annotated[
-        list[str],
-        argument("FROM [VIA...] TO", "Places: names, or latitude and longitude."),
-    ],
+    stops: Annotated[list[str], argument("FROM [VIA...] TO", "Places: names, or latitude and longitude.")],
     departure: DepartureOf,
     map_: MapOption = "",
     reserve: Annotated[float, option("0..1", "Required state of charge at arrival, as displayed.")] = 0.1,
@@ -73,8 +69,7 @@ def plan(
     stations: StationsOption = None,
     no_charge: Annotated[bool, typer.Option("--no-charge", help="Plan no stops to charge.")] = False,
     overhead: Annotated[
-        float,
-        option("MIN", "Parking, plugging in and paying at each stop to charge."),
+        float, option("MIN", "Parking, plugging in and paying at each stop to charge.")
     ] = 5.0,
     preheat_battery: Annotated[
         bool, typer.Option("--preheat-battery", help="The battery may be heated on the way to a stop.")

@@ -46,8 +46,7 @@ def build(
 
 
 def info(
-    folder: Annotated[Path, argument("FOLDER", "Folder of the map.")],
-    as_json: JsonOption = False,
+    folder: Annotated[Path, argument("FOLDER", "Folder of the map.")], as_json: JsonOption = False
 ) -> None:
     """Show what a map holds.
 

@@ -151,11 +151,7 @@ class EvaluationProtocol(Protocol):
         ...
 
     def assemble(
-        self,
-        prepared: Prepared[Any],
-        main: Sequence[Comparison],
-        beside: Sequence[Comparison],
-        seed: int,
+        self, prepared: Prepared[Any], main: Sequence[Comparison], beside: Sequence[Comparison], seed: int
     ) -> EvaluationRun:
         """Score the held-out predictions.
 
