@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
@@ -83,6 +83,7 @@ def forecast(
     """
     from tripwatt.api import read_route
     from tripwatt.population import for_car
+    from tripwatt.sources.canonical import read_canonical
     from tripwatt.units import M_S_PER_KM_H
     from tripwatt.vehicles import load_vehicle
 
@@ -93,7 +94,9 @@ def forecast(
             check(_require_options, reserve, plot)
             fitted = check(model_of, model)
             plan = check(read_route, trip, speed_m_s=speed_m_s)
-            measured = None if observed is None else check(_measured, observed)
+            measured = None
+            if observed is not None:
+                measured = check(read_canonical, observed, required=("time_s",), least=2)
             car = None if vehicle is None else check(load_vehicle, vehicle)
             known = check(departure)
         fitted = for_car(fitted, car)
@@ -125,12 +128,6 @@ def _require_options(reserve: float, plot: Path | None) -> None:
     if plot is not None and not plot.absolute().parent.is_dir():
         faults.append(Fault("no such folder", "--plot", str(plot.parent), "an existing folder"))
     raise_faults(faults)
-
-
-def _measured(path: Path) -> Any:
-    from tripwatt.sources.canonical import read_canonical
-
-    return read_canonical(path, required=("time_s",), least=2)
 
 
 def _draw(forecast: Forecast, plot: Path) -> None:

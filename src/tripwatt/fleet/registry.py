@@ -145,10 +145,7 @@ class Registry:
 
     def versions(self) -> tuple[str, ...]:
         """All versions, oldest first."""
-        versions = self.folder / "versions"
-        return (
-            tuple(sorted(p.name for p in versions.iterdir() if p.name.isdigit())) if versions.is_dir() else ()
-        )
+        return tuple(sorted(p.name for p in self.folder.glob("versions/*") if p.name.isdigit()))
 
     def add(self, model: FleetModel, note: str = "") -> str:
         """Write a model as a new version; the pointer stays where it is. Several may add at once.

@@ -176,15 +176,9 @@ def _preset_tables(
 
 
 def _unknown_fault(what: str, where: str, got: str, allowed: Sequence[str] | Mapping[str, Any]) -> Fault:
-    return Fault(
-        f"unknown {what}",
-        where,
-        got,
-        ", ".join(sorted(allowed))
-        if len(allowed) < 12
-        else "a key of the parameter table in docs/explanation/car-model.md",
-        did_you_mean(got, allowed),
-    )
+    many = "a key of the parameter table in docs/explanation/car-model.md"
+    known = ", ".join(sorted(allowed)) if len(allowed) < 12 else many
+    return Fault(f"unknown {what}", where, got, known, did_you_mean(got, allowed))
 
 
 @cache
