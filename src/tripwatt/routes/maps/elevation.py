@@ -190,8 +190,9 @@ def _read(path: Path) -> Heights:
     try:
         content = read_file(path, 2 * most, what="cannot read the elevation tile", allowed="a tile of SRTM")
         if path.name.lower().endswith(".zip"):
-            # a tile of the sea is nothing but zeros
-            archive = open_archive(content, Budget(path.name), most_ratio=most)
+            archive = open_archive(
+                content, Budget(path.name), most_ratio=most
+            )  # a tile of the sea is nothing but zeros
             inside = [name for name in archive.namelist() if name.lower().endswith(".hgt")]
             content = archive.open(inside[0] if inside else "*.hgt").read(most)
         elif path.name.lower().endswith(".gz"):

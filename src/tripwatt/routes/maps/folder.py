@@ -56,8 +56,11 @@ class MapFolder:
             return ""
         south, west, north, east = map(float, self.info["bounds_deg"])
         names = [place.title for place in self.index.settlements(south, west, north, east, MOST_NAMED)]
-        listed = " and ".join(filter(None, (", ".join(names[:-1]), *names[-1:])))
-        around = f" around {listed}" if names else ""
+        around = (
+            f" around {' and '.join((', '.join(names[:-1]), names[-1]) if names[1:] else names)}"
+            if names
+            else ""
+        )
         return f"{_span(south, north, 'SN')} and {_span(west, east, 'WE')}{around} ({self.info['extract']})"
 
     @cached_property
