@@ -352,9 +352,6 @@ def update_fleet(
     work: Path | str,
     executor: Executor,
     workers: int = 1,
-    *,
-    which: Mapping[str, Any] | None = None,
-    progress: Callable[[int, int], None] | None = None,
 ) -> tuple[FleetModel, TripRows]:
     """A model with the trips of the store that it has not seen; the cost is that of the new trips.
 
@@ -367,8 +364,8 @@ def update_fleet(
     rows : TripRows
         Of the new trips.
     """
-    wanted = [row for row in store.trip_rows(**(which or {})) if row["digest"] not in model.digests]
-    results = list(map_store(tasks_of(store, wanted, work), executor, workers, progress))
+    wanted = [row for row in store.trip_rows() if row["digest"] not in model.digests]
+    results = list(map_store(tasks_of(store, wanted, work), executor, workers))
     rows = read_rows(results)
     if not len(rows):
         return model, rows

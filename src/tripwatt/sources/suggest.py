@@ -259,8 +259,7 @@ def _with_day(guess: Guess, table: TableFile, beside: Sequence[Path]) -> Guess:
     for file in beside[:MOST_BESIDE]:
         with contextlib.suppress(InvalidInput, ValueError):
             texts.append(_stamp_texts(open_table(file, faults=[]), guess))
-    order = np.argsort([0, *range(1, len(texts))])
-    decided = decided_format([texts[k] for k in order], guess.format)
+    decided = decided_format(texts, guess.format)
     if decided == guess.format:
         return guess
     return replace(guess, format=decided, why=f"{guess.why.partition('; CHECK')[0]}; by all files {decided}")
