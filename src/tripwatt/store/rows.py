@@ -159,12 +159,10 @@ def _unchanged(log: Recorded, drives: Sequence[Recorded]) -> bool:
     if len(drives) != 1:
         return False
     (drive,) = drives
-    same = (drive.trip_id, drive.context, drive.observed_energy_wh) == (
-        log.trip_id,
-        log.context,
-        log.observed_energy_wh,
+    same = (
+        getattr(drive, name) == getattr(log, name) for name in ("trip_id", "context", "observed_energy_wh")
     )
-    return same and drive.samples.equals(log.samples)
+    return all(same) and drive.samples.equals(log.samples)
 
 
 def _distance(drive: Recorded) -> float:

@@ -121,11 +121,8 @@ def _part(
     faults: list[Fault],
 ) -> Any:
     """A part from its entries; None for one that the car lacks, or with an entry missing."""
-    fields, values = _fields(section), {}
-    for key in fields:
-        entry = entries.get(f"{section}.{key}")
-        if entry is not None:
-            values[key] = entry.value
+    fields = _fields(section)
+    values = {key: entries[name].value for key in fields if (name := f"{section}.{key}") in entries}
     if table is None and not values and section in OPTIONAL_SECTIONS:
         return None
     missing = [k for k, f in fields.items() if f.default is dataclasses.MISSING and k not in values]
