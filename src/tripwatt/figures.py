@@ -42,9 +42,8 @@ class ShownFigure(Figure):
 
         pyplot.figure(FigureClass=lambda **settings: self)  # type: ignore[arg-type]  # this one, no new one
         pyplot.show()
-        if (
-            type(self.canvas.manager) is FigureManagerBase
-        ):  # has no window whose end would take it off the list
+        # a base has no window whose end would take it off the list
+        if type(self.canvas.manager) is FigureManagerBase:
             pyplot.close(self)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime as dt
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -12,7 +13,7 @@ import typer
 
 from tripwatt.cli.departing import DepartureOf, departure_options, time_of
 from tripwatt.cli.forecast import forecast_rows
-from tripwatt.cli.options import JsonOption, add_command, argument, group_of, option, options_named
+from tripwatt.cli.options import JsonOption, argument, option, options_named
 from tripwatt.cli.output import write_text
 from tripwatt.cli.printing import console, print_json, print_table, progress
 from tripwatt.cli.stores import CarModelOption, SinceOption, StoreArgument, StoreOption, UntilOption, opened
@@ -20,10 +21,10 @@ from tripwatt.cli.stores import CarModelOption, SinceOption, StoreArgument, Stor
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
-    from tripwatt.fleet.registry import Comparison, Registry
+    from tripwatt.fleet.registry import Registry
     from tripwatt.fleet.statistics import TripRows
 
-fleet_app = group_of(
+GROUP = (
     "Many vehicles: one model of a trip store, with the deviations of each car model, vehicle and driver. It needs the "
     "extra tripwatt[fleet]."
 )
@@ -38,18 +39,6 @@ WorkOption = Annotated[
     Path | None,
     option("FOLDER", "Folder of finished parts, which every worker reaches. Default: REGISTRY/work."),
 ]
-
-
-def add_commands(app: typer.Typer) -> None:
-    """Add the commands of this file."""
-    for command in (fit, update, refit, versions, promote):
-        add_command(fleet_app, command)
-    add_command(fleet_app, roll_back, name="rollback")
-    add_command(fleet_app, forecast)
-    add_command(fleet_app, batch)
-    add_command(fleet_app, report)
-    add_command(fleet_app, evaluate)
-    app.add_typer(fleet_app, name="fleet")
 
 
 @contextmanager
@@ -189,17 +178,11 @@ def refit(
         version, comparison, promoted = refit_fleet(
             source, target, work or registry / "work", executor, workers, weeks=weeks, progress=advance
         )
-    _show_comparison(version, comparison, promoted, as_json)
-    if not promoted:
-        raise typer.Exit(1)
-
-
-def _show_comparison(version: str, comparison: Comparison, promoted: bool, as_json: bool) -> None:
-    from dataclasses import asdict
-
     print_json(
         {"version": version, "in_use": promoted, "reason": f"{comparison}", "comparison": asdict(comparison)}
     ) if as_json else typer.echo(f"version {version} is {'' if promoted else 'not '}in use: {comparison}")
+    if not promoted:
+        raise typer.Exit(1)
 
 
 def versions(registry: RegistryArgument, as_json: JsonOption = False) -> None:
@@ -236,7 +219,7 @@ def promote(
     print_json({"in_use": version}) if as_json else typer.echo(f"version {version} is in use")
 
 
-def roll_back(registry: RegistryArgument, as_json: JsonOption = False) -> None:
+def rollback(registry: RegistryArgument, as_json: JsonOption = False) -> None:
     """Use the version again that was in use before.
 
     For example:
@@ -438,3 +421,6 @@ def evaluate(
         return
     table = accuracy_table(scores, "car_model")
     print_table(f"{out}", table.columns, table.rows, numbers=table.columns[2:])
+
+
+COMMANDS = (fit, update, refit, versions, promote, rollback, forecast, batch, report, evaluate)
