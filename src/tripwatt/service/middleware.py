@@ -14,13 +14,15 @@ import secrets
 import time
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
-from typing import Final
+from typing import Any, Final
 from urllib.parse import urlsplit
 
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import RedirectResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from uvicorn.middleware.proxy_headers import ProxyHeadersMiddleware
 
+from tripwatt.errors import excerpt
 from tripwatt.service.contract import DEPRECATED_SINCE
 from tripwatt.service.metrics import Metrics
 from tripwatt.service.problems import SAFE_METHODS, Problem
@@ -116,6 +118,26 @@ def rate_limit_key(address: str) -> str | None:
     return str(ip) if ip.version == 4 else str(ipaddress.ip_network((int(ip), 64), strict=False))
 
 
+class ProxyHeaders(ProxyHeadersMiddleware):
+    """The headers of a proxy: `X-Forwarded-For` names the client, `X-Forwarded-Host` the host; those of other peers do not count.
+
+    Parameters
+    ----------
+    app : ASGI application
+    trusted : str
+        Addresses and networks of proxies beside loopback, with commas; `*` for all.
+    """
+
+    def __init__(self, app: Any, trusted: str = "") -> None:
+        super().__init__(app, "*" if trusted.strip() == "*" else f"127.0.0.1,::1,{trusted}")
+
+    async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
+        """Handle one request."""
+        if scope["type"] == "http" and (scope["client"] or ("",))[0] not in self.trusted_hosts:
+            scope["headers"] = [header for header in scope["headers"] if header[0] != b"x-forwarded-host"]
+        await super().__call__(scope, receive, send)
+
+
 class ServiceMiddleware:
     """The middleware around the application.
 
@@ -205,9 +227,11 @@ def _check_site(headers: Headers, allowed: Sequence[str]) -> None:
     if site is not None:
         is_foreign = site not in OWN_SITES
     else:
-        is_foreign = origin is not None and urlsplit(origin).netloc.lower() != headers.get("host", "").lower()
+        host = headers.get("x-forwarded-host", headers.get("host", "")).partition(",")[0].strip()
+        is_foreign = origin is not None and urlsplit(origin).netloc.lower() != host.lower()
     if is_foreign:
-        raise Problem("foreign-site", "a page of another site sent the request")
+        remedy = "start the service with --cors-origin ORIGIN to allow it; for its own page, let the proxy pass its host as X-Forwarded-Host"
+        raise Problem("foreign-site", f"a page of {excerpt(origin or site)} sent the request: {remedy}")
 
 
 class _RequestHandling:

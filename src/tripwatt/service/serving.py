@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import os
 import re
 import signal
 import socket
@@ -23,6 +24,9 @@ BACKLOG: Final = 512
 
 SHUTDOWN_MARGIN_S: Final = 5
 """Time for running requests at shutdown, beyond `Limits.timeout_s`."""
+
+PROXIES_VARIABLE: Final = "FORWARDED_ALLOW_IPS"
+"""Environment variable of the proxies that are trusted beside loopback: addresses and networks, with commas."""
 
 MAX_MESSAGE_LENGTH: Final = 4000
 """Most characters of a message of the HTTP server in the log."""
@@ -119,6 +123,7 @@ def serve(settings: Settings, on_start: Callable[[str], None] = lambda url: None
     import uvicorn
 
     from tripwatt.service.app import create_app
+    from tripwatt.service.middleware import ProxyHeaders
     from tripwatt.service.protocol import BoundedProtocol
 
     class Server(uvicorn.Server):
@@ -128,11 +133,12 @@ def serve(settings: Settings, on_start: Callable[[str], None] = lambda url: None
                 on_start(url_of(listener))
 
     require_safe(settings)
-    app = create_app(settings, log_json)
+    app = ProxyHeaders(create_app(settings, log_json), os.environ.get(PROXIES_VARIABLE, ""))
     with open_socket(settings) as listener:
         config = uvicorn.Config(
             app,
             http=BoundedProtocol,
+            proxy_headers=False,  # `ProxyHeaders` has read them
             log_config=None,
             access_log=False,
             server_header=False,
