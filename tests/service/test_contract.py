@@ -10,11 +10,12 @@ import orjson
 import pytest
 from starlette.requests import Request
 from starlette.responses import Response
+from tests.support import ROOT
 from tests.support.service_process import Service
 
 from tripwatt.errors import InvalidInput
 from tripwatt.service.app import Api
-from tripwatt.service.contract import Repeats, chosen, known_parameters, tagged
+from tripwatt.service.contract import OLD_NAMES, Repeats, chosen, known_parameters, tagged
 from tripwatt.service.problems import TITLES, Problem, pointer_to
 from tripwatt.service.settings import Settings
 
@@ -146,8 +147,87 @@ def test_old_names_are_announced(service: Service, drive: dict[str, Any]) -> Non
     assert old.json() == new.json()
     assert re.fullmatch(r"@\d{10}", old.headers["deprecation"])
     assert "deprecation" not in new.headers
-    assert "deprecation" in service.client.post("/v1/plan", json={}).headers
+    assert 'title="soc of samples"' in old.headers["link"]
+    assert service.client.post("/v1/plan", json={}).headers["link"] == (
+        '</openapi.json>; rel="deprecation"; title="/v1/plan"'
+    )
     assert "deprecation" not in service.client.post("/v1/journeys", json={}).headers
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "given", "names"),
+    [
+        ("POST", "/v1/journeys", {"weather": {"rain_mm_h": 1.0}}, "weather"),
+        ("POST", "/v1/journeys", {"depart": "2026-02-01T07:30:00+01:00"}, "depart"),
+        ("POST", "/v1/reachable", {"departure_utc": 1769927400.0}, "departure_utc as a number"),
+        ("PUT", "/v1/live/leaf/plan", {"depart": 1769927400, "soc": 0.5}, "depart"),
+        ("PUT", "/v1/live/leaf/plan", {"departure_utc": 1769927400}, "departure_utc as a number"),
+        ("PUT", "/v1/live/leaf/plan", {"samples": {"soc": [0.5]}}, "soc of samples"),
+        ("POST", "/v1/forecast/batch", {"samples": {"soc": [0.5]}}, "soc of samples"),
+        ("GET", "/v1/need", {"distance_km": 30, "depart": "2026-02-01T07:30:00Z"}, "depart"),
+        ("GET", "/v1/need", {"distance_km": 30, "departure_utc": 1769927400}, "departure_utc as a number"),
+        ("POST", "/v1/plan", {"weather": {}, "depart": 1}, "/v1/plan, depart, weather"),
+        ("POST", "/v1/journeys", {"departure_utc": "2026-02-01T07:30:00+01:00", "soc": 0.5}, ""),
+        ("GET", "/v1/need", {"distance_km": 30, "departure_utc": "2026-02-01T07:30:00Z", "vehicle": "vw_id3"}, ""),
+        ("POST", "/v1/journeys", {"stops": ['"weather":{"', "depart"]}, ""),
+    ],
+)  # fmt: skip
+def test_every_old_name_is_announced_and_named(
+    complete: Service, method: str, path: str, given: dict[str, Any], names: str
+) -> None:
+    kind = {"Content-Type": "application/x-ndjson" if path.endswith("batch") else "application/json"}
+    body = {"params": given} if method == "GET" else {"content": orjson.dumps(given), "headers": kind}
+    headers = complete.client.request(method, path, **body).headers
+    if not names:
+        assert ("deprecation" in headers, "link" in headers) == (False, False)
+        return
+    assert re.fullmatch(r"@\d{10}", headers["deprecation"])
+    assert headers["link"] == f'</openapi.json>; rel="deprecation"; title="{names}"'
+
+
+def test_every_old_name_of_a_request_is_looked_for_and_on_the_page(document: dict[str, Any]) -> None:
+    page = (ROOT / "docs" / "howto" / "build-on-it.md").read_text("utf-8")
+    asked = set[str]()
+    for name, schema in document["components"]["schemas"].items():
+        if name.endswith("Request"):
+            of_lists = [o for one in schema["properties"].values() for o in (one, *one.get("anyOf", ()))]
+            for fields in (schema, *of_lists):
+                asked |= {n for n, one in fields.get("properties", {}).items() if one.get("deprecated")}
+    assert asked == {"soc", "weather"}
+    assert all(any(name in old for old in OLD_NAMES) and f"| `{name}`" in page for name in asked)
+
+
+def test_no_old_name_of_a_response_is_required(document: dict[str, Any]) -> None:
+    old = {
+        (name, one)
+        for name, schema in document["components"]["schemas"].items()
+        for one, field in schema.get("properties", {}).items()
+        if field.get("deprecated") and one not in schema.get("required", ())
+    }
+    assert {("ForecastResponse", "p_arrive"), ("LiveCarsResponse", "vehicles"), ("LiveTripDocument", "departure_utc"),
+            ("NeedResponse", "energy_wh"), ("TelemetryResponse", "vehicle")} <= old  # fmt: skip
+    for name, schema in document["components"]["schemas"].items():
+        required = set(schema.get("required", ()))
+        assert not {one for one in required if schema["properties"][one].get("deprecated")}, name
+
+
+def test_headers_are_in_the_document(document: dict[str, Any]) -> None:
+    paths = document["paths"]
+    for path in ("/v1/models", "/v1/vehicles", "/v1/map"):
+        heeds = [p["name"] for p in paths[path]["get"]["parameters"] if p["in"] == "header"]
+        answers = paths[path]["get"]["responses"]
+        assert (heeds, "ETag" in answers["200"]["headers"], "content" in answers["304"]) == (
+            ["If-None-Match"],
+            True,
+            False,
+        )
+    for path in ("/v1/cars", "/v1/cars/{car}/token", "/v1/cars/{car}/uploads/{upload}/learn"):
+        assert "Idempotency-Key" in [p["name"] for p in paths[path]["post"]["parameters"]]
+    forecast = paths["/v1/forecast"]["post"]
+    assert "parameters" not in forecast or all(p["in"] == "query" for p in forecast["parameters"])
+    assert forecast["responses"]["200"]["headers"].keys() == {"Deprecation", "Link"}
+    assert all("Retry-After" in forecast["responses"][status]["headers"] for status in ("429", "503"))
+    assert "headers" not in forecast["responses"]["422"]
 
 
 def asked(key: str | None, path: str = "/v1/cars") -> Request:

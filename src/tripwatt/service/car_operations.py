@@ -33,7 +33,7 @@ from tripwatt.service.car_schemas import (
     UploadResponse,
 )
 from tripwatt.service.live import LiveCars
-from tripwatt.service.openapi import BINARY, BYTES, JSON, operation
+from tripwatt.service.openapi import BINARY, BYTES, JSON, KEY, operation
 from tripwatt.service.pool import JobResult, WorkerLost, WorkerPool
 from tripwatt.service.problems import Problem, invalid_input
 from tripwatt.service.receiving import require_accepts
@@ -125,7 +125,7 @@ class CarOperations:
         """List the cars."""
         return await self.answering.job(request, "cars")
 
-    @operation("POST /v1/cars", "cars", CarResponse, NewCarRequest)
+    @operation("POST /v1/cars", "cars", CarResponse, NewCarRequest, header=KEY)
     async def new_car(self, request: Request) -> Response:
         """Make a car."""
         require_folder(self.settings.cars)
@@ -153,7 +153,7 @@ class CarOperations:
         self.learning.pop(car, None)
         return response
 
-    @operation("POST /v1/cars/{car}/token", "cars", TokenResponse)
+    @operation("POST /v1/cars/{car}/token", "cars", TokenResponse, header=KEY)
     async def new_token(self, request: Request, car: CarName) -> Response:
         """Make a token with which a car sends its messages; an earlier one is no longer accepted."""
 
@@ -184,7 +184,12 @@ class CarOperations:
         return await self.answering.body_job(request, "logs", car=car, upload=upload)
 
     @operation(
-        "POST /v1/cars/{car}/uploads/{upload}/learn", "cars", CarResponse, LogsRequest, also=("not-found",)
+        "POST /v1/cars/{car}/uploads/{upload}/learn",
+        "cars",
+        CarResponse,
+        LogsRequest,
+        also=("not-found", "key-used"),
+        header=KEY,
     )
     async def learn(self, request: Request, car: CarName, upload: UploadName) -> Response:
         """Learn the trips of an upload: the response comes at once, and the car shows the progress."""

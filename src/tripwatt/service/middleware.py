@@ -284,8 +284,10 @@ class _RequestHandling:
     def _add_headers(self, message: Message) -> None:
         headers = MutableHeaders(scope=message)
         headers["X-Request-ID"] = self.request_id
-        if self.scope["state"].get("deprecated"):
+        if names := self.scope["state"].get("deprecated"):
+            document = f"<{self.middleware.settings.prefix}/openapi.json>"
             headers["Deprecation"] = DEPRECATED_SINCE
+            headers.append("Link", f'{document}; rel="deprecation"; title="{", ".join(names)}"')
         for name, value in SECURITY_HEADERS.items():
             headers.setdefault(name, value)
         headers.setdefault("Cache-Control", "no-store")

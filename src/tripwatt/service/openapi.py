@@ -12,7 +12,7 @@ from pydantic import TypeAdapter
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from starlette.responses import Response
 
-from tripwatt.service.contract import known_parameters, mark_deprecated
+from tripwatt.service.contract import VALID_KEY, known_parameters, mark_old_address
 from tripwatt.service.example_requests import EXAMPLES
 from tripwatt.service.problems import MEDIA_TYPE, SAFE_METHODS, TITLES
 from tripwatt.service.schemas import ProblemDocument
@@ -43,6 +43,32 @@ TAG_PROBLEMS: Final[Mapping[str, tuple[str, ...]]] = {
 }
 """Problems of all operations of a tag."""
 
+TAG: Final = "If-None-Match"
+KEY: Final = "Idempotency-Key"
+REQUEST_HEADERS: Final = {
+    TAG: {
+        "schema": {"type": "string"},
+        "description": "the `ETag` that the client has: a 304 has no content",
+    },
+    KEY: {
+        "schema": {"type": "string", "pattern": f"^{VALID_KEY.pattern}$"},
+        "description": "of a request that may come twice: the second one gets the response of the first, for a day",
+    },
+}
+"""Headers that an operation heeds."""
+
+
+def _header(description: str) -> dict[str, Any]:
+    return {"description": description, "schema": {"type": "string"}}
+
+
+ETAG: Final = {"ETag": _header("changes with the content")}
+RETRY: Final = {"Retry-After": _header("seconds to wait")}
+DEPRECATION: Final = {
+    "Deprecation": _header("the request has an old name, which `Link` names (RFC 9745)"),
+    "Link": _header('with `rel="deprecation"`: the old names as its title'),
+}
+
 Content = type | dict[str, Any]
 """A document of JSON by its schema, or an object of OpenAPI for a media type."""
 
@@ -67,6 +93,8 @@ class Operation:
         All kinds of problems, where they do not follow.
     alias : str
         An earlier path; empty for none.
+    header : str
+        A header of the request that the operation heeds: `TAG` or `KEY`; empty for none.
     internal : bool
         Whether it serves the page alone and may change in any version.
     description : str
@@ -83,6 +111,7 @@ class Operation:
     also: tuple[str, ...] = ()
     only: tuple[str, ...] | None = None
     alias: str = ""
+    header: str = ""
     internal: bool = False
     description: str = ""
     more: Mapping[str, Any] = field(default_factory=dict)
@@ -96,7 +125,17 @@ class Operation:
         if self.method not in SAFE_METHODS:
             kinds = (*kinds, "foreign-site")
         checks = known_parameters(handler, self.path) if "invalid-input" in kinds else []
-        answer = {"description": self._description(), "content": _contents(self.answer)}
+        tag = ETAG if self.header == TAG else {}
+        answer = {
+            "description": self._description(),
+            "content": _contents(self.answer),
+            "headers": DEPRECATION | tag,
+        }
+        answers = {200: answer, **_problems(kinds)}
+        if tag:
+            answers[304] = {"description": "The client has it already", "headers": tag}
+        if self.header:
+            extra["parameters"] = [{"name": self.header, "in": "header", **REQUEST_HEADERS[self.header]}]
         for path in (self.path, self.alias):
             if path:
                 app.add_api_route(
@@ -105,10 +144,10 @@ class Operation:
                     methods=[self.method],
                     operation_id=handler.__name__ + ("_alias" if path == self.alias else ""),
                     tags=[self.tag],
-                    dependencies=[*checks, *([Depends(mark_deprecated)] if path == self.alias else [])],
+                    dependencies=[*checks, Depends(mark_old_address)],
                     response_class=Response,
                     response_model=None,
-                    responses={200: answer, **_problems(kinds)},
+                    responses=answers,
                     openapi_extra=extra,
                     deprecated=True if path == self.alias else None,
                 )
@@ -207,9 +246,10 @@ def add_operations(app: FastAPI, owners: Iterable[object], *, with_token: bool) 
                 security["token"] = {"type": "http", "scheme": "bearer"}
                 derived["security"] = [{"token": []}]
             for schema in schemas["$defs"].values():
-                for of_field in schema.get("properties", {}).values():
+                for name, of_field in schema.get("properties", {}).items():
                     if str(of_field.get("description", "")).startswith("deprecated: "):
                         of_field["deprecated"] = True
+                        schema["required"] = [one for one in schema["required"] if one != name]
             derived["components"] = {"schemas": schemas["$defs"], "securitySchemes": security}
             app.openapi_schema = derived
         return app.openapi_schema
@@ -250,6 +290,10 @@ def _problems(kinds: Iterable[str]) -> dict[int | str, dict[str, Any]]:
         by_status.setdefault(status, {})[title] = None
     content = _contents({MEDIA_TYPE: ProblemDocument})
     return {
-        status: {"description": "; ".join(titles), "content": content}
+        status: {
+            "description": "; ".join(titles),
+            "content": content,
+            **({"headers": RETRY} if status in (429, 503) else {}),
+        }
         for status, titles in sorted(by_status.items())
     }

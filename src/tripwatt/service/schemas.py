@@ -45,6 +45,12 @@ MIN_DURATION_S: Final = 1.0
 BMS_SOC: Final = "bms_soc"
 """The column `soc` of a table, the state of charge of the battery management, in a request: there, `soc` is the displayed one."""
 
+PROBLEM_KINDS: Final[dict[str, Any]] = {
+    "enum": [f"/problems/{kind}" for kind in TITLES],
+    "x-enum-varnames": [kind.upper().replace("-", "_") for kind in TITLES],
+}
+"""Types of problems, and their names in generated clients."""
+
 NUMBER_TYPES: Final = frozenset({float, int, NoneType})
 """Types of JSON numbers and of null. `bool` is excluded, although it is a subclass of `int`."""
 
@@ -65,6 +71,7 @@ def _columns_schema(required: list[str], min_items: int, meaning: str) -> dict[s
             "description": f"deprecated: old name of `{BMS_SOC}`"
             if name == "soc"
             else f"{column.meaning} [{column.unit}]",
+            **({"deprecated": True} if name == "soc" else {}),
         }
     return {
         "type": "object",
@@ -314,7 +321,7 @@ class ProblemFault(ResponseModel):
 class ProblemDocument(ResponseModel):
     """Problem document of RFC 9457."""
 
-    type: str = Field(json_schema_extra={"enum": [f"/problems/{kind}" for kind in TITLES]})
+    type: str = Field(json_schema_extra=PROBLEM_KINDS)
     """kind of problem, as a path"""
     title: str
     status: int

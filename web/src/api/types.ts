@@ -640,6 +640,7 @@ export interface components {
                 battery_temperature_degc?: (number | null)[];
                 voltage_v?: (number | null)[];
                 current_a?: (number | null)[];
+                /** @deprecated */
                 soc?: (number | null)[];
                 displayed_soc?: (number | null)[];
                 motor_torque_nm?: (number | null)[];
@@ -952,6 +953,7 @@ export interface components {
                 battery_temperature_degc?: (number | null)[];
                 voltage_v?: (number | null)[];
                 current_a?: (number | null)[];
+                /** @deprecated */
                 soc?: (number | null)[];
                 displayed_soc?: (number | null)[];
                 motor_torque_nm?: (number | null)[];
@@ -984,7 +986,7 @@ export interface components {
                 [key: string]: number;
             };
             /** @deprecated */
-            p_arrive: {
+            p_arrive?: {
                 [key: string]: number;
             };
             climb: components["schemas"]["UnknownClimbDocument"] | null;
@@ -1132,14 +1134,14 @@ export interface components {
         LiveCarSummary: {
             car: string;
             /** @deprecated */
-            vehicle: string;
+            vehicle?: string;
             seconds_since_message: number | null;
             on_trip: boolean;
         };
         LiveCarsResponse: {
             cars: components["schemas"]["LiveCarSummary"][];
             /** @deprecated */
-            vehicles: components["schemas"]["LiveCarSummary"][];
+            vehicles?: components["schemas"]["LiveCarSummary"][];
         };
         LiveForecastDocument: {
             energy_wh: number;
@@ -1195,6 +1197,7 @@ export interface components {
                 battery_temperature_degc?: (number | null)[];
                 voltage_v?: (number | null)[];
                 current_a?: (number | null)[];
+                /** @deprecated */
                 soc?: (number | null)[];
                 displayed_soc?: (number | null)[];
                 motor_torque_nm?: (number | null)[];
@@ -1213,7 +1216,7 @@ export interface components {
         LiveResponse: {
             car: string;
             /** @deprecated */
-            vehicle: string;
+            vehicle?: string;
             seconds_since_message: number | null;
             messages: components["schemas"]["LiveMessages"];
             held: number;
@@ -1229,7 +1232,7 @@ export interface components {
         LiveTripDocument: {
             departs_at: string;
             /** @deprecated */
-            departure_utc: number;
+            departure_utc?: number;
             duration_s: number;
             distance_m: number;
             samples: number;
@@ -1322,7 +1325,7 @@ export interface components {
             preheat: components["schemas"]["PreheatDocument"] | null;
             car: string;
             /** @deprecated */
-            vehicle: string;
+            vehicle?: string;
             /** @enum {string} */
             plan: "given" | "usual";
             usual_trip: string | null;
@@ -1331,7 +1334,7 @@ export interface components {
             expected_wh: number;
             energy_quantile_wh: number;
             /** @deprecated */
-            energy_wh: number;
+            energy_wh?: number;
             soc_needed: number;
             message: string;
             wh_per_display: number;
@@ -1640,7 +1643,7 @@ export interface components {
             status: "ok" | "held";
             car: string;
             /** @deprecated */
-            vehicle: string;
+            vehicle?: string;
             /** @enum {string} */
             arrival: "new" | "doubled" | "held";
             ignored: components["schemas"]["ProblemFault"][];
@@ -1692,6 +1695,7 @@ export interface components {
                 battery_temperature_degc?: (number | null)[];
                 voltage_v?: (number | null)[];
                 current_a?: (number | null)[];
+                /** @deprecated */
                 soc?: (number | null)[];
                 displayed_soc?: (number | null)[];
                 motor_torque_nm?: (number | null)[];
@@ -1717,6 +1721,7 @@ export interface components {
                 battery_temperature_degc?: (number | null)[];
                 voltage_v?: (number | null)[];
                 current_a?: (number | null)[];
+                /** @deprecated */
                 soc?: (number | null)[];
                 displayed_soc?: (number | null)[];
                 motor_torque_nm?: (number | null)[];
@@ -1919,6 +1924,8 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
+                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -1944,6 +1951,8 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
+                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -1967,6 +1976,8 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
+                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -1990,6 +2001,8 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
+                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2015,6 +2028,8 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
+                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2041,12 +2056,14 @@ export interface operations {
                 "text/csv": string;
                 "application/octet-stream": string;
                 "application/geo+json": Record<string, unknown>;
-                "application/json": unknown;
+                "application/json": Record<string, unknown>;
             };
         };
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
+                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2072,6 +2089,8 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
+                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2097,6 +2116,8 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
+                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2120,6 +2141,8 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
+                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2143,6 +2166,8 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
+                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2166,6 +2191,8 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
+                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2213,6 +2240,8 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
+                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2254,6 +2283,8 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
+                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2276,6 +2307,8 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
+                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2287,7 +2320,9 @@ export interface operations {
     get_map: {
         parameters: {
             query?: never;
-            header?: never;
+            header?: {
+                "If-None-Match"?: string;
+            };
             path?: never;
             cookie?: never;
         };
@@ -2295,6 +2330,9 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
+                    Link?: string;
+                    ETag?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2320,6 +2358,8 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
+                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2343,6 +2383,8 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
+                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2354,7 +2396,9 @@ export interface operations {
     get_models: {
         parameters: {
             query?: never;
-            header?: never;
+            header?: {
+                "If-None-Match"?: string;
+            };
             path?: never;
             cookie?: never;
         };
@@ -2362,6 +2406,9 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
+                    Link?: string;
+                    ETag?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2375,7 +2422,9 @@ export interface operations {
             query?: {
                 search?: string;
             };
-            header?: never;
+            header?: {
+                "If-None-Match"?: string;
+            };
             path?: never;
             cookie?: never;
         };
@@ -2383,6 +2432,9 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
+                    Link?: string;
+                    ETag?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2406,6 +2458,8 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
+                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2425,6 +2479,8 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
+                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2446,6 +2502,8 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
+                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2465,6 +2523,8 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
+                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2484,6 +2544,8 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
+                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2503,6 +2565,8 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
+                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2526,6 +2590,8 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
+                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2539,7 +2605,9 @@ export interface operations {
             query?: {
                 model?: string;
             };
-            header?: never;
+            header?: {
+                "If-None-Match"?: string;
+            };
             path: {
                 file: "report.html" | "report.json" | "changes.csv" | "vehicles.csv" | "drivers.csv" | "needs.csv" | "routes.csv" | "emhass.json" | "evcc.txt";
             };
@@ -2549,6 +2617,9 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
+                    Link?: string;
+                    ETag?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2578,6 +2649,8 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
+                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2597,6 +2670,8 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
+                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2618,6 +2693,8 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
+                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2643,6 +2720,8 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
+                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2664,6 +2743,8 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
+                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2683,6 +2764,8 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
+                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2694,7 +2777,9 @@ export interface operations {
     new_car: {
         parameters: {
             query?: never;
-            header?: never;
+            header?: {
+                "Idempotency-Key"?: string;
+            };
             path?: never;
             cookie?: never;
         };
@@ -2706,6 +2791,8 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
+                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2727,6 +2814,8 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
+                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2748,6 +2837,8 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
+                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2759,7 +2850,9 @@ export interface operations {
     new_token: {
         parameters: {
             query?: never;
-            header?: never;
+            header?: {
+                "Idempotency-Key"?: string;
+            };
             path: {
                 car: string;
             };
@@ -2769,6 +2862,8 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
+                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2796,6 +2891,8 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
+                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2822,6 +2919,8 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
+                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2833,7 +2932,9 @@ export interface operations {
     learn: {
         parameters: {
             query?: never;
-            header?: never;
+            header?: {
+                "Idempotency-Key"?: string;
+            };
             path: {
                 car: string;
                 upload: string;
@@ -2848,6 +2949,8 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
+                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
