@@ -57,16 +57,11 @@ REQUEST_HEADERS: Final = {
 }
 """Headers that an operation heeds."""
 
-
-def _header(description: str) -> dict[str, Any]:
-    return {"description": description, "schema": {"type": "string"}}
-
-
-ETAG: Final = {"ETag": _header("changes with the content")}
-RETRY: Final = {"Retry-After": _header("seconds to wait")}
+ETAG: Final = {"ETag": {"description": "changes with the content", **TEXT}}
+RETRY: Final = {"Retry-After": {"description": "seconds to wait", **TEXT}}
 DEPRECATION: Final = {
-    "Deprecation": _header("the request has an old name, which `Link` names (RFC 9745)"),
-    "Link": _header('with `rel="deprecation"`: the old names as its title'),
+    "Deprecation": {"description": "the request has an old name, which `Link` names (RFC 9745)", **TEXT},
+    "Link": {"description": 'with `rel="deprecation"`: the old names as its title', **TEXT},
 }
 
 Content = type | dict[str, Any]
