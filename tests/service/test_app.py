@@ -356,7 +356,7 @@ def test_other_errors_of_the_framework_have_a_kind(status: int, kind: str) -> No
 
 def test_all_methods_of_a_path_are_allowed() -> None:
     served = Served()
-    assert served("/v1/vehicles", "DELETE").headers["allow"] == "GET, POST"
+    assert served("/v1/vehicles", "DELETE").headers["allow"] == "GET, HEAD, POST"
 
 
 def test_what_is_wrong_with_a_parameter_is_cut_after_80_characters() -> None:

@@ -122,6 +122,31 @@ def test_parameters_of_the_path_are_not_those_of_the_query() -> None:
     assert faults_of(b"x" * 100 + b"=1")[0][0] == f"query.{'x' * 80}"
 
 
+def test_what_is_refused_names_what_is_allowed(service: Service, complete: Service) -> None:
+    def fault(given: dict[str, Any], path: str = "/v1/forecast") -> dict[str, str]:
+        (found,) = service.client.post(
+            path, json={"links": [{"length_m": 900, "speed_m_s": 9}]} | given
+        ).json()["faults"]
+        assert isinstance(found, dict)
+        return found
+
+    assert fault({"soc": 80})["allowed"] == "less than or equal to 1"
+    assert fault({"climate": "warm"})["allowed"] == "'auto', 'off', 'heat' or 'cool'"
+    vehicle = fault({"vehicle": "zzzz"})
+    assert "GET /v1/vehicles" in vehicle["allowed"]
+    assert "vehicle_figures" in vehicle["fix"]
+    for path in ("/v1/need", "/v1/range"):
+        (unknown,) = service.client.get(path, params={"distance_km": 3, "ambient_temperature": 3} if path == "/v1/need"
+                                        else {"ambient_temperature": 3}).json()["faults"]  # fmt: skip
+        assert unknown["fix"] == "did you mean 'ambient_temperature_degc'?"
+    for path, other in (
+        ("/v1/live/leav", "'leaf'"),
+        ("/v1/live/zzz", "/v1/live"),
+        ("/v1/cars/zzz", "/v1/cars"),
+    ):
+        assert other in complete.client.get(path).json()["detail"]
+
+
 def test_every_unknown_field_is_named() -> None:
     with pytest.raises(InvalidInput) as refused:
         chosen({"a": 1}, "b,a,c")

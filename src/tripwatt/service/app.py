@@ -478,13 +478,15 @@ def add_handlers(app: FastAPI) -> None:
         headers = dict(error.headers or {})
         if error.status_code == 405:  # starlette names the methods of the first route of a path alone
             of_path = [r for r in app.routes if isinstance(r, Route) and r.path_regex.match(request.url.path)]
-            headers["Allow"] = ", ".join(sorted({m for route in of_path for m in route.methods or ()}))
+            methods = {method for route in of_path for method in route.methods or ()}
+            headers["Allow"] = ", ".join(sorted(methods | ({"HEAD"} if "GET" in methods else set())))
         return Problem(kind, headers=headers).response(request_id(request))
 
     async def on_parameters(request: Request, error: Exception) -> Response:
         assert isinstance(error, RequestValidationError)
-        faults = [schemas.fault_of(e) for e in error.errors()]
-        return invalid_input(faults).response(request_id(request))
+        described = app.openapi()["paths"][request.scope["route"].path][request.method.lower()]
+        known = [parameter["name"] for parameter in described["parameters"]]
+        return invalid_input(list(schemas.faults_of(error.errors(), known))).response(request_id(request))
 
     app.add_exception_handler(Problem, on_problem)
     app.add_exception_handler(InvalidInput, on_invalid)

@@ -125,7 +125,9 @@ class CarOperations:
         """List the cars."""
         return await self.answering.job(request, "cars")
 
-    @operation("POST /v1/cars", "cars", CarResponse, NewCarRequest, header=KEY)
+    @operation(
+        "POST /v1/cars", "cars", CarResponse, NewCarRequest, also=("key-used", "name-taken"), header=KEY
+    )
     async def new_car(self, request: Request) -> Response:
         """Make a car."""
         require_folder(self.settings.cars)
@@ -153,7 +155,7 @@ class CarOperations:
         self.learning.pop(car, None)
         return response
 
-    @operation("POST /v1/cars/{car}/token", "cars", TokenResponse, header=KEY)
+    @operation("POST /v1/cars/{car}/token", "cars", TokenResponse, also=("key-used",), header=KEY)
     async def new_token(self, request: Request, car: CarName) -> Response:
         """Make a token with which a car sends its messages; an earlier one is no longer accepted."""
 

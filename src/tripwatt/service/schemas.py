@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import datetime as dt
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from types import NoneType
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, TypeVar
 
@@ -486,18 +486,16 @@ def check_request(document: Any, model: type[RequestModel]) -> RequestModel:
         return model.model_validate(document)
     except ValidationError as error:
         errors = error.errors(include_url=False, include_context=False)
-    known = [*model.model_fields, "displayed_soc"]
-    hinted = [k < MOST_HINTS and e["type"] == "extra_forbidden" for k, e in enumerate(errors)]
-    raise InvalidInput(
-        fault_of(e, did_you_mean(str(e["loc"][-1]), known) if has_hint else "")
-        for e, has_hint in zip(errors, hinted, strict=True)
-    )
+    raise InvalidInput(faults_of(errors, [*model.model_fields, "displayed_soc"]))
 
 
-def fault_of(error: Mapping[str, Any], fix: str = "") -> Fault:
-    """The fault of an error of pydantic."""
-    where = ".".join(map(str, error["loc"]))[:80] or "body"
-    return Fault(error["msg"], where, excerpt(error.get("input"), 80), fix=fix)
+def faults_of(errors: Iterable[Mapping[str, Any]], known: Iterable[str]) -> Iterator[Fault]:
+    """The faults of errors of pydantic; the first unknown names have the most similar of the known ones."""
+    for number, error in enumerate(errors):
+        is_unknown = number < MOST_HINTS and error["type"] == "extra_forbidden"
+        fix = did_you_mean(str(error["loc"][-1]), known) if is_unknown else ""
+        where, allowed = ".".join(map(str, error["loc"]))[:80], error["msg"].partition("Input should be ")[2]
+        yield Fault(error["msg"], where or "body", excerpt(error.get("input"), 80), allowed, fix)
 
 
 def parse_samples(value: Any, limits: Limits) -> pd.DataFrame:

@@ -120,9 +120,11 @@ def require_vehicle(name: str) -> None:
     fix = (
         f"did you mean {' or '.join(repr(n) for n in near[:3])}?"
         if near
-        else "or give the path of a .toml file"
+        else "or describe it: the path of a .toml file, over HTTP `vehicle_figures`"
     )
-    allowed = f"one of {len(vehicle_names())} names, listed by `tripwatt vehicles`"
+    allowed = (
+        f"one of {len(vehicle_names())} names, listed by `tripwatt vehicles`, over HTTP by GET /v1/vehicles"
+    )
     raise InvalidInput.of("unknown car", "vehicle", excerpt(name), allowed, fix)
 
 

@@ -1504,7 +1504,7 @@ export interface components {
         };
         ProblemDocument: {
             /** @enum {string} */
-            type: "/problems/not-json" | "/problems/bad-request" | "/problems/host-not-served" | "/problems/token-needed" | "/problems/foreign-site" | "/problems/not-found" | "/problems/no-such-car" | "/problems/no-plan" | "/problems/method-not-allowed" | "/problems/not-acceptable" | "/problems/body-late" | "/problems/too-large" | "/problems/media-type" | "/problems/invalid-input" | "/problems/key-used" | "/problems/head-too-large" | "/problems/too-many-requests" | "/problems/internal" | "/problems/no-map" | "/problems/no-live" | "/problems/remote" | "/problems/busy" | "/problems/timeout";
+            type: "/problems/not-json" | "/problems/bad-request" | "/problems/host-not-served" | "/problems/token-needed" | "/problems/foreign-site" | "/problems/not-found" | "/problems/no-such-car" | "/problems/no-plan" | "/problems/method-not-allowed" | "/problems/not-acceptable" | "/problems/name-taken" | "/problems/body-late" | "/problems/too-large" | "/problems/media-type" | "/problems/invalid-input" | "/problems/key-used" | "/problems/head-too-large" | "/problems/too-many-requests" | "/problems/internal" | "/problems/no-map" | "/problems/no-live" | "/problems/remote" | "/problems/busy" | "/problems/timeout";
             title: string;
             status: number;
             detail?: string | null;
