@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any, Final, Literal, NamedTuple
 
 import anyio
@@ -27,7 +28,8 @@ LEFT_OUT: Final = ("series", "samples", "line", "course", "links", "learning")
 
 INSTRUCTIONS: Final = (
     "Forecasts for electric cars. Energies are in Wh; charges and probabilities are fractions from 0 to 1. Give intervals and probabilities "
-    "with every figure, and what the flags say was assumed. Where a description has /v1/vehicles or /v1/cars, the tool of that name lists them."
+    "with every figure, and what the flags say was assumed. Where a description has /v1/vehicles or /v1/cars, the tool of that name lists them. "
+    "Journeys from place to place are offered where `tripwatt mcp` was started with --map MAP, cars that learn with --cars FOLDER."
 )
 
 
@@ -87,6 +89,10 @@ TOOLS: Final[Mapping[str, Tool]] = {
 CHANGING: Final = ("new_car",)
 """Tools that change something."""
 
+OF_MAP: Final = ("plan", "advise_journey")
+OF_CARS: Final = ("diary", "cars", "new_car")
+"""Tools that need a map, and a folder of cars: others are not offered without."""
+
 ABOUT: Final[Mapping[str, str]] = {
     "plan": "Plan a journey from place to place: whether it arrives and with what charge, stops to charge, other roads. Needs a map.",
     "need": "What a distance needs, or a usual trip of a car: energy, the charge to leave with, and when to charge and preheat. Needs no map.",
@@ -125,7 +131,11 @@ def make_server(jobs: Jobs, *, changes: bool = False, remote: bool = False) -> S
     >>> make_server(Jobs.from_folders({}, Limits())).name
     'tripwatt'
     """
-    offered = [name for name in TOOLS if changes or name not in CHANGING]
+    absent = (
+        *(OF_MAP if jobs.journeys.atlas is None else ()),
+        *(OF_CARS if jobs.cars.folder is None else ()),
+    )
+    offered = [name for name in TOOLS if name not in absent and (changes or name not in CHANGING)]
     listed = types.ListToolsResult(tools=[_document(name, remote) for name in offered])
     one = anyio.CapacityLimiter(1)  # models are kept in caches that one thread may use at a time
 
@@ -136,7 +146,9 @@ def make_server(jobs: Jobs, *, changes: bool = False, remote: bool = False) -> S
         body = orjson.dumps(parameters.arguments or {})
         try:
             if parameters.name not in offered:
-                raise InvalidInput(Fault.unknown("unknown tool", "name", parameters.name, offered))
+                fix = "start tripwatt mcp with --map MAP, --cars FOLDER" if parameters.name in absent else ""
+                unknown = Fault.unknown("unknown tool", "name", parameters.name, offered)
+                raise InvalidInput(replace(unknown, fix=fix) if fix else unknown)
             found = await anyio.to_thread.run_sync(TOOLS[parameters.name].run, jobs, body, limiter=one)
         except InvalidInput as error:
             return _answer(f"{error}", is_error=True)

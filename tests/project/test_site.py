@@ -237,6 +237,13 @@ def test_no_page_asks_another_host_for_a_file(site: Path, pages: dict[str, Found
         assert not re.search(r"@import|url\(\s*['\"]?(https?:)?//", text), sheet.name
 
 
+def test_options_keep_their_hyphens(site: Path) -> None:
+    for page in ("reference/cli", "howto/proxy", "howto/page"):
+        text = re.sub(r"<[^>]+>", "", (site / f"{page}.html").read_text("utf-8"))
+        assert re.findall(r"[–—][a-z][\w-]*", text) == [], page
+        assert " --" in text, page
+
+
 def test_the_front_page_shows_the_product_the_table_and_how_to_install(
     site: Path, pages: dict[str, Found]
 ) -> None:

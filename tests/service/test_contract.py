@@ -14,6 +14,7 @@ from tests.support import ROOT
 from tests.support.service_process import Service
 
 from tripwatt.errors import InvalidInput
+from tripwatt.forecasting.document import ForecastResponse
 from tripwatt.service.app import Api
 from tripwatt.service.contract import OLD_NAMES, Repeats, chosen, known_parameters, tagged
 from tripwatt.service.problems import TITLES, Problem, pointer_to
@@ -220,6 +221,31 @@ def test_every_old_name_of_a_request_is_looked_for_and_on_the_page(document: dic
                 asked |= {n for n, one in fields.get("properties", {}).items() if one.get("deprecated")}
     assert asked == {"soc", "weather"}
     assert all(any(name in old for old in OLD_NAMES) and f"| `{name}`" in page for name in asked)
+
+
+def test_the_page_of_the_forecast_has_its_fields_and_who_takes_a_departure(document: dict[str, Any]) -> None:
+    page = (ROOT / "docs" / "reference" / "forecast.md").read_text("utf-8")
+    of_forecast = page.partition("## Fields")[2].partition("\n## ")[0]
+    assert set(re.findall(r"^\| `(\w+)` \|", of_forecast, re.MULTILINE)) == set(
+        ForecastResponse.__annotations__
+    )
+    (sentence,) = re.findall(r"`departure_utc` is a field of (.*?),\n", page)
+    schemas, taking = document["components"]["schemas"], set[str]()
+
+    def takes(schema: dict[str, Any]) -> bool:
+        fields = schemas[schema["$ref"].rpartition("/")[2]].get("properties", {}) if "$ref" in schema else {}
+        return "departure_utc" in fields or any(takes(one) for one in fields.values())
+
+    for path, of_path in document["paths"].items():
+        for one in of_path.values():
+            bodies = one.get("requestBody", {}).get("content", {}).values()
+            names = {p["name"] for p in one.get("parameters", ())}
+            if not one.get("deprecated") and (
+                "departure_utc" in names or any(takes(b["schema"]) for b in bodies)
+            ):
+                taking.add(path)
+    assert set(re.findall(r"`(/[^`]+)`", sentence)) == taking
+    assert all("description" in field for field in schemas["VerdictDocument"]["properties"].values())
 
 
 def test_no_old_name_of_a_response_is_required(document: dict[str, Any]) -> None:

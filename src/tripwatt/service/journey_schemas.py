@@ -315,12 +315,15 @@ class WholeDocument(ResponseModel):
     p_reserve: float
     """probability to have the reserve at every stop and at the end"""
     soc_arrival: float
+    """expected displayed state of charge at the destination, 0 to 1"""
     soc_interval: list[float]
     """90 % interval of the charge at the destination"""
     driving_s: float
+    """on the road [s]"""
     charging_s: float
-    """at stations, with overheads"""
+    """at stations, with overheads [s]"""
     duration_s: float
+    """driving and charging [s]"""
     energy_wh: float
     """expected energy of the whole journey [Wh]"""
 
@@ -348,6 +351,7 @@ class VerdictDocument(WholeDocument):
     departs_at: str | None
     """local time; null where the departure has none"""
     arrives_at: str | None
+    """local time, after driving and charging"""
     charges: int
     """number of stops to charge"""
     advice: Literal["go", "stop", "charge_before", "slower", "none"]
