@@ -265,12 +265,17 @@ def test_the_front_page_shows_the_product_the_table_and_how_to_install(
         assert f"{page}.html" in first.links
 
 
+def kept_releases() -> list[str]:
+    """Versions of `docs/whatsnew` whose sites are kept here, the newest first; one between releases has no page."""
+    return [name for name in (version("tripwatt"), "0.1.0") if (DOCS / "whatsnew" / f"{name}.md").is_file()]
+
+
 def test_releases_stand_beside_the_site(site: Path, pages: dict[str, Found]) -> None:
     own = version("tripwatt")
     assert (site / "versions" / "0.1.0" / "index.html").read_text("utf-8") == "of 0.1.0"
     assert f"versions/{own}/index.html" in pages
     links = pages["whatsnew/index.html"].links
-    assert {"../versions/0.1.0/index.html", f"../versions/{own}/index.html"} <= set(links)
+    assert {f"../versions/{name}/index.html" for name in kept_releases()} <= set(links)
     assert "../../0.1.0/index.html" in pages[f"versions/{own}/whatsnew/index.html"].links
     rows = [line for line in versions_table(["0.1.0"]).splitlines() if re.match(r"\| \d", line)]
     assert [line.split()[1] for line in rows] == ["0.2.0", "0.1.0"]
@@ -425,5 +430,5 @@ def test_the_site_opens_and_searches_from_a_folder(site: Path, browser: Any) -> 
     assert first == SEARCHED
     page.goto((site / "whatsnew" / "index.html").as_uri())
     page.get_by_role("link", name="its site").first.click()
-    page.wait_for_url(f"**/versions/{version('tripwatt')}/index.html")
+    page.wait_for_url(f"**/versions/{kept_releases()[0]}/index.html")
     assert said == []
