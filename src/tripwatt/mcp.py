@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from typing import Any, Final, Literal, NamedTuple
 
 import anyio
@@ -131,10 +130,7 @@ def make_server(jobs: Jobs, *, changes: bool = False, remote: bool = False) -> S
     >>> make_server(Jobs.from_folders({}, Limits())).name
     'tripwatt'
     """
-    absent = (
-        *(OF_MAP if jobs.journeys.atlas is None else ()),
-        *(OF_CARS if jobs.cars.folder is None else ()),
-    )
+    absent = OF_MAP * (jobs.journeys.atlas is None) + OF_CARS * (jobs.cars.folder is None)
     offered = [name for name in TOOLS if name not in absent and (changes or name not in CHANGING)]
     listed = types.ListToolsResult(tools=[_document(name, remote) for name in offered])
     one = anyio.CapacityLimiter(1)  # models are kept in caches that one thread may use at a time
@@ -146,9 +142,7 @@ def make_server(jobs: Jobs, *, changes: bool = False, remote: bool = False) -> S
         body = orjson.dumps(parameters.arguments or {})
         try:
             if parameters.name not in offered:
-                fix = "start tripwatt mcp with --map MAP, --cars FOLDER" if parameters.name in absent else ""
-                unknown = Fault.unknown("unknown tool", "name", parameters.name, offered)
-                raise InvalidInput(replace(unknown, fix=fix) if fix else unknown)
+                raise InvalidInput(Fault.unknown("unknown tool", "name", parameters.name, offered))
             found = await anyio.to_thread.run_sync(TOOLS[parameters.name].run, jobs, body, limiter=one)
         except InvalidInput as error:
             return _answer(f"{error}", is_error=True)

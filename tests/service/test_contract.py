@@ -276,7 +276,7 @@ def test_headers_are_in_the_document(document: dict[str, Any]) -> None:
         assert "Idempotency-Key" in [p["name"] for p in paths[path]["post"]["parameters"]]
     forecast = paths["/v1/forecast"]["post"]
     assert "parameters" not in forecast or all(p["in"] == "query" for p in forecast["parameters"])
-    assert forecast["responses"]["200"]["headers"].keys() == {"Deprecation", "Link"}
+    assert forecast["responses"]["200"]["headers"].keys() == {"Deprecation"}
     assert all("Retry-After" in forecast["responses"][status]["headers"] for status in ("429", "503"))
     assert "headers" not in forecast["responses"]["422"]
 

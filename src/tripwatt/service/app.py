@@ -31,7 +31,7 @@ from tripwatt.service.advice_schemas import AdviceResponse, DifferenceDocument
 from tripwatt.service.answering import Answering, json_response
 from tripwatt.service.batching import LineSplitter, forecast_lines
 from tripwatt.service.car_operations import CarOperations
-from tripwatt.service.contract import Fields, mark_deprecated, mark_old_names, only
+from tripwatt.service.contract import Fields, mark_old_names, only
 from tripwatt.service.example_requests import UPLOADS
 from tripwatt.service.fleet_operations import FleetOperations
 from tripwatt.service.jobs import Jobs
@@ -316,7 +316,7 @@ class Api:
         """Return what some kilometres or a usual trip need, without a road; without either, what the next trip of a car on the road needs."""
         if query.distance_km is None and query.trip is None and (query.car or query.vehicle) is not None:
             if query.car is None:
-                mark_deprecated(request, "vehicle")
+                mark_old_names(request, b"", "vehicle")
             return await self.live.next_need(request, query)
         return await self.answering.job(
             request, "distance", query.model_dump_json(exclude_unset=True).encode()

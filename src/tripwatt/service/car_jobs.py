@@ -124,10 +124,8 @@ class CarJobs:
         """Make a car, and return it as `show`."""
         place = require_folder(self.folder) / folder_name(name)
         if place.exists():
-            raise Problem(
-                "name-taken",
-                faults=(Fault("name is taken", "name", excerpt(name), "a name that no car has"),),
-            )
+            taken = Fault("name is taken", "name", excerpt(name), "a name that no car has")
+            raise Problem("name-taken", faults=(taken,))
         return self.show(create_car(place, vehicle, label=name).name)
 
     def forget(self, name: str) -> dict[str, Any]:

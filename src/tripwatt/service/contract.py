@@ -70,21 +70,16 @@ def known_parameters(handler: Callable[..., Any], path: str) -> list[Depends]:
     return [Depends(check)]
 
 
-def mark_deprecated(request: Request, *names: str) -> None:
-    """Note old names that a request uses: its response gets the header `Deprecation`, and a `Link` with them."""
-    request.state.deprecated = (*getattr(request.state, "deprecated", ()), *names)
-
-
-def mark_old_names(request: Request, body: bytes) -> None:
-    """Note the old names in the JSON of a request."""
-    mark_deprecated(request, *(name for name, pattern in OLD_NAMES.items() if pattern.search(body)))
+def mark_old_names(request: Request, body: bytes, *names: str) -> None:
+    """Note old names, and those in the JSON of a request: its response gets the header `Deprecation`, and a `Link` with them."""
+    old = (name for name, pattern in OLD_NAMES.items() if pattern.search(body))
+    request.state.deprecated = (*getattr(request.state, "deprecated", ()), *names, *old)
 
 
 async def mark_old_address(request: Request) -> None:
     """Note the old path of a request, and the old names in its query."""
-    route = request.scope["route"]
-    mark_deprecated(request, *([route.path] if route.deprecated else []))
-    mark_old_names(request, orjson.dumps(dict(request.query_params)))
+    route, query = request.scope["route"], orjson.dumps(dict(request.query_params))
+    mark_old_names(request, query, *([route.path] if route.deprecated else []))
 
 
 def chosen(document: Any, fields: str | None) -> Any:

@@ -104,6 +104,7 @@ GEOJSON: Final = {
     "properties": {"speed_m_s": 14.0},
 }
 BINARY: Final = {"type": "string", "format": "binary"}
+ROUTE: Final = {"type": "object", "description": "of a router, GeoJSON, or `links`; a list of links, too"}
 UPLOADS: Final[dict[str, dict[str, Any]]] = {
     "application/gpx+xml": {"schema": BINARY, "example": GPX},
     "application/xml": {"schema": BINARY, "example": GPX},
@@ -112,12 +113,6 @@ UPLOADS: Final[dict[str, dict[str, Any]]] = {
     "text/csv": {"schema": BINARY, "example": CSV},
     "application/octet-stream": {"schema": BINARY},
     "application/geo+json": {"schema": {"type": "object"}, "example": GEOJSON},
-    "application/json": {
-        "schema": {
-            "type": "object",
-            "description": "the response of a router, GeoJSON, or an object with `links`; a list of links alone is taken too",
-        },
-        "example": {"links": PLANNED_REQUEST["links"]},
-    },
+    "application/json": {"schema": ROUTE, "example": {"links": PLANNED_REQUEST["links"]}},
 }
 """Media type of the upload of a route -> its media type object."""

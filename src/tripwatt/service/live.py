@@ -125,9 +125,8 @@ class LiveCars:
             `no-such-car`.
         """
         if name not in self.cars:
-            raise Problem(
-                "no-such-car", did_you_mean(name, self.cars) or "GET /v1/live lists the cars on the road"
-            )
+            hint = did_you_mean(name, self.cars) or "GET /v1/live lists the cars on the road"
+            raise Problem("no-such-car", hint)
         return self.cars[name]
 
     def by_token(self, token: str) -> RoadCar:

@@ -15,7 +15,6 @@ import time
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from typing import Any, Final
-from urllib.parse import urlsplit
 
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import RedirectResponse
@@ -222,14 +221,9 @@ class ServiceMiddleware:
 def _check_site(headers: Headers, allowed: Sequence[str]) -> None:
     """Refuse what a page of another site, whose origin is not allowed, makes a browser send; programs send neither header."""
     site, origin = headers.get("sec-fetch-site"), headers.get("origin")
-    if origin in allowed:
-        return
-    if site is not None:
-        is_foreign = site not in OWN_SITES
-    else:
-        host = headers.get("x-forwarded-host", headers.get("host", "")).partition(",")[0].strip()
-        is_foreign = origin is not None and urlsplit(origin).netloc.lower() != host.lower()
-    if is_foreign:
+    host = headers.get("x-forwarded-host", headers.get("host", "")).partition(",")[0].strip()
+    same = origin is None or origin.lower().partition(":")[2] == f"//{host.lower()}"
+    if origin not in allowed and not (same if site is None else site in OWN_SITES):
         remedy = "start the service with --cors-origin ORIGIN to allow it; for its own page, let the proxy pass its host as X-Forwarded-Host"
         raise Problem("foreign-site", f"a page of {excerpt(origin or site)} sent the request: {remedy}")
 
@@ -285,9 +279,9 @@ class _RequestHandling:
         headers = MutableHeaders(scope=message)
         headers["X-Request-ID"] = self.request_id
         if names := self.scope["state"].get("deprecated"):
-            document = f"<{self.middleware.settings.prefix}/openapi.json>"
             headers["Deprecation"] = DEPRECATED_SINCE
-            headers.append("Link", f'{document}; rel="deprecation"; title="{", ".join(names)}"')
+            link = f'<{self.middleware.settings.prefix}/openapi.json>; rel="deprecation"'
+            headers.append("Link", f'{link}; title="{", ".join(names)}"')
         for name, value in SECURITY_HEADERS.items():
             headers.setdefault(name, value)
         headers.setdefault("Cache-Control", "no-store")

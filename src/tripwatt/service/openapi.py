@@ -12,7 +12,7 @@ from pydantic import TypeAdapter
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from starlette.responses import Response
 
-from tripwatt.service.contract import VALID_KEY, known_parameters, mark_old_address
+from tripwatt.service.contract import known_parameters, mark_old_address
 from tripwatt.service.example_requests import EXAMPLES
 from tripwatt.service.problems import MEDIA_TYPE, SAFE_METHODS, TITLES
 from tripwatt.service.schemas import ProblemDocument
@@ -45,24 +45,14 @@ TAG_PROBLEMS: Final[Mapping[str, tuple[str, ...]]] = {
 
 TAG: Final = "If-None-Match"
 KEY: Final = "Idempotency-Key"
-REQUEST_HEADERS: Final = {
-    TAG: {
-        "schema": {"type": "string"},
-        "description": "the `ETag` that the client has: a 304 has no content",
-    },
-    KEY: {
-        "schema": {"type": "string", "pattern": f"^{VALID_KEY.pattern}$"},
-        "description": "of a request that may come twice: the second one gets the response of the first, for a day",
-    },
+HEADERS: Final = {
+    TAG: "the `ETag` that the client has: a 304 has no content",
+    KEY: "of a request that may come twice, 1 to 255 characters: the second one gets the response of the first, for a day",
+    "Deprecation": "the request has old names, which are the title of `Link` (RFC 9745)",
+    "ETag": "changes with the content",
+    "Retry-After": "seconds to wait",
 }
-"""Headers that an operation heeds."""
-
-ETAG: Final = {"ETag": {"description": "changes with the content", **TEXT}}
-RETRY: Final = {"Retry-After": {"description": "seconds to wait", **TEXT}}
-DEPRECATION: Final = {
-    "Deprecation": {"description": "the request has an old name, which `Link` names (RFC 9745)", **TEXT},
-    "Link": {"description": 'with `rel="deprecation"`: the old names as its title', **TEXT},
-}
+"""Headers of requests that an operation heeds, and of responses."""
 
 Content = type | dict[str, Any]
 """A document of JSON by its schema, or an object of OpenAPI for a media type."""
@@ -120,17 +110,14 @@ class Operation:
         if self.method not in SAFE_METHODS:
             kinds = (*kinds, "foreign-site")
         checks = known_parameters(handler, self.path) if "invalid-input" in kinds else []
-        tag = ETAG if self.header == TAG else {}
-        answer = {
-            "description": self._description(),
-            "content": _contents(self.answer),
-            "headers": DEPRECATION | tag,
-        }
-        answers = {200: answer, **_problems(kinds)}
+        tag = ["ETag"] if self.header == TAG else []
+        answer = {"description": self._description(), "content": _contents(self.answer)}
+        answers = {200: answer | _headers("Deprecation", *tag), **_problems(kinds)}
         if tag:
-            answers[304] = {"description": "The client has it already", "headers": tag}
+            answers[304] = {"description": "The client has it already", **_headers(*tag)}
         if self.header:
-            extra["parameters"] = [{"name": self.header, "in": "header", **REQUEST_HEADERS[self.header]}]
+            heeded = {"name": self.header, "in": "header", "description": HEADERS[self.header], **TEXT}
+            extra["parameters"] = [heeded]
         for path in (self.path, self.alias):
             if path:
                 app.add_api_route(
@@ -159,7 +146,8 @@ class Operation:
 
     def _kinds(self) -> tuple[str, ...]:
         of_input = BODY_PROBLEMS if self.takes else QUERY_PROBLEMS
-        return (*COMMON_PROBLEMS, *of_input, *POOL_PROBLEMS, *TAG_PROBLEMS.get(self.tag, ()), *self.also)
+        also = (*self.also, "key-used") if self.header == KEY else self.also
+        return (*COMMON_PROBLEMS, *of_input, *POOL_PROBLEMS, *TAG_PROBLEMS.get(self.tag, ()), *also)
 
 
 class Schemas(GenerateJsonSchema):
@@ -277,6 +265,10 @@ def _contents(contents: Mapping[str, Content]) -> dict[str, Any]:
     return described
 
 
+def _headers(*names: str) -> dict[str, Any]:
+    return {"headers": {name: {"description": HEADERS[name], **TEXT} for name in names}}
+
+
 def _problems(kinds: Iterable[str]) -> dict[int | str, dict[str, Any]]:
     """Responses with problem documents, by status; kinds of one status share a response."""
     by_status: dict[int, dict[str, None]] = {}
@@ -284,11 +276,8 @@ def _problems(kinds: Iterable[str]) -> dict[int | str, dict[str, Any]]:
         status, title = TITLES[kind]
         by_status.setdefault(status, {})[title] = None
     content = _contents({MEDIA_TYPE: ProblemDocument})
+    retry = dict.fromkeys((429, 503), _headers("Retry-After"))
     return {
-        status: {
-            "description": "; ".join(titles),
-            "content": content,
-            **({"headers": RETRY} if status in (429, 503) else {}),
-        }
+        status: {"description": "; ".join(titles), "content": content, **retry.get(status, {})}
         for status, titles in sorted(by_status.items())
     }

@@ -25,9 +25,6 @@ BACKLOG: Final = 512
 SHUTDOWN_MARGIN_S: Final = 5
 """Time for running requests at shutdown, beyond `Limits.timeout_s`."""
 
-PROXIES_VARIABLE: Final = "FORWARDED_ALLOW_IPS"
-"""Environment variable of the proxies that are trusted beside loopback: addresses and networks, with commas."""
-
 MAX_MESSAGE_LENGTH: Final = 4000
 """Most characters of a message of the HTTP server in the log."""
 
@@ -133,7 +130,7 @@ def serve(settings: Settings, on_start: Callable[[str], None] = lambda url: None
                 on_start(url_of(listener))
 
     require_safe(settings)
-    app = ProxyHeaders(create_app(settings, log_json), os.environ.get(PROXIES_VARIABLE, ""))
+    app = ProxyHeaders(create_app(settings, log_json), os.environ.get("FORWARDED_ALLOW_IPS", ""))
     with open_socket(settings) as listener:
         config = uvicorn.Config(
             app,

@@ -122,9 +122,7 @@ def require_vehicle(name: str) -> None:
         if near
         else "or describe it: the path of a .toml file, over HTTP `vehicle_figures`"
     )
-    allowed = (
-        f"one of {len(vehicle_names())} names, listed by `tripwatt vehicles`, over HTTP by GET /v1/vehicles"
-    )
+    allowed = f"one of {len(vehicle_names())} names, listed by `tripwatt vehicles` and GET /v1/vehicles"
     raise InvalidInput.of("unknown car", "vehicle", excerpt(name), allowed, fix)
 
 

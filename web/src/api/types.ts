@@ -1925,7 +1925,6 @@ export interface operations {
             200: {
                 headers: {
                     Deprecation?: string;
-                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -1952,7 +1951,6 @@ export interface operations {
             200: {
                 headers: {
                     Deprecation?: string;
-                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -1977,7 +1975,6 @@ export interface operations {
             200: {
                 headers: {
                     Deprecation?: string;
-                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2002,7 +1999,6 @@ export interface operations {
             200: {
                 headers: {
                     Deprecation?: string;
-                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2029,7 +2025,6 @@ export interface operations {
             200: {
                 headers: {
                     Deprecation?: string;
-                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2063,7 +2058,6 @@ export interface operations {
             200: {
                 headers: {
                     Deprecation?: string;
-                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2090,7 +2084,6 @@ export interface operations {
             200: {
                 headers: {
                     Deprecation?: string;
-                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2117,7 +2110,6 @@ export interface operations {
             200: {
                 headers: {
                     Deprecation?: string;
-                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2142,7 +2134,6 @@ export interface operations {
             200: {
                 headers: {
                     Deprecation?: string;
-                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2167,7 +2158,6 @@ export interface operations {
             200: {
                 headers: {
                     Deprecation?: string;
-                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2192,7 +2182,6 @@ export interface operations {
             200: {
                 headers: {
                     Deprecation?: string;
-                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2241,7 +2230,6 @@ export interface operations {
             200: {
                 headers: {
                     Deprecation?: string;
-                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2284,7 +2272,6 @@ export interface operations {
             200: {
                 headers: {
                     Deprecation?: string;
-                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2308,7 +2295,6 @@ export interface operations {
             200: {
                 headers: {
                     Deprecation?: string;
-                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2331,7 +2317,6 @@ export interface operations {
             200: {
                 headers: {
                     Deprecation?: string;
-                    Link?: string;
                     ETag?: string;
                     [name: string]: unknown;
                 };
@@ -2359,7 +2344,6 @@ export interface operations {
             200: {
                 headers: {
                     Deprecation?: string;
-                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2384,7 +2368,6 @@ export interface operations {
             200: {
                 headers: {
                     Deprecation?: string;
-                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2407,7 +2390,6 @@ export interface operations {
             200: {
                 headers: {
                     Deprecation?: string;
-                    Link?: string;
                     ETag?: string;
                     [name: string]: unknown;
                 };
@@ -2433,7 +2415,6 @@ export interface operations {
             200: {
                 headers: {
                     Deprecation?: string;
-                    Link?: string;
                     ETag?: string;
                     [name: string]: unknown;
                 };
@@ -2459,7 +2440,6 @@ export interface operations {
             200: {
                 headers: {
                     Deprecation?: string;
-                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2480,7 +2460,6 @@ export interface operations {
             200: {
                 headers: {
                     Deprecation?: string;
-                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2503,7 +2482,6 @@ export interface operations {
             200: {
                 headers: {
                     Deprecation?: string;
-                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2524,7 +2502,6 @@ export interface operations {
             200: {
                 headers: {
                     Deprecation?: string;
-                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2545,7 +2522,6 @@ export interface operations {
             200: {
                 headers: {
                     Deprecation?: string;
-                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2566,7 +2542,6 @@ export interface operations {
             200: {
                 headers: {
                     Deprecation?: string;
-                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2591,7 +2566,6 @@ export interface operations {
             200: {
                 headers: {
                     Deprecation?: string;
-                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2618,7 +2592,6 @@ export interface operations {
             200: {
                 headers: {
                     Deprecation?: string;
-                    Link?: string;
                     ETag?: string;
                     [name: string]: unknown;
                 };
@@ -2650,7 +2623,6 @@ export interface operations {
             200: {
                 headers: {
                     Deprecation?: string;
-                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2671,7 +2643,6 @@ export interface operations {
             200: {
                 headers: {
                     Deprecation?: string;
-                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2694,7 +2665,6 @@ export interface operations {
             200: {
                 headers: {
                     Deprecation?: string;
-                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2721,7 +2691,6 @@ export interface operations {
             200: {
                 headers: {
                     Deprecation?: string;
-                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2744,7 +2713,6 @@ export interface operations {
             200: {
                 headers: {
                     Deprecation?: string;
-                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2765,7 +2733,6 @@ export interface operations {
             200: {
                 headers: {
                     Deprecation?: string;
-                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2792,7 +2759,6 @@ export interface operations {
             200: {
                 headers: {
                     Deprecation?: string;
-                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2815,7 +2781,6 @@ export interface operations {
             200: {
                 headers: {
                     Deprecation?: string;
-                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2838,7 +2803,6 @@ export interface operations {
             200: {
                 headers: {
                     Deprecation?: string;
-                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2863,7 +2827,6 @@ export interface operations {
             200: {
                 headers: {
                     Deprecation?: string;
-                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2892,7 +2855,6 @@ export interface operations {
             200: {
                 headers: {
                     Deprecation?: string;
-                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2920,7 +2882,6 @@ export interface operations {
             200: {
                 headers: {
                     Deprecation?: string;
-                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2950,7 +2911,6 @@ export interface operations {
             200: {
                 headers: {
                     Deprecation?: string;
-                    Link?: string;
                     [name: string]: unknown;
                 };
                 content: {
