@@ -6,6 +6,7 @@ import os
 import re
 import sys
 from collections.abc import Awaitable, Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -123,6 +124,21 @@ ARGUMENTS: dict[str, dict[str, Any]] = {
     "vehicles": {"search": "id.3"},
     "new_car": {"name": "zoe", "vehicle": "nissan_leaf_40"},
 }
+
+
+def test_tools_without_a_map_or_cars_are_not_offered(jobs: Jobs) -> None:
+    def offered(some: Jobs) -> set[str]:
+        listed = asked(make_server(some, changes=True), lambda client: client.list_tools()).tools
+        return {tool.name for tool in listed}
+
+    bare = replace(jobs, journeys=JourneyJobs(), cars=CarJobs())
+    assert offered(jobs) == set(TOOLS)
+    assert offered(bare) == {"need", "range", "advise", "forecast", "vehicles"}
+    assert offered(replace(jobs, cars=CarJobs())) == offered(bare) | {"plan", "advise_journey"}
+    refused = call(bare, "plan", ARGUMENTS["plan"])
+    assert refused.is_error
+    assert "unknown tool" in refused.content[0].text
+    assert "--map MAP" in make_server(bare).instructions
 
 
 @pytest.mark.parametrize("name", TOOLS)

@@ -22,6 +22,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import Annotated, Any, Final
 
+from packaging.version import Version
 from typer import Option
 
 from tools import ROOT
@@ -50,22 +51,19 @@ def project(root: Path = ROOT) -> dict[str, Any]:
 
 def not_ready(root: Path = ROOT) -> Iterator[str]:
     """What is to be done before the release, each as a sentence."""
-    number = project(root)["version"]
-    last, breaks = released().stem, bool(BREAKS.read_text("utf-8"))
+    number, last = Version(project(root)["version"]), Version(released().stem)
+    if number.is_prerelease:
+        yield f"{number} is a version between releases: set that of the release in pyproject.toml, CITATION.cff and integrations/home_assistant."
     if _git(root, "status", "--porcelain"):
         yield "There are changes that are not committed."
     if not (root / "docs" / "whatsnew" / f"{number}.md").is_file():
         yield f"docs/whatsnew/{number}.md is missing: move the unreleased changes of CHANGELOG.md there."
     if f"\nversion: {number}\n" not in (root / "CITATION.cff").read_text("utf-8"):
         yield f"CITATION.cff has another version than {number}."
-    if _parts(number) <= _parts(last):
+    if number <= last:
         yield f"{last} is released: set a later version in pyproject.toml and CITATION.cff."
-    if breaks and _parts(number)[:2] <= _parts(last)[:2]:
+    if BREAKS.read_text("utf-8") and number.release[:2] <= last.release[:2]:
         yield f"Clients of {last} break (docs/reference/openapi/breaks.txt): the release needs a new minor version."
-
-
-def _parts(number: str) -> list[int]:
-    return [int(part) for part in number.split(".")]
 
 
 def build(root: Path, folder: Path) -> dict[str, bytes]:

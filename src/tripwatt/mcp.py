@@ -27,7 +27,8 @@ LEFT_OUT: Final = ("series", "samples", "line", "course", "links", "learning")
 
 INSTRUCTIONS: Final = (
     "Forecasts for electric cars. Energies are in Wh; charges and probabilities are fractions from 0 to 1. Give intervals and probabilities "
-    "with every figure, and what the flags say was assumed. Where a description has /v1/vehicles or /v1/cars, the tool of that name lists them."
+    "with every figure, and what the flags say was assumed. Where a description has /v1/vehicles or /v1/cars, the tool of that name lists them. "
+    "Journeys from place to place are offered where `tripwatt mcp` was started with --map MAP, cars that learn with --cars FOLDER."
 )
 
 
@@ -87,6 +88,10 @@ TOOLS: Final[Mapping[str, Tool]] = {
 CHANGING: Final = ("new_car",)
 """Tools that change something."""
 
+OF_MAP: Final = ("plan", "advise_journey")
+OF_CARS: Final = ("diary", "cars", "new_car")
+"""Tools that need a map, and a folder of cars: others are not offered without."""
+
 ABOUT: Final[Mapping[str, str]] = {
     "plan": "Plan a journey from place to place: whether it arrives and with what charge, stops to charge, other roads. Needs a map.",
     "need": "What a distance needs, or a usual trip of a car: energy, the charge to leave with, and when to charge and preheat. Needs no map.",
@@ -125,7 +130,8 @@ def make_server(jobs: Jobs, *, changes: bool = False, remote: bool = False) -> S
     >>> make_server(Jobs.from_folders({}, Limits())).name
     'tripwatt'
     """
-    offered = [name for name in TOOLS if changes or name not in CHANGING]
+    absent = OF_MAP * (jobs.journeys.atlas is None) + OF_CARS * (jobs.cars.folder is None)
+    offered = [name for name in TOOLS if name not in absent and (changes or name not in CHANGING)]
     listed = types.ListToolsResult(tools=[_document(name, remote) for name in offered])
     one = anyio.CapacityLimiter(1)  # models are kept in caches that one thread may use at a time
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import re
 import subprocess
 import sys
 import zipfile
@@ -11,6 +12,7 @@ from io import BytesIO
 from pathlib import Path
 
 import pytest
+from packaging.version import Version
 from tests.support import ROOT
 from tools import release
 from tools.quality.contract import released
@@ -25,6 +27,21 @@ def git(folder: Path, *words: str) -> None:
     subprocess.run(["git", *who, *words], cwd=folder, check=True, capture_output=True)
 
 
+def cited() -> str:
+    (number,) = re.findall(r"^version: (\S+)$", (ROOT / "CITATION.cff").read_text("utf-8"), re.MULTILINE)
+    return str(number)
+
+
+def test_between_releases_the_version_is_that_of_the_next_one_and_the_citation_that_of_the_last() -> None:
+    number = Version(release.project(ROOT)["version"])
+    if number.is_prerelease:
+        assert (cited(), number.is_devrelease) == (released().stem, True)
+        assert number.release > Version(cited()).release
+        assert any("between releases" in fault for fault in release.not_ready())
+    else:
+        assert cited() == f"{number}"
+
+
 @pytest.fixture(scope="module")
 def clone(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A small repository that is ready for its next version."""
@@ -36,11 +53,9 @@ def clone(tmp_path_factory: pytest.TempPathFactory) -> Path:
         (folder / "constraints").mkdir(exist_ok=True)
         (folder / "constraints" / f"{name}.txt").write_text(name)
     number = release.project(ROOT)["version"]
-    for name in ("pyproject.toml", "CITATION.cff"):
+    for name, old in (("pyproject.toml", number), ("CITATION.cff", cited())):
         text = (folder / name).read_text("utf-8")
-        (folder / name).write_text(
-            text.replace(f"{number}\n", f"{NEXT}\n").replace(f'"{number}"', f'"{NEXT}"')
-        )
+        (folder / name).write_text(text.replace(f"{old}\n", f"{NEXT}\n").replace(f'"{old}"', f'"{NEXT}"'))
     (folder / "docs" / "whatsnew").mkdir(parents=True)
     (folder / "docs" / "whatsnew" / f"{NEXT}.md").write_text(f"# {NEXT}\n")
     git(folder, "init", "--quiet")
@@ -69,6 +84,10 @@ def rewrite(name: str, old: str, new: str) -> Callable[[Path], None]:
         (lambda folder: (folder / "docs" / "whatsnew" / f"{NEXT}.md").unlink(), f"{NEXT}.md is missing"),
         (rewrite("CITATION.cff", f"version: {NEXT}", "version: 9.9.9"), "CITATION.cff has another version"),
         (rewrite("pyproject.toml", f'"{NEXT}"', f'"{released().stem}"'), f"{released().stem} is released"),
+        (
+            rewrite("pyproject.toml", f'"{NEXT}"', f'"{NEXT}.dev0"'),
+            f"{NEXT}.dev0 is a version between releases",
+        ),
     ],
 )
 def test_what_is_not_ready_is_said(

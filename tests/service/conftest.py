@@ -6,8 +6,11 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
+from tests.support.roads import osrm
+from tests.support.router_server import answering, write_map
 from tests.support.service_process import Service, serving
 
+from tripwatt.live.tokens import issue_token
 from tripwatt.synthetic import example_trip
 
 
@@ -30,3 +33,16 @@ def drive() -> dict[str, Any]:
         "payload_mass_kg": 80.0,
         "reserve": 0.3,
     }
+
+
+@pytest.fixture(scope="module")
+def complete(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
+    """A service with a map and a car on the road."""
+    folder = tmp_path_factory.mktemp("served")
+    issue_token(folder / "cars" / "leaf")
+    (folder / "logs").mkdir()
+    with answering(osrm(annotated=True)) as router:
+        roads = f"{write_map(folder / 'map')}@osrm={router.url}"
+        more = ("--workers", "1", "--map", roads, "--cars", f"{folder / 'cars'}")
+        with serving(folder / "logs", *more) as service:
+            yield service

@@ -356,7 +356,7 @@ def test_other_errors_of_the_framework_have_a_kind(status: int, kind: str) -> No
 
 def test_all_methods_of_a_path_are_allowed() -> None:
     served = Served()
-    assert served("/v1/vehicles", "DELETE").headers["allow"] == "GET, POST"
+    assert served("/v1/vehicles", "DELETE").headers["allow"] == "GET, HEAD, POST"
 
 
 def test_what_is_wrong_with_a_parameter_is_cut_after_80_characters() -> None:
@@ -403,6 +403,8 @@ def test_pages_of_other_origins_read_answers_only_where_they_are_named() -> None
     assert allowed.status_code == 200
     assert allowed.headers["access-control-allow-origin"] == "https://a.example"
     assert "Authorization" in allowed.headers["access-control-allow-headers"]
+    wanted = asked | {"Access-Control-Request-Headers": "idempotency-key, if-none-match, authorization"}
+    assert served("/v1/cars", "OPTIONS", headers=wanted).status_code == 200
     assert (
         served("/v1/forecast", "OPTIONS", headers={**asked, "Origin": "https://b.example"}).status_code == 400
     )
@@ -410,6 +412,8 @@ def test_pages_of_other_origins_read_answers_only_where_they_are_named() -> None
     assert answer.status_code == 401
     assert answer.headers["access-control-allow-origin"] == "https://a.example"
     assert "access-control-allow-credentials" not in answer.headers
+    exposed = set(answer.headers["access-control-expose-headers"].split(", "))
+    assert {"Deprecation", "ETag", "Link", "Retry-After"} <= exposed
 
 
 def test_the_document_has_the_path_in_front() -> None:

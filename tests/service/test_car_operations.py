@@ -269,8 +269,9 @@ def test_a_car_by_figures_has_a_model_at_once(service: Service) -> None:
     request = {"links": LINKS, "soc": 0.9, "model": "by-figures"}
     assert service.client.post("/v1/forecast", json=request).json()["energy_wh"] > 1500.0
     again = service.client.post("/v1/cars", json=body)
-    assert again.status_code == 422
-    assert again.json()["faults"][0]["what"] == "folder in use"
+    assert (again.status_code, again.json()["type"]) == (409, "/problems/name-taken")
+    (fault,) = again.json()["faults"]
+    assert (fault["pointer"], "/" in fault["got"]) == ("/name", False)
 
 
 @pytest.mark.parametrize(

@@ -10,11 +10,13 @@ import orjson
 import pytest
 from starlette.requests import Request
 from starlette.responses import Response
+from tests.support import ROOT
 from tests.support.service_process import Service
 
 from tripwatt.errors import InvalidInput
+from tripwatt.forecasting.document import ForecastResponse
 from tripwatt.service.app import Api
-from tripwatt.service.contract import Repeats, chosen, known_parameters, tagged
+from tripwatt.service.contract import OLD_NAMES, Repeats, chosen, known_parameters, tagged
 from tripwatt.service.problems import TITLES, Problem, pointer_to
 from tripwatt.service.settings import Settings
 
@@ -121,6 +123,31 @@ def test_parameters_of_the_path_are_not_those_of_the_query() -> None:
     assert faults_of(b"x" * 100 + b"=1")[0][0] == f"query.{'x' * 80}"
 
 
+def test_what_is_refused_names_what_is_allowed(service: Service, complete: Service) -> None:
+    def fault(given: dict[str, Any], path: str = "/v1/forecast") -> dict[str, str]:
+        (found,) = service.client.post(
+            path, json={"links": [{"length_m": 900, "speed_m_s": 9}]} | given
+        ).json()["faults"]
+        assert isinstance(found, dict)
+        return found
+
+    assert fault({"soc": 80})["allowed"] == "less than or equal to 1"
+    assert fault({"climate": "warm"})["allowed"] == "'auto', 'off', 'heat' or 'cool'"
+    vehicle = fault({"vehicle": "zzzz"})
+    assert "GET /v1/vehicles" in vehicle["allowed"]
+    assert "vehicle_figures" in vehicle["fix"]
+    for path in ("/v1/need", "/v1/range"):
+        (unknown,) = service.client.get(path, params={"distance_km": 3, "ambient_temperature": 3} if path == "/v1/need"
+                                        else {"ambient_temperature": 3}).json()["faults"]  # fmt: skip
+        assert unknown["fix"] == "did you mean 'ambient_temperature_degc'?"
+    for path, other in (
+        ("/v1/live/leav", "'leaf'"),
+        ("/v1/live/zzz", "/v1/live"),
+        ("/v1/cars/zzz", "/v1/cars"),
+    ):
+        assert other in complete.client.get(path).json()["detail"]
+
+
 def test_every_unknown_field_is_named() -> None:
     with pytest.raises(InvalidInput) as refused:
         chosen({"a": 1}, "b,a,c")
@@ -146,8 +173,112 @@ def test_old_names_are_announced(service: Service, drive: dict[str, Any]) -> Non
     assert old.json() == new.json()
     assert re.fullmatch(r"@\d{10}", old.headers["deprecation"])
     assert "deprecation" not in new.headers
-    assert "deprecation" in service.client.post("/v1/plan", json={}).headers
+    assert 'title="soc of samples"' in old.headers["link"]
+    assert service.client.post("/v1/plan", json={}).headers["link"] == (
+        '</openapi.json>; rel="deprecation"; title="/v1/plan"'
+    )
     assert "deprecation" not in service.client.post("/v1/journeys", json={}).headers
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "given", "names"),
+    [
+        ("POST", "/v1/journeys", {"weather": {"rain_mm_h": 1.0}}, "weather"),
+        ("POST", "/v1/journeys", {"depart": "2026-02-01T07:30:00+01:00"}, "depart"),
+        ("POST", "/v1/reachable", {"departure_utc": 1769927400.0}, "departure_utc as a number"),
+        ("PUT", "/v1/live/leaf/plan", {"depart": 1769927400, "soc": 0.5}, "depart"),
+        ("PUT", "/v1/live/leaf/plan", {"departure_utc": 1769927400}, "departure_utc as a number"),
+        ("PUT", "/v1/live/leaf/plan", {"samples": {"soc": [0.5]}}, "soc of samples"),
+        ("POST", "/v1/forecast/batch", {"samples": {"soc": [0.5]}}, "soc of samples"),
+        ("GET", "/v1/need", {"distance_km": 30, "depart": "2026-02-01T07:30:00Z"}, "depart"),
+        ("GET", "/v1/need", {"distance_km": 30, "departure_utc": 1769927400}, "departure_utc as a number"),
+        ("POST", "/v1/plan", {"weather": {}, "depart": 1}, "/v1/plan, depart, weather"),
+        ("POST", "/v1/journeys", {"departure_utc": "2026-02-01T07:30:00+01:00", "soc": 0.5}, ""),
+        ("GET", "/v1/need", {"distance_km": 30, "departure_utc": "2026-02-01T07:30:00Z", "vehicle": "vw_id3"}, ""),
+        ("POST", "/v1/journeys", {"stops": ['"weather":{"', "depart"]}, ""),
+    ],
+)  # fmt: skip
+def test_every_old_name_is_announced_and_named(
+    complete: Service, method: str, path: str, given: dict[str, Any], names: str
+) -> None:
+    kind = {"Content-Type": "application/x-ndjson" if path.endswith("batch") else "application/json"}
+    body = {"params": given} if method == "GET" else {"content": orjson.dumps(given), "headers": kind}
+    headers = complete.client.request(method, path, **body).headers
+    if not names:
+        assert ("deprecation" in headers, "link" in headers) == (False, False)
+        return
+    assert re.fullmatch(r"@\d{10}", headers["deprecation"])
+    assert headers["link"] == f'</openapi.json>; rel="deprecation"; title="{names}"'
+
+
+def test_every_old_name_of_a_request_is_looked_for_and_on_the_page(document: dict[str, Any]) -> None:
+    page = (ROOT / "docs" / "howto" / "build-on-it.md").read_text("utf-8")
+    asked = set[str]()
+    for name, schema in document["components"]["schemas"].items():
+        if name.endswith("Request"):
+            of_lists = [o for one in schema["properties"].values() for o in (one, *one.get("anyOf", ()))]
+            for fields in (schema, *of_lists):
+                asked |= {n for n, one in fields.get("properties", {}).items() if one.get("deprecated")}
+    assert asked == {"soc", "weather"}
+    assert all(any(name in old for old in OLD_NAMES) and f"| `{name}`" in page for name in asked)
+
+
+def test_the_page_of_the_forecast_has_its_fields_and_who_takes_a_departure(document: dict[str, Any]) -> None:
+    page = (ROOT / "docs" / "reference" / "forecast.md").read_text("utf-8")
+    of_forecast = page.partition("## Fields")[2].partition("\n## ")[0]
+    assert set(re.findall(r"^\| `(\w+)` \|", of_forecast, re.MULTILINE)) == set(
+        ForecastResponse.__annotations__
+    )
+    (sentence,) = re.findall(r"`departure_utc` is a field of (.*?),\n", page)
+    schemas, taking = document["components"]["schemas"], set[str]()
+
+    def takes(schema: dict[str, Any]) -> bool:
+        fields = schemas[schema["$ref"].rpartition("/")[2]].get("properties", {}) if "$ref" in schema else {}
+        return "departure_utc" in fields or any(takes(one) for one in fields.values())
+
+    for path, of_path in document["paths"].items():
+        for one in of_path.values():
+            bodies = one.get("requestBody", {}).get("content", {}).values()
+            names = {p["name"] for p in one.get("parameters", ())}
+            if not one.get("deprecated") and (
+                "departure_utc" in names or any(takes(b["schema"]) for b in bodies)
+            ):
+                taking.add(path)
+    assert set(re.findall(r"`(/[^`]+)`", sentence)) == taking
+    assert all("description" in field for field in schemas["VerdictDocument"]["properties"].values())
+
+
+def test_no_old_name_of_a_response_is_required(document: dict[str, Any]) -> None:
+    old = {
+        (name, one)
+        for name, schema in document["components"]["schemas"].items()
+        for one, field in schema.get("properties", {}).items()
+        if field.get("deprecated") and one not in schema.get("required", ())
+    }
+    assert {("ForecastResponse", "p_arrive"), ("LiveCarsResponse", "vehicles"), ("LiveTripDocument", "departure_utc"),
+            ("NeedResponse", "energy_wh"), ("TelemetryResponse", "vehicle")} <= old  # fmt: skip
+    for name, schema in document["components"]["schemas"].items():
+        required = set(schema.get("required", ()))
+        assert not {one for one in required if schema["properties"][one].get("deprecated")}, name
+
+
+def test_headers_are_in_the_document(document: dict[str, Any]) -> None:
+    paths = document["paths"]
+    for path in ("/v1/models", "/v1/vehicles", "/v1/map"):
+        heeds = [p["name"] for p in paths[path]["get"]["parameters"] if p["in"] == "header"]
+        answers = paths[path]["get"]["responses"]
+        assert (heeds, "ETag" in answers["200"]["headers"], "content" in answers["304"]) == (
+            ["If-None-Match"],
+            True,
+            False,
+        )
+    for path in ("/v1/cars", "/v1/cars/{car}/token", "/v1/cars/{car}/uploads/{upload}/learn"):
+        assert "Idempotency-Key" in [p["name"] for p in paths[path]["post"]["parameters"]]
+    forecast = paths["/v1/forecast"]["post"]
+    assert "parameters" not in forecast or all(p["in"] == "query" for p in forecast["parameters"])
+    assert forecast["responses"]["200"]["headers"].keys() == {"Deprecation"}
+    assert all("Retry-After" in forecast["responses"][status]["headers"] for status in ("429", "503"))
+    assert "headers" not in forecast["responses"]["422"]
 
 
 def asked(key: str | None, path: str = "/v1/cars") -> Request:

@@ -17,7 +17,7 @@ from tests.support.service_process import TOKEN, Service, serving, wait_for
 from tripwatt.service import middleware, worker
 from tripwatt.service.jobs import Jobs
 from tripwatt.service.metrics import Metrics
-from tripwatt.service.middleware import ServiceMiddleware, TokenBuckets, rate_limit_key
+from tripwatt.service.middleware import ProxyHeaders, ServiceMiddleware, TokenBuckets, rate_limit_key
 from tripwatt.service.problems import Problem
 from tripwatt.service.settings import Limits, Settings
 
@@ -550,3 +550,26 @@ def test_a_path_in_front_is_taken_off_before_anything_is_checked() -> None:
     assert asked.log[0]["path"] == "/v1/models"
     assert asked("/tripwatt") == 308
     assert (b"location", b"/tripwatt/") in asked.sent[0]["headers"]
+
+
+def test_the_host_that_a_proxy_forwards_counts_where_its_peer_is_trusted() -> None:
+    seen: list[list[bytes]] = []
+
+    async def app(scope: Any, receive: Any, send: Any) -> None:
+        seen.append([name for name, _ in scope.get("headers", [])])
+
+    async def run(peer: str | None, trusted: str) -> list[bytes]:
+        headers = [(b"host", b"127.0.0.1"), (b"x-forwarded-host", b"page.example")]
+        client = None if peer is None else (peer, 1)
+        await ProxyHeaders(app, trusted)({"type": "http", "client": client, "headers": headers}, None, None)
+        return seen[-1]
+
+    both, own = [b"host", b"x-forwarded-host"], [b"host"]
+    assert asyncio.run(run("127.0.0.1", "")) == both
+    assert asyncio.run(run("::1", "")) == both
+    assert asyncio.run(run("172.17.0.1", "")) == own
+    assert asyncio.run(run(None, "")) == own
+    named = "172.17.0.1, 10.0.0.0/8"
+    assert [asyncio.run(run(peer, named)) for peer in ("172.17.0.1", "10.1.2.3", "127.0.0.1")] == [both] * 3
+    assert asyncio.run(run("11.0.0.1", named)) == own
+    assert asyncio.run(run("11.0.0.1", " * ")) == both

@@ -28,6 +28,7 @@ STATUSES = {
     "no-live": 501,
     "no-map": 501,
     "key-used": 422,
+    "name-taken": 409,
     "foreign-site": 403,
     "remote": 502,
     "busy": 503,

@@ -162,9 +162,10 @@ def test_the_server_has_its_times_and_protocol(configured: Configured) -> None:
     noted.clear()
     settings = Settings(port=0, limits=Limits(timeout_s=30.9))
     serve(settings)
-    assert configured.app == (settings, log_json)
+    assert configured.app.app == (settings, log_json)
     assert configured.options == {
         "http": BoundedProtocol,
+        "proxy_headers": False,
         "log_config": None,
         "access_log": False,
         "server_header": False,

@@ -169,7 +169,7 @@ def _misfits_of_one(
         more = "any value" if choices is None else ", ".join(sorted(choices - allowed))
         yield f"{where}: {more} beside the choices {', '.join(sorted(allowed))}"
     for name in ("pattern", "format"):
-        if choices is None and b.get(name) not in (None, a.get(name)):
+        if choices is None and b.get(name) not in (None, "binary", a.get(name)):  # any text is binary
             yield f"{where}: {name} {a.get(name)} beside {b[name]}"
     for names, sign in ((LEAST, 1.0), (MOST, -1.0)):
         for pair in names:
@@ -180,7 +180,10 @@ def _misfits_of_one(
     lost = (of.keys() - wanted_of.keys() if closed else ()) if to_service else wanted_of.keys() - of.keys()
     yield from (f"{where}.{name}: field is removed" for name in sorted(lost))
     words = "is required" if to_service else "may be missing"
-    unsure = set(b.get("required", ())) - set(a.get("required", ())) - set(lost)
+    still = {
+        name for name in of if of[name].get("deprecated")
+    }  # the service sends an old name until it is removed
+    unsure = set(b.get("required", ())) - set(a.get("required", ())) - set(lost) - still
     yield from (f"{where}.{name}: field {words}" for name in sorted(unsure))
     inner = [(f".{name}", of[name], wanted_of[name]) for name in of if name in wanted_of]
     inner += [

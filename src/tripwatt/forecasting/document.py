@@ -100,7 +100,7 @@ class ForecastResponse(TypedDict):
     given: str
     """what the forecast is conditional on"""
     energy_wh: Annotated[float, "Wh"]
-    """energy at the battery terminals over the whole trip [Wh]"""
+    """expected energy at the battery terminals over the whole trip [Wh]"""
     quantiles_wh: Annotated[dict[str, float], "Wh"]
     """quantiles of the energy [Wh] by probability"""
     soc_arrival: Annotated[float, "1, displayed"]

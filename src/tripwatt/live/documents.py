@@ -25,7 +25,7 @@ class LiveForecastDocument(TypedDict):
     """The forecast of a trip, given what was measured so far."""
 
     energy_wh: float
-    """energy of the whole trip [Wh]"""
+    """expected energy of the whole trip [Wh]"""
     quantiles_wh: dict[str, float]
     """quantiles of the energy [Wh], by probability"""
     soc_arrival: float

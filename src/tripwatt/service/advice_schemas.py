@@ -127,7 +127,7 @@ class AdviceResponse(ResponseModel):
     reserve: float
     chance: float
     p_arrive: float
-    """chance of the trip as it is"""
+    """chance to arrive with the reserve, of the trip as it is"""
     soc_arrival: float
     charge_to: float
     """displayed charge to leave with, so that nothing else has to be done; above 1 where a full battery does not suffice"""

@@ -9,7 +9,7 @@ import orjson
 from starlette.requests import Request
 from starlette.responses import Response
 
-from tripwatt.service.contract import OLD_COLUMN, Repeats, mark_deprecated, tagged
+from tripwatt.service.contract import Repeats, mark_old_names, tagged
 from tripwatt.service.metrics import Metrics
 from tripwatt.service.openapi import JSON
 from tripwatt.service.pool import WorkerPool
@@ -62,7 +62,10 @@ class Answering:
         parts: list[bytes] = []
         bodies = self.batch_bodies if large else self.bodies
         await bodies.read(request, media_types, most_bytes, limits.body_timeout_s, parts.append)
-        return parts[0] if len(parts) == 1 else b"".join(parts)
+        body = parts[0] if len(parts) == 1 else b"".join(parts)
+        if JSON in media_types:
+            mark_old_names(request, body)
+        return body
 
     async def job(
         self, request: Request, kind: str, body: bytes = b"", media_type: str = JSON, **parameters: Any
@@ -77,10 +80,7 @@ class Answering:
 
     async def body_job(self, request: Request, kind: str, **parameters: Any) -> Response:
         """Return the document of a job of the body of a request."""
-        body = await self.read(request)
-        if OLD_COLUMN.search(body):
-            mark_deprecated(request)
-        return await self.job(request, kind, body, **parameters)
+        return await self.job(request, kind, await self.read(request), **parameters)
 
     async def kept(self, request: Request, kind: str, **parameters: Any) -> Response:
         """Return the document of a job that stays the same while the service runs, computed once."""

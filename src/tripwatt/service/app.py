@@ -31,7 +31,7 @@ from tripwatt.service.advice_schemas import AdviceResponse, DifferenceDocument
 from tripwatt.service.answering import Answering, json_response
 from tripwatt.service.batching import LineSplitter, forecast_lines
 from tripwatt.service.car_operations import CarOperations
-from tripwatt.service.contract import Fields, mark_deprecated, only
+from tripwatt.service.contract import Fields, mark_old_names, only
 from tripwatt.service.example_requests import UPLOADS
 from tripwatt.service.fleet_operations import FleetOperations
 from tripwatt.service.jobs import Jobs
@@ -59,6 +59,7 @@ from tripwatt.service.openapi import (
     COMMON_PROBLEMS,
     DESCRIPTION,
     NDJSON,
+    TAG,
     TEXT,
     TILE,
     add_operations,
@@ -87,8 +88,11 @@ GZIP_LEVEL: Final = 4
 """Higher levels take longer and hardly shrink series of numbers further."""
 
 CORS_METHODS: Final = ("GET", "POST", "PUT", "DELETE")
-CORS_HEADERS: Final = ("Authorization", "Content-Type", "X-Request-ID")
+CORS_HEADERS: Final = ("Authorization", "Content-Type", "Idempotency-Key", "If-None-Match", "X-Request-ID")
 """What a page of another origin may ask with, beside what a browser always lets pass."""
+
+CORS_EXPOSED: Final = ("Deprecation", "ETag", "Link", "Retry-After", "X-Request-ID")
+"""What it may read of the headers of a response, beside what a browser always shows."""
 
 MAX_ZOOM: Final = 22
 """Finest zoom of a tile, as maps have it."""
@@ -165,9 +169,7 @@ def create_app(settings: Settings | None = None, log: Log = lambda **record: Non
     app = ServiceMiddleware(packed, settings, api.metrics, log)
     if not settings.cors_origins:
         return app
-    return CORSMiddleware(
-        app, settings.cors_origins, CORS_METHODS, CORS_HEADERS, expose_headers=["X-Request-ID", "Retry-After"]
-    )
+    return CORSMiddleware(app, settings.cors_origins, CORS_METHODS, CORS_HEADERS, expose_headers=CORS_EXPOSED)
 
 
 class Api:
@@ -259,6 +261,7 @@ class Api:
             request, BATCH_TYPES, limits.batch_bytes, limits.body_timeout_s, splitter.take
         )
         lines = splitter.lines()
+        mark_old_names(request, lines[0])
         self._require_place_for_batch()  # another body may have been faster
         self.running_batches += 1
         return BatchResponse(forecast_lines(lines, self.pool, self.metrics, fields), self._end_batch)
@@ -313,7 +316,7 @@ class Api:
         """Return what some kilometres or a usual trip need, without a road; without either, what the next trip of a car on the road needs."""
         if query.distance_km is None and query.trip is None and (query.car or query.vehicle) is not None:
             if query.car is None:
-                mark_deprecated(request)
+                mark_old_names(request, b"", "vehicle")
             return await self.live.next_need(request, query)
         return await self.answering.job(
             request, "distance", query.model_dump_json(exclude_unset=True).encode()
@@ -337,7 +340,7 @@ class Api:
         self._require_map()
         return await self.answering.job(request, "places", text=q, limit=limit)
 
-    @operation("GET /v1/map", "library", MapResponse)
+    @operation("GET /v1/map", "library", MapResponse, header=TAG)
     async def get_map(self, request: Request) -> Response:
         """Return the roads, places and weather of the service."""
         return await self.answering.kept(request, "map")
@@ -382,7 +385,7 @@ class Api:
         if not self.settings.atlas.map:
             raise Problem("no-map", "start the service with --map")
 
-    @operation("GET /v1/models", "library", schemas.ModelsResponse)
+    @operation("GET /v1/models", "library", schemas.ModelsResponse, header=TAG)
     async def get_models(self, request: Request) -> Response:
         """List the models with their inputs, provenance and scores."""
         return await self.kept(request, "models")
@@ -392,7 +395,7 @@ class Api:
         """Describe a car that the library does not have, by a few figures."""
         return await self.answering.body_job(request, "describe")
 
-    @operation("GET /v1/vehicles", "library", schemas.VehiclesResponse)
+    @operation("GET /v1/vehicles", "library", schemas.VehiclesResponse, header=TAG)
     async def get_vehicles(
         self,
         request: Request,
@@ -475,13 +478,15 @@ def add_handlers(app: FastAPI) -> None:
         headers = dict(error.headers or {})
         if error.status_code == 405:  # starlette names the methods of the first route of a path alone
             of_path = [r for r in app.routes if isinstance(r, Route) and r.path_regex.match(request.url.path)]
-            headers["Allow"] = ", ".join(sorted({m for route in of_path for m in route.methods or ()}))
+            methods = {method for route in of_path for method in route.methods or ()}
+            headers["Allow"] = ", ".join(sorted(methods | ({"HEAD"} if "GET" in methods else set())))
         return Problem(kind, headers=headers).response(request_id(request))
 
     @app.exception_handler(RequestValidationError)
     async def on_parameters(request: Request, error: RequestValidationError) -> Response:
-        faults = [schemas.fault_of(e) for e in error.errors()]
-        return invalid_input(faults).response(request_id(request))
+        described = app.openapi()["paths"][request.scope["route"].path][request.method.lower()]
+        known = [parameter["name"] for parameter in described["parameters"]]
+        return invalid_input(list(schemas.faults_of(error.errors(), known))).response(request_id(request))
 
 
 if __name__ == "__main__":  # the OpenAPI document of a service with the model of the package

@@ -18,7 +18,7 @@ from pydantic import BaseModel
 from tripwatt.auditing import audit
 from tripwatt.containers import INSIDE, LIMITS
 from tripwatt.containers import TABLES as TABLES_BYTES
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, InvalidInput, excerpt
 from tripwatt.files import write_bytes
 from tripwatt.forecasting import ForecastModel
 from tripwatt.live import (
@@ -55,6 +55,7 @@ MOST_FILES: Final = 4000
 EXPIRES_AFTER_S: Final = 3600.0
 """An upload that is not learned is erased after so long, when the car gets the next one."""
 
+CARS_ARE_LISTED: Final = "GET /v1/cars lists the cars"
 SHOWN_FINDINGS: Final = 40
 SHOWN_FAULTS: Final = 5
 SHOWN_TRIPS: Final = 200
@@ -121,8 +122,11 @@ class CarJobs:
 
     def create(self, name: str, vehicle: Vehicle | str) -> dict[str, Any]:
         """Make a car, and return it as `show`."""
-        made = create_car(require_folder(self.folder) / folder_name(name), vehicle, label=name)
-        return self.show(made.name)
+        place = require_folder(self.folder) / folder_name(name)
+        if place.exists():
+            taken = Fault("name is taken", "name", excerpt(name), "a name that no car has")
+            raise Problem("name-taken", faults=(taken,))
+        return self.show(create_car(place, vehicle, label=name).name)
 
     def forget(self, name: str) -> dict[str, Any]:
         """Erase a car."""
@@ -218,7 +222,7 @@ def car_folder(folder: Path | None, name: str) -> Path:
     """
     place = require_folder(folder) / name
     if VALID_NAME.fullmatch(name) is None or not is_car(place):
-        raise Problem("no-such-car")
+        raise Problem("no-such-car", CARS_ARE_LISTED)
     return place
 
 

@@ -33,7 +33,7 @@ from tripwatt.service.car_schemas import (
     UploadResponse,
 )
 from tripwatt.service.live import LiveCars
-from tripwatt.service.openapi import BINARY, BYTES, JSON, operation
+from tripwatt.service.openapi import BINARY, BYTES, JSON, KEY, operation
 from tripwatt.service.pool import JobResult, WorkerLost, WorkerPool, cancel
 from tripwatt.service.problems import Problem, invalid_input
 from tripwatt.service.receiving import require_accepts
@@ -41,6 +41,7 @@ from tripwatt.service.road_trips import RoadTrips
 
 ReadBody = Callable[..., Awaitable[bytes]]
 
+UPLOAD: Final = "/v1/cars/{car}/uploads/{upload}"
 UPLOAD_PATTERN: Final = "^[a-z0-9]{8,32}$"
 MOST_PLACES: Final = 4
 """Most files that arrive and wait to be unpacked; further ones are refused."""
@@ -119,7 +120,7 @@ class CarOperations:
         """List the cars."""
         return await self.answering.job(request, "cars")
 
-    @operation("POST /v1/cars", "cars", CarResponse, NewCarRequest)
+    @operation("POST /v1/cars", "cars", CarResponse, NewCarRequest, also=("name-taken",), header=KEY)
     async def new_car(self, request: Request) -> Response:
         """Make a car."""
         require_folder(self.settings.cars)
@@ -147,7 +148,7 @@ class CarOperations:
         self.learning.pop(car, None)
         return response
 
-    @operation("POST /v1/cars/{car}/token", "cars", TokenResponse)
+    @operation("POST /v1/cars/{car}/token", "cars", TokenResponse, header=KEY)
     async def new_token(self, request: Request, car: CarName) -> Response:
         """Make a token with which a car sends its messages; an earlier one is no longer accepted."""
 
@@ -159,7 +160,7 @@ class CarOperations:
 
         return await self.answering.repeats.once(request, b"", made)
 
-    @operation("PUT /v1/cars/{car}/uploads/{upload}/{file}", "cars", UploadResponse, {BYTES: BINARY})
+    @operation(f"PUT {UPLOAD}/{{file}}", "cars", UploadResponse, {BYTES: BINARY})
     async def put_file(self, request: Request, car: CarName, upload: UploadName, file: FileName) -> Response:
         """Add a file of logs to an upload: a table, a workbook, or an archive of them."""
         car_folder(self.settings.cars, car)  # before the file arrives
@@ -172,14 +173,12 @@ class CarOperations:
             async with self._unpacking:  # one worker unpacks, the others go on
                 return await self.answering.job(request, "store", content, car=car, upload=upload, file=file)
 
-    @operation("POST /v1/cars/{car}/uploads/{upload}", "cars", LogsResponse, LogsRequest, also=("not-found",))
+    @operation(f"POST {UPLOAD}", "cars", LogsResponse, LogsRequest, also=("not-found",))
     async def read_logs(self, request: Request, car: CarName, upload: UploadName) -> Response:
         """Return how the tables of an upload are read, and what the audit says of them; nothing is learned."""
         return await self.answering.body_job(request, "logs", car=car, upload=upload)
 
-    @operation(
-        "POST /v1/cars/{car}/uploads/{upload}/learn", "cars", CarResponse, LogsRequest, also=("not-found",)
-    )
+    @operation(f"POST {UPLOAD}/learn", "cars", CarResponse, LogsRequest, also=("not-found",), header=KEY)
     async def learn(self, request: Request, car: CarName, upload: UploadName) -> Response:
         """Learn the trips of an upload: the response comes at once, and the car shows the progress."""
         body = await self.answering.read(request)

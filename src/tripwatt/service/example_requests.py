@@ -103,14 +103,16 @@ GEOJSON: Final = {
     "geometry": {"type": "LineString", "coordinates": [[11.5, 48.1], [11.52, 48.1]]},
     "properties": {"speed_m_s": 14.0},
 }
+BINARY: Final = {"type": "string", "format": "binary"}
+ROUTE: Final = {"type": "object", "description": "of a router, GeoJSON, or `links`; a list of links, too"}
 UPLOADS: Final[dict[str, dict[str, Any]]] = {
-    "application/gpx+xml": {"schema": {"type": "string"}, "example": GPX},
-    "application/xml": {"schema": {"type": "string"}, "example": GPX},
-    "text/xml": {"schema": {"type": "string"}, "example": GPX},
-    "application/vnd.google-earth.kml+xml": {"schema": {"type": "string"}, "example": KML},
-    "text/csv": {"schema": {"type": "string"}, "example": CSV},
-    "application/octet-stream": {"schema": {"type": "string", "format": "binary"}},
+    "application/gpx+xml": {"schema": BINARY, "example": GPX},
+    "application/xml": {"schema": BINARY, "example": GPX},
+    "text/xml": {"schema": BINARY, "example": GPX},
+    "application/vnd.google-earth.kml+xml": {"schema": BINARY, "example": KML},
+    "text/csv": {"schema": BINARY, "example": CSV},
+    "application/octet-stream": {"schema": BINARY},
     "application/geo+json": {"schema": {"type": "object"}, "example": GEOJSON},
-    "application/json": {"schema": {}, "example": PLANNED_REQUEST["links"]},
+    "application/json": {"schema": ROUTE, "example": {"links": PLANNED_REQUEST["links"]}},
 }
 """Media type of the upload of a route -> its media type object."""

@@ -13,7 +13,7 @@ from tripwatt.fleet.registry import REPORT_FILES
 from tripwatt.service.answering import Answering
 from tripwatt.service.contract import tagged
 from tripwatt.service.fleets import NightRequest, NightResponse, is_registry
-from tripwatt.service.openapi import JSON, TEXT, operation
+from tripwatt.service.openapi import JSON, TAG, TEXT, operation
 from tripwatt.service.problems import Problem
 from tripwatt.service.receiving import require_accepts
 
@@ -45,6 +45,7 @@ class FleetOperations:
         "fleet",
         {media_type: {} if media_type == JSON else TEXT for media_type in MEDIA_TYPES.values()},
         also=("not-found",),
+        header=TAG,
         description="The file",
     )
     async def get_fleet_report(

@@ -146,7 +146,7 @@ class DistanceNeed(UntilDeparture):
     kind: str
     """kind of road; "trip" for a known trip"""
     energy_wh: float
-    """median [Wh]"""
+    """median [Wh]; in the need of a car on the road, an old name of `energy_quantile_wh`"""
     energy_quantile_wh: float
     """not exceeded with the probability `quantile` [Wh]"""
     quantile: float
@@ -311,17 +311,21 @@ class WholeDocument(ResponseModel):
     """The whole of a journey, with its stops to charge."""
 
     p_arrive: float
-    """probability that the battery is empty nowhere"""
+    """probability that the battery is empty nowhere; `p_arrive` of the journey is another one"""
     p_reserve: float
     """probability to have the reserve at every stop and at the end"""
     soc_arrival: float
+    """expected displayed state of charge at the destination, 0 to 1"""
     soc_interval: list[float]
     """90 % interval of the charge at the destination"""
     driving_s: float
+    """on the road [s]"""
     charging_s: float
-    """at stations, with overheads"""
+    """at stations, with overheads [s]"""
     duration_s: float
+    """driving and charging [s]"""
     energy_wh: float
+    """expected energy of the whole journey [Wh]"""
 
 
 class ChargingDocument(WholeDocument):
@@ -347,6 +351,7 @@ class VerdictDocument(WholeDocument):
     departs_at: str | None
     """local time; null where the departure has none"""
     arrives_at: str | None
+    """local time, after driving and charging"""
     charges: int
     """number of stops to charge"""
     advice: Literal["go", "stop", "charge_before", "slower", "none"]
@@ -363,7 +368,7 @@ class PlanResponse(ResponseModel):
     arrives: bool
     """as in `verdict`"""
     p_arrive: float
-    """`p_reserve` of `verdict`"""
+    """`p_reserve` of `verdict`: with the reserve at every stop and at the end; `p_arrive` of `verdict` is another one"""
     soc_needed: float
     """displayed state of charge to leave with, to arrive with the reserve in 19 of 20 trips; above 1: a full battery does not suffice; 0: any charge does"""
     leave: str

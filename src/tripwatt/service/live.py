@@ -20,7 +20,7 @@ import orjson
 from sse_starlette import EventSourceResponse, ServerSentEvent
 
 from tripwatt.advice import Companion, Message
-from tripwatt.errors import InvalidInput, or_none
+from tripwatt.errors import InvalidInput, did_you_mean, or_none
 from tripwatt.forecasting import ForecastModel
 from tripwatt.live import RoadCar, Sample, has_token, is_car
 from tripwatt.live.tokens import digest_of, token_digest
@@ -125,7 +125,8 @@ class LiveCars:
             `no-such-car`.
         """
         if name not in self.cars:
-            raise Problem("no-such-car")
+            hint = did_you_mean(name, self.cars) or "GET /v1/live lists the cars on the road"
+            raise Problem("no-such-car", hint)
         return self.cars[name]
 
     def by_token(self, token: str) -> RoadCar:

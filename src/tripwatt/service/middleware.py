@@ -14,13 +14,14 @@ import secrets
 import time
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
-from typing import Final
-from urllib.parse import urlsplit
+from typing import Any, Final
 
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import RedirectResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from uvicorn.middleware.proxy_headers import ProxyHeadersMiddleware
 
+from tripwatt.errors import excerpt
 from tripwatt.service.contract import DEPRECATED_SINCE
 from tripwatt.service.metrics import Metrics
 from tripwatt.service.problems import SAFE_METHODS, Problem
@@ -116,6 +117,26 @@ def rate_limit_key(address: str) -> str | None:
     return str(ip) if ip.version == 4 else str(ipaddress.ip_network((int(ip), 64), strict=False))
 
 
+class ProxyHeaders(ProxyHeadersMiddleware):
+    """The headers of a proxy: `X-Forwarded-For` names the client, `X-Forwarded-Host` the host; those of other peers do not count.
+
+    Parameters
+    ----------
+    app : ASGI application
+    trusted : str
+        Addresses and networks of proxies beside loopback, with commas; `*` for all.
+    """
+
+    def __init__(self, app: Any, trusted: str = "") -> None:
+        super().__init__(app, "*" if trusted.strip() == "*" else f"127.0.0.1,::1,{trusted}")
+
+    async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
+        """Handle one request."""
+        if scope["type"] == "http" and (scope["client"] or ("",))[0] not in self.trusted_hosts:
+            scope["headers"] = [header for header in scope["headers"] if header[0] != b"x-forwarded-host"]
+        await super().__call__(scope, receive, send)
+
+
 class ServiceMiddleware:
     """The middleware around the application.
 
@@ -198,14 +219,11 @@ class ServiceMiddleware:
 def _check_site(headers: Headers, allowed: Sequence[str]) -> None:
     """Refuse what a page of another site, whose origin is not allowed, makes a browser send; programs send neither header."""
     site, origin = headers.get("sec-fetch-site"), headers.get("origin")
-    if origin in allowed:
-        return
-    if site is not None:
-        is_foreign = site not in OWN_SITES
-    else:
-        is_foreign = origin is not None and urlsplit(origin).netloc.lower() != headers.get("host", "").lower()
-    if is_foreign:
-        raise Problem("foreign-site", "a page of another site sent the request")
+    host = headers.get("x-forwarded-host", headers.get("host", "")).partition(",")[0].strip()
+    same = origin is None or origin.lower().partition(":")[2] == f"//{host.lower()}"
+    if origin not in allowed and not (same if site is None else site in OWN_SITES):
+        remedy = "start the service with --cors-origin ORIGIN to allow it; for its own page, let the proxy pass its host as X-Forwarded-Host"
+        raise Problem("foreign-site", f"a page of {excerpt(origin or site)} sent the request: {remedy}")
 
 
 class _RequestHandling:
@@ -258,8 +276,10 @@ class _RequestHandling:
     def _add_headers(self, message: Message) -> None:
         headers = MutableHeaders(scope=message)
         headers["X-Request-ID"] = self.request_id
-        if self.scope["state"].get("deprecated"):
+        if names := self.scope["state"].get("deprecated"):
             headers["Deprecation"] = DEPRECATED_SINCE
+            link = f'<{self.middleware.settings.prefix}/openapi.json>; rel="deprecation"'
+            headers.append("Link", f'{link}; title="{", ".join(names)}"')
         for name, value in SECURITY_HEADERS.items():
             headers.setdefault(name, value)
         headers.setdefault("Cache-Control", "no-store")

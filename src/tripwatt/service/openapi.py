@@ -12,7 +12,7 @@ from pydantic import TypeAdapter
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from starlette.responses import Response
 
-from tripwatt.service.contract import known_parameters, mark_deprecated
+from tripwatt.service.contract import known_parameters, mark_old_address
 from tripwatt.service.example_requests import EXAMPLES
 from tripwatt.service.problems import MEDIA_TYPE, SAFE_METHODS, TITLES
 from tripwatt.service.schemas import ProblemDocument
@@ -43,6 +43,17 @@ TAG_PROBLEMS: Final[Mapping[str, tuple[str, ...]]] = {
 }
 """Problems of all operations of a tag."""
 
+TAG: Final = "If-None-Match"
+KEY: Final = "Idempotency-Key"
+HEADERS: Final = {
+    TAG: "the `ETag` that the client has: a 304 has no content",
+    KEY: "of a request that may come twice, 1 to 255 characters: the second one gets the response of the first, for a day",
+    "Deprecation": "the request has old names, which are the title of `Link` (RFC 9745)",
+    "ETag": "changes with the content",
+    "Retry-After": "seconds to wait",
+}
+"""Headers of requests that an operation heeds, and of responses."""
+
 Content = type | dict[str, Any]
 """A document of JSON by its schema, or an object of OpenAPI for a media type."""
 
@@ -67,6 +78,8 @@ class Operation:
         All kinds of problems, where they do not follow.
     alias : str
         An earlier path; empty for none.
+    header : str
+        A header of the request that the operation heeds: `TAG` or `KEY`; empty for none.
     internal : bool
         Whether it serves the page alone and may change in any version.
     description : str
@@ -83,6 +96,7 @@ class Operation:
     also: tuple[str, ...] = ()
     only: tuple[str, ...] | None = None
     alias: str = ""
+    header: str = ""
     internal: bool = False
     description: str = ""
     more: Mapping[str, Any] = field(default_factory=dict)
@@ -96,7 +110,14 @@ class Operation:
         if self.method not in SAFE_METHODS:
             kinds = (*kinds, "foreign-site")
         checks = known_parameters(handler, self.path) if "invalid-input" in kinds else []
+        tag = ["ETag"] if self.header == TAG else []
         answer = {"description": self._description(), "content": _contents(self.answer)}
+        answers = {200: answer | _headers("Deprecation", *tag), **_problems(kinds)}
+        if tag:
+            answers[304] = {"description": "The client has it already", **_headers(*tag)}
+        if self.header:
+            heeded = {"name": self.header, "in": "header", "description": HEADERS[self.header], **TEXT}
+            extra["parameters"] = [heeded]
         for path in (self.path, self.alias):
             if path:
                 app.add_api_route(
@@ -105,10 +126,10 @@ class Operation:
                     methods=[self.method],
                     operation_id=handler.__name__ + ("_alias" if path == self.alias else ""),
                     tags=[self.tag],
-                    dependencies=[*checks, *([Depends(mark_deprecated)] if path == self.alias else [])],
+                    dependencies=[*checks, Depends(mark_old_address)],
                     response_class=Response,
                     response_model=None,
-                    responses={200: answer, **_problems(kinds)},
+                    responses=answers,
                     openapi_extra=extra,
                     deprecated=True if path == self.alias else None,
                 )
@@ -125,7 +146,8 @@ class Operation:
 
     def _kinds(self) -> tuple[str, ...]:
         of_input = BODY_PROBLEMS if self.takes else QUERY_PROBLEMS
-        return (*COMMON_PROBLEMS, *of_input, *POOL_PROBLEMS, *TAG_PROBLEMS.get(self.tag, ()), *self.also)
+        also = (*self.also, "key-used") if self.header == KEY else self.also
+        return (*COMMON_PROBLEMS, *of_input, *POOL_PROBLEMS, *TAG_PROBLEMS.get(self.tag, ()), *also)
 
 
 class Schemas(GenerateJsonSchema):
@@ -207,9 +229,10 @@ def add_operations(app: FastAPI, owners: Iterable[object], *, with_token: bool) 
                 security["token"] = {"type": "http", "scheme": "bearer"}
                 derived["security"] = [{"token": []}]
             for schema in schemas["$defs"].values():
-                for of_field in schema.get("properties", {}).values():
+                for name, of_field in schema.get("properties", {}).items():
                     if str(of_field.get("description", "")).startswith("deprecated: "):
                         of_field["deprecated"] = True
+                        schema["required"] = [one for one in schema["required"] if one != name]
             derived["components"] = {"schemas": schemas["$defs"], "securitySchemes": security}
             app.openapi_schema = derived
         return app.openapi_schema
@@ -242,6 +265,10 @@ def _contents(contents: Mapping[str, Content]) -> dict[str, Any]:
     return described
 
 
+def _headers(*names: str) -> dict[str, Any]:
+    return {"headers": {name: {"description": HEADERS[name], **TEXT} for name in names}}
+
+
 def _problems(kinds: Iterable[str]) -> dict[int | str, dict[str, Any]]:
     """Responses with problem documents, by status; kinds of one status share a response."""
     by_status: dict[int, dict[str, None]] = {}
@@ -249,7 +276,8 @@ def _problems(kinds: Iterable[str]) -> dict[int | str, dict[str, Any]]:
         status, title = TITLES[kind]
         by_status.setdefault(status, {})[title] = None
     content = _contents({MEDIA_TYPE: ProblemDocument})
+    retry = dict.fromkeys((429, 503), _headers("Retry-After"))
     return {
-        status: {"description": "; ".join(titles), "content": content}
+        status: {"description": "; ".join(titles), "content": content, **retry.get(status, {})}
         for status, titles in sorted(by_status.items())
     }

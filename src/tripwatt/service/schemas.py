@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import datetime as dt
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from types import NoneType
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, TypeVar
 
@@ -45,6 +45,12 @@ MIN_DURATION_S: Final = 1.0
 BMS_SOC: Final = "bms_soc"
 """The column `soc` of a table, the state of charge of the battery management, in a request: there, `soc` is the displayed one."""
 
+PROBLEM_KINDS: Final[dict[str, Any]] = {
+    "enum": [f"/problems/{kind}" for kind in TITLES],
+    "x-enum-varnames": [kind.upper().replace("-", "_") for kind in TITLES],
+}
+"""Types of problems, and their names in generated clients."""
+
 NUMBER_TYPES: Final = frozenset({float, int, NoneType})
 """Types of JSON numbers and of null. `bool` is excluded, although it is a subclass of `int`."""
 
@@ -60,6 +66,8 @@ def _columns_schema(required: list[str], min_items: int, meaning: str) -> dict[s
             f"deprecated: old name of `{BMS_SOC}`" if name == "soc" else f"{column.meaning} [{column.unit}]"
         )
         properties[name] = {"type": "array", "items": item, "minItems": min_items, "description": meant}
+        if name == "soc":
+            properties[name]["deprecated"] = True
     return {
         "type": "object",
         "properties": properties,
@@ -302,7 +310,7 @@ class ProblemFault(ResponseModel):
 class ProblemDocument(ResponseModel):
     """Problem document of RFC 9457."""
 
-    type: str = Field(json_schema_extra={"enum": [f"/problems/{kind}" for kind in TITLES]})
+    type: str = Field(json_schema_extra=PROBLEM_KINDS)
     """kind of problem, as a path"""
     title: str
     status: int
@@ -467,18 +475,16 @@ def check_request(document: Any, model: type[RequestModel]) -> RequestModel:
         return model.model_validate(document)
     except ValidationError as error:
         errors = error.errors(include_url=False, include_context=False)
-    known = [*model.model_fields, "displayed_soc"]
-    hinted = [k < MOST_HINTS and e["type"] == "extra_forbidden" for k, e in enumerate(errors)]
-    raise InvalidInput(
-        fault_of(e, did_you_mean(str(e["loc"][-1]), known) if has_hint else "")
-        for e, has_hint in zip(errors, hinted, strict=True)
-    )
+    raise InvalidInput(faults_of(errors, [*model.model_fields, "displayed_soc"]))
 
 
-def fault_of(error: Mapping[str, Any], fix: str = "") -> Fault:
-    """The fault of an error of pydantic."""
-    where = ".".join(map(str, error["loc"]))[:80] or "body"
-    return Fault(error["msg"], where, excerpt(error.get("input"), 80), fix=fix)
+def faults_of(errors: Iterable[Mapping[str, Any]], known: Iterable[str]) -> Iterator[Fault]:
+    """The faults of errors of pydantic; the first unknown names have the most similar of the known ones."""
+    for number, error in enumerate(errors):
+        is_unknown = number < MOST_HINTS and error["type"] == "extra_forbidden"
+        fix = did_you_mean(str(error["loc"][-1]), known) if is_unknown else ""
+        where, allowed = ".".join(map(str, error["loc"]))[:80], error["msg"].partition("Input should be ")[2]
+        yield Fault(error["msg"], where or "body", excerpt(error.get("input"), 80), allowed, fix)
 
 
 def parse_samples(value: Any, limits: Limits) -> pd.DataFrame:

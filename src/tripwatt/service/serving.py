@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime as dt
 import json
 import logging
+import os
 import re
 import signal
 import socket
@@ -111,6 +112,7 @@ def serve(settings: Settings, on_start: Callable[[str], None] = lambda url: None
     import uvicorn
 
     from tripwatt.service.app import create_app
+    from tripwatt.service.middleware import ProxyHeaders
     from tripwatt.service.protocol import BoundedProtocol
 
     class Server(uvicorn.Server):
@@ -120,11 +122,12 @@ def serve(settings: Settings, on_start: Callable[[str], None] = lambda url: None
                 on_start(url_of(listener))
 
     require_safe(settings)
-    app = create_app(settings, log_json)
+    app = ProxyHeaders(create_app(settings, log_json), os.environ.get("FORWARDED_ALLOW_IPS", ""))
     with open_socket(settings) as listener:
         config = uvicorn.Config(
             app,
             http=BoundedProtocol,
+            proxy_headers=False,  # `ProxyHeaders` has read them
             log_config=None,
             access_log=False,
             server_header=False,

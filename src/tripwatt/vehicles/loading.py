@@ -118,8 +118,9 @@ def require_vehicle(name: str) -> None:
         return
     near = find_vehicles(name) or difflib.get_close_matches(name, vehicle_names(), n=3)
     listed = " or ".join(map(repr, near[:3]))
-    fix = f"did you mean {listed}?" if near else "or give the path of a .toml file"
-    allowed = f"one of {len(vehicle_names())} names, listed by `tripwatt vehicles`"
+    described = "or describe it: the path of a .toml file, over HTTP `vehicle_figures`"
+    fix = f"did you mean {listed}?" if near else described
+    allowed = f"one of {len(vehicle_names())} names, listed by `tripwatt vehicles` and GET /v1/vehicles"
     raise InvalidInput.of("unknown car", "vehicle", excerpt(name), allowed, fix)
 
 

@@ -125,7 +125,8 @@ def stage(folder: Path, kept: Sequence[str] = ()) -> None:
     _write(index, parts.with_part(index.read_text("utf-8"), "results", parts.part(readme, "results")))
     for name, words in WORDS.items():
         _write(folder / name, with_words((folder / name).read_text("utf-8"), words))
-    shutil.copytree(DOCS / "images", folder / "images")
+    for name in ("images", "reference/openapi"):
+        shutil.copytree(DOCS / name, folder / name)
 
 
 def with_words(text: str, words: Sequence[str]) -> str:

@@ -42,6 +42,8 @@ python_maximum_signature_line_length = 80
 numpydoc_show_class_members = False
 numpydoc_attributes_as_param_list = True
 
+smartquotes_action = "qe"  # two hyphens stay: they begin an option
+
 html_theme = "furo"
 html_title = f"tripwatt {release}"
 html_static_path = ["static"]

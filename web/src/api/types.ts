@@ -640,6 +640,7 @@ export interface components {
                 battery_temperature_degc?: (number | null)[];
                 voltage_v?: (number | null)[];
                 current_a?: (number | null)[];
+                /** @deprecated */
                 soc?: (number | null)[];
                 displayed_soc?: (number | null)[];
                 motor_torque_nm?: (number | null)[];
@@ -952,6 +953,7 @@ export interface components {
                 battery_temperature_degc?: (number | null)[];
                 voltage_v?: (number | null)[];
                 current_a?: (number | null)[];
+                /** @deprecated */
                 soc?: (number | null)[];
                 displayed_soc?: (number | null)[];
                 motor_torque_nm?: (number | null)[];
@@ -984,7 +986,7 @@ export interface components {
                 [key: string]: number;
             };
             /** @deprecated */
-            p_arrive: {
+            p_arrive?: {
                 [key: string]: number;
             };
             climb: components["schemas"]["UnknownClimbDocument"] | null;
@@ -1132,14 +1134,14 @@ export interface components {
         LiveCarSummary: {
             car: string;
             /** @deprecated */
-            vehicle: string;
+            vehicle?: string;
             seconds_since_message: number | null;
             on_trip: boolean;
         };
         LiveCarsResponse: {
             cars: components["schemas"]["LiveCarSummary"][];
             /** @deprecated */
-            vehicles: components["schemas"]["LiveCarSummary"][];
+            vehicles?: components["schemas"]["LiveCarSummary"][];
         };
         LiveForecastDocument: {
             energy_wh: number;
@@ -1195,6 +1197,7 @@ export interface components {
                 battery_temperature_degc?: (number | null)[];
                 voltage_v?: (number | null)[];
                 current_a?: (number | null)[];
+                /** @deprecated */
                 soc?: (number | null)[];
                 displayed_soc?: (number | null)[];
                 motor_torque_nm?: (number | null)[];
@@ -1213,7 +1216,7 @@ export interface components {
         LiveResponse: {
             car: string;
             /** @deprecated */
-            vehicle: string;
+            vehicle?: string;
             seconds_since_message: number | null;
             messages: components["schemas"]["LiveMessages"];
             held: number;
@@ -1229,7 +1232,7 @@ export interface components {
         LiveTripDocument: {
             departs_at: string;
             /** @deprecated */
-            departure_utc: number;
+            departure_utc?: number;
             duration_s: number;
             distance_m: number;
             samples: number;
@@ -1322,7 +1325,7 @@ export interface components {
             preheat: components["schemas"]["PreheatDocument"] | null;
             car: string;
             /** @deprecated */
-            vehicle: string;
+            vehicle?: string;
             /** @enum {string} */
             plan: "given" | "usual";
             usual_trip: string | null;
@@ -1331,7 +1334,7 @@ export interface components {
             expected_wh: number;
             energy_quantile_wh: number;
             /** @deprecated */
-            energy_wh: number;
+            energy_wh?: number;
             soc_needed: number;
             message: string;
             wh_per_display: number;
@@ -1501,7 +1504,7 @@ export interface components {
         };
         ProblemDocument: {
             /** @enum {string} */
-            type: "/problems/not-json" | "/problems/bad-request" | "/problems/host-not-served" | "/problems/token-needed" | "/problems/foreign-site" | "/problems/not-found" | "/problems/no-such-car" | "/problems/no-plan" | "/problems/method-not-allowed" | "/problems/not-acceptable" | "/problems/body-late" | "/problems/too-large" | "/problems/media-type" | "/problems/invalid-input" | "/problems/key-used" | "/problems/head-too-large" | "/problems/too-many-requests" | "/problems/internal" | "/problems/no-map" | "/problems/no-live" | "/problems/remote" | "/problems/busy" | "/problems/timeout";
+            type: "/problems/not-json" | "/problems/bad-request" | "/problems/host-not-served" | "/problems/token-needed" | "/problems/foreign-site" | "/problems/not-found" | "/problems/no-such-car" | "/problems/no-plan" | "/problems/method-not-allowed" | "/problems/not-acceptable" | "/problems/name-taken" | "/problems/body-late" | "/problems/too-large" | "/problems/media-type" | "/problems/invalid-input" | "/problems/key-used" | "/problems/head-too-large" | "/problems/too-many-requests" | "/problems/internal" | "/problems/no-map" | "/problems/no-live" | "/problems/remote" | "/problems/busy" | "/problems/timeout";
             title: string;
             status: number;
             detail?: string | null;
@@ -1640,7 +1643,7 @@ export interface components {
             status: "ok" | "held";
             car: string;
             /** @deprecated */
-            vehicle: string;
+            vehicle?: string;
             /** @enum {string} */
             arrival: "new" | "doubled" | "held";
             ignored: components["schemas"]["ProblemFault"][];
@@ -1692,6 +1695,7 @@ export interface components {
                 battery_temperature_degc?: (number | null)[];
                 voltage_v?: (number | null)[];
                 current_a?: (number | null)[];
+                /** @deprecated */
                 soc?: (number | null)[];
                 displayed_soc?: (number | null)[];
                 motor_torque_nm?: (number | null)[];
@@ -1717,6 +1721,7 @@ export interface components {
                 battery_temperature_degc?: (number | null)[];
                 voltage_v?: (number | null)[];
                 current_a?: (number | null)[];
+                /** @deprecated */
                 soc?: (number | null)[];
                 displayed_soc?: (number | null)[];
                 motor_torque_nm?: (number | null)[];
@@ -1919,6 +1924,7 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -1944,6 +1950,7 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -1967,6 +1974,7 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -1990,6 +1998,7 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2015,6 +2024,7 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2041,12 +2051,13 @@ export interface operations {
                 "text/csv": string;
                 "application/octet-stream": string;
                 "application/geo+json": Record<string, unknown>;
-                "application/json": unknown;
+                "application/json": Record<string, unknown>;
             };
         };
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2072,6 +2083,7 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2097,6 +2109,7 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2120,6 +2133,7 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2143,6 +2157,7 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2166,6 +2181,7 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2213,6 +2229,7 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2254,6 +2271,7 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2276,6 +2294,7 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2287,7 +2306,9 @@ export interface operations {
     get_map: {
         parameters: {
             query?: never;
-            header?: never;
+            header?: {
+                "If-None-Match"?: string;
+            };
             path?: never;
             cookie?: never;
         };
@@ -2295,6 +2316,8 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
+                    ETag?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2320,6 +2343,7 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2343,6 +2367,7 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2354,7 +2379,9 @@ export interface operations {
     get_models: {
         parameters: {
             query?: never;
-            header?: never;
+            header?: {
+                "If-None-Match"?: string;
+            };
             path?: never;
             cookie?: never;
         };
@@ -2362,6 +2389,8 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
+                    ETag?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2375,7 +2404,9 @@ export interface operations {
             query?: {
                 search?: string;
             };
-            header?: never;
+            header?: {
+                "If-None-Match"?: string;
+            };
             path?: never;
             cookie?: never;
         };
@@ -2383,6 +2414,8 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
+                    ETag?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2406,6 +2439,7 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2425,6 +2459,7 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2446,6 +2481,7 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2465,6 +2501,7 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2484,6 +2521,7 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2503,6 +2541,7 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2526,6 +2565,7 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2539,7 +2579,9 @@ export interface operations {
             query?: {
                 model?: string;
             };
-            header?: never;
+            header?: {
+                "If-None-Match"?: string;
+            };
             path: {
                 file: "report.html" | "report.json" | "changes.csv" | "vehicles.csv" | "drivers.csv" | "needs.csv" | "routes.csv" | "emhass.json" | "evcc.txt";
             };
@@ -2549,6 +2591,8 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
+                    ETag?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2578,6 +2622,7 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2597,6 +2642,7 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2618,6 +2664,7 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2643,6 +2690,7 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2664,6 +2712,7 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2683,6 +2732,7 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2694,7 +2744,9 @@ export interface operations {
     new_car: {
         parameters: {
             query?: never;
-            header?: never;
+            header?: {
+                "Idempotency-Key"?: string;
+            };
             path?: never;
             cookie?: never;
         };
@@ -2706,6 +2758,7 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2727,6 +2780,7 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2748,6 +2802,7 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2759,7 +2814,9 @@ export interface operations {
     new_token: {
         parameters: {
             query?: never;
-            header?: never;
+            header?: {
+                "Idempotency-Key"?: string;
+            };
             path: {
                 car: string;
             };
@@ -2769,6 +2826,7 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2796,6 +2854,7 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2822,6 +2881,7 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2833,7 +2893,9 @@ export interface operations {
     learn: {
         parameters: {
             query?: never;
-            header?: never;
+            header?: {
+                "Idempotency-Key"?: string;
+            };
             path: {
                 car: string;
                 upload: string;
@@ -2848,6 +2910,7 @@ export interface operations {
         responses: {
             200: {
                 headers: {
+                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {

@@ -820,6 +820,7 @@ const de: Text = {
       "host-not-served": "Der Dienst bedient diesen Hostnamen nicht",
       "token-needed": "Token erforderlich",
       "foreign-site": "Eine andere Website hat die Anfrage gestellt",
+      "name-taken": "Ein Auto hat diesen Namen schon",
       "key-used": "Der Idempotency-Key kam schon mit einer anderen Anfrage",
       "not-found": "Nicht gefunden",
       "no-such-car": "Der Dienst hat kein solches Auto",

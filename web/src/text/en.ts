@@ -813,6 +813,7 @@ export const en = {
       "host-not-served": "The service does not serve this host name",
       "token-needed": "A token is required",
       "foreign-site": "Another site sent the request",
+      "name-taken": "A car has this name already",
       "key-used": "The Idempotency-Key came before with another request",
       "not-found": "Not found",
       "no-such-car": "The service has no such car",

@@ -18,7 +18,7 @@ export function FaultList({ id, faults }: { id?: string; faults: Fault[] }) {
           </strong>
           {fault.where && problems.at(placeText(fault.where))}
           {fault.got && `: ${said(fault.got).text}`}
-          {fault.allowed && problems.allowed(said(fault.allowed).text)}
+          {fault.allowed && !fault.what.endsWith(fault.allowed) && problems.allowed(said(fault.allowed).text)}
           {fault.fix && (
             <>
               {". "}
