@@ -116,9 +116,12 @@ def test_a_folder_has_a_file_for_each_program_and_none_of_an_earlier_report(tmp_
     assert {file.name for file in tmp_path.iterdir()} == set(REPORT_FILES) - {"drivers.csv"}
     assert json.loads((tmp_path / "report.json").read_text("utf-8")) == document
     assert json.loads((tmp_path / "emhass.json").read_text("utf-8")) == document["emhass"]
-    assert (tmp_path / "evcc.txt").read_text("utf-8") == "/api/vehicles/V1/plan/soc/50/2026-01-12T07:30:00Z"
+    assert (tmp_path / "evcc.txt").read_text("utf-8") == "/api/vehicles/V1/plan/soc/50/2026-01-12T07:30:00Z\n"
+    assert (
+        (tmp_path / "emhass.json").read_bytes()[-2:] == (tmp_path / "report.json").read_bytes()[-2:] == b"}\n"
+    )
     needs = pd.read_csv(tmp_path / "needs.csv")
-    assert needs["departs_at"].item() == "2026-01-12T07:30:00+0000"
+    assert needs["departs_at"].item() == "2026-01-12T07:30:00+00:00"
     assert needs["charge_wh"].item() == 6000.0
     assert len(pd.read_csv(tmp_path / "changes.csv")) == 60
     assert document["coldest_week"] == {"monday": "2025-01-06", "ambient_temperature_degc": -7.4}

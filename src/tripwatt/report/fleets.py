@@ -40,7 +40,12 @@ CLASSES: Final = {
 LEAST_TRIPS: Final = 10
 """Trips of a vehicle whose share inside of the intervals is looked at."""
 
-ISO: Final = "%Y-%m-%dT%H:%M:%S%z"
+
+def csv_of(table: pd.DataFrame) -> str:
+    """A table as CSV, with times in ISO 8601 and their offset."""
+    times = table.columns.intersection(["departs_at", "arrives_at"])
+    texts = {name: table[name].map(lambda time: time.isoformat(timespec="seconds")) for name in times}
+    return table.assign(**texts).to_csv(index=False)
 
 
 def evaluation_page(title: str, evaluation: FleetEvaluation, rows: TripRows) -> str:
@@ -211,11 +216,12 @@ class ManagerReport:
         week = self.week and {"monday": f"{self.week[0]}", "ambient_temperature_degc": self.week[1]}
         document: dict[str, Any] = {"quantile": self.quantile, "coldest_week": week}
         document |= {name: records(table) for name, table in self.tables.items()}
-        texts = {f"{n}.csv": table.to_csv(index=False, date_format=ISO) for n, table in self.tables.items()}
+        texts = {f"{name}.csv": csv_of(table) for name, table in self.tables.items()}
         if self.needs is not None:
             document |= night_document(self.needs, at, charger_w)
-            texts |= {"emhass.json": json.dumps(document["emhass"]), "evcc.txt": "\n".join(document["evcc"])}
-        texts |= {"report.json": json.dumps(document, allow_nan=False), "report.html": self.page()}
+            lines = "".join(f"{path}\n" for path in document["evcc"])
+            texts |= {"emhass.json": f"{json.dumps(document['emhass'])}\n", "evcc.txt": lines}
+        texts |= {"report.json": f"{json.dumps(document, allow_nan=False)}\n", "report.html": self.page()}
         folder.mkdir(parents=True, exist_ok=True)
         for name in {*REPORT_FILES} - {*texts}:
             (folder / name).unlink(missing_ok=True)
