@@ -14,7 +14,7 @@ from tripwatt.cli.departing import DepartureOf, departure_options, time_of
 from tripwatt.cli.forecast import forecast_rows
 from tripwatt.cli.options import JsonOption, add_command, argument, group_of, option, options_named
 from tripwatt.cli.output import write_text
-from tripwatt.cli.printing import console, print_json, print_table, progress
+from tripwatt.cli.printing import console, print_json, print_notes, print_table, progress
 from tripwatt.cli.stores import CarModelOption, SinceOption, StoreArgument, StoreOption, UntilOption, opened
 
 if TYPE_CHECKING:
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
     from tripwatt.fleet.registry import Comparison, Registry
     from tripwatt.fleet.statistics import TripRows
+    from tripwatt.report.fleets import ManagerReport
 
 fleet_app = group_of(
     "Many vehicles: one model of a trip store, with the deviations of each car model, vehicle and driver. It needs the "
@@ -330,21 +331,13 @@ def report(
     store: StoreArgument,
     registry: RegistryArgument,
     planned: Annotated[
-        Path | None,
-        option(
-            "FILE",
-            "Planned trips as CSV or Parquet; see docs/howto/fleet.md. With it, what they need, and from which cars.",
-        ),
+        Path | None, option("FILE", "Planned trips, CSV or Parquet: what they need. See docs/howto/fleet.md.")
     ] = None,
     out: Annotated[
-        Path | None,
-        option(
-            "FOLDER",
-            "Folder to write. Default: REGISTRY/report, which `tripwatt serve` serves.",
-            "--out",
-            "-o",
-        ),
+        Path | None, option("FOLDER", "Default: REGISTRY/report, which the service serves.", "--out", "-o")
     ] = None,
+    ambient: Annotated[float | None, option("DEGC", "Outside temperature of trips that have none.")] = None,
+    coldest: Annotated[float | None, option("DEGC", "Temperature in place of the coldest week's.")] = None,
     drivers: Annotated[bool, typer.Option("--drivers", help="Compare drivers, too.")] = False,
     quantile: Annotated[float, option("Q", "Probability with which a need suffices, 0.5 to 1.")] = 0.95,
     reserve: Annotated[float, option("X", "Charge to come back with, 0 to 1.")] = 0.0,
@@ -360,7 +353,8 @@ def report(
 ) -> None:
     """Report which vehicles changed, since when and by which cause, and what planned trips need, as HTML, CSV and JSON.
 
-    With --planned the folder has needs.csv, emhass.json and evcc.txt as well, for the management of charging.
+    With --planned the folder has needs.csv, emhass.json and evcc.txt as well, for the management of charging. The exit code is 1
+    if a planned trip cannot be forecast; the report has its reason and the needs of the others.
 
     For example:
 
@@ -372,17 +366,32 @@ def report(
     from tripwatt.journey.nights import read_planned
     from tripwatt.report.fleets import ManagerReport
 
-    at = dt.datetime.now().astimezone() if begins is None else time_of(begins, "--begins")
+    now = dt.datetime.now().astimezone()
+    at = now if begins is None else time_of(begins, "--begins")
     model, folder = _registry(registry).load(), out or registry / "report"
-    trips = read_planned(planned) if planned is not None else ()
+    trips = read_planned(planned, ambient) if planned is not None else []
+    ahead = [trip for trip in trips if trip.departs_at >= min(now, at)]
     rows = _rows(store, options, work or registry / "work", jobs, cluster)
     made = ManagerReport.of(
-        f"Fleet {store}", model, rows, trips, quantile=quantile, reserve=reserve, drivers=drivers
+        f"Fleet {store}",
+        model,
+        rows,
+        ahead,
+        quantile=quantile,
+        reserve=reserve,
+        drivers=drivers,
+        coldest_degc=coldest,
     )
     document = made.write(folder, at, plug)
-    if as_json:
-        print_json({"out": f"{folder}", **document})
-        return
+    if len(ahead) < len(trips):
+        past = f"left out: {len(trips) - len(ahead)} of {len(trips)} planned trips, which departed before"
+        print_notes([f"{past} {min(now, at):%Y-%m-%d %H:%M}"])
+    print_json({"out": f"{folder}", **document}) if as_json else _show_report(made, folder)
+    if made.refused:
+        raise typer.Exit(1)
+
+
+def _show_report(made: ManagerReport, folder: Path) -> None:
     for panel in made.panels():
         if not panel.folded:
             typer.echo(panel.sentence)
@@ -391,6 +400,7 @@ def report(
             print_table(
                 table.caption, table.columns, table.rows, numbers=("more [%]", "trips before", "after")
             )
+    print_notes(made.notes)
     typer.echo(f"{folder / 'report.html'}")
 
 

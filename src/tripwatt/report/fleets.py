@@ -11,15 +11,17 @@ from typing import Any, Final
 
 import pandas as pd
 
+from tripwatt.errors import Fault
 from tripwatt.evaluation.fleets import FleetEvaluation
 from tripwatt.files import write_text
-from tripwatt.fleet.changes import FALSE_CHANGES, LEAST_CHANGE, changes
+from tripwatt.fleet.changes import FALSE_CHANGES, LEAST_CHANGE, after_changes, changes, said_of_need
 from tripwatt.fleet.deviations import PARTS, deviations
 from tripwatt.fleet.model import FleetModel
 from tripwatt.fleet.registry import REPORT_FILES, REPORT_TABLES
 from tripwatt.fleet.statistics import TripRows
 from tripwatt.journey.nights import (
     QUANTILE,
+    Cold,
     PlannedTrip,
     coldest_week,
     needs_by_car,
@@ -31,6 +33,7 @@ from tripwatt.report.html import page_text
 from tripwatt.report.panel import Panel
 from tripwatt.report.tables import Column, Table, in_kwh, in_percent, in_words, number, tabulated
 from tripwatt.report.words import percent
+from tripwatt.trips.reading import alike
 
 CLASSES: Final = {
     "car_model": "car model",
@@ -130,8 +133,10 @@ class ManagerReport:
         From `deviations`; None where nobody asked for them.
     needs, routes : DataFrame or None
         From `needs_by_hour` and `needs_by_car`; None without planned trips.
-    week : tuple of date and float, or None
-        Monday of the coldest week, and its temperature [°C].
+    cold : Cold or None
+        Temperature of the coldest week, or the one that was given.
+    refused : tuple of Fault
+        Planned trips that cannot be forecast.
     """
 
     title: str
@@ -141,12 +146,13 @@ class ManagerReport:
     drivers: pd.DataFrame | None = None
     needs: pd.DataFrame | None = None
     routes: pd.DataFrame | None = None
-    week: tuple[dt.date, float] | None = None
+    cold: Cold | None = None
+    refused: tuple[Fault, ...] = ()
 
     @classmethod
     def of(
         cls, title: str, model: FleetModel, rows: TripRows, planned: Sequence[PlannedTrip] = (), *, quantile: float = QUANTILE,
-        reserve: float = 0.0, drivers: bool = False,
+        reserve: float = 0.0, drivers: bool = False, coldest_degc: float | None = None,
     ) -> ManagerReport:  # fmt: skip
         """The report on the trips of a fleet.
 
@@ -161,22 +167,46 @@ class ManagerReport:
             As of `needs_by_hour`.
         drivers : bool
             Whether the drivers are compared.
+        coldest_degc : float, optional
+            Outside temperature in place of that of the coldest week [°C].
         """
         asked = {"quantile": quantile, "reserve": reserve}
-        vehicles = deviations(model.posterior, rows)
-        report = cls(title, quantile, changes(model.posterior, rows), vehicles, week=coldest_week(rows))
+        vehicles, changed = deviations(model.posterior, rows), changes(model.posterior, rows)
+        cold = coldest_week(rows) if coldest_degc is None else Cold(coldest_degc)
+        report, refused = cls(title, quantile, changed, vehicles, cold=cold), list[Fault]()
         if drivers:
             report = replace(report, drivers=deviations(model.posterior, rows, drivers=True))
         if planned:
-            report = replace(report, needs=needs_by_hour(model, planned, **asked))
-        if planned and report.week is not None:
-            report = replace(report, routes=needs_by_car(model, planned, report.week[1], **asked))
+            needs = needs_by_hour(after_changes(model, rows, changed), planned, **asked, refused=refused)
+            said = said_of_need(changed)
+            reasons = [
+                "; ".join(filter(None, (old, *said.get(v, ()))))
+                for v, old in zip(needs["vehicle_id"], needs["reasons"], strict=True)
+            ]
+            report = replace(report, needs=needs.assign(reasons=reasons), refused=tuple(refused))
+        if planned and cold is not None:
+            report = replace(
+                report, routes=needs_by_car(model, planned, cold.ambient_temperature_degc, **asked)
+            )
         return report
 
     @property
     def tables(self) -> dict[str, pd.DataFrame]:
         """Its tables by name."""
         return {name: getattr(self, name) for name in REPORT_TABLES if getattr(self, name) is not None}
+
+    @property
+    def notes(self) -> list[str]:
+        """What the needs assume, what limits them, and why planned trips are left out."""
+        if self.needs is None:
+            return []
+        told = [
+            (reason, car, 1, f"{car}: {reason}")
+            for car, reasons in zip(self.needs["vehicle_id"], self.needs["reasons"], strict=True)
+            for reason in filter(None, reasons.split("; "))
+        ]
+        kinds = (f"{kind.example} (departures: {kind.count} of {len(self.needs)})" for kind in alike(told))
+        return [*(f"left out: {fault}" for fault in self.refused), *kinds]
 
     def page(self) -> str:
         """The report as one HTML file without scripts."""
@@ -195,13 +225,14 @@ class ManagerReport:
         said = said_of_changes(self.changes, len(self.vehicles))
         yield Panel("changes", "Vehicles that changed", said, tables=tables)
         if self.needs is not None:
-            said, tables = said_of_needs(self.needs, self.quantile), (needs_table(self.needs, self.quantile),)
-            yield Panel("needs", "What the planned trips need", said, tables=tables)
-        if self.routes is not None and self.week is not None:
-            said, tables = (
-                said_of_routes(self.routes, self.quantile, *self.week),
-                (routes_table(self.routes),),
+            said = said_of_needs(self.needs, self.quantile)
+            notes = Table(
+                "What the needs assume, and what limits them", ("note",), tuple((n,) for n in self.notes)
             )
+            tables = needs_table(self.needs, self.quantile), *((notes,) if notes.rows else ())
+            yield Panel("needs", "What the planned trips need", said, tables=tables)
+        if self.routes is not None and self.cold is not None:
+            said, tables = said_of_routes(self.routes, self.quantile, self.cold), (routes_table(self.routes),)
             yield Panel("routes", "Cars for the planned routes", said, tables=tables)
         for key, title in (("vehicles", "Vehicles beside others"), ("drivers", "Drivers beside others")):
             if key in self.tables:
@@ -213,8 +244,11 @@ class ManagerReport:
 
         Files of an earlier report that this one lacks are removed. `at` and `charger_w` are those of `emhass`.
         """
-        week = self.week and {"monday": f"{self.week[0]}", "ambient_temperature_degc": self.week[1]}
-        document: dict[str, Any] = {"quantile": self.quantile, "coldest_week": week}
+        document: dict[str, Any] = {
+            "quantile": self.quantile,
+            "refused": [fault.texts for fault in self.refused],
+        }
+        document["coldest_week"] = self.cold and self.cold._asdict()
         document |= {name: records(table) for name, table in self.tables.items()}
         texts = {f"{name}.csv": csv_of(table) for name, table in self.tables.items()}
         if self.needs is not None:
@@ -282,8 +316,8 @@ def said_of_needs(needs: pd.DataFrame, quantile: float) -> str:
     kwh = needs[["energy_quantile_wh", "charge_wh"]].sum() / 1000.0
     full = int((needs["soc_needed"] > 1.0).groupby(needs["vehicle_id"]).any().sum())
     return (
-        f"{needs['trips'].sum()} trips need {kwh.iloc[0]:.0f} kWh if each gets what suffices with {percent(quantile, 0)}. To be charged, for the "
-        f"{needs['charge_wh'].count()} departures of vehicles whose charge now is known: {kwh.iloc[1]:.0f} kWh. Vehicles that have to charge between or on "
+        f"Planned trips: {needs['trips'].sum()}. If each gets what suffices with {percent(quantile, 0)}, they need {kwh.iloc[0]:.0f} kWh. To be charged, for "
+        f"departures of vehicles whose charge now is known ({needs['charge_wh'].count()} of {len(needs)}): {kwh.iloc[1]:.0f} kWh. Vehicles that have to charge between or on "
         f"their trips, because a full battery does not suffice for all of them: {full}."
     )
 
@@ -305,14 +339,18 @@ def needs_table(needs: pd.DataFrame, quantile: float) -> Table:
     )
 
 
-def said_of_routes(routes: pd.DataFrame, quantile: float, monday: dt.date, ambient_degc: float) -> str:
+def said_of_routes(routes: pd.DataFrame, quantile: float, cold: Cold) -> str:
     """How many routes every car model can drive, some, and none."""
     able = (routes.iloc[:, 1:] <= 1.0).mean(axis=1)
     every, none = int((able == 1.0).sum()), int((able == 0.0).sum())
+    at = f"at {number(cold.ambient_temperature_degc, 1.0, 0)} °C"
+    week = f"In the coldest week so far with {cold.least_trips} trips or more, from {cold.monday} {at}"
+    colder = ", ".join(f"{day} ({number(degc, 1.0, 0)} °C, {n} trips)" for day, degc, n in cold.colder)
     return (
-        f"In the coldest week so far, from {monday} at {number(ambient_degc, 1.0, 0)} °C, a full battery of every car model suffices for {every} of "
-        f"{len(able)} routes with {percent(quantile, 0)}; {len(able) - every - none} need some of the car models, and {none} need a charging stop in any of them. "
+        f"{f'A{at[1:]}' if cold.monday is None else week}, a full battery of every car model suffices for {every} of "
+        f"{len(able)} routes with {percent(quantile, 0)}; {len(able) - every - none} more with some of the car models, {none} with none of them. "
         "The columns have the displayed charge [%] that suffices with each car model, whichever vehicle it is; a dash is more than a full battery."
+        + (f" Colder weeks with fewer trips do not count: {colder}." if colder else "")
     )
 
 

@@ -146,6 +146,10 @@ class HourNeed(ResponseModel):
     """displayed charge now"""
     charge_wh: float | None
     """to be charged for this hour beyond what the hours before need [Wh]; null where the charge now is not known"""
+    assumed: str | None
+    """what was not given, as names of fields"""
+    reasons: str | None
+    """what was assumed and what limits the forecasts, as sentences"""
 
 
 class NightResponse(ResponseModel):
