@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 
 from tripwatt.cli import app
 from tripwatt.fleet.registry import Registry
+from tripwatt.fleet.statistics import TripRows
 
 pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
 
@@ -179,3 +180,23 @@ def test_the_report_names_what_it_leaves_out_and_assumes(fleet, registry, tmp_pa
     warm = CliRunner().invoke(app, [*map(str, asked), "--ambient", "30"])
     assert warm.exit_code == 0, warm.output
     assert "outside temperature is unknown" not in warm.stderr
+
+
+def test_drivers_that_nobody_named_are_a_note(fleet, registry, monkeypatch):
+    from tripwatt.cli import fleets
+
+    _, store, _, folder = fleet
+    read = fleets._rows
+
+    def nameless(*asked):
+        table = read(*asked).table
+        return TripRows(
+            table.set_column(table.column_names.index("driver"), "driver", pa.array([""] * len(table)))
+        )
+
+    monkeypatch.setattr(fleets, "_rows", nameless)
+    asked = ["fleet", "report", store.place, registry.folder, "--work", folder / "rows", "--drivers"]
+    done = CliRunner().invoke(app, list(map(str, asked)))
+    assert done.exit_code == 0
+    assert "note: no trip of the store names its driver" in done.stderr
+    assert not (registry.folder / "report" / "drivers.csv").exists()

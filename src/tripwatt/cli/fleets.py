@@ -15,7 +15,7 @@ from tripwatt.cli.forecast import forecast_rows
 from tripwatt.cli.options import JsonOption, add_command, argument, group_of, option, options_named
 from tripwatt.cli.output import write_text
 from tripwatt.cli.printing import console, print_json, print_notes, print_table, progress
-from tripwatt.cli.stores import CarModelOption, SinceOption, StoreArgument, StoreOption, UntilOption, opened
+from tripwatt.cli.stores import SinceOption, StoreArgument, StoreOption, UntilOption, opened
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -255,7 +255,7 @@ def forecast(
     trip: Annotated[Path, argument("TRIP", "A route or a speed trace, as for `tripwatt forecast`.")],
     vehicle_id: Annotated[str, option("ID", "The vehicle.")],
     departure: DepartureOf,
-    car_model: CarModelOption = None,
+    car_model: Annotated[str | None, option("NAME", "The car model of a vehicle without trips.")] = None,
     driver: Annotated[str | None, option("NAME", "The driver, if trips of his were logged.")] = None,
     reserve: Annotated[float, option("X", "Charge to arrive with, 0 to 1.", min=0.0, max=1.0)] = 0.0,
     as_json: JsonOption = False,
@@ -383,6 +383,8 @@ def report(
         coldest_degc=coldest,
     )
     document = made.write(folder, at, plug)
+    if drivers and made.drivers is None:
+        print_notes(["no trip of the store names its driver, so that drivers cannot be compared"])
     if len(ahead) < len(trips):
         past = f"left out: {len(trips) - len(ahead)} of {len(trips)} planned trips, which departed before"
         print_notes([f"{past} {min(now, at):%Y-%m-%d %H:%M}"])

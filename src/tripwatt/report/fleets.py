@@ -175,7 +175,8 @@ class ManagerReport:
         cold = coldest_week(rows) if coldest_degc is None else Cold(coldest_degc)
         report, refused = cls(title, quantile, changed, vehicles, cold=cold), list[Fault]()
         if drivers:
-            report = replace(report, drivers=deviations(model.posterior, rows, drivers=True))
+            compared = deviations(model.posterior, rows, drivers=True)
+            report = replace(report, drivers=compared if len(compared) else None)
         if planned:
             needs = needs_by_hour(after_changes(model, rows, changed), planned, **asked, refused=refused)
             said = said_of_need(changed)

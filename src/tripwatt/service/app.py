@@ -476,7 +476,10 @@ def add_handlers(app: FastAPI) -> None:
         if error.status_code == 405:  # starlette names the methods of the first route of a path alone
             of_path = [r for r in app.routes if isinstance(r, Route) and r.path_regex.match(request.url.path)]
             headers["Allow"] = ", ".join(sorted({m for route in of_path for m in route.methods or ()}))
-        return Problem(kind, headers=headers).response(request_id(request))
+        begun = f"{request.url.path.rstrip('/')}/{{"
+        longer = [r.path for r in app.routes if isinstance(r, Route) and r.path.startswith(begun)]
+        detail = f"the address goes on: {longer[0]}" if error.status_code == 404 and longer else ""
+        return Problem(kind, detail, headers=headers).response(request_id(request))
 
     async def on_parameters(request: Request, error: Exception) -> Response:
         assert isinstance(error, RequestValidationError)

@@ -49,6 +49,7 @@ def model_summary(folder: Path | None, fleet: FollowedModel | None) -> dict[str,
     """What `/v1/models` has of a model, beside its name."""
     if fleet is None:
         return load_metadata(folder)
+    fleet.get()  # the version in use, if the pointer has moved
     metadata = load_metadata(fleet.folder)
     about, provenance = metadata.pop("fleet"), {name: metadata[name] for name in ("tripwatt", "packages")}
     first = about["car_models"][0]
