@@ -150,7 +150,12 @@ def test_the_report_is_a_folder_of_the_registry(fleet, registry, tmp_path):
     assert {row["driver"].partition("/")[0] for row in written["drivers"]} <= {
         row["vehicle_id"] for row in written["vehicles"]
     }
-    assert "suffices with 90\u00a0%" in (out / "report.html").read_text("utf-8")
+    page = (out / "report.html").read_text("utf-8")
+    assert "suffices with 90\u00a0%" in page
+    facts = {"Model version": "0001", "Charger": "11 kW", "Reserve": "0 %", "A need suffices with": "90 %"}
+    assert facts.items() <= written["about"].items()
+    assert written["about"]["Charging begins"].startswith("2030-01-11 18:00 ")
+    assert "<h1>Fleet report</h1>" in page
 
 
 def test_the_report_names_what_it_leaves_out_and_assumes(fleet, registry, tmp_path):

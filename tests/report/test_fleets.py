@@ -19,7 +19,7 @@ from tripwatt.fleet.registry import REPORT_FILES
 from tripwatt.fleet.statistics import ROWS, TripRows
 from tripwatt.hybrid.groups import fit_scales, group_posterior
 from tripwatt.journey.nights import Cold, PlannedTrip, needs_by_hour
-from tripwatt.report.fleets import ManagerReport, evaluation_page, routes_table, said_of_routes
+from tripwatt.report.fleets import ManagerReport, evaluation_page, needs_table, routes_table, said_of_routes
 from tripwatt.trips import Departure
 
 AT = dt.datetime(2026, 1, 11, 18, tzinfo=dt.UTC)
@@ -209,3 +209,33 @@ def test_the_need_of_a_changed_vehicle_is_that_of_its_trips_since_then(fleet):
     assert same == pytest.approx(1.0, abs=5e-3)
     assert ["change of +" in reasons for reasons in report.needs["reasons"]] == [True, False]
     assert "v02: the need is that of its trips after its change of +" in report.page()
+
+
+def test_the_page_has_need_and_charge_first_and_links_to_its_files():
+    rows = [("calm", 0.3, 0.0), ("short", 0.6, 5e3), ("far", 1.4, math.nan)]
+    needs = pd.concat(
+        [needs_of(0.2).assign(vehicle_id=car, soc_needed=soc, charge_wh=wh) for car, soc, wh in rows]
+    )
+    needs["reasons"] = "battery temperature at departure is unknown: -5 °C is assumed since 2025-06-01"
+    made = report(needs=needs, about={"Model version": "0007", "Reserve": "10 %"})
+    table = needs_table(needs, 0.9)
+    assert table.columns[:3] == ("vehicle", "leave with [%]", "to charge [kWh]")
+    assert [row[:3] for row in table.rows] == [
+        ("short", "60", "5.0"),
+        ("far", "140", "–"),
+        ("calm", "30", "0.0"),
+    ]
+    page = made.page()
+    for name in ("changes.csv", "vehicles.csv", "needs.csv", "emhass.json", "evcc.txt"):
+        assert f'<a href="{name}">{name}</a>' in page
+    assert "drivers.csv" not in page
+    assert "evcc.txt" not in report().page()
+    assert "<dt>Model version</dt><dd>0007</dd>" in page
+    assert "unknown: −5 °C is assumed since 2025-06-01 (departures: 3 of 3)" in page
+
+
+def test_less_has_the_sign_of_the_other_numbers():
+    made = report()
+    less = replace(made, changes=made.changes.assign(change=-0.051)).page()
+    assert "−5.1\u00a0±\u00a00.4" in less
+    assert "-5.1" not in less

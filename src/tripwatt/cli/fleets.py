@@ -363,18 +363,29 @@ def report(
       # and what the trips of tomorrow need
       tripwatt fleet report fleet models --planned tomorrow.csv --plug 11000
     """
+    from dataclasses import replace
+
     from tripwatt.journey.nights import read_planned
     from tripwatt.report.fleets import ManagerReport
 
     now = dt.datetime.now().astimezone()
     at = now if begins is None else time_of(begins, "--begins")
-    model, folder = _registry(registry).load(), out or registry / "report"
+    versions, folder = _registry(registry), out or registry / "report"
+    about = {"Store": store, "Written": f"{now:%Y-%m-%d %H:%M}", "Model version": versions.current()}
+    if planned is not None:
+        asked = {
+            "A need suffices with": f"{quantile:.0%}",
+            "Reserve": f"{reserve:.0%}",
+            "Charger": f"{plug / 1e3:g} kW",
+        }
+        about |= {name: text.replace("%", " %") for name, text in asked.items()}
+        about["Charging begins"] = f"{at:%Y-%m-%d %H:%M %z}"
     trips = read_planned(planned, ambient) if planned is not None else []
     ahead = [trip for trip in trips if trip.departs_at >= min(now, at)]
     rows = _rows(store, options, work or registry / "work", jobs, cluster)
     made = ManagerReport.of(
-        f"Fleet {store}",
-        model,
+        "Fleet report",
+        versions.load(),
         rows,
         ahead,
         quantile=quantile,
@@ -382,6 +393,7 @@ def report(
         drivers=drivers,
         coldest_degc=coldest,
     )
+    made = replace(made, about=about)
     document = made.write(folder, at, plug)
     if drivers and made.drivers is None:
         print_notes(["no trip of the store names its driver, so that drivers cannot be compared"])

@@ -335,5 +335,5 @@ def told(flags: Iterable[Flag]) -> dict[str, Any]:
     return {
         "flags": list(dict.fromkeys(flag.code for flag in once)),
         "assumed": ", ".join(dict.fromkeys(flag.subject for flag in once if flag.code in ASSUMED)) or None,
-        "reasons": "; ".join(dict.fromkeys(map(message, once))) or None,
+        "reasons": "; ".join(dict.fromkeys(message(flag).replace("; ", ", ") for flag in once)) or None,
     }

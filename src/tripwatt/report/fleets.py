@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import datetime as dt
 import json
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -62,7 +63,7 @@ def evaluation_page(title: str, evaluation: FleetEvaluation, rows: TripRows) -> 
     panel = Panel(
         "accuracy", "Accuracy on held-out trips", said_of_errors(evaluation), tables=tables, wide=True
     )
-    return page_text("fleet.html.jinja", [panel], title=title, facts=facts.items(), foot=_ERROR)
+    return page_text("fleet.html.jinja", [panel], title=title, facts=facts.items(), files=(), foot=_ERROR)
 
 
 def said_of_errors(evaluation: FleetEvaluation) -> str:
@@ -137,6 +138,8 @@ class ManagerReport:
         Temperature of the coldest week, or the one that was given.
     refused : tuple of Fault
         Planned trips that cannot be forecast.
+    about : mapping of str to str
+        What its head names, such as the version of the model.
     """
 
     title: str
@@ -148,6 +151,7 @@ class ManagerReport:
     routes: pd.DataFrame | None = None
     cold: Cold | None = None
     refused: tuple[Fault, ...] = ()
+    about: Mapping[str, str] = field(default_factory=dict)
 
     @classmethod
     def of(
@@ -207,18 +211,20 @@ class ManagerReport:
             for reason in filter(None, reasons.split("; "))
         ]
         kinds = (f"{kind.example} (departures: {kind.count} of {len(self.needs)})" for kind in alike(told))
+        kinds = (re.sub(r"(?<!\S)-(?=\d)", "−", kind) for kind in kinds)
         return [*(f"left out: {fault}" for fault in self.refused), *kinds]
 
     def page(self) -> str:
         """The report as one HTML file without scripts."""
-        changed = self.changes["vehicle_id"].nunique()
-        facts = {
-            "Trips": self.vehicles["trips"].sum(),
-            "Vehicles": len(self.vehicles),
-            "That changed": changed,
-        }
+        counts = {"Trips": self.vehicles["trips"].sum(), "Vehicles": len(self.vehicles)}
+        facts = {**counts, "That changed": self.changes["vehicle_id"].nunique(), **self.about}
         panels = [replace(panel, wide=True) for panel in self.panels()]
-        return page_text("fleet.html.jinja", panels, title=self.title, facts=facts.items(), foot=_CHANGE)
+        files = [f"{name}.csv" for name in self.tables] + list(
+            REPORT_FILES[-2:] if "needs" in self.tables else ()
+        )
+        return page_text(
+            "fleet.html.jinja", panels, title=self.title, facts=facts.items(), files=files, foot=_CHANGE
+        )
 
     def panels(self) -> Iterator[Panel]:
         """Changes, needs, routes, vehicles and drivers, as far as there are any."""
@@ -249,6 +255,7 @@ class ManagerReport:
             "quantile": self.quantile,
             "refused": [fault.texts for fault in self.refused],
         }
+        document["about"] = dict(self.about)
         document["coldest_week"] = self.cold and self.cold._asdict()
         document |= {name: records(table) for name, table in self.tables.items()}
         texts = {f"{name}.csv": csv_of(table) for name, table in self.tables.items()}
@@ -309,7 +316,7 @@ def changes_table(changed: pd.DataFrame) -> Table:
 
 
 def _more(name: str) -> Callable[[Mapping[str, Any]], str]:
-    return lambda row: f"{100.0 * row[name]:+.1f}\u00a0±\u00a0{100.0 * row['sd']:.1f}"
+    return lambda row: f"{100.0 * row[name]:+.1f}\u00a0±\u00a0{100.0 * row['sd']:.1f}".replace("-", "−")
 
 
 def said_of_needs(needs: pd.DataFrame, quantile: float) -> str:
@@ -319,24 +326,27 @@ def said_of_needs(needs: pd.DataFrame, quantile: float) -> str:
     return (
         f"Planned trips: {needs['trips'].sum()}. If each gets what suffices with {percent(quantile, 0)}, they need {kwh.iloc[0]:.0f} kWh. To be charged, for "
         f"departures of vehicles whose charge now is known ({needs['charge_wh'].count()} of {len(needs)}): {kwh.iloc[1]:.0f} kWh. Vehicles that have to charge between or on "
-        f"their trips, because a full battery does not suffice for all of them: {full}."
+        f"their trips, because a full battery does not suffice for all of them: {full}. What to leave with counts without "
+        "charging between the trips; what to charge is the part of each hour. A vehicle that charges between its trips has a load for each part in emhass.json, and "
+        "one plan for all of them, before its first departure, in evcc.txt."
     )
 
 
 def needs_table(needs: pd.DataFrame, quantile: float) -> Table:
-    """A row for each vehicle and hour of departure."""
+    """A row for each vehicle and hour of departure, those first that have something to charge or need more than a full battery."""
+    urgent = (needs["charge_wh"] > 0.0) | (needs["soc_needed"] > 1.0)
     return tabulated(
         "By vehicle and hour of departure",
-        needs.to_dict("records"),
+        [*needs[urgent].to_dict("records"), *needs[~urgent].to_dict("records")],
         Column("vehicle", "vehicle_id"),
+        in_percent("leave with [%]", "soc_needed", 0),
+        in_kwh("to charge [kWh]", "charge_wh", 1),
+        in_percent("charge now [%]", "soc", 0),
         in_words("first departure", lambda row: f"{row['departs_at']:%Y-%m-%d %H:%M}"),
+        in_kwh(f"suffices with {percent(quantile, 0)} [kWh]", "energy_quantile_wh", 1),
+        in_kwh("energy, median [kWh]", "energy_wh", 1),
         Column("trips", "trips", digits=0),
         Column("distance [km]", "distance_m", 1e-3, 0),
-        in_kwh("energy, median [kWh]", "energy_wh", 1),
-        in_kwh(f"suffices with {percent(quantile, 0)} [kWh]", "energy_quantile_wh", 1),
-        in_percent("leave with [%]", "soc_needed", 0),
-        in_percent("charge now [%]", "soc", 0),
-        in_kwh("to charge [kWh]", "charge_wh", 1),
     )
 
 
