@@ -297,7 +297,7 @@ def test_trips_that_the_model_has_not_seen_are_not_taken_out_of_it(jumped):
 
 def test_a_change_in_words(jumped):
     of = said_of_need(jumped[2])
-    ((road,), (battery,)) = of["v02"], of["v07"]
+    road, battery = of["v02"], of["v07"]
     assert road.startswith("the need is that of its trips after its change of +1")
     assert " % (road load, since 2025-07-" in road
     assert battery.startswith("the need does not contain its change of +1")

@@ -20,7 +20,7 @@ from tripwatt.cli.stores import SinceOption, StoreArgument, StoreOption, UntilOp
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
-    from tripwatt.fleet.registry import Comparison, Registry
+    from tripwatt.fleet.registry import Registry
     from tripwatt.fleet.statistics import TripRows
     from tripwatt.report.fleets import ManagerReport
 
@@ -183,6 +183,8 @@ def refit(
       # fit anew, and promote it if it is not worse
       tripwatt fleet refit fleet models --weeks 4
     """
+    from dataclasses import asdict
+
     from tripwatt.fleet.life import refit_fleet
 
     source, target = opened(store, options), _registry(registry)
@@ -190,17 +192,16 @@ def refit(
         version, comparison, promoted = refit_fleet(
             source, target, work or registry / "work", executor, workers, weeks=weeks, progress=advance
         )
-    _show_comparison(version, comparison, promoted, as_json)
+    told = {
+        "version": version,
+        "in_use": promoted,
+        "reason": f"{comparison}",
+        "comparison": asdict(comparison),
+    }
+    said = f"version {version} is {'' if promoted else 'not '}in use: {comparison}"
+    print_json(told) if as_json else typer.echo(said)
     if not promoted:
         raise typer.Exit(1)
-
-
-def _show_comparison(version: str, comparison: Comparison, promoted: bool, as_json: bool) -> None:
-    from dataclasses import asdict
-
-    print_json(
-        {"version": version, "in_use": promoted, "reason": f"{comparison}", "comparison": asdict(comparison)}
-    ) if as_json else typer.echo(f"version {version} is {'' if promoted else 'not '}in use: {comparison}")
 
 
 def versions(registry: RegistryArgument, as_json: JsonOption = False) -> None:
@@ -363,8 +364,6 @@ def report(
       # and what the trips of tomorrow need
       tripwatt fleet report fleet models --planned tomorrow.csv --plug 11000
     """
-    from dataclasses import replace
-
     from tripwatt.journey.nights import read_planned
     from tripwatt.report.fleets import ManagerReport
 
@@ -373,27 +372,15 @@ def report(
     versions, folder = _registry(registry), out or registry / "report"
     about = {"Store": store, "Written": f"{now:%Y-%m-%d %H:%M}", "Model version": versions.current()}
     if planned is not None:
-        asked = {
-            "A need suffices with": f"{quantile:.0%}",
-            "Reserve": f"{reserve:.0%}",
-            "Charger": f"{plug / 1e3:g} kW",
-        }
-        about |= {name: text.replace("%", " %") for name, text in asked.items()}
-        about["Charging begins"] = f"{at:%Y-%m-%d %H:%M %z}"
+        about |= {"A need suffices with": f"{100 * quantile:g} %", "Reserve": f"{100 * reserve:g} %"}
+        about |= {"Charger": f"{plug / 1e3:g} kW", "Charging begins": f"{at:%Y-%m-%d %H:%M %z}"}
     trips = read_planned(planned, ambient) if planned is not None else []
     ahead = [trip for trip in trips if trip.departs_at >= min(now, at)]
     rows = _rows(store, options, work or registry / "work", jobs, cluster)
+    asked: dict[str, Any] = {"quantile": quantile, "reserve": reserve, "coldest_degc": coldest}
     made = ManagerReport.of(
-        "Fleet report",
-        versions.load(),
-        rows,
-        ahead,
-        quantile=quantile,
-        reserve=reserve,
-        drivers=drivers,
-        coldest_degc=coldest,
+        "Fleet report", versions.load(), rows, ahead, about=about, drivers=drivers, **asked
     )
-    made = replace(made, about=about)
     document = made.write(folder, at, plug)
     if drivers and made.drivers is None:
         print_notes(["no trip of the store names its driver, so that drivers cannot be compared"])

@@ -131,17 +131,13 @@ def add(
     """
     from dataclasses import asdict
 
-    from tripwatt.store import Added, add_files
+    from tripwatt.store import add_files
     from tripwatt.vehicles import load_vehicle
 
     load_vehicle(vehicle)
     vehicle = f"{Path(vehicle).resolve()}" if vehicle.endswith(".toml") else vehicle
     target = opened(store, options)
     shown = console()
-
-    def progress(sums: Added) -> None:
-        shown.print(f"{sums}")
-
     kind = dataset or ("table" if mapping is not None or data.is_file() else "tum")
     try:
         done = add_files(
@@ -151,7 +147,7 @@ def add(
             vehicle_id=vehicle_id,
             dataset=kind,
             mapping=mapping,
-            progress=progress,
+            progress=lambda sums: shown.print(f"{sums}"),
         )
     except InvalidInput as error:
         raise InvalidInput(grouped(error.faults)) from error

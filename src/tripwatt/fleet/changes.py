@@ -135,16 +135,15 @@ def after_changes(model: FleetModel, rows: TripRows, changed: pd.DataFrame) -> F
     return model.with_sums(model.sums - before.sums) if len(before) else model
 
 
-def said_of_need(changed: pd.DataFrame) -> dict[str, list[str]]:
+def said_of_need(changed: pd.DataFrame) -> dict[str, str]:
     """What the last change of the consumption and of the battery are to the need of a vehicle, by vehicle."""
-    said: dict[str, dict[bool, str]] = {}
+    said: dict[tuple[str, bool], str] = {}
     for row in changed.sort_values("since", kind="stable").to_dict("records"):
         battery, share = row["cause"] == BATTERY, f"{100.0 * row['change']:+.0f} %".replace("-", "−")
         how = "does not contain its change" if battery else "is that of its trips after its change"
-        said.setdefault(row["vehicle_id"], {})[battery] = (
-            f"the need {how} of {share} ({row['cause']}, since {row['since']})"
-        )
-    return {vehicle: list(its.values()) for vehicle, its in said.items()}
+        what = f"the need {how} of {share} ({row['cause']}, since {row['since']})"
+        said[row["vehicle_id"], battery] = what
+    return {v: "; ".join(said[key] for key in said if key[0] == v) for v, _ in said}
 
 
 def series_of(posterior: GroupPosterior, rows: TripRows) -> Iterator[Series]:

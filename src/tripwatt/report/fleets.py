@@ -156,7 +156,7 @@ class ManagerReport:
     @classmethod
     def of(
         cls, title: str, model: FleetModel, rows: TripRows, planned: Sequence[PlannedTrip] = (), *, quantile: float = QUANTILE,
-        reserve: float = 0.0, drivers: bool = False, coldest_degc: float | None = None,
+        reserve: float = 0.0, drivers: bool = False, coldest_degc: float | None = None, about: Mapping[str, str] | None = None,
     ) -> ManagerReport:  # fmt: skip
         """The report on the trips of a fleet.
 
@@ -173,26 +173,26 @@ class ManagerReport:
             Whether the drivers are compared.
         coldest_degc : float, optional
             Outside temperature in place of that of the coldest week [°C].
+        about : mapping of str to str, optional
+            What its head names, such as the version of the model.
         """
         asked = {"quantile": quantile, "reserve": reserve}
         vehicles, changed = deviations(model.posterior, rows), changes(model.posterior, rows)
         cold = coldest_week(rows) if coldest_degc is None else Cold(coldest_degc)
-        report, refused = cls(title, quantile, changed, vehicles, cold=cold), list[Fault]()
+        report = cls(title, quantile, changed, vehicles, cold=cold, about=about or {})
         if drivers:
             compared = deviations(model.posterior, rows, drivers=True)
             report = replace(report, drivers=compared if len(compared) else None)
         if planned:
+            refused: list[Fault] = []
             needs = needs_by_hour(after_changes(model, rows, changed), planned, **asked, refused=refused)
             said = said_of_need(changed)
-            reasons = [
-                "; ".join(filter(None, (old, *said.get(v, ()))))
-                for v, old in zip(needs["vehicle_id"], needs["reasons"], strict=True)
-            ]
-            report = replace(report, needs=needs.assign(reasons=reasons), refused=tuple(refused))
+            more = needs["vehicle_id"].map(lambda car: said.get(car, ""))
+            needs["reasons"] = (needs["reasons"].fillna("") + "; " + more).str.strip("; ")
+            report = replace(report, needs=needs, refused=tuple(refused))
         if planned and cold is not None:
-            report = replace(
-                report, routes=needs_by_car(model, planned, cold.ambient_temperature_degc, **asked)
-            )
+            routes = needs_by_car(model, planned, cold.ambient_temperature_degc, **asked)
+            report = replace(report, routes=routes)
         return report
 
     @property
@@ -205,38 +205,37 @@ class ManagerReport:
         """What the needs assume, what limits them, and why planned trips are left out."""
         if self.needs is None:
             return []
-        told = [
+        its = (
+            self.needs.assign(reason=self.needs["reasons"].str.split("; "))
+            .explode("reason")
+            .query("reason != ''")
+        )
+        told = alike(
             (reason, car, 1, f"{car}: {reason}")
-            for car, reasons in zip(self.needs["vehicle_id"], self.needs["reasons"], strict=True)
-            for reason in filter(None, reasons.split("; "))
-        ]
-        kinds = (f"{kind.example} (departures: {kind.count} of {len(self.needs)})" for kind in alike(told))
-        kinds = (re.sub(r"(?<!\S)-(?=\d)", "−", kind) for kind in kinds)
-        return [*(f"left out: {fault}" for fault in self.refused), *kinds]
+            for car, reason in zip(its["vehicle_id"], its["reason"], strict=True)
+        )
+        kinds = (f"{kind.example} (departures: {kind.count} of {len(self.needs)})" for kind in told)
+        left = (f"left out: {fault}" for fault in self.refused)
+        return [*left, *(re.sub(r"(?<!\S)-(?=\d)", "−", kind) for kind in kinds)]
 
     def page(self) -> str:
         """The report as one HTML file without scripts."""
         counts = {"Trips": self.vehicles["trips"].sum(), "Vehicles": len(self.vehicles)}
         facts = {**counts, "That changed": self.changes["vehicle_id"].nunique(), **self.about}
         panels = [replace(panel, wide=True) for panel in self.panels()]
-        files = [f"{name}.csv" for name in self.tables] + list(
-            REPORT_FILES[-2:] if "needs" in self.tables else ()
-        )
-        return page_text(
-            "fleet.html.jinja", panels, title=self.title, facts=facts.items(), files=files, foot=_CHANGE
-        )
+        there = {*self.tables, *(("emhass", "evcc") if self.needs is not None else ())}
+        more = {"files": [n for n in REPORT_FILES if n.partition(".")[0] in there], "foot": _CHANGE}
+        return page_text("fleet.html.jinja", panels, title=self.title, facts=facts.items(), **more)
 
     def panels(self) -> Iterator[Panel]:
         """Changes, needs, routes, vehicles and drivers, as far as there are any."""
-        tables = (changes_table(self.changes),) if len(self.changes) else ()
+        tables: tuple[Table, ...] = (changes_table(self.changes),) if len(self.changes) else ()
         said = said_of_changes(self.changes, len(self.vehicles))
         yield Panel("changes", "Vehicles that changed", said, tables=tables)
         if self.needs is not None:
             said = said_of_needs(self.needs, self.quantile)
-            notes = Table(
-                "What the needs assume, and what limits them", ("note",), tuple((n,) for n in self.notes)
-            )
-            tables = needs_table(self.needs, self.quantile), *((notes,) if notes.rows else ())
+            notes = Table("What the needs assume and their limits", ("note",), tuple(zip(self.notes)))
+            tables = needs_table(self.needs, self.quantile), notes
             yield Panel("needs", "What the planned trips need", said, tables=tables)
         if self.routes is not None and self.cold is not None:
             said, tables = said_of_routes(self.routes, self.quantile, self.cold), (routes_table(self.routes),)
@@ -251,11 +250,8 @@ class ManagerReport:
 
         Files of an earlier report that this one lacks are removed. `at` and `charger_w` are those of `emhass`.
         """
-        document: dict[str, Any] = {
-            "quantile": self.quantile,
-            "refused": [fault.texts for fault in self.refused],
-        }
-        document["about"] = dict(self.about)
+        document: dict[str, Any] = {"about": {**self.about}, "quantile": self.quantile}
+        document["refused"] = [fault.texts for fault in self.refused]
         document["coldest_week"] = self.cold and self.cold._asdict()
         document |= {name: records(table) for name, table in self.tables.items()}
         texts = {f"{name}.csv": csv_of(table) for name, table in self.tables.items()}

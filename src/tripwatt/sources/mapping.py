@@ -337,11 +337,7 @@ def _value_faults(tables: Mapping[str, Any], source: str) -> Iterator[Fault]:
             yield fault("unknown value", table, key, " or ".join(map(repr, allowed)))
     if _get(tables, "battery", "vehicle") not in (None, *vehicle_names()):
         yield fault("unknown vehicle", "battery", "vehicle", "a car of `tripwatt vehicles`")
-    for table, key in (
-        *(("trip", key) for key in _TABLES["trip"] or ()),
-        ("long", "name"),
-        ("long", "value"),
-    ):
+    for table, key in [(name, key) for name in ("trip", "long") for key in _TABLES[name] or ()]:
         section, value = tables.get(table), _get(tables, table, key)
         optional = table == "trip" and value is None and section
         if isinstance(section, dict) and not isinstance(value, str) and not optional:

@@ -156,13 +156,8 @@ def _entries(file: RawFile, table: TableFile) -> dict[str, MappedColumn]:
         Without a column of time or speed; another column that is missing is a fault of the file.
     """
     mapping = file.mapping
-    own = (
-        mapping.trip_column,
-        mapping.vehicle_column,
-        mapping.driver_column,
-        mapping.long_name,
-        mapping.long_value,
-    )
+    own = [getattr(mapping, f"{name}_column") for name in ("trip", "vehicle", "driver")]
+    own += [mapping.long_name, mapping.long_value]
     needed = [_missing(table, n, mapping) for n in own if n and n not in table.names]
     keys: dict[str, list[str]] = {}
     for name in table.names:
