@@ -378,9 +378,7 @@ def report(
     ahead = [trip for trip in trips if trip.departs_at >= min(now, at)]
     rows = _rows(store, options, work or registry / "work", jobs, cluster)
     asked: dict[str, Any] = {"quantile": quantile, "reserve": reserve, "coldest_degc": coldest}
-    made = ManagerReport.of(
-        "Fleet report", versions.load(), rows, ahead, about=about, drivers=drivers, **asked
-    )
+    made = ManagerReport.of(about, versions.load(), rows, ahead, drivers=drivers, **asked)
     document = made.write(folder, at, plug)
     if drivers and made.drivers is None:
         print_notes(["no trip of the store names its driver, so that drivers cannot be compared"])

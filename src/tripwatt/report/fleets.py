@@ -155,14 +155,15 @@ class ManagerReport:
 
     @classmethod
     def of(
-        cls, title: str, model: FleetModel, rows: TripRows, planned: Sequence[PlannedTrip] = (), *, quantile: float = QUANTILE,
-        reserve: float = 0.0, drivers: bool = False, coldest_degc: float | None = None, about: Mapping[str, str] | None = None,
+        cls, about: Mapping[str, str], model: FleetModel, rows: TripRows, planned: Sequence[PlannedTrip] = (), *, quantile: float = QUANTILE,
+        reserve: float = 0.0, drivers: bool = False, coldest_degc: float | None = None,
     ) -> ManagerReport:  # fmt: skip
         """The report on the trips of a fleet.
 
         Parameters
         ----------
-        title : str
+        about : mapping of str to str
+            What its head names, such as the version of the model.
         model : FleetModel
         rows : TripRows
             Of the trips that the model has seen.
@@ -173,13 +174,11 @@ class ManagerReport:
             Whether the drivers are compared.
         coldest_degc : float, optional
             Outside temperature in place of that of the coldest week [°C].
-        about : mapping of str to str, optional
-            What its head names, such as the version of the model.
         """
         asked = {"quantile": quantile, "reserve": reserve}
         vehicles, changed = deviations(model.posterior, rows), changes(model.posterior, rows)
         cold = coldest_week(rows) if coldest_degc is None else Cold(coldest_degc)
-        report = cls(title, quantile, changed, vehicles, cold=cold, about=about or {})
+        report = cls("Fleet report", quantile, changed, vehicles, cold=cold, about=about)
         if drivers:
             compared = deviations(model.posterior, rows, drivers=True)
             report = replace(report, drivers=compared if len(compared) else None)
