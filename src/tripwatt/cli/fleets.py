@@ -192,14 +192,9 @@ def refit(
         version, comparison, promoted = refit_fleet(
             source, target, work or registry / "work", executor, workers, weeks=weeks, progress=advance
         )
-    told = {
-        "version": version,
-        "in_use": promoted,
-        "reason": f"{comparison}",
-        "comparison": asdict(comparison),
-    }
+    told = {"version": version, "in_use": promoted, "reason": f"{comparison}"}
     said = f"version {version} is {'' if promoted else 'not '}in use: {comparison}"
-    print_json(told) if as_json else typer.echo(said)
+    print_json({**told, "comparison": asdict(comparison)}) if as_json else typer.echo(said)
     if not promoted:
         raise typer.Exit(1)
 

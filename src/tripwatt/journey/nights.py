@@ -200,10 +200,7 @@ def needs_by_hour(
     quantile, reserve = require_fraction("quantile", quantile, 0.5), require_fraction("reserve", reserve)
     check = Check()
     forecasts = [(trip, check(trip.forecast_by, model)) for trip in trips]
-    if refused is None:
-        raise_faults(check.faults)
-    else:
-        refused += check.faults
+    (raise_faults if refused is None else refused.extend)(check.faults)
     rows = []
     for trip, (car, forecast) in (made for made in forecasts if made[1] is not None):
         (middle, most), (_, soc), duration_s = taken_by(forecast, (0.5, quantile))
@@ -265,10 +262,8 @@ def coldest_week(rows: TripRows) -> Cold | None:
     least = min(LEAST_TRIPS, int(weeks["size"].max()))
     enough = weeks.loc[weeks["size"] >= least, "mean"]
     colder = weeks[weeks["mean"] < enough.min()].sort_values("mean")
-    skipped = zip(
-        colder.index.strftime("%Y-%m-%d"), colder["mean"].tolist(), colder["size"].tolist(), strict=True
-    )
-    return Cold(float(enough.min()), str(enough.idxmin())[:10], least, list(skipped))
+    skipped = colder.index.strftime("%Y-%m-%d"), colder["mean"].tolist(), colder["size"].tolist()
+    return Cold(float(enough.min()), str(enough.idxmin())[:10], least, list(zip(*skipped, strict=True)))
 
 
 def needs_by_car(

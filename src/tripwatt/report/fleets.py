@@ -204,15 +204,9 @@ class ManagerReport:
         """What the needs assume, what limits them, and why planned trips are left out."""
         if self.needs is None:
             return []
-        its = (
-            self.needs.assign(reason=self.needs["reasons"].str.split("; "))
-            .explode("reason")
-            .query("reason != ''")
-        )
-        told = alike(
-            (reason, car, 1, f"{car}: {reason}")
-            for car, reason in zip(its["vehicle_id"], its["reason"], strict=True)
-        )
+        rows = zip(self.needs["vehicle_id"], self.needs["reasons"], strict=True)
+        whats = ((car, what) for car, reasons in rows for what in reasons.split("; ") if what)
+        told = alike((what, car, 1, f"{car}: {what}") for car, what in whats)
         kinds = (f"{kind.example} (departures: {kind.count} of {len(self.needs)})" for kind in told)
         left = (f"left out: {fault}" for fault in self.refused)
         return [*left, *(re.sub(r"(?<!\S)-(?=\d)", "−", kind) for kind in kinds)]
