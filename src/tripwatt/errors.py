@@ -344,6 +344,31 @@ def system_errors(what: str, where: str, allowed: str, path: object = "") -> Ite
         raise InvalidInput.of(what, where, got, allowed) from error
 
 
+@contextmanager
+def damage(path: object, allowed: str, fix: str = "") -> Iterator[None]:
+    """Raise `InvalidInput` for a file of ours whose content is not what was written.
+
+    Parameters
+    ----------
+    path : object
+        The file.
+    allowed, fix : str
+        Of the fault.
+
+    Examples
+    --------
+    >>> with damage("car/plan.json", "a plan"):
+    ...     {}["request"]
+    Traceback (most recent call last):
+    ...
+    tripwatt.errors.InvalidInput: damaged file: car/plan.json: got 'request'; allowed: a plan
+    """
+    try:
+        yield
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        raise InvalidInput.of("damaged file", f"{path}", f"{error}"[:200], allowed, fix) from error
+
+
 def or_none(call: Callable[Given, Checked], *args: Given.args, **more: Given.kwargs) -> Checked | None:
     """What a call gives; None where its input cannot be used.
 

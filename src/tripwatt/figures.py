@@ -7,9 +7,10 @@ from __future__ import annotations
 
 from io import BytesIO
 
-from matplotlib.axes import Axes
+from matplotlib.axes import Axes as Axes
 from matplotlib.backend_bases import FigureManagerBase
-from matplotlib.figure import Figure, SubFigure
+from matplotlib.figure import Figure as Figure
+from matplotlib.figure import SubFigure
 
 from tripwatt.errors import InvalidInput
 
@@ -41,9 +42,8 @@ class ShownFigure(Figure):
 
         pyplot.figure(FigureClass=lambda **settings: self)  # type: ignore[arg-type]  # this one, no new one
         pyplot.show()
-        if (
-            type(self.canvas.manager) is FigureManagerBase
-        ):  # has no window whose end would take it off the list
+        # a base has no window whose end would take it off the list
+        if type(self.canvas.manager) is FigureManagerBase:
             pyplot.close(self)
 
 

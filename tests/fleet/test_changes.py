@@ -26,6 +26,7 @@ from tripwatt.fleet.changes import (
 )
 from tripwatt.fleet.changes import changes_of as one_by_one
 from tripwatt.fleet.features import START, WARM_DEGC
+from tripwatt.fleet.model import predict_rows
 from tripwatt.hybrid.groups import fit_scales, group_posterior
 
 SEED = 4711
@@ -272,14 +273,16 @@ def test_what_a_changed_vehicle_takes_is_that_of_its_trips_since_then(jumped):
     since = after_changes(model, rows, changed)
     trips = after(rows, "v02")
     observed = trips.numbers("observed_wh").sum()
-    average, own = (m.predict_rows(trips)[0].sum() / observed for m in (model, since))
+    average, own = (predict_rows(m.posterior, trips)[0].sum() / observed for m in (model, since))
     assert average < 0.95
     assert own == pytest.approx(1.0, abs=0.01)
-    doubt, sure = (m.predict_rows(trips)[1].mean() for m in (since, model))
+    doubt, sure = (predict_rows(m.posterior, trips)[1].mean() for m in (since, model))
     assert doubt > sure
     for same in ("v03", "v07"):
         others = after(rows, same)
-        assert since.predict_rows(others)[0] == pytest.approx(model.predict_rows(others)[0], rel=5e-3)
+        assert predict_rows(since.posterior, others)[0] == pytest.approx(
+            predict_rows(model.posterior, others)[0], rel=5e-3
+        )
     assert since.trips == model.trips - round(changed.set_index("vehicle_id").loc["v02", "before"])
 
 

@@ -64,7 +64,7 @@ def test_quantiles_and_levels_agree(forecast):
 
 
 ASSUMED_DEGC = {
-    "ambient_temperature_degc": 20.0,
+    "ambient_temperature_degc": 10.0,
     "battery_temperature_degc": KNOWN.ambient_temperature_degc,
     "cabin_temperature_degc": KNOWN.ambient_temperature_degc,
     "cabin_setpoint_degc": 22.0,

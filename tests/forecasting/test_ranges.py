@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.stats import norm
 
 import tripwatt as tw
 from tripwatt.forecasting.ranges import (
@@ -51,7 +52,6 @@ def test_distance_outside_a_range_is_in_standard_deviations():
     ("unknown", "expected_wh"),
     [
         ((), 0.0),
-        (("ambient_temperature_degc",), 8.0 * 70.0 * 0.5 / 0.95),
         (("cabin_setpoint_degc",), 1.5 * 70.0 * 0.5 / 0.95),
         # no more than the heat of 12 kJ/K of air and 90 kJ/K of seats
         (("cabin_temperature_degc",), 6.0 * (102_000.0 / 3600.0) / 0.95),
@@ -65,13 +65,33 @@ def test_an_unknown_temperature_costs_heat(unknown, expected_wh):
 
 def test_unknown_temperatures_are_independent_and_a_heat_pump_saves():
     car, leaf = load_vehicle("bmw_i3_60ah"), load_vehicle("nissan_leaf_24")
-    both = ("ambient_temperature_degc", "cabin_setpoint_degc")
+    both = ("battery_temperature_degc", "cabin_setpoint_degc")
     parts = [unknown_state_sd_wh(car, (name,), 0.5) for name in both]
     assert unknown_state_sd_wh(car, both, 0.5) == pytest.approx(np.hypot(*parts))
     climate = leaf.climate
     heat_w_k = climate.shell_w_k + climate.fresh_air_low_w_k
-    expected = 8.0 * heat_w_k * 0.5 / climate.heat_pump_cop_at_0_degc
-    assert unknown_state_sd_wh(leaf, both[:1], 0.5) == pytest.approx(expected)
+    expected = 1.5 * heat_w_k * 0.5 / climate.heat_pump_cop_at_0_degc
+    assert unknown_state_sd_wh(leaf, both[1:], 0.5) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("name", ["bmw_i3_60ah", "hyundai_ioniq_5_lr_rwd"])
+def test_an_unknown_outside_temperature_has_the_chances_of_a_year(name):
+    """Trips of a year, each as forecast at its temperature, lie as often as stated in intervals that do not have it."""
+    year_degc = 10.0 + 8.0 * norm.ppf((np.arange(20) + 0.5) / 20)
+    road = tw.read_route([{"length_m": 60_000.0, "speed_m_s": 20.0, "grade": 0.0}])
+    car = load_vehicle(name)
+    unknown = tw.forecast(road, tw.Departure(soc=0.9), vehicle=car)
+    energies_wh = []
+    for degc in year_degc:
+        known = tw.forecast(road, tw.Departure(soc=0.9, ambient_temperature_degc=degc), vehicle=car)
+        energies_wh += [known.quantile(q) for q in (np.arange(20) + 0.5) / 20]
+    assert unknown.energy_wh == pytest.approx(np.mean(energies_wh), rel=0.02)
+    for coverage in (0.5, 0.8, 0.9):
+        low_wh, high_wh = unknown.interval(coverage)
+        inside = np.mean((np.array(energies_wh) >= low_wh) & (np.array(energies_wh) <= high_wh))
+        assert coverage - 0.04 <= inside <= coverage + 0.1
+    above = np.mean(np.array(energies_wh) > unknown.quantile(0.95))
+    assert 0.02 <= above <= 0.08
 
 
 def test_a_wind_from_an_unknown_side_is_half_of_what_head_and_tail_wind_differ():

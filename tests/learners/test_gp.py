@@ -52,15 +52,14 @@ def test_smooth_parts_stay_bounded_outside_the_range():
     model = AdditiveGP(PARTS, effect_sd=1.0).fit(X, y, site)
     edge, far = (pd.DataFrame({"dose": [1.0], "age": [age]}) for age in (float(X["age"].max()), 1e6))
     assert model.predict(far)[0] == pytest.approx(model.predict(edge)[0])
-    assert model.outside(far) == ["age"]
-    assert model.outside(edge) == []
+    assert [model.outside_factor(X).any() for X in (far, edge)] == [True, False]
 
 
 def test_doubt_is_smallest_where_the_data_are():
     X, _, y, site = clusters()
     X = X.assign(age=np.where(X["age"] > 6, X["age"] - 6, X["age"]))
     model = AdditiveGP(PARTS, effect_sd=1.0).fit(X, y, site)
-    factor = model.uncertainty_factor(pd.DataFrame({"dose": [1.0, 50.0], "age": [3.0, 3.0]}))
+    factor = model.factor(model.features(pd.DataFrame({"dose": [1.0, 50.0], "age": [3.0, 3.0]}))[0])
     near, far = (factor**2).sum(axis=1)
     assert far > 10.0 * near
 
@@ -91,7 +90,7 @@ def test_arrays_hold_everything():
     model = AdditiveGP(PARTS, effect_sd=1.0).fit(X, y, site)
     again = AdditiveGP(PARTS, effect_sd=1.0).load_arrays(model.to_arrays())
     np.testing.assert_array_equal(again.predict(X), model.predict(X))
-    np.testing.assert_array_equal(again.uncertainty_factor(X), model.uncertainty_factor(X))
+    np.testing.assert_array_equal(*(one.factor(one.features(X)[0]) for one in (again, model)))
     assert all(a.dtype.kind in "fU" for a in model.to_arrays().values())
 
 

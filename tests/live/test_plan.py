@@ -8,11 +8,12 @@ import pandas as pd
 import pytest
 from tests.live.driving import LINKS, MODEL, NOW_S, ended, fed
 from tests.live.messages import NOON_S, samples_of
+from tests.support.plans import request_of_samples
 
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.live import RoadCar, Sample
 from tripwatt.live.live_trip import SILENCE_S, STANDING_S
-from tripwatt.live.plan import LivePlan, request_of_samples
+from tripwatt.live.plan import LivePlan
 from tripwatt.synthetic import example_trip
 from tripwatt.trips import Log
 

@@ -16,21 +16,16 @@ import pandas as pd
 import pytest
 from tests.live.driving import LINKS, MODEL, NOW_S, ended, fed
 from tests.live.messages import NOON_S, abrp_messages, measured, over_a_bad_connection, samples_of
+from tests.support.plans import request_of_samples
 
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import Forecast
-from tripwatt.live import (
-    RoadCar,
-    Sample,
-    TopicJoiner,
-    sample_from_abrp,
-)
+from tripwatt.live import RoadCar, Sample, TopicJoiner, sample_from_abrp
 from tripwatt.live import folder as folder_module
 from tripwatt.live import recording as module
 from tripwatt.live.live_trip import SILENCE_S
 from tripwatt.live.ordering import LATE_S
-from tripwatt.live.plan import request_of_samples
 from tripwatt.routes import links_of_trip, plan_from_links
 from tripwatt.synthetic import example_trip
 from tripwatt.trips import plan_from_samples

@@ -57,7 +57,7 @@ class TestConditions:
         known = DriveConditions()
         assert (known.ambient_temperature_degc, known.initial_soc, known.payload_mass_kg) == (20.0, 0.8, 0.0)
         assert (known.solar_irradiance_w_m2, known.initial_warmth, known.climate) == (300.0, 0.0, "auto")
-        assert UNKNOWN_AMBIENT_DEGC == 20.0
+        assert UNKNOWN_AMBIENT_DEGC == 10.0
         assert DriveConditions(initial_battery_temperature_degc=5.0).battery_start_degc == 5.0
         usual = load_vehicle("bmw_i3_60ah")
         start = DriveConditions(ambient_temperature_degc=3.0, initial_warmth=0.5, climate="heat").cabin_start(
@@ -105,7 +105,7 @@ class TestConditions:
     def test_at_departure(self) -> None:
         usual = load_vehicle("bmw_i3_60ah")
         found = conditions_at_departure(usual, Departure())
-        assert found == DriveConditions(initial_cabin_temperature_degc=20.0)
+        assert found == DriveConditions(ambient_temperature_degc=10.0, initial_cabin_temperature_degc=10.0)
         given = Departure(
             soc=0.5,
             ambient_temperature_degc=2.0,

@@ -20,7 +20,7 @@ from tools.docs.results_pages import update_readme, update_results_page
 from tripwatt.errors import InvalidInput
 from tripwatt.evaluation import PROTOCOLS
 from tripwatt.report import render_table
-from tripwatt.report.model_styles import MODELS as STYLES
+from tripwatt.report.model_styles import model_styles
 from tripwatt.report.panel import Panel
 from tripwatt.report.panels import (
     PANELS,
@@ -37,6 +37,7 @@ from tripwatt.report.view import View
 from tripwatt.report.words import compared
 
 MakeRun = Callable[..., SimpleNamespace]
+STYLES = model_styles()
 MODELS = [name for name in STYLES if not name.startswith(("hybrid", "power-", "physics-identified"))]
 
 

@@ -17,13 +17,13 @@ import pytest
 from tripwatt.evaluation import PROTOCOLS
 from tripwatt.report import render_report, write_report
 from tripwatt.report.html import svg_text
-from tripwatt.report.model_styles import MODELS as STYLES
-from tripwatt.report.model_styles import model_style
+from tripwatt.report.model_styles import model_style, model_styles
 from tripwatt.report.panel import Section
 from tripwatt.report.panels import PANELS, build_sections, figure_keys
 from tripwatt.report.view import View
 
 MakeRun = Callable[..., SimpleNamespace]
+STYLES = model_styles()
 MODELS = [name for name in STYLES if not name.startswith(("hybrid", "power-", "physics-identified"))]
 FIGURE_KEYS = [key for key in figure_keys(PROTOCOLS["paper"]) if key != "trips-needed"]
 """The run that is made up here has no learning curve of the paper's studies."""

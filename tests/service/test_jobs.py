@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import orjson
@@ -16,6 +17,7 @@ from tripwatt.service import jobs as room
 from tripwatt.service.jobs import JOB_KINDS, Jobs, require_finite
 from tripwatt.service.problems import Problem
 from tripwatt.service.route_uploads import read_route
+from tripwatt.service.schemas import UpdateRequest
 from tripwatt.service.settings import Limits
 from tripwatt.service.worker import run_job
 
@@ -64,13 +66,14 @@ def test_an_update_is_measured_until_its_last_sample(jobs: Jobs) -> None:
 
 def test_what_is_wrong_is_named_once_and_together(jobs: Jobs) -> None:
     body = body_of(soc=2.0, model="bmw_i3_tu", vehicle="nothing", observed={"time_s": 1})
-    found = [fault.where for fault in faults_of(jobs.update, body)]
+    found = [fault.where for fault in faults_of(partial(jobs.forecast, kind=UpdateRequest), body)]
     assert len(found) == len(set(found))
     assert {"soc", "model", "vehicle", "observed.time_s"} == set(found)
 
 
 def test_a_body_that_is_no_object_is_one_fault(jobs: Jobs) -> None:
-    for call in (jobs.forecast, jobs.update, jobs.plan, jobs.reach):
+    update = partial(jobs.forecast, kind=UpdateRequest)
+    for call in (jobs.forecast, update, jobs.plan, jobs.reach):
         assert [fault.where for fault in faults_of(call, b"[]")] == ["body"]
     with pytest.raises(Problem) as caught:
         jobs.forecast(b"{")

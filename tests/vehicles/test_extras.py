@@ -6,12 +6,12 @@ import tripwatt as tw
 from tripwatt.errors import InvalidInput
 from tripwatt.trips import EXTRAS, Departure
 from tripwatt.vehicles import load_vehicle, with_extras
-from tripwatt.vehicles.extras import EFFECTS
+from tripwatt.vehicles.extras import effects
 
 
 def test_every_extra_has_an_effect_and_a_source() -> None:
-    assert set(EFFECTS) == set(EXTRAS)
-    assert all(extra.source for extra in EFFECTS.values())
+    assert set(effects()) == set(EXTRAS)
+    assert all(extra.source for extra in effects().values())
 
 
 @pytest.mark.parametrize("name", ["vw_id3", "nissan_leaf_24"])  # a coast-down, and coefficients

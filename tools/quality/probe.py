@@ -72,10 +72,9 @@ def plans() -> list[Plan]:
 
 
 def departure(k: int, ambient_degc: float) -> Departure:
-    """What is known of a drive: every second has temperatures, a few have hardly anything."""
+    """What is known of a drive: of the air always, as on the trips of every result, of the car on every second, of some hardly more."""
     given: dict[str, object] = {"soc": (0.95, 0.7, 0.4)[k % 3], "payload_mass_kg": 75.0 * (k % 4)}
-    if k % 9 != 4:
-        given["ambient_temperature_degc"] = ambient_degc
+    given["ambient_temperature_degc"] = ambient_degc
     if k % 2:
         given |= {
             "cabin_temperature_degc": 0.5 * ambient_degc + 12.0,

@@ -11,7 +11,7 @@ from typing import Any, Final, Literal
 import numpy as np
 
 from tripwatt.advice.preheating import SCARCE, WORTH, preheating
-from tripwatt.arrays import FloatArray
+from tripwatt.arrays import FloatArray, distance_driven, running_sum
 from tripwatt.forecasting import Forecast
 from tripwatt.journey import ChargingPlan, RoadForecaster
 from tripwatt.journey.corridor import Corridor
@@ -166,17 +166,12 @@ def calmer(plan: Plan, acceleration_m_s2: float) -> Plan:
     True
     """
     speed = plan.array("speed_m_s")
-    most = 2.0 * acceleration_m_s2 * np.diff(_way_m(plan))
+    most = 2.0 * acceleration_m_s2 * np.diff(distance_driven(plan.array("time_s"), speed))
     square = speed**2
     for order in (slice(None), slice(None, None, -1)):
-        rises = np.concatenate(([0.0], np.cumsum(most[order])))
+        rises = running_sum(most[order])
         square[order] = rises + np.minimum.accumulate(square[order] - rises)
     return _at_speed(plan, np.sqrt(np.maximum(square, 0.0)))
-
-
-def _way_m(plan: Plan) -> FloatArray:
-    time, speed = plan.array("time_s"), plan.array("speed_m_s")
-    return np.concatenate(([0.0], np.cumsum(np.diff(time) * 0.5 * (speed[1:] + speed[:-1]))))
 
 
 def _at_speed(plan: Plan, speed_m_s: FloatArray) -> Plan:
@@ -200,12 +195,16 @@ def actions(forecast: Forecast) -> Iterator[Action]:
     yield from _of_load(plan.departure)
 
 
+def limits_below(fastest_m_s: float) -> list[float]:
+    """Speeds [m/s] that make somebody slower who drives fast, the highest first; none for a slow road."""
+    fast = FAST_KM_H * M_S_PER_KM_H
+    limits = [speed * M_S_PER_KM_H for speed in SPEEDS_KM_H]
+    return [limit for limit in limits if fastest_m_s > max(limit + 1.0, fast)]
+
+
 def _of_driving(plan: Plan) -> Iterator[Action]:
-    fastest = float(plan.array("speed_m_s").max())
-    for speed in SPEEDS_KM_H:
-        limit = speed * M_S_PER_KM_H
-        if fastest > limit + 1.0 and fastest > FAST_KM_H * M_S_PER_KM_H:
-            yield Action("slower", "speed", "little", {}, limit, speed_m_s=limit)
+    for limit in limits_below(float(plan.array("speed_m_s").max())):
+        yield Action("slower", "speed", "little", {}, limit, speed_m_s=limit)
     yield Action("calmer", "driving", "little", {}, acceleration_m_s2=GENTLE_M_S2)
 
 
@@ -312,11 +311,7 @@ def leaving_later(forecaster: RoadForecaster, road: Road, now: dt.datetime) -> l
     for hours in LATER_H:
         leaves = forecaster.departs_at + dt.timedelta(hours=hours)
         if leaves >= now:
+            later = Action("leave_later", "departure", "some", {}, SECONDS_PER_HOUR * hours)
             other = replace(forecaster, departure=replace(forecaster.departure, departs_at=leaves))
-            ways.append(
-                (
-                    Action("leave_later", "departure", "some", {}, SECONDS_PER_HOUR * hours),
-                    other.forecast(road),
-                )
-            )
+            ways.append((later, other.forecast(road)))
     return ways

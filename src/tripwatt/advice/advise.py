@@ -260,7 +260,10 @@ def advise(
     ((), ['no_roof_box', 'preheat_cabin'])
     """
     reserve, chance = require_fraction("reserve", reserve), require_fraction("chance", chance, 0.5)
-    forecast = _forecast(trip, departure, car, model)
+    if isinstance(trip, Plan | Trip):
+        forecast = for_car(model, car).forecast(trip, departure)
+    else:
+        forecast = _made(trip, departure, car, model)
     now = forecast.p_arrive(reserve)
     roads = trip.roads[1:] if isinstance(trip, Journey) else ()
     ways = [*((other_road(k), road.forecast) for k, road in enumerate(roads, 1)), *others]
@@ -278,16 +281,13 @@ def advise(
     charge_to = forecast.soc_needed(reserve, chance)
     lacking_wh = (charge_to - float(forecast.soc_along(0.5)[0])) * forecast.charge.wh_per_display
     known = [one for one in sure if not one.actions[0].assumed]
-    least = (
-        ()
-        if now >= chance
-        else tuple(_least(partial(_together, forecast, again, reserve), known, chance, lacking_wh))
-    )
-    if isinstance(trip, Journey) and trip.charging is not None and now < chance:
-        least = tuple(sorted((*least, *_stops(trip, trip.charging, chance)), key=lambda one: one.cost_min))
-        singly = [_on_the_whole(trip, one) for one in singly]
-        return Advice(forecast, reserve, chance, now, charge_to, least, tuple(singly), trip.charging)
-    return Advice(forecast, reserve, chance, now, charge_to, least, tuple(singly))
+    least, whole = list[Advised](), None
+    if now < chance:
+        least = _least(partial(_together, forecast, again, reserve), known, chance, lacking_wh)
+        if isinstance(trip, Journey) and (whole := trip.charging) is not None:
+            least = sorted((*least, *_stops(trip, whole, chance)), key=lambda one: one.cost_min)
+            singly = [_on_the_whole(trip, one) for one in singly]
+    return Advice(forecast, reserve, chance, now, charge_to, tuple(least), tuple(singly), whole)
 
 
 def _stops(journey: Journey, plan: ChargingPlan, chance: float) -> Iterator[Advised]:
@@ -317,16 +317,10 @@ def _on_the_whole(journey: Journey, one: Advised) -> Advised:
     return replace(one, whole=with_action(corridor, action, one.forecast, road))
 
 
-def _forecast(
-    trip: Plan | Trip | Journey | Forecast,
-    departure: Departure | None,
-    car: Vehicle | str | None,
-    model: ForecastModel | Path | str | None,
-) -> Forecast:
-    if isinstance(trip, Plan | Trip):
-        return for_car(model, car).forecast(trip, departure)
+def _made(trip: Journey | Forecast, *beside: object) -> Forecast:
+    """A forecast that was made before, which needs nothing beside it."""
     forecast = trip.forecast if isinstance(trip, Journey) else trip
-    if (departure, car, model) != (None, None, None):
+    if any(value is not None for value in beside):
         allowed = "only with a plan or a trip"
         raise InvalidInput.of("given twice", "departure, car, model", "beside a forecast", allowed)
     if forecast.maker is None or forecast.measured_until_s:

@@ -8,11 +8,11 @@ from typing import Any, Final, Literal
 import numpy as np
 import pandas as pd
 
-from tripwatt.advice.actions import FAST_KM_H, SPEEDS_KM_H, capped
+from tripwatt.advice.actions import capped, limits_below
 from tripwatt.advice.advise import CHANCE, maker_like
 from tripwatt.forecasting import Forecast
 from tripwatt.trips.columns import require_fraction
-from tripwatt.units import M_S_PER_KM_H, SECONDS_PER_MINUTE
+from tripwatt.units import SECONDS_PER_MINUTE
 
 Verdict = Literal["arrives", "open", "does_not_arrive"]
 
@@ -154,11 +154,7 @@ class Companion:
             return None, None
         plan, again = self.departure.plan, maker_like(self.departure)
         ahead = plan.array("speed_m_s")[plan.array("time_s") - plan.array("time_s")[0] > at_s]
-        fastest = float(ahead.max()) if len(ahead) else 0.0
-        for speed in SPEEDS_KM_H:
-            limit = speed * M_S_PER_KM_H
-            if fastest <= max(limit + 1.0, FAST_KM_H * M_S_PER_KM_H):
-                continue
+        for limit in limits_below(float(ahead.max(initial=0.0))):
             chance = again(capped(plan, limit, at_s)).update(observed).p_arrive(self.reserve)
             if chance >= self.chance:
                 return limit, chance

@@ -19,14 +19,7 @@ import pandas as pd
 from tripwatt.auditing import consistency, ranges, road, signals, stamps
 from tripwatt.auditing.findings import Consequence, Cut, Finding, array, between, whole
 from tripwatt.errors import Fault, raise_faults
-from tripwatt.trips import (
-    Fleet,
-    Recorded,
-    Trip,
-    require_unique_ids,
-    structure_faults,
-    value_faults,
-)
+from tripwatt.trips import Fleet, Recorded, Trip, require_unique_ids, structure_faults, value_faults
 from tripwatt.trips.reading import Alike, alike
 
 __all__ = ["Audit", "Finding", "audit"]

@@ -270,15 +270,11 @@ def _figures(
     title: str,
 ) -> Figures:
     def figure(key: str, factor: float) -> dict[str, Any]:
+        value = filled[key] * factor
         if given[key] is not None:
-            return {"value": filled[key] * factor, "source": "given by the caller", "licence": "user"}
+            return {"value": value, "source": "given by the caller", "licence": "user"}
         how = f"median of the library's cars with the body {kind}"
-        return {
-            "value": filled[key] * factor,
-            "source": "class of the car",
-            "licence": "estimate",
-            "estimated": how,
-        }
+        return {"value": value, "source": "class of the car", "licence": "estimate", "estimated": how}
 
     return Figures(
         title=title,

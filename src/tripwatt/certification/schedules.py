@@ -9,6 +9,7 @@ counts (Hierholzer's algorithm). `python -m tools.data.schedules --write` makes 
 from __future__ import annotations
 
 import csv
+from collections import Counter
 from collections.abc import Mapping
 from functools import cache
 from importlib import resources
@@ -95,9 +96,7 @@ def circuit(counts: Transitions, order: int) -> IntArray:
             stack.append(ways[stack[-1]].pop())
         else:
             path.append(stack.pop())
-    visits: dict[int, int] = {}
-    for speed in path:
-        visits[speed] = visits.get(speed, 0) + 1
+    visits = Counter(path)
     seen: dict[int, int] = {}
     whole: list[int] = []
     for speed in reversed(path):

@@ -34,7 +34,7 @@ from tripwatt.cli import (
     serve,
     stores,
 )
-from tripwatt.cli.options import add_command
+from tripwatt.cli.options import add_commands, add_group
 from tripwatt.errors import TripwattError, printable
 
 __all__ = ["app", "main"]
@@ -76,25 +76,20 @@ def _main(
     pass
 
 
-add_command(app, evaluate.evaluate)
-add_command(app, fit.fit)
-forecast.add_commands(app)
-journey.add_commands(app)
-advise.add_commands(app)
-distances.add_commands(app)
-maps.add_commands(app)
-add_command(app, inspect.inspect)
-logs.add_commands(app)
-add_command(app, cars.vehicles)
-add_command(app, cars.simulate)
-export.add_commands(app)
-add_command(app, serve.serve, context_settings={"auto_envvar_prefix": "TRIPWATT"})
-add_command(app, serve.live, hidden=True)
-add_command(app, mcp.mcp)
-add_command(app, demo.demo)
-stores.add_commands(app)
-fleets.add_commands(app)
-own_cars.add_commands(app)
+add_commands(app, evaluate.evaluate, fit.fit, forecast.forecast, forecast.example_trip)
+add_commands(app, journey.plan, journey.reach, journey.places, advise.advise)
+add_commands(app, distances.need, distances.range_, inspect.inspect, logs.audit, logs.fetch)
+add_commands(app, cars.vehicles, cars.simulate)
+add_commands(app, serve.serve, context_settings={"auto_envvar_prefix": "TRIPWATT"})
+add_commands(app, serve.live, hidden=True)
+add_commands(app, mcp.mcp, demo.demo)
+add_group(app, "map", maps.GROUP, maps.build, maps.info)
+add_group(app, "mapping", logs.MAPPINGS, logs.list_, logs.show, logs.suggest, logs.apply)
+add_group(app, "logs", logs.LOGS, logs.anonymise)
+add_group(app, "export", export.GROUP, *map(export.command_of, export.SERVICES))
+add_group(app, "store", stores.GROUP, *stores.COMMANDS)
+add_group(app, "fleet", fleets.GROUP, *fleets.COMMANDS)
+add_group(app, "car", own_cars.GROUP, *own_cars.COMMANDS)
 
 
 def main() -> None:

@@ -11,7 +11,7 @@ import typer
 
 from tripwatt.cli.departing import DepartureOf, departure_options
 from tripwatt.cli.forecast import model_and_trip
-from tripwatt.cli.options import JsonOption, add_command, argument, model_of, option, options_named
+from tripwatt.cli.options import JsonOption, argument, model_of, option, options_named
 from tripwatt.cli.printing import print_json, print_notes, print_table
 from tripwatt.cli.sentences import begins, chance
 from tripwatt.errors import Check
@@ -37,11 +37,6 @@ WORDS: Final[Mapping[str, str]] = {
     "leave_later": "leave {hours:+.0f} h from then",
 }
 """Actions in words, by code."""
-
-
-def add_commands(app: typer.Typer) -> None:
-    """Add the command of this file."""
-    add_command(app, advise)
 
 
 @departure_options()

@@ -5,53 +5,32 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any
 
-import typer
-
 from tripwatt.cli.departing import DepartureOf, departure_options
 from tripwatt.cli.journey import CarOption, ModelOption
-from tripwatt.cli.options import JsonOption, add_command, options_named
+from tripwatt.cli.options import JsonOption, argument, option, options_named
 from tripwatt.cli.printing import print_json, print_notes, print_table
 from tripwatt.cli.sentences import begins
+from tripwatt.errors import InvalidInput
 
 KindOption = Annotated[
-    str,
-    typer.Option(
-        "--kind", metavar="KIND", help="city, country, motorway, or mixed: nothing is known of the road."
-    ),
+    str, option("KIND", "city, country, motorway, or mixed: nothing is known of the road.", "--kind")
 ]
-
-
-def add_commands(app: typer.Typer) -> None:
-    """Add the commands of this file."""
-    add_command(app, need)
-    add_command(app, range_, "range")
+OwnCarOption = Annotated[Path | None, option("FOLDER", "Your own car, made by `tripwatt car new`.", "--car")]
 
 
 @departure_options()
 def need(
     departure: DepartureOf,
-    distance: Annotated[
-        list[str] | None, typer.Argument(metavar="DISTANCE [km]", help="Kilometres of each trip.")
-    ] = None,
+    distance: Annotated[list[str] | None, argument("DISTANCE [km]", "Kilometres of each trip.")] = None,
     kind: KindOption = "mixed",
-    quantile: Annotated[
-        float, typer.Option(metavar="0.5..1", help="Probability with which the energy suffices.")
-    ] = 0.9,
-    trips: Annotated[
-        int, typer.Option(min=1, max=100, metavar="N", help="Equal trips ahead; their errors are shared.")
-    ] = 1,
-    car: Annotated[
-        Path | None, typer.Option("--car", metavar="FOLDER", help="Your own car, made by `tripwatt car new`.")
-    ] = None,
+    quantile: Annotated[float, option("0.5..1", "Probability with which the energy suffices.")] = 0.9,
+    trips: Annotated[int, option("N", "Equal trips ahead; their errors are shared.", min=1, max=100)] = 1,
+    car: OwnCarOption = None,
     trip: Annotated[
-        str | None,
-        typer.Option(
-            "--trip", metavar="NAME", help="A usual trip of your own car, in place of the distance."
-        ),
+        str | None, option("NAME", "A usual trip of your own car, in place of the distance.", "--trip")
     ] = None,
     plug: Annotated[
-        float,
-        typer.Option(min=0.0, metavar="W", help="Power of the plug at home; 0: the car is not plugged in."),
+        float, option("W", "Power of the plug at home; 0: the car is not plugged in.", min=0.0)
     ] = 7400.0,
     vehicle: CarOption = None,
     model: ModelOption = None,
@@ -71,7 +50,6 @@ def need(
       tripwatt need --car my-leaf --trip 2026-01-12T07-30 --ambient -5
     """
     from tripwatt.advice.preheating import need_before_departure
-    from tripwatt.errors import InvalidInput
 
     with options_named():
         if (distance is None) == (trip is None) or (trip is not None and car is None):
@@ -108,10 +86,8 @@ def need(
 def range_(
     departure: DepartureOf,
     kind: KindOption = "mixed",
-    reserve: Annotated[float, typer.Option(metavar="0..1", help="State of charge to keep.")] = 0.0,
-    car: Annotated[
-        Path | None, typer.Option("--car", metavar="FOLDER", help="Your own car, made by `tripwatt car new`.")
-    ] = None,
+    reserve: Annotated[float, option("0..1", "State of charge to keep.")] = 0.0,
+    car: OwnCarOption = None,
     vehicle: CarOption = None,
     model: ModelOption = None,
     as_json: JsonOption = False,
@@ -145,7 +121,6 @@ def range_(
 def _own(car: Path | None, vehicle: str | None, model: Path | None) -> dict[str, Any]:
     if car is None:
         return {"model": model, "vehicle": vehicle}
-    from tripwatt.errors import InvalidInput
     from tripwatt.live import open_car
     from tripwatt.live.usual import usual_plan
 
@@ -156,7 +131,6 @@ def _own(car: Path | None, vehicle: str | None, model: Path | None) -> dict[str,
 
 
 def _kilometres(words: list[str]) -> float:
-    from tripwatt.errors import InvalidInput
 
     text = "".join(words).lower()
     try:

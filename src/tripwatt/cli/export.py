@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 import typer
 
 from tripwatt.cli.departing import DepartureOf, departure_options
-from tripwatt.cli.options import EXAMPLES, SetOption, add_command, group_of, option, options_named
+from tripwatt.cli.options import EXAMPLES, SetOption, option, options_named
 from tripwatt.cli.output import write_text
 from tripwatt.cli.printing import print_json, print_notes
 from tripwatt.errors import Check, InvalidInput
@@ -40,6 +40,7 @@ CarOption = Annotated[
 OutOption = Annotated[Path | None, option("FILE", "Also write the JSON to this file.", "--out", "-o")]
 QueryOption = Annotated[bool, typer.Option("--query", help="Print a URL query string instead of JSON.")]
 
+GROUP: Final = "Print the consumption curve of a car as parameters of a routing service."
 USUAL: Final = {"ambient_temperature_degc": 20.0, "payload_mass_kg": 0.0, "soc": 0.8}
 """What a curve is made for by default."""
 
@@ -51,26 +52,9 @@ SERVICES: Final = {
 }
 
 
-def add_commands(app: typer.Typer) -> None:
-    """Add the commands of this file."""
-    group = group_of("Print the consumption curve of a car as parameters of a routing service.")
-    for service, text in SERVICES.items():
-        command = _command(service)
-        command.__doc__ = f"""{text}
+def command_of(service: str) -> Callable[..., None]:
+    """The command of a service, under its name."""
 
-Print the parameters of a request as a JSON object of strings.
-
-{EXAMPLES}
-
-  # export the car of the bundled model
-  tripwatt export {service} --ambient -5
-  # export another car from physics only
-  tripwatt export {service} --vehicle nissan_leaf_40 --query"""
-        add_command(group, command, service)
-    app.add_typer(group, name="export")
-
-
-def _command(service: str) -> Callable[..., None]:
     @departure_options(without=("departs_at", "terrain"), default=USUAL)
     def command(
         departure: DepartureOf,
@@ -89,6 +73,17 @@ def _command(service: str) -> Callable[..., None]:
         typer.echo(render_query(parameters)) if query else print_json(parameters)
         print_notes(notes)
 
+    command.__name__ = service
+    command.__doc__ = f"""{SERVICES[service]}
+
+Print the parameters of a request as a JSON object of strings.
+
+{EXAMPLES}
+
+  # export the car of the bundled model
+  tripwatt export {service} --ambient -5
+  # export another car from physics only
+  tripwatt export {service} --vehicle nissan_leaf_40 --query"""
     return command
 
 

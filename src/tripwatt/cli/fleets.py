@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime as dt
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -12,7 +13,7 @@ import typer
 
 from tripwatt.cli.departing import DepartureOf, departure_options, time_of
 from tripwatt.cli.forecast import forecast_rows
-from tripwatt.cli.options import JsonOption, add_command, argument, group_of, option, options_named
+from tripwatt.cli.options import JsonOption, argument, option, options_named
 from tripwatt.cli.output import write_text
 from tripwatt.cli.printing import console, print_json, print_notes, print_table, progress
 from tripwatt.cli.stores import SinceOption, StoreArgument, StoreOption, UntilOption, opened
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from tripwatt.fleet.statistics import TripRows
     from tripwatt.report.fleets import ManagerReport
 
-fleet_app = group_of(
+GROUP = (
     "Many vehicles: one model of a trip store, with the deviations of each car model, vehicle and driver. It needs the "
     "extra tripwatt[fleet]."
 )
@@ -39,18 +40,6 @@ WorkOption = Annotated[
     Path | None,
     option("FOLDER", "Folder of finished parts, which every worker reaches. Default: REGISTRY/work."),
 ]
-
-
-def add_commands(app: typer.Typer) -> None:
-    """Add the commands of this file."""
-    for command in (fit, update, refit, versions, promote):
-        add_command(fleet_app, command)
-    add_command(fleet_app, roll_back, name="rollback")
-    add_command(fleet_app, forecast)
-    add_command(fleet_app, batch)
-    add_command(fleet_app, report)
-    add_command(fleet_app, evaluate)
-    app.add_typer(fleet_app, name="fleet")
 
 
 @contextmanager
@@ -183,8 +172,6 @@ def refit(
       # fit anew, and promote it if it is not worse
       tripwatt fleet refit fleet models --weeks 4
     """
-    from dataclasses import asdict
-
     from tripwatt.fleet.life import refit_fleet
 
     source, target = opened(store, options), _registry(registry)
@@ -192,9 +179,9 @@ def refit(
         version, comparison, promoted = refit_fleet(
             source, target, work or registry / "work", executor, workers, weeks=weeks, progress=advance
         )
-    told = {"version": version, "in_use": promoted, "reason": f"{comparison}"}
-    said = f"version {version} is {'' if promoted else 'not '}in use: {comparison}"
-    print_json({**told, "comparison": asdict(comparison)}) if as_json else typer.echo(said)
+    print_json(
+        {"version": version, "in_use": promoted, "reason": f"{comparison}", "comparison": asdict(comparison)}
+    ) if as_json else typer.echo(f"version {version} is {'' if promoted else 'not '}in use: {comparison}")
     if not promoted:
         raise typer.Exit(1)
 
@@ -233,7 +220,7 @@ def promote(
     print_json({"in_use": version}) if as_json else typer.echo(f"version {version} is in use")
 
 
-def roll_back(registry: RegistryArgument, as_json: JsonOption = False) -> None:
+def rollback(registry: RegistryArgument, as_json: JsonOption = False) -> None:
     """Use the version again that was in use before.
 
     For example:
@@ -442,3 +429,6 @@ def evaluate(
         return
     table = accuracy_table(scores, "car_model")
     print_table(f"{out}", table.columns, table.rows, numbers=table.columns[2:])
+
+
+COMMANDS = (fit, update, refit, versions, promote, rollback, forecast, batch, report, evaluate)

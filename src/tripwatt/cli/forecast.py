@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import io
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
 from tripwatt.cli.departing import DepartureOf, departure_options
-from tripwatt.cli.options import JsonOption, add_command, argument, model_of, option, options_named
+from tripwatt.cli.options import JsonOption, argument, model_of, option, options_named
 from tripwatt.cli.output import write_bytes, write_text
 from tripwatt.cli.printing import print_json, print_notes, print_table
 from tripwatt.errors import Check, Fault, InvalidInput, raise_faults
@@ -20,12 +20,6 @@ if TYPE_CHECKING:
 PLOT_SUFFIXES: Final = (".png", ".svg", ".pdf")
 LEAVE_PROBABILITY: Final = 0.95
 """Of "leave with": 19 of 20 trips."""
-
-
-def add_commands(app: typer.Typer) -> None:
-    """Add the commands of this file."""
-    add_command(app, forecast)
-    add_command(app, example, name="example-trip")
 
 
 @departure_options(without=("departs_at",))
@@ -89,6 +83,7 @@ def forecast(
     """
     from tripwatt.api import read_route
     from tripwatt.population import for_car
+    from tripwatt.sources.canonical import read_canonical
     from tripwatt.units import M_S_PER_KM_H
     from tripwatt.vehicles import load_vehicle
 
@@ -99,7 +94,9 @@ def forecast(
             check(_require_options, reserve, plot)
             fitted = check(model_of, model)
             plan = check(read_route, trip, speed_m_s=speed_m_s)
-            measured = None if observed is None else check(_measured, observed)
+            measured = None
+            if observed is not None:
+                measured = check(read_canonical, observed, required=("time_s",), least=2)
             car = None if vehicle is None else check(load_vehicle, vehicle)
             known = check(departure)
         fitted = for_car(fitted, car)
@@ -131,12 +128,6 @@ def _require_options(reserve: float, plot: Path | None) -> None:
     if plot is not None and not plot.absolute().parent.is_dir():
         faults.append(Fault("no such folder", "--plot", str(plot.parent), "an existing folder"))
     raise_faults(faults)
-
-
-def _measured(path: Path) -> Any:
-    from tripwatt.sources.canonical import read_canonical
-
-    return read_canonical(path, required=("time_s",), least=2)
 
 
 def _draw(forecast: Forecast, plot: Path) -> None:
@@ -219,7 +210,7 @@ def _show_forecast(forecast: Forecast, reserve: float) -> None:
     print_notes(forecast.flags)
 
 
-def example(
+def example_trip(
     out: Annotated[
         Path | None, option("FILE", "Write the table to this file instead of printing it.", "--out", "-o")
     ] = None,
@@ -234,9 +225,9 @@ def example(
       # write an example trip for `tripwatt forecast trip.csv`
       tripwatt example-trip --out trip.csv
     """
-    from tripwatt.synthetic import example_trip
+    from tripwatt import synthetic
 
-    text = example_trip(seed).to_csv(index=False, lineterminator="\n")
+    text = synthetic.example_trip(seed).to_csv(index=False, lineterminator="\n")
     if out is None:
         typer.echo(text, nl=False)
         return

@@ -80,18 +80,13 @@ def _about_rows(about: dict[str, Any]) -> list[tuple[str, str]]:
     if "adapted" in origin:
         rows += _adapted_rows(origin)
     if "mape" in figures:
-        rows.append(
-            (
-                "held-out trips",
-                f"mean error {figures['mape']:.1%}, RMSE {figures['rmse_wh'] / 1000.0:.3f} kWh, "
-                f"bias {figures['bias_wh']:+.0f} Wh on {figures['trips']} trips, {figures['given']}",
-            )
+        errors = (
+            f"mean error {figures['mape']:.1%}, RMSE {figures['rmse_wh'] / 1000.0:.3f} kWh, "
+            f"bias {figures['bias_wh']:+.0f} Wh on {figures['trips']} trips, {figures['given']}"
         )
-        rows.append(("protocol", figures["protocol"]))
-    rows.append(
-        ("parts", ", ".join(f"{name} ({part['bytes']} bytes)" for name, part in about["parts"].items()))
-    )
-    return rows
+        rows += [("held-out trips", errors), ("protocol", figures["protocol"])]
+    parts = (f"{name} ({part['bytes']} bytes)" for name, part in about["parts"].items())
+    return [*rows, ("parts", ", ".join(parts))]
 
 
 def _adapted_rows(origin: dict[str, Any]) -> list[tuple[str, str]]:
@@ -103,11 +98,9 @@ def _adapted_rows(origin: dict[str, Any]) -> list[tuple[str, str]]:
     ]
     experts = ", ".join(f"{name} {weight:.0%}" for name, weight in how["experts"].items())
     about = base["model"]
+    model = f"{about['vehicle_title']}, {about['corrector']}, {about['trips']} trips"
     return [
-        (
-            "base",
-            f"{about['vehicle_title']}, {about['corrector']}, {about['trips']} trips, SHA-256 {base['sha256']}",
-        ),
+        ("base", f"{model}, SHA-256 {base['sha256']}"),
         ("adapted", f"with {how['trips']} own trips; {experts}"),
         ("car against its simulation", ", ".join(changes)),
     ]

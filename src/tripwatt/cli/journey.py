@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from tripwatt.cli.departing import DepartureOf, departure_options
-from tripwatt.cli.options import JsonOption, add_command, gather, options_named
+from tripwatt.cli.options import JsonOption, argument, option, options_named
 from tripwatt.cli.printing import print_json, print_notes, print_table
+from tripwatt.errors import Check
 from tripwatt.units import SECONDS_PER_MINUTE
 
 if TYPE_CHECKING:
@@ -18,70 +19,49 @@ if TYPE_CHECKING:
 
 MapOption = Annotated[
     str,
-    typer.Option(
+    option(
+        "FOLDER|KIND=URL",
+        "Folder of a map (see `tripwatt map build`), or a router's server: valhalla=URL, osrm=URL, graphhopper=URL or "
+        "openrouteservice=URL. FOLDER@KIND=URL takes the places of a map and the roads of a server. Default: TRIPWATT_MAP.",
         "--map",
-        metavar="FOLDER|KIND=URL",
         envvar="TRIPWATT_MAP",
         show_envvar=False,
-        help="Folder of a map (see `tripwatt map build`), or a router's server: valhalla=URL, osrm=URL, graphhopper=URL or "
-        "openrouteservice=URL. FOLDER@KIND=URL takes the places of a map and the roads of a server. Default: TRIPWATT_MAP.",
     ),
 ]
 PlacesOption = Annotated[
     str,
-    typer.Option(
+    option(
+        "KIND=URL",
+        "Server that finds places: photon=URL or nominatim=URL. Default: the index of the map.",
         "--places",
-        metavar="KIND=URL",
-        help="Server that finds places: photon=URL or nominatim=URL. Default: the index of the map.",
     ),
 ]
 WeatherOption = Annotated[
-    str,
-    typer.Option(
-        "--weather",
-        metavar="URL",
-        help="Server with the interface of Open-Meteo. Default: no server is asked.",
-    ),
+    str, option("URL", "Server with the interface of Open-Meteo. Default: no server is asked.", "--weather")
 ]
 StationsOption = Annotated[
     Path | None,
-    typer.Option(
+    option(
+        "FILE",
+        "Charging stations as CSV: latitude_deg, longitude_deg, power_kw, name. Default: those of the map.",
         "--stations",
-        metavar="FILE",
-        help="Charging stations as CSV: latitude_deg, longitude_deg, power_kw, name. Default: those of the map.",
     ),
 ]
-ModelOption = Annotated[
-    Path | None, typer.Option("--model", metavar="FOLDER", help="Default: the bundled model.")
-]
+ModelOption = Annotated[Path | None, option("FOLDER", "Default: the bundled model.", "--model")]
 CarOption = Annotated[
     str | None,
-    typer.Option(
-        "--vehicle", metavar="NAME|FILE", help="Another car: a name from `tripwatt vehicles`, or a TOML file."
-    ),
+    option("NAME|FILE", "Another car: a name from `tripwatt vehicles`, or a TOML file.", "--vehicle"),
 ]
-
-
-def add_commands(app: typer.Typer) -> None:
-    """Add the commands of this file."""
-    add_command(app, plan)
-    add_command(app, reach)
-    add_command(app, places)
 
 
 @departure_options()
 def plan(
-    stops: Annotated[
-        list[str],
-        typer.Argument(metavar="FROM [VIA...] TO", help="Places: names, or latitude and longitude."),
-    ],
+    stops: Annotated[list[str], argument("FROM [VIA...] TO", "Places: names, or latitude and longitude.")],
     departure: DepartureOf,
     map_: MapOption = "",
-    reserve: Annotated[
-        float, typer.Option(metavar="0..1", help="Required state of charge at arrival, as displayed.")
-    ] = 0.1,
+    reserve: Annotated[float, option("0..1", "Required state of charge at arrival, as displayed.")] = 0.1,
     round_trip: Annotated[bool, typer.Option("--round-trip", help="Back to the start.")] = False,
-    alternatives: Annotated[int, typer.Option(min=0, max=3, metavar="N", help="Other roads to compare.")] = 2,
+    alternatives: Annotated[int, option("N", "Other roads to compare.", min=0, max=3)] = 2,
     vehicle: CarOption = None,
     model: ModelOption = None,
     places_url: PlacesOption = "",
@@ -89,8 +69,7 @@ def plan(
     stations: StationsOption = None,
     no_charge: Annotated[bool, typer.Option("--no-charge", help="Plan no stops to charge.")] = False,
     overhead: Annotated[
-        float,
-        typer.Option(metavar="MIN", help="Parking, plugging in and paying at each stop to charge."),
+        float, option("MIN", "Parking, plugging in and paying at each stop to charge.")
     ] = 5.0,
     preheat_battery: Annotated[
         bool, typer.Option("--preheat-battery", help="The battery may be heated on the way to a stop.")
@@ -114,35 +93,24 @@ def plan(
     """
     from tripwatt.journey import AtlasSettings, JourneyOptions, open_atlas, plan_journey
 
-    got: dict[str, Any] = {}
     settings = AtlasSettings(map_, places_url, weather, "" if stations is None else str(stations))
+    charging: dict[str, Any] = {"charge": not no_charge, "preheat_battery": preheat_battery}
+    overhead_s = overhead * SECONDS_PER_MINUTE
     with options_named():
-        gather(
-            lambda: got.update(atlas=open_atlas(settings)),
-            lambda: got.update(departure=departure()),
-            lambda: got.update(
-                options=JourneyOptions(
-                    reserve,
-                    alternatives,
-                    round_trip,
-                    charge=not no_charge,
-                    stop_overhead_s=overhead * SECONDS_PER_MINUTE,
-                    preheat_battery=preheat_battery,
-                )
-            ),
-        )
+        with Check() as check:
+            got: dict[str, Any] = {"atlas": check(open_atlas, settings), "departure": check(departure)}
+            asked = reserve, alternatives, round_trip
+            got["options"] = check(JourneyOptions, *asked, stop_overhead_s=overhead_s, **charging)
         journey = plan_journey(stops, model=model, vehicle=vehicle, **got)
     print_json(journey.to_dict()) if as_json else _show(journey)
 
 
 @departure_options()
 def reach(
-    start: Annotated[str, typer.Argument(metavar="FROM", help="A place: a name, or latitude and longitude.")],
+    start: Annotated[str, argument("FROM", "A place: a name, or latitude and longitude.")],
     departure: DepartureOf,
     map_: MapOption = "",
-    reserve: Annotated[
-        float, typer.Option(min=0.0, max=1.0, metavar="0..1", help="State of charge to keep.")
-    ] = 0.0,
+    reserve: Annotated[float, option("0..1", "State of charge to keep.", min=0.0, max=1.0)] = 0.0,
     vehicle: CarOption = None,
     model: ModelOption = None,
     places_url: PlacesOption = "",
@@ -157,6 +125,7 @@ def reach(
     """
     from tripwatt.journey import AtlasSettings, RoadForecaster, find_reach, open_atlas
     from tripwatt.population import for_car
+    from tripwatt.trips import Flag
 
     with options_named():
         atlas = open_atlas(AtlasSettings(map_, places_url))
@@ -166,35 +135,21 @@ def reach(
     if as_json:
         print_json(area.to_dict())
         return
-    rows = [
-        (f"{100.0 * level:.0f} %", *(f"{place.distance_m(p) / 1000.0:.0f} km" for p in _ends(place, corners)))
-        for level, corners in area.outlines.items()
-    ]
-    print_table(
-        f"Reach from {place.title}",
-        ("probability", "nearest", "farthest"),
-        rows,
-        numbers=("nearest", "farthest"),
-    )
-    print_notes([*([_map_ends()] if area.map_ends else []), area.attribution])
-
-
-def _ends(start: Any, corners: Any) -> tuple[Any, Any]:
-    """The nearest and the farthest corner."""
-    return min(corners, key=start.distance_m), max(corners, key=start.distance_m)
-
-
-def _map_ends() -> Any:
-    from tripwatt.trips import Flag
-
-    return Flag("map_ends", "reach")
+    rows = []
+    for level, corners in area.outlines.items():
+        away_m = [place.distance_m(corner) for corner in corners]
+        ends = (f"{distance_m / 1000.0:.0f} km" for distance_m in (min(away_m), max(away_m)))
+        rows.append((f"{100.0 * level:.0f} %", *ends))
+    columns = ("probability", "nearest", "farthest")
+    print_table(f"Reach from {place.title}", columns, rows, numbers=columns[1:])
+    print_notes([*([Flag("map_ends", "reach")] if area.map_ends else []), area.attribution])
 
 
 def places(
-    text: Annotated[list[str], typer.Argument(metavar="TEXT", help="Start of a name, a street, a house.")],
+    text: Annotated[list[str], argument("TEXT", "Start of a name, a street, a house.")],
     map_: MapOption = "",
     places_url: PlacesOption = "",
-    limit: Annotated[int, typer.Option(min=1, max=50, metavar="N", help="Most places.")] = 10,
+    limit: Annotated[int, option("N", "Most places.", min=1, max=50)] = 10,
     as_json: JsonOption = False,
 ) -> None:
     """Find places by the start of their names, also with typing mistakes and by names in other languages.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import sys
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
@@ -17,34 +18,17 @@ from tripwatt.cli.options import (
     NotesOption,
     StrictOption,
     TripOption,
-    add_command,
     argument,
-    group_of,
     option,
     read_logs,
 )
 from tripwatt.cli.output import write_text
 from tripwatt.cli.printing import console, print_findings, print_json, print_notes, print_reading, print_table
 
-mapping_app = group_of(
+MAPPINGS = (
     "Mappings from the columns of your tables to canonical columns: list, show, suggest and apply them."
 )
-
-
-logs_app = group_of("Files of loggers: take out of them what tells whose they are.")
-
-
-def add_commands(app: typer.Typer) -> None:
-    """Add the commands of this file."""
-    add_command(app, audit)
-    add_command(app, fetch)
-    add_command(mapping_app, list_mappings, name="list")
-    add_command(mapping_app, show_mapping, name="show")
-    add_command(mapping_app, suggest)
-    add_command(mapping_app, apply)
-    app.add_typer(mapping_app, name="mapping")
-    add_command(logs_app, anonymise)
-    app.add_typer(logs_app, name="logs")
+LOGS = "Files of loggers: take out of them what tells whose they are."
 
 
 def audit(
@@ -76,14 +60,11 @@ def audit(
     if as_json:
         from tripwatt.trips.messages import flag_to_dict  # pandas is slow to import
 
-        frame = result.frame()
-        rows = frame.astype(object).where(frame.notna(), None).to_dict("records")
-        used = [t.trip_id for t in result.trips]
         print_json(
             {
                 "read": len(fleet.trips),
-                "used": used,
-                "findings": rows,
+                "used": [t.trip_id for t in result.trips],
+                "findings": [asdict(finding) for finding in result.findings],
                 "notes": [flag_to_dict(flag) for flag in fleet.notes],
                 "faults": [fault.texts for fault in (fleet.report.faults if fleet.report else ())],
             }
@@ -153,7 +134,7 @@ def anonymise(
     )
 
 
-def list_mappings(as_json: JsonOption = False) -> None:
+def list_(as_json: JsonOption = False) -> None:
     """List the bundled mappings and the logger of each.
 
     For example:
@@ -170,7 +151,7 @@ def list_mappings(as_json: JsonOption = False) -> None:
         print_table("Mappings for --mapping NAME", ("name", "about"), about.items(), folding=("about",))
 
 
-def show_mapping(
+def show(
     name: Annotated[str, argument("NAME", "A name from `tripwatt mapping list`.")],
     as_json: JsonOption = False,
 ) -> None:
@@ -212,8 +193,6 @@ def suggest(
       # use the mapping
       tripwatt evaluate logs --mapping my.toml
     """
-    from dataclasses import asdict
-
     from tripwatt.sources.suggest import SPELLED, suggest_mapping
 
     proposal = suggest_mapping(file)

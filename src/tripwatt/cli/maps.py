@@ -5,21 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
-from tripwatt.cli.options import JsonOption, add_command, argument, group_of, option
+from tripwatt.cli.options import JsonOption, argument, option
 from tripwatt.cli.printing import print_json, print_notes, print_table
 
 if TYPE_CHECKING:
     from tripwatt.routes.maps import MapFolder
 
-
-def add_commands(app: typer.Typer) -> None:
-    """Add the commands of this file."""
-    group = group_of("Maps of a region on this machine.")
-    add_command(group, build)
-    add_command(group, info)
-    app.add_typer(group, name="map")
+GROUP = "Maps of a region on this machine."
 
 
 def build(
@@ -54,8 +46,7 @@ def build(
 
 
 def info(
-    folder: Annotated[Path, argument("FOLDER", "Folder of the map.")],
-    as_json: JsonOption = False,
+    folder: Annotated[Path, argument("FOLDER", "Folder of the map.")], as_json: JsonOption = False
 ) -> None:
     """Show what a map holds.
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
-from tripwatt.errors import Check, Fault, InvalidInput, extras_faults, places_named, raise_faults
+from tripwatt.errors import Fault, InvalidInput, extras_faults, places_named, raise_faults
 
 if TYPE_CHECKING:
     from tripwatt.forecasting import ForecastModel
@@ -91,8 +91,7 @@ UNKNOWN_CAR: Final = "bmw_i3_60ah"
 
 def require_extras(needed: Mapping[str, str]) -> None:
     """Raise `InvalidInput` with every extra of a command that is not installed, before anything starts."""
-    faults = extras_faults(needed)
-    raise_faults(faults)
+    raise_faults(extras_faults(needed))
 
 
 def read_logs(
@@ -119,12 +118,11 @@ def read_logs(
         from tripwatt.synthetic import synthetic_fleet
 
         unused = {"--dataset": dataset, "--mapping": mapping}
-        faults = [
+        raise_faults(
             Fault("option has no effect", k, v, "only together with DATA")
             for k, v in unused.items()
             if v is not None
-        ]
-        raise_faults(faults)
+        )
         return synthetic_fleet(BUILT_IN_TRIPS, faults=True) if built_in_faults else synthetic_fleet()
     from tripwatt.sources import read_logs as read
 
@@ -180,18 +178,6 @@ def car_of(
     return UNKNOWN_CAR, (Flag("car_assumed", UNKNOWN_CAR),)
 
 
-def gather(*checks: Callable[[], object]) -> None:
-    """Run all checks and raise one `InvalidInput` with the faults of all of them.
-
-    Examples
-    --------
-    >>> gather(lambda: None)
-    """
-    with Check() as check:
-        for each in checks:
-            check(each)
-
-
 @contextmanager
 def options_named() -> Iterator[None]:
     """Faults of what options give, under the names of the options."""
@@ -206,35 +192,37 @@ EXAMPLES: Final = "For example:"
 """Line of a command's docstring below which its examples are: what each does, then what to type."""
 
 
-def add_command(app: typer.Typer, command: Callable[..., None], name: str | None = None, **more: Any) -> None:
-    r"""Add a command to an application: its help is its docstring, with the examples at the end of the page.
+def add_commands(app: typer.Typer, *commands: Callable[..., None], **more: Any) -> None:
+    r"""Add commands to an application: their help is their docstrings, with the examples at the end of the page.
 
     Parameters
     ----------
     app : typer.Typer
         The application.
-    command : callable
-        Its docstring has examples below the line `EXAMPLES`.
-    name : str, optional
-        That of the function when not given.
+    *commands : callable
+        Functions under the names of the commands; their docstrings have examples below the line `EXAMPLES`.
     **more
         Further arguments of `Typer.command`.
 
     Examples
     --------
     >>> app = typer.Typer()
-    >>> add_command(app, gather)
+    >>> add_commands(app, require_extras)
     >>> app.registered_commands[0].name, app.registered_commands[0].epilog
-    ('gather', None)
+    ('require-extras', None)
     """
-    text, _, shown = inspect.getdoc(command).partition(f"\n\n{EXAMPLES}\n\n")  # type: ignore[union-attr]
-    epilog = f"\b\nExamples:\n{shown}" if shown else None  # \b: click keeps the lines of the paragraph
-    app.command(name or command.__name__.replace("_", "-"), help=text, epilog=epilog, **more)(command)
+    for command in commands:
+        text, _, shown = inspect.getdoc(command).partition(f"\n\n{EXAMPLES}\n\n")  # type: ignore[union-attr]
+        epilog = f"\b\nExamples:\n{shown}" if shown else None  # \b: click keeps the lines of the paragraph
+        name = command.__name__.rstrip("_").replace("_", "-")
+        app.command(name, help=text, epilog=epilog, **more)(command)
 
 
-def group_of(help: str) -> typer.Typer:
-    """A group of commands."""
-    return typer.Typer(help=help, no_args_is_help=True, rich_markup_mode=None)
+def add_group(app: typer.Typer, name: str, help: str, *commands: Callable[..., None]) -> None:
+    """Add a group of commands to an application."""
+    group = typer.Typer(help=help, no_args_is_help=True, rich_markup_mode=None)
+    add_commands(group, *commands)
+    app.add_typer(group, name=name)
 
 
 def model_of(folder: Path | None) -> ForecastModel:

@@ -14,9 +14,7 @@ from tripwatt.cli.options import (
     MappingOption,
     NotesOption,
     StrictOption,
-    add_command,
     argument,
-    group_of,
     option,
     read_logs,
 )
@@ -36,9 +34,7 @@ if TYPE_CHECKING:
 
     from tripwatt.live import Car, Learned
 
-car_app = group_of(
-    "Your own car: its trips, the model that is adapted to them, and its diary. Needs the extra tripwatt[fleet]."
-)
+GROUP = "Your own car: its trips, the model that is adapted to them, and its diary. Needs the extra tripwatt[fleet]."
 
 CarArgument = Annotated[Path, argument("CAR", "Folder of the car, made by `tripwatt car new`.")]
 
@@ -59,13 +55,6 @@ WORDS = {
     "near_32": "the whole consumption around 32 °C",
 }
 """Factors of a car in words."""
-
-
-def add_commands(app: typer.Typer) -> None:
-    """Add the commands of this file."""
-    for command in (new, add, learn, show, token, forget):
-        add_command(car_app, command)
-    app.add_typer(car_app, name="car")
 
 
 def new(
@@ -308,3 +297,6 @@ def _kwh(energy_wh: float) -> str:
 
 def _percent(share: float | None, places: int = 1) -> str:
     return "unknown" if share is None else f"{share:.{places}%}"
+
+
+COMMANDS = (new, add, learn, show, token, forget)

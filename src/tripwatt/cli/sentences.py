@@ -76,11 +76,8 @@ def _arrival(forecast: Forecast) -> str:
 def where_empty(forecast: Forecast) -> str:
     """Where a battery that is expected to run empty does so, with the ends of the 90 % band."""
     early, expected, late = (None if m is None else f"{m / 1000.0:.0f}" for m in forecast.empty_at_m)
-    return (
-        f"after {expected} km ({early} to {late} km)"
-        if late
-        else f"after {expected} km ({early} km or later)"
-    )
+    between = f"{early} to {late} km" if late else f"{early} km or later"
+    return f"after {expected} km ({between})"
 
 
 def journey_in_words(journey: Journey) -> list[str]:

@@ -82,8 +82,7 @@ def serve(
         ),
     ] = None,
     publish: Annotated[
-        str,
-        option("TOPIC", "With --mqtt: publish cars as JSON below this topic. Empty: publish nothing."),
+        str, option("TOPIC", "With --mqtt: publish cars as JSON below this topic. Empty: publish nothing.")
     ] = "tripwatt",
     discovery: Annotated[
         str,

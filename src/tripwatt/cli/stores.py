@@ -2,27 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tripwatt.cli.options import (
-    DatasetOption,
-    JsonOption,
-    MappingOption,
-    add_command,
-    argument,
-    group_of,
-    option,
-)
+from tripwatt.cli.options import DatasetOption, JsonOption, MappingOption, argument, option
 from tripwatt.cli.printing import console, print_findings, print_json, print_notes, print_table
-from tripwatt.errors import InvalidInput, grouped
+from tripwatt.errors import Fault, InvalidInput, grouped, raise_faults
 
 if TYPE_CHECKING:
     from tripwatt.store import TripStore
 
-store_app = group_of(
+GROUP = (
     "Trip stores: logs of many vehicles in Delta tables, in a folder or an object store. They need the extra "
     "tripwatt[fleet]."
 )
@@ -45,16 +38,6 @@ SinceOption = Annotated[str | None, option("DATE", "Trips that began on this day
 UntilOption = Annotated[str | None, option("DATE", "Trips that began before this day.")]
 
 
-def add_commands(app: typer.Typer) -> None:
-    """Add the commands of this file."""
-    add_command(store_app, create)
-    add_command(store_app, add)
-    add_command(store_app, list_trips, name="list")
-    for command in (show, audit, compact, forget):
-        add_command(store_app, command)
-    app.add_typer(store_app, name="store")
-
-
 def opened(store: str, options: list[str] | None) -> TripStore:
     """The store that a user means by STORE and --store-option."""
     from tripwatt.store import open_store
@@ -70,9 +53,6 @@ def store_options(options: list[str] | None) -> dict[str, str]:
     >>> store_options(["AWS_REGION=eu-central-1"])
     {'AWS_REGION': 'eu-central-1'}
     """
-    from tripwatt.errors import Fault
-    from tripwatt.trips import raise_faults
-
     pairs = [option.partition("=") for option in options or []]
     raise_faults(
         Fault("not a pair", "--store-option", key, "KEY=VALUE")
@@ -129,8 +109,6 @@ def add(
       # add a trip of one vehicle
       tripwatt store add fleet drive.csv --vehicle vw_id3 --vehicle-id V17
     """
-    from dataclasses import asdict
-
     from tripwatt.store import add_files
     from tripwatt.vehicles import load_vehicle
 
@@ -154,7 +132,7 @@ def add(
     print_json(asdict(done)) if as_json else typer.echo(f"{store}: {done}")
 
 
-def list_trips(
+def list_(
     store: StoreArgument,
     vehicle_id: VehicleIdOption = None,
     car_model: CarModelOption = None,
@@ -242,14 +220,10 @@ def audit(
     result = opened(store, options).audit(
         vehicle_id=vehicle_id, car_model=car_model, since=since, until=until
     )
-    rows: list[dict[str, Any]] = [
-        {"trip": f.trip, "from_s": f.from_s, "to_s": f.to_s, "what": f.what, "consequence": f.consequence}
-        for f in result
-    ]
     if as_json:
-        print_json(rows)
-        return
-    print_findings(f"{len(rows)} findings", result)
+        print_json([asdict(finding) for finding in result])
+    else:
+        print_findings(f"{len(result)} findings", result)
 
 
 def compact(
@@ -295,3 +269,6 @@ def forget(
     print_notes(
         ["models and reports that were made with these trips still contain what was learned from them"]
     )
+
+
+COMMANDS = (create, add, list_, show, audit, compact, forget)

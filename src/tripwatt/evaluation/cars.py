@@ -126,21 +126,17 @@ def evaluate_cars(
     InvalidInput
         When an argument cannot be used.
     """
-    faults = [
+    counts = bool(trips) and all(isinstance(k, int) and k >= 0 for k in trips)
+    checks = (
+        ("trips", list(trips), "whole numbers of 0 or more", counts),
+        ("draws", draws, "a whole number of 1 or more", isinstance(draws, int) and draws >= 1),
+        ("cars", len(cars), "at least 1", len(cars) >= 1),
+    )
+    raise_faults(
         Fault("value out of range", name, f"{got}", allowed)
-        for name, got, allowed, right in (
-            (
-                "trips",
-                list(trips),
-                "whole numbers of 0 or more",
-                bool(trips) and all(isinstance(k, int) and k >= 0 for k in trips),
-            ),
-            ("draws", draws, "a whole number of 1 or more", isinstance(draws, int) and draws >= 1),
-            ("cars", len(cars), "at least 1", len(cars) >= 1),
-        )
+        for name, got, allowed, right in checks
         if not right
-    ]
-    raise_faults(faults)
+    )
     given = {car.dataset for car in cars}
     described, rows = [], []
     for number, car in enumerate(cars):
@@ -320,16 +316,12 @@ def _curve(
         many = draws if k else 1
         drawn = [rng.permutation(half) for _ in range(many)]
         undated = replace(evidence, day=np.full(n, np.nan))  # an order that is drawn has no dates
-        scores = [_drawn(learner, undated, order[:k], _scored(n, half, order[k:])) for order in drawn]
+        second = np.arange(half, n)
+        scores = [_drawn(learner, undated, order[:k], second if half < n else order[k:]) for order in drawn]
         rows.append({"k": k, "draws": many, **_means(scores)})
     if n >= FEW:
-        whole = np.arange(half)
-        rows.append({"k": half, "draws": 1, **_drawn(learner, evidence, whole, np.arange(half, n))})
+        rows.append({"k": half, "draws": 1, **_drawn(learner, evidence, np.arange(half), np.arange(half, n))})
     return rows
-
-
-def _scored(n: int, half: int, rest: IntArray) -> IntArray:
-    return np.arange(half, n) if half < n else rest
 
 
 def _drawn(learner: Learner, evidence: TripEvidence, known: IntArray, scored: IntArray) -> dict[str, float]:

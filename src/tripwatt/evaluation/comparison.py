@@ -71,9 +71,8 @@ class Comparison:
         table, own = self.hold_out.table, self.of(model)
         values = np.full(len(table.observed_wh), np.nan)
         for result in own:
-            whole = len(result.predicted_wh) == len(
-                result.split.test
-            )  # the energy of each trip, and not its course
+            # the energy of each trip, and not its course
+            whole = len(result.predicted_wh) == len(result.split.test)
             rows = table.last_rows[result.split.test] if whole else table.rows_of(result.split.test)
             values[rows] = result.predicted_wh
         return values
@@ -126,10 +125,9 @@ class Comparison:
         names, models = [spec.name for spec in self.specs], {}
         for name in names:
             rows, own = self.rows_of(name), self.of(name)
-            errors = summarise_errors(*_observed_and_predicted(rows), seed)
-            if len(self.hold_out.tested) > len(
-                self.hold_out.scored
-            ):  # the interval is over trips, not over splits
+            observed, predicted = (rows[f"{kind}_energy_wh"].to_numpy() for kind in ("observed", "predicted"))
+            errors = summarise_errors(observed, predicted, seed)
+            if len(self.hold_out.tested) > len(self.hold_out.scored):  # over trips, not over splits
                 ape = self.ape(name)
                 errors = replace(errors, mape=float(ape.mean()), mape_ci95=bootstrap_interval(ape, seed))
             models[name] = asdict(errors) | {
@@ -154,10 +152,6 @@ class Comparison:
             {"a": a, "b": b, **asdict(paired_difference(self.ape(a), self.ape(b), seed)), **where}
             for a, b in itertools.combinations((spec.name for spec in self.specs), 2)
         ]
-
-
-def _observed_and_predicted(rows: pd.DataFrame) -> tuple[FloatArray, FloatArray]:
-    return rows["observed_energy_wh"].to_numpy(), rows["predicted_energy_wh"].to_numpy()
 
 
 def median_times(results: Sequence[FoldResult]) -> dict[str, float]:

@@ -35,6 +35,11 @@ TEMPERATURES: Final = (
     (20.0, np.inf, "above 20 °C"),
 )
 LENGTHS: Final = ((0.0, 10e3, "below 10 km"), (10e3, 25e3, "10 to 25 km"), (25e3, np.inf, "above 25 km"))
+CLASSES: Final = {
+    "temperature": ("ambient_temperature_degc", TEMPERATURES),
+    "length": ("distance_m", LENGTHS),
+}
+"""What trips are classed by -> column and bounds."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,20 +60,15 @@ class FleetEvaluation:
 
     def table(self, by: str) -> pd.DataFrame:
         """Mean relative error and coverage by a column, or by "temperature" or "length", of each protocol."""
-        frame = self.trips.assign(
-            error=np.abs(self.trips["predicted_wh"] - self.trips["observed_wh"])
-            / np.abs(self.trips["observed_wh"]),
-            inside=(self.trips["observed_wh"] >= self.trips["low_wh"])
-            & (self.trips["observed_wh"] <= self.trips["high_wh"]),
-        )
-        if by == "temperature":
-            frame["temperature"] = classes(frame["ambient_temperature_degc"].to_numpy(), TEMPERATURES)
-        elif by == "length":
-            frame["length"] = classes(frame["distance_m"].to_numpy(), LENGTHS)
+        trips, observed = self.trips, self.trips["observed_wh"]
+        error = (trips["predicted_wh"] - observed).abs() / observed.abs()
+        frame = trips.assign(error=error, inside=observed.between(trips["low_wh"], trips["high_wh"]))
+        if by in CLASSES:
+            column, bounds = CLASSES[by]
+            frame[by] = classes(frame[column].to_numpy(), bounds)
         grouped = frame.groupby(["protocol", by], sort=True)
-        return grouped.agg(
-            trips=("error", "size"), error=("error", "mean"), inside=("inside", "mean")
-        ).reset_index()
+        means = {name: (name, "mean") for name in ("error", "inside")}
+        return grouped.agg(trips=("error", "size"), **means).reset_index()
 
 
 def classes(values: FloatArray, bounds: Sequence[tuple[float, float, str]]) -> Any:
@@ -107,14 +107,12 @@ def evaluate_rows(rows: TripRows, scales: Scales | None = None) -> FleetEvaluati
     code = np.searchsorted(vehicles, rows.texts("vehicle_id"))
     fold = np.random.default_rng(0).permutation(len(vehicles))[code] % VEHICLE_FOLDS
     models = rows.texts("car_model")
-    parts = [_later(rows, fold)]
-    parts.append(_left_out(rows, whole, scales, fold, fold, "new vehicles"))
+    parts = [_later(rows, fold), _left_out(rows, whole, scales, fold, fold, "new vehicles")]
     names, model_code = np.unique(models.astype(str), return_inverse=True)
     if len(names) > 1:
         parts.append(_left_out(rows, whole, scales, model_code, fold, "new car models"))
-    return FleetEvaluation(
-        pd.concat([p for p in parts if p is not None], ignore_index=True), own_trips(rows, whole, scales)
-    )
+    held_out = pd.concat([part for part in parts if part is not None], ignore_index=True)
+    return FleetEvaluation(held_out, own_trips(rows, whole, scales))
 
 
 def _later(rows: TripRows, fold: IntArray) -> pd.DataFrame | None:
@@ -158,16 +156,13 @@ def _frame(rows: TripRows, energy: FloatArray, sd: FloatArray, fold: IntArray, p
     factor = np.zeros(len(rows))
     for k in np.unique(fold):
         others = score[fold != k]
-        factor[fold == k] = ConformalScores.from_errors((others if len(others) else score).tolist()).factor(
-            LEVEL
-        )
+        known = others if len(others) else score
+        factor[fold == k] = ConformalScores.from_errors(known.tolist()).factor(LEVEL)
     return pd.DataFrame(
         {
             "protocol": protocol,
-            "car_model": rows.texts("car_model"),
-            "vehicle_id": rows.texts("vehicle_id"),
-            "distance_m": rows.numbers("distance_m"),
-            "ambient_temperature_degc": rows.numbers("ambient_temperature_degc"),
+            **{name: rows.texts(name) for name in ("car_model", "vehicle_id")},
+            **{name: rows.numbers(name) for name in ("distance_m", "ambient_temperature_degc")},
             "observed_wh": observed,
             "predicted_wh": energy,
             "low_wh": energy - factor * sd,

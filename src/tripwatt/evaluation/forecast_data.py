@@ -14,14 +14,7 @@ import pandas as pd
 
 from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.errors import InvalidInput
-from tripwatt.hybrid import (
-    SegmentTable,
-    StageRecord,
-    identify_each,
-    resimulated,
-    segment_trips,
-    stage_record,
-)
+from tripwatt.hybrid import SegmentTable, StageRecord, identify_each, resimulated, segment_trips, stage_record
 from tripwatt.hybrid.climate_log import TOLD_BY
 from tripwatt.hybrid.segments import SEGMENT_S
 from tripwatt.hybrid.trip_table import TripTable, build_table

@@ -21,7 +21,6 @@ from tripwatt.evaluation.forecast_scores import (
     LEVELS,
     RESERVE_OFFSETS,
     UPDATE_LEVEL,
-    UPDATES,
 )
 from tripwatt.forecasting import Forecast, ForecastModel
 from tripwatt.forecasting.forecast import p_above
@@ -198,7 +197,6 @@ def reforecast(forecast: Forecast, log: pd.DataFrame, fraction: float) -> list[f
     last = so_far.iloc[-1]
     measured = ["time_s", "observed_energy_wh", *(c for c in TOLD_BY if c in so_far)]
     updated = forecast.update_since_departure(so_far[measured])
-    low, high = updated.interval(UPDATE_LEVEL)
     charge = [c for c in CHARGE_COLUMNS if c in so_far and so_far[c].notna().any()]
     by_charge = (
         forecast.update_since_departure(so_far[["time_s", *charge]]).energy_wh if charge else float("nan")
@@ -206,12 +204,5 @@ def reforecast(forecast: Forecast, log: pd.DataFrame, fraction: float) -> list[f
     then = float(np.interp(last["time_s"], planned_series["time_s"], planned_series["energy_wh"]))
     metres, whole = float(last["distance_m"]), float(planned_series["distance_m"].iloc[-1])
     gauge = float(last["observed_energy_wh"]) * whole / metres if metres > 0.0 else forecast.energy_wh
-    totals = {
-        "update": updated.energy_wh,
-        "soc_only": by_charge,
-        "no_update": float(last["observed_energy_wh"]) + forecast.energy_wh - then,
-        "naive_gauge": gauge,
-        "update_low": low,
-        "update_high": high,
-    }
-    return [totals[name] for name in UPDATES]
+    no_update = float(last["observed_energy_wh"]) + forecast.energy_wh - then
+    return [updated.energy_wh, by_charge, no_update, gauge, *updated.interval(UPDATE_LEVEL)]

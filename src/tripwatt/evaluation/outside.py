@@ -149,12 +149,8 @@ def outside_spec(name: str, model: object, method: Method[Any], simulation: str 
     """The row of a model from outside; finished folds are used again for an equal object of a class with equal source."""
     try:
         digest = str(joblib.hash((model, inspect.getsource(type(model)))))
-    except (
-        OSError,
-        TypeError,
-        pickle.PicklingError,
-        AttributeError,
-    ):  # without source, or it holds what has no hash
+    # without source, or it holds what has no hash
+    except (OSError, TypeError, pickle.PicklingError, AttributeError):
         digest = secrets.token_hex(16)
     title = " ".join(repr(model).split())
     title = type(model).__name__ if " object at 0x" in title else title

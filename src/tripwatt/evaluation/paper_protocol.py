@@ -120,10 +120,8 @@ class PaperProtocol:
         if is_whole(model):
             return outside_spec(name, model, WholeMethod(model, lambda h: h.table.trips), None)
         if not is_regressor(model):
-            got, allowed = (
-                f"{type(model).__name__} on segments",
-                "a regressor, a whole model, or protocol 'forecast'",
-            )
+            got = f"{type(model).__name__} on segments"
+            allowed = "a regressor, a whole model, or protocol 'forecast'"
             raise InvalidInput.of("model not available", "models", got, allowed)
         return outside_spec(
             name, model, TableMethod(partial(correctors.outside, model)), correctors.SIMULATION

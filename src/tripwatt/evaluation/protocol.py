@@ -151,11 +151,7 @@ class EvaluationProtocol(Protocol):
         ...
 
     def assemble(
-        self,
-        prepared: Prepared[Any],
-        main: Sequence[Comparison],
-        beside: Sequence[Comparison],
-        seed: int,
+        self, prepared: Prepared[Any], main: Sequence[Comparison], beside: Sequence[Comparison], seed: int
     ) -> EvaluationRun:
         """Score the held-out predictions.
 
@@ -218,15 +214,9 @@ def choose_models(
     names = [model for model in named.values() if isinstance(model, str)]
     unknown = [name for name in names if name not in known and name not in packaged]
     taken = [name for name, model in named.items() if name in known and not isinstance(model, str)]
-    raise_faults(
-        [
-            *(Fault.unknown("unknown model", "models", name, [*known, *packaged]) for name in unknown),
-            *(
-                Fault("name is taken", "models", name, "a name that no model of the protocol has")
-                for name in taken
-            ),
-        ]
-    )
+    faults = [Fault.unknown("unknown model", "models", name, [*known, *packaged]) for name in unknown]
+    allowed = "a name that no model of the protocol has"
+    raise_faults([*faults, *(Fault("name is taken", "models", name, allowed) for name in taken)])
     others = {
         name: packaged[model](seed) if isinstance(model, str) else model
         for name, model in named.items()

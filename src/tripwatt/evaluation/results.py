@@ -96,16 +96,10 @@ class EvaluationRun:
         for part in self.results["evaluations"]:
             for model, scores in part["models"].items():
                 low, high = scores["mape_ci95"]
-                about = {
-                    "scheme": part["scheme"],
-                    "trips": part["trips"],
-                    "model": model,
-                    "n_trips": part["n_trips"],
-                }
+                about = {"scheme": part["scheme"], "trips": part["trips"], "model": model}
                 errors = {"mape": scores["mape"], "mape_low": low, "mape_high": high}
-                rows.append(
-                    about | errors | {k: scores[k] for k in ("median_ape", "max_ape", "bias", "rmse_wh")}
-                )
+                more = {k: scores[k] for k in ("median_ape", "max_ape", "bias", "rmse_wh")}
+                rows.append({**about, "n_trips": part["n_trips"], **errors, **more})
         return pd.DataFrame(rows)
 
     def compare(self, a: str, b: str, *, hold_out: str | None = None) -> PairedDifference:

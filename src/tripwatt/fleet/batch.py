@@ -260,9 +260,8 @@ def _parts(batches: Iterator[pa.RecordBatch]) -> Iterator[pa.Table]:
     held: list[pa.RecordBatch] = []
     for batch in batches:
         table = pa.Table.from_batches([*held, batch])
-        *cuts, last = _starts(table)[
-            ::TRIPS_AT_ONCE
-        ]  # the trips from the last cut on may go on in the next rows
+        # the trips from the last cut on may go on in the next rows
+        *cuts, last = _starts(table)[::TRIPS_AT_ONCE]
         yield from (table.slice(a, b - a).combine_chunks() for a, b in pairwise([*cuts, last]))
         held = table.slice(last).to_batches()
     if held:

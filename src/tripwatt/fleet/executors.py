@@ -6,6 +6,7 @@ import multiprocessing
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from contextlib import contextmanager
+from itertools import islice
 from multiprocessing.context import BaseContext
 from typing import Any, Final, TypeVar
 
@@ -114,20 +115,13 @@ def map_bounded(
     """Results as they finish; at most `AHEAD` tasks a worker wait at once."""
     waiting: set[Future[Result]] = set()
     remaining = iter(tasks)
-    exhausted = False
     try:
-        while waiting or not exhausted:
-            while not exhausted and len(waiting) < AHEAD * workers:
-                try:
-                    task = next(remaining)
-                except StopIteration:
-                    exhausted = True
-                else:
-                    waiting.add(executor.submit(function, task))
-            finished = {f for f in waiting if f.done()}
-            if waiting and not finished:
-                finished, _ = wait(waiting, return_when=FIRST_COMPLETED)
-            waiting -= finished
+        while True:
+            for task in islice(remaining, AHEAD * workers - len(waiting)):
+                waiting.add(executor.submit(function, task))
+            if not waiting:
+                return
+            finished, waiting = wait(waiting, return_when=FIRST_COMPLETED)
             for future in finished:
                 yield future.result()
     finally:

@@ -64,11 +64,8 @@ def refit_fleet(
     sample = SampledTrips.read([r.segments for r in results if r.segments])
     comparison = compare(champion, challenger, sample)
     if comparison.worse:
-        return (
-            registry.add(challenger, f"refit until {cut}, worse than the version in use"),
-            comparison,
-            False,
-        )
+        version = registry.add(challenger, f"refit until {cut}, worse than the version in use")
+        return version, comparison, False
     complete, _ = update_fleet(challenger, store, work, executor, workers)
     version = registry.add(complete, f"refit until {cut}, then updated")
     registry.promote(version, comparison)

@@ -27,7 +27,7 @@ from tripwatt.auditing import audit
 from tripwatt.errors import InvalidInput
 from tripwatt.fleet.executors import map_bounded
 from tripwatt.fleet.features import FEATURES, trip_features, trip_variance_wh2
-from tripwatt.fleet.statistics import NO_DRIVER, ROWS, TripRows
+from tripwatt.fleet.statistics import KEYS, NO_DRIVER, ROWS, TripRows
 from tripwatt.hybrid import SegmentTable, segment_table
 from tripwatt.hybrid.energy_errors import unknown_climb_wh
 from tripwatt.hybrid.groups import Sums
@@ -285,11 +285,7 @@ def row_of(drive: Trip, table: SegmentTable, row: Mapping[str, Any]) -> dict[str
     assert table.charge is not None
     readings = table.charge[0, 2:] if np.isfinite(table.charge[0, 2:]).all() else table.charge[0, :2]
     return {
-        "car_model": row["car_model"],
-        "vehicle_id": row["vehicle_id"],
-        "driver": row["driver"] or NO_DRIVER,
-        "digest": row["digest"],
-        "drive": drive.trip_id,
+        **_keys(row, drive.trip_id),
         "started_at": None if started is None else started.isoformat(),
         "distance_m": drive.distance_m,
         "hours": float(table.hours.sum()),
@@ -303,21 +299,22 @@ def row_of(drive: Trip, table: SegmentTable, row: Mapping[str, Any]) -> dict[str
     }
 
 
+def _keys(row: Mapping[str, Any], drive: str) -> dict[str, str]:
+    known = {**row, "driver": row["driver"] or NO_DRIVER, "drive": drive}
+    return {name: known[name] for name in KEYS}
+
+
 def table_of_segments(table: SegmentTable, row: Mapping[str, Any]) -> pa.Table:
     """Segments of one drive as rows: keys, features, hours, powers and readings of the charge."""
     n = len(table.hours)
     charge = np.full((1, 4), np.nan) if table.charge is None else table.charge
-    keys = {
-        "car_model": row["car_model"],
-        "vehicle_id": row["vehicle_id"],
-        "driver": row["driver"] or NO_DRIVER,
-        "digest": row["digest"],
-        "drive": table.trip_ids[0],
-    }
     values = {name: table.features[name].to_numpy(dtype=np.float64) for name in table.features.columns}
     return pa.table(
         {
-            **{name: pa.array([text] * n, pa.string()) for name, text in keys.items()},
+            **{
+                name: pa.array([text] * n, pa.string())
+                for name, text in _keys(row, table.trip_ids[0]).items()
+            },
             **{f"feature_{name}": v for name, v in values.items()},
             "hours": table.hours,
             "base_w": table.simulated_w,
@@ -360,7 +357,7 @@ class SampledTrips:
         if not tables:
             raise InvalidInput.of("no trips", "sample", "0", "at least one trip with measured energy")
         frame = pa.concat_tables(tables).to_pandas()
-        keys = ["car_model", "vehicle_id", "driver", "digest", "drive"]
+        keys = [*KEYS]
         frame = frame.sort_values(keys, kind="stable", ignore_index=True)
         frame = frame.drop_duplicates([*keys, "feature_time_s"], ignore_index=True)
         drives = frame[keys].drop_duplicates()

@@ -201,15 +201,6 @@ class FleetModel:
         """The model with other trips in its linear part; trees, scales and uncertainty stay."""
         return replace(self, sums=sums, posterior=group_posterior(sums, self.posterior.scales))
 
-    def predict_rows(self, rows: TripRows) -> tuple[FloatArray, FloatArray]:
-        """Linear forecast [Wh] of rows of trips and the standard deviation of its weights [Wh]; without the trees.
-
-        Parameters
-        ----------
-        rows : TripRows
-        """
-        return predict_rows(self.posterior, rows)
-
     def __repr__(self) -> str:
         vehicles, models = len(self.vehicles()), len({group[0] for group in self.sums.groups})
         return f"<FleetModel {self.trips} trips of {vehicles} vehicles, {models} car models>"
@@ -361,9 +352,6 @@ def update_fleet(
     work: Path | str,
     executor: Executor,
     workers: int = 1,
-    *,
-    which: Mapping[str, Any] | None = None,
-    progress: Callable[[int, int], None] | None = None,
 ) -> tuple[FleetModel, TripRows]:
     """A model with the trips of the store that it has not seen; the cost is that of the new trips.
 
@@ -376,19 +364,10 @@ def update_fleet(
     rows : TripRows
         Of the new trips.
     """
-    wanted = [row for row in store.trip_rows(**(which or {})) if row["digest"] not in model.digests]
-    results = list(map_store(tasks_of(store, wanted, work), executor, workers, progress))
+    wanted = [row for row in store.trip_rows() if row["digest"] not in model.digests]
+    results = list(map_store(tasks_of(store, wanted, work), executor, workers))
     rows = read_rows(results)
     if not len(rows):
         return model, rows
     digests = model.digests | frozenset(rows.texts("digest").tolist())
     return replace(model.with_sums(model.sums + rows.sums), digests=digests), rows
-
-
-def without_vehicle(model: FleetModel, vehicle_id: str) -> FleetModel:
-    """A model without the sums of a vehicle, for a vehicle that was erased; its digests are kept as seen.
-
-    Trees and uncertainty of the last fit may still come from some of its trips.
-    """
-    kept = [i for i, group in enumerate(model.sums.groups) if group[1] != vehicle_id]
-    return model.with_sums(model.sums.take(kept))

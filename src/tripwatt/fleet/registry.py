@@ -18,6 +18,7 @@ import os
 import threading
 import uuid
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -144,10 +145,7 @@ class Registry:
 
     def versions(self) -> tuple[str, ...]:
         """All versions, oldest first."""
-        versions = self.folder / "versions"
-        return (
-            tuple(sorted(p.name for p in versions.iterdir() if p.name.isdigit())) if versions.is_dir() else ()
-        )
+        return tuple(sorted(p.name for p in self.folder.glob("versions/*") if p.name.isdigit()))
 
     def add(self, model: FleetModel, note: str = "") -> str:
         """Write a model as a new version; the pointer stays where it is. Several may add at once.
@@ -262,16 +260,11 @@ class Registry:
 
     def history(self) -> list[dict[str, Any]]:
         """What was done, oldest first; a line that a crash cut off is left out."""
-        try:
-            lines = (self.folder / "history.jsonl").read_text("utf-8").splitlines()
-        except OSError:
-            return []
         entries = []
-        for line in lines:
-            try:
-                entries.append(json.loads(line))
-            except json.JSONDecodeError:
-                continue
+        with suppress(OSError):
+            for line in (self.folder / "history.jsonl").read_text("utf-8").splitlines():
+                with suppress(json.JSONDecodeError):
+                    entries.append(json.loads(line))
         return entries
 
     def _point(self, version: str) -> None:

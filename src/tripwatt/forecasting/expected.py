@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from tripwatt.arrays import FloatArray
+from tripwatt.arrays import FloatArray, running_sum
 from tripwatt.hybrid import PowerCorrector, SegmentTable
 from tripwatt.physics import Simulation
 from tripwatt.physics.batch import simulate_trips
@@ -75,13 +75,13 @@ class ExpectedTrip:
     @cached_property
     def edges_s(self) -> FloatArray:
         """Time at the edges of the segments [s since departure], shape (segments + 1,)."""
-        return np.concatenate(([0.0], np.cumsum(self.segments.step_s)))
+        return running_sum(self.segments.step_s)
 
     @cached_property
     def distance_m(self) -> FloatArray:
         """Distance at the edges of the segments [m], shape (segments + 1,)."""
         speed = self.table.features["speed_m_s"].to_numpy()
-        return np.concatenate(([0.0], np.cumsum(speed * self.table.hours * SECONDS_PER_HOUR)))
+        return running_sum(speed * self.table.hours * SECONDS_PER_HOUR)
 
     @cached_property
     def least_w(self) -> FloatArray:

@@ -48,9 +48,7 @@ from tripwatt.units import SECONDS_PER_HOUR
 from tripwatt.vehicles import Vehicle
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
+    from tripwatt.figures import Axes, Figure
 QUANTILES: Final = (0.025, 0.05, 0.1, 0.25, 0.5, 0.75, 0.9, 0.95, 0.975)
 ARRIVAL_LEVELS: Final = (0.0, 0.05, 0.1, 0.2)
 BAND: Final = 0.9

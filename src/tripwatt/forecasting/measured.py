@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
-from tripwatt.arrays import BoolArray, FloatArray, IntArray
+from tripwatt.arrays import BoolArray, FloatArray, IntArray, distance_driven, running_sum
 from tripwatt.auditing.signals import blank_stuck_heater
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting.expected import ExpectedTrip
@@ -239,8 +239,8 @@ def _by_segment(
     step = np.diff(time_s)
     sound = step <= GAP_S
     edges = _edges_to(drive, float(time_s[-1]))
-    seconds = np.concatenate(([0.0], np.cumsum(np.where(sound, step, 0.0))))
-    gained = np.concatenate(([0.0], np.cumsum(np.where(sound, np.diff(cumulative_wh), 0.0))))
+    seconds = running_sum(np.where(sound, step, 0.0))
+    gained = running_sum(np.where(sound, np.diff(cumulative_wh), 0.0))
     covered = np.diff(np.interp(edges, time_s, seconds))
     return np.diff(np.interp(edges, time_s, gained)), covered / SECONDS_PER_HOUR
 
@@ -358,10 +358,11 @@ def along_the_plan(samples: Columns, plan: Plan) -> Columns:
     """
     if plan.link_m is None:
         return samples
-    there, at = _distance(plan.array("time_s") - plan.array("time_s")[0], plan.array("speed_m_s"))
+    at = plan.array("time_s") - plan.array("time_s")[0]
+    there = distance_driven(at, plan.array("speed_m_s"))
     moves = np.concatenate(([True], np.diff(there) > 0.0))
     time, speed = samples["time_s"], samples["speed_m_s"]
-    driven = _distance(time, speed)[0] + float(np.interp(time[0], at, there))
+    driven = distance_driven(time, speed) + float(np.interp(time[0], at, there))
     clock = np.interp(driven, there[moves], at[moves])
     states = {name: samples[name] for name in ("soc", "displayed_soc") if name in samples}
     powers = {name: samples[name] for name in (*CLIMATE_COLUMNS, CLIMATE_IN_ALL) if name in samples}
@@ -413,8 +414,3 @@ def measured_energy(samples: Columns) -> FloatArray | None:
     before, after = at[np.maximum(after - 1, 0)], at[np.minimum(after, len(at) - 1)]
     bridged = inside & (time[after] - time[before] <= GAP_S)
     return np.where(known | (bridged & pair), energy, np.nan)
-
-
-def _distance(time: FloatArray, speed: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Distance driven at each time [m], and the times."""
-    return np.concatenate(([0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(time)))), time

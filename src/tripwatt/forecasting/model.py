@@ -25,6 +25,7 @@ from tripwatt.forecasting.ranges import (
     compare,
     kept_temperatures,
     training_ranges,
+    unknown_air_sd_wh,
     unknown_state_sd_wh,
     unknown_wind_sd_wh,
 )
@@ -54,9 +55,7 @@ from tripwatt.uncertainty.process import HeldOutResidual
 from tripwatt.vehicles import Vehicle
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
+    from tripwatt.figures import Axes, Figure
 DEFAULT_CORRECTOR: Final = "split"
 MIN_TRIPS: Final = 8
 
@@ -340,7 +339,8 @@ class ForecastModel:
         simulation = simulate_trip(self.vehicle, plan)
         table = segment_table(plan, simulation)
         correction, factor = corrector.predict_with_uncertainty(table)
-        if plan.departure.climate == "off":
+        is_off, terrain = plan.departure.climate == "off", plan.departure.terrain or "unknown"
+        if is_off:
             climate = corrector.predict_climate(table)
             correction = correction if climate is None else correction - climate
         segments = process_segments(table, factor, corrector.outside_factor(table))
@@ -353,17 +353,13 @@ class ForecastModel:
             posterior,
             sd_factor=uncertainty.scale.sd_wh(segments) / float(posterior.energy_wh(segments.hours)[1][-1]),
             state_sd_wh=math.hypot(
-                unknown_state_sd_wh(
-                    self.vehicle,
-                    unfamiliar.unknown,
-                    float(segments.hours.sum()),
-                    plan.departure.climate == "off",
-                ),
+                unknown_state_sd_wh(self.vehicle, unfamiliar.unknown, float(segments.hours.sum()), is_off),
                 unknown_wind_sd_wh(self.vehicle, plan),
+                unknown_air_sd_wh(self.vehicle, plan, simulation.simulated_energy_wh)
+                if "ambient_temperature_degc" in unfamiliar.unknown
+                else 0.0,
             ),
-            climbing=None
-            if plan.has_road
-            else drive.climbing_energy(net_climbs(plan.departure.terrain or "unknown")),
+            climbing=None if plan.has_road else drive.climbing_energy(net_climbs(terrain)),
             flags=(
                 *self.flags,
                 *unfamiliar.flags,
@@ -374,13 +370,15 @@ class ForecastModel:
             maker=self.forecast,
         )
         if forecast.soc_per_climb_m is not None:
-            flag = Flag(
-                "unknown_climb", plan.departure.terrain or "unknown", 100.0 * forecast.soc_per_climb_m, "1"
-            )
+            flag = Flag("unknown_climb", terrain, 100.0 * forecast.soc_per_climb_m, "1")
             forecast = replace(forecast, flags=(*forecast.flags, flag))
         forecast = forecast.with_route_error(uncertainty.route, uncertainty.free_flow)
         raise_faults(impossible_faults(forecast.energy_wh, drive))
         return forecast
+
+    @property
+    def _known_ranges(self) -> dict[str, Range]:
+        return {name: seen for name, seen in self.ranges_.items() if np.isfinite(seen.low)}
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values: the car, the corrector, and what training saw.
@@ -402,9 +400,7 @@ class ForecastModel:
             "corrector": corrector_name(self.corrector),
             "seed": self.seed,
             "trips": len(self.trip_ids_),
-            "training": {
-                name: [seen.low, seen.high] for name, seen in self.ranges_.items() if np.isfinite(seen.low)
-            },
+            "training": {name: [seen.low, seen.high] for name, seen in self._known_ranges.items()},
         }
 
     def to_frame(self) -> pd.DataFrame:
@@ -447,22 +443,15 @@ class ForecastModel:
         return plot_model(self.forecast, self.vehicle.title, ax)
 
     def _title(self) -> str:
-        corrector = (
-            f"{corrector_name(self.corrector)} corrector, {len(self.trip_ids_)} trips"
-            if self.trip_ids_
-            else "no trips"
-        )
-        return f"{self.vehicle.title}, {corrector}"
+        trips = f"{corrector_name(self.corrector)} corrector, {len(self.trip_ids_)} trips"
+        return f"{self.vehicle.title}, {trips if self.trip_ids_ else 'no trips'}"
 
     def __repr__(self) -> str:
         return f"<ForecastModel {self._title()}>"
 
     def _repr_html_(self) -> str:
-        rows = [
-            (name_of(name), span(name, seen.low, seen.high))
-            for name, seen in self.ranges_.items()
-            if np.isfinite(seen.low)
-        ]
+        ranges = self._known_ranges.items()
+        rows = [(name_of(name), span(name, seen.low, seen.high)) for name, seen in ranges]
         return html_table(f"ForecastModel {self._title()}", [("seen in training", ""), *rows] if rows else [])
 
 

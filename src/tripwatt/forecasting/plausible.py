@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from tripwatt.arrays import FloatArray
+from tripwatt.arrays import FloatArray, distance_driven
 from tripwatt.errors import Fault
 from tripwatt.forecasting.expected import LEAST_RESISTANCE, ExpectedTrip
 from tripwatt.forecasting.measured import MOST_STRETCH, WHERE, Columns, measured_energy
@@ -63,7 +63,6 @@ def implausible_faults(samples: Columns, drive: ExpectedTrip) -> Iterator[Fault]
     at most the potential energy of the descent: with losses, regenerative braking gives less. Over a stretch of the road the energy is at least
     that of climb and speed and half of the rolling resistance; less would be recovered from nothing, as with a current of the wrong sign.
     """
-    where = WHERE
     last, planned = float(samples["time_s"][-1]), drive.plan.duration_s
     if drive.plan.link_m is None:
         end = drive.plan.end_s
@@ -71,18 +70,15 @@ def implausible_faults(samples: Columns, drive: ExpectedTrip) -> Iterator[Fault]
     else:
         most = np.inf if "speed_m_s" in samples and samples["speed_m_s"].any() else MOST_STRETCH * planned
     if last > most:
-        fix = (
-            "give the speed with the samples"
-            if drive.plan.link_m is not None
-            else "give the samples of this trip"
-        )
+        is_trace = drive.plan.link_m is None
+        fix = "give the samples of this trip" if is_trace else "give the speed with the samples"
         allowed = f"at most {most:g} s after the departure"
-        yield Fault("measured after the trip", f"{where}, time_s", f"{last:g} s", allowed, fix)
+        yield Fault("measured after the trip", f"{WHERE}, time_s", f"{last:g} s", allowed, fix)
     cumulative = measured_energy(samples)
     if cumulative is not None:
-        yield from _energy_faults(cumulative, drive, where)
-        yield from _motion_faults(samples, cumulative, drive, where)
-    yield from _charge_faults(samples, drive, where)
+        yield from _energy_faults(cumulative, drive)
+        yield from _motion_faults(samples, cumulative, drive)
+    yield from _charge_faults(samples, drive)
 
 
 def impossible_faults(energy_wh: float, drive: ExpectedTrip) -> Iterator[Fault]:
@@ -134,7 +130,7 @@ def battery_wh(drive: ExpectedTrip) -> float:
     return battery.capacity_ah * float(open_circuit_voltage(np.ones(1), battery)[0])
 
 
-def _energy_faults(cumulative: FloatArray, drive: ExpectedTrip, where: str) -> Iterator[Fault]:
+def _energy_faults(cumulative: FloatArray, drive: ExpectedTrip) -> Iterator[Fault]:
     known = cumulative[np.isfinite(cumulative)]
     most = CAPACITY_MARGIN * battery_wh(drive)
     if len(known) and float(np.ptp(known)) > most:
@@ -142,12 +138,10 @@ def _energy_faults(cumulative: FloatArray, drive: ExpectedTrip, where: str) -> I
             f"{float(np.ptp(known)) / 1000.0:.1f} kWh from a battery of {battery_wh(drive) / 1000.0:.1f} kWh"
         )
         fix = "check the units of voltage_v and current_a"
-        yield Fault("more energy than the battery holds", where, got, f"at most {most / 1000.0:.1f} kWh", fix)
+        yield Fault("more energy than the battery holds", WHERE, got, f"at most {most / 1000.0:.1f} kWh", fix)
 
 
-def _motion_faults(
-    samples: Columns, cumulative: FloatArray, drive: ExpectedTrip, where: str
-) -> Iterator[Fault]:
+def _motion_faults(samples: Columns, cumulative: FloatArray, drive: ExpectedTrip) -> Iterator[Fault]:
     """The fault of an energy below what rolling, climb and speed take on the road that was driven. O(samples)."""
     known = np.flatnonzero(np.isfinite(cumulative))
     if len(known) < 2:
@@ -158,7 +152,7 @@ def _motion_faults(
     speed = samples.get("speed_m_s", planned)
     # the road behind a first sample that came late was driven as planned
     start_m = float(np.interp(time[0], drive.edges_s, drive.distance_m))
-    driven = start_m + np.concatenate(([0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(time))))
+    driven = start_m + distance_driven(time, speed)
     first, last = (int(known[i]) for i in (0, -1))
     taken = float(cumulative[last] - cumulative[first])
     length = float(driven[last] - driven[first])
@@ -170,15 +164,13 @@ def _motion_faults(
     ends = (float(driven[first]), float(driven[last])), (float(speed[first]), float(speed[last]))
     least = _least_wh(drive, *ends) - _weight_wh_m(drive) * fall_m
     if taken < least:
-        got, allowed = (
-            f"{taken / 1000.0:.2f} kWh over {length / 1000.0:.1f} km",
-            f"at least {least / 1000.0:.2f} kWh",
-        )
+        got = f"{taken / 1000.0:.2f} kWh over {length / 1000.0:.1f} km"
+        allowed = f"at least {least / 1000.0:.2f} kWh"
         fix = (
             "the current must be positive when the battery discharges: negate it; after charging, forecast the rest as a new "
             "trip; for a descent, give the elevation of the road"
         )
-        yield Fault("less energy than the drive takes", where, got, allowed, fix)
+        yield Fault("less energy than the drive takes", WHERE, got, allowed, fix)
 
 
 def _least_wh(drive: ExpectedTrip, from_to_m: tuple[float, float], speeds_m_s: tuple[float, float]) -> float:
@@ -204,7 +196,7 @@ def _weight_wh_m(drive: ExpectedTrip) -> float:
     return _mass_kg(drive) * GRAVITY_M_S2 / SECONDS_PER_HOUR
 
 
-def _charge_faults(samples: Columns, drive: ExpectedTrip, where: str) -> Iterator[Fault]:
+def _charge_faults(samples: Columns, drive: ExpectedTrip) -> Iterator[Fault]:
     allowed = SOC_MARGIN + _descent_wh(drive) / battery_wh(drive)
     for name in ("soc", "displayed_soc"):
         if name not in samples:
@@ -214,7 +206,7 @@ def _charge_faults(samples: Columns, drive: ExpectedTrip, where: str) -> Iterato
         if rise > allowed:
             got = f"a rise of {rise:.0%} on the way"
             fix = "forecast the rest as a new trip after charging, or give the elevation of the road"
-            yield Fault("charge rises", f"{where}, {name}", got, f"at most {allowed:.0%} on this road", fix)
+            yield Fault("charge rises", f"{WHERE}, {name}", got, f"at most {allowed:.0%} on this road", fix)
 
 
 def _largest_rise(values: FloatArray) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
 import numpy as np
 import pandas as pd
@@ -14,20 +14,6 @@ from tripwatt.figures import axes_or_new, figure_of, place_for_panels
 from tripwatt.physics.chain import CAUSE_NAMES
 from tripwatt.trips import Departure, Plan, table_of
 from tripwatt.units import M_S_PER_KM_H
-
-
-class Interval(Protocol):
-    """As much of a forecast as `plot_model` needs."""
-
-    @property
-    def energy_wh(self) -> float:
-        """Energy of the trip [Wh]."""
-        ...
-
-    def interval(self, level: float) -> tuple[float, float]:
-        """Central interval [Wh]."""
-        ...
-
 
 _LINE, _ABOVE, _BELOW, _TOTAL = "#0b5c8a", "#c8553d", "#3a7d44", "#444444"
 
@@ -58,16 +44,13 @@ def plot_forecast(
     energy = place.add_subplot(grid[0, 0])
     soc = place.add_subplot(grid[1, 0], sharex=energy)
     minutes = series["time_s"] / 60.0
-    for axis, name, scale, label in (
-        (energy, "energy", 1e-3, "energy [kWh]"),
-        (soc, "soc", 100.0, "state of charge [%]"),
+    for axis, of, unit, scale, label in (
+        (energy, "energy", "_wh", 1e-3, "energy [kWh]"),
+        (soc, "displayed_soc", "", 100.0, "state of charge [%]"),
     ):
-        middle = "energy_wh" if name == "energy" else "displayed_soc"
-        low, high = (
-            (f"{name}_low_wh", f"{name}_high_wh") if name == "energy" else (f"{middle}_low", f"{middle}_high")
-        )
-        axis.fill_between(minutes, series[low] * scale, series[high] * scale, color=_LINE, alpha=0.2, lw=0)
-        axis.plot(minutes, series[middle] * scale, color=_LINE)
+        low, middle, high = (scale * series[f"{of}{end}{unit}"] for end in ("_low", "", "_high"))
+        axis.fill_between(minutes, low, high, color=_LINE, alpha=0.2, lw=0)
+        axis.plot(minutes, middle, color=_LINE)
         if measured_until_s > 0.0:
             axis.axvline(measured_until_s / 60.0, color=_TOTAL, lw=1, ls=":")
         axis.set_ylabel(label)
@@ -83,7 +66,7 @@ MODEL_AMBIENT_DEGC: Final = (-10.0, 5.0, 20.0)
 MODEL_DRIVE_M: Final = 20_000.0
 
 
-def plot_model(forecast: Callable[[Plan, Departure], Interval], car: str, ax: Axes | None = None) -> Figure:
+def plot_model(forecast: Callable[[Plan, Departure], Any], car: str, ax: Axes | None = None) -> Figure:
     """Forecast consumption of a flat drive of 20 km at constant speeds and three outside temperatures.
 
     Parameters

@@ -12,6 +12,7 @@ from tripwatt.hybrid import SegmentTable
 from tripwatt.hybrid.familiarity import Range
 from tripwatt.physics import conditions_at_departure, simulate_trip
 from tripwatt.physics.cabin import heat_pump_cop
+from tripwatt.physics.conditions import UNKNOWN_AMBIENT_DEGC
 from tripwatt.trips import TEMPERATURES, Departure, Flag, Plan
 from tripwatt.units import SECONDS_PER_HOUR
 from tripwatt.vehicles import Vehicle
@@ -21,14 +22,16 @@ WATCHED: Final = (*TEMPERATURES, "trip_speed_m_s", "duration_s")
 
 
 UNKNOWN_SD_K: Final[Mapping[str, float]] = {
-    "ambient_temperature_degc": 8.0,
     "cabin_setpoint_degc": 1.5,
     "cabin_temperature_degc": 6.0,
     "battery_temperature_degc": 6.0,
 }
-"""Standard deviation of each temperature around what is assumed where it is unknown [K]. Outside air: that of the hours
-of a year in central Europe. Set-point: drivers choose 20 to 23 °C. Cabin and battery: between those of a car that
-stood outside and one from a garage or from a drive."""
+"""Standard deviation of each temperature of the car around what is assumed where it is unknown [K]. Set-point: drivers choose
+20 to 23 °C. Cabin and battery: between those of a car that stood outside and one from a garage or from a drive."""
+
+UNKNOWN_AIR_SD_K: Final = 8.0
+"""Standard deviation of the outside temperature around `UNKNOWN_AMBIENT_DEGC` [K]: that of the hours of a year in central Europe."""
+
 BATTERY_W_PER_K: Final = 10.0
 """Power by a kelvin of the battery at departure [W/K]: its resistance changes by 2 to 3 % of a loss of 300 to 500 W."""
 
@@ -66,9 +69,9 @@ class Unfamiliar:
 def unknown_state_sd_wh(
     vehicle: Vehicle, unknown: Collection[str], hours: float, is_off: bool = False
 ) -> float:
-    """Standard deviation of a trip's energy by what is unknown of the state at departure [Wh].
+    """Standard deviation of a trip's energy by what is unknown of the state of the car at departure [Wh].
 
-    A cabin in other air needs another power, by its heat loss; one that starts at another temperature another energy,
+    A cabin at another set-point needs another power, by its heat loss; one that starts at another temperature another energy,
     by its heat capacity. Heat of the heat pump costs a share of it. The parts are independent.
 
     Parameters
@@ -79,17 +82,17 @@ def unknown_state_sd_wh(
     hours : float
         Duration of the trip.
     is_off : bool
-        Climate control is off: no temperature of air or cabin costs heat.
+        Climate control is off: no temperature of the cabin costs heat.
 
     Examples
     --------
     >>> from tripwatt.vehicles import load_vehicle
-    >>> round(unknown_state_sd_wh(load_vehicle("bmw_i3_60ah"), ["ambient_temperature_degc"], 0.5), 1)
-    294.7
+    >>> round(unknown_state_sd_wh(load_vehicle("bmw_i3_60ah"), ["cabin_setpoint_degc"], 0.5), 1)
+    55.3
     """
     climate = None if is_off else vehicle.climate
     parts = [0.0]
-    for name in unknown:
+    for name in UNKNOWN_SD_K.keys() & set(unknown):
         kelvin = UNKNOWN_SD_K[name]
         if name == "battery_temperature_degc":
             parts.append(BATTERY_W_PER_K * kelvin * hours)
@@ -103,6 +106,36 @@ def unknown_state_sd_wh(
                 heat_wh_k = min(heat_wh_k, stored / SECONDS_PER_HOUR)
             parts.append(kelvin * heat_wh_k * cost)
     return float(np.linalg.norm(parts))
+
+
+def unknown_air_sd_wh(vehicle: Vehicle, plan: Plan, usual_wh: float) -> float:
+    """Standard deviation of a trip's energy by an unknown outside temperature [Wh].
+
+    The trip is simulated in the air of the three-point rule of Gauss and Hermite: what cold costs does not rise evenly.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    plan : Plan
+    usual_wh : float
+        Its simulated energy at `UNKNOWN_AMBIENT_DEGC`.
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> car, plan = tw.load_vehicle("bmw_i3_60ah"), tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
+    >>> 300.0 < unknown_air_sd_wh(car, plan, tw.simulate(plan, car).simulated_energy_wh) < 800.0
+    True
+    """
+    far_k = np.sqrt(3.0) * UNKNOWN_AIR_SD_K
+    cold, warm = (
+        simulate_trip(
+            vehicle, plan.with_departure(Departure(ambient_temperature_degc=UNKNOWN_AMBIENT_DEGC + kelvin))
+        ).simulated_energy_wh
+        for kelvin in (-far_k, far_k)
+    )
+    energies_wh, weights = np.array([cold, usual_wh, warm]), np.array([1.0, 4.0, 1.0]) / 6.0
+    return float(np.sqrt(weights @ (energies_wh - weights @ energies_wh) ** 2))
 
 
 def unknown_wind_sd_wh(vehicle: Vehicle, plan: Plan) -> float:
@@ -160,10 +193,7 @@ def compare(
 def training_ranges(table: SegmentTable) -> dict[str, Range]:
     """Range of each of `WATCHED` over the trips of a table."""
     rows = [_watched(table.take([i])) for i in range(len(table))]
-    ranges = {}
-    for name in WATCHED:
-        ranges[name] = Range.from_values([row[name] for row in rows]) or NEVER_KNOWN
-    return ranges
+    return {name: Range.from_values([row[name] for row in rows]) or NEVER_KNOWN for name in WATCHED}
 
 
 def _watched(table: SegmentTable) -> dict[str, float]:

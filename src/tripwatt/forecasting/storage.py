@@ -53,6 +53,9 @@ TRIAL: Final = "trial_w"
 TRIAL_DEGC: Final = (-15.0, 40.0)
 """Outside temperatures of trial trips [°C], besides that of a departure of which nothing is known."""
 
+UNUSABLE: Final = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError)
+"""What a model raises whose values do not go together."""
+
 DEFAULT_MODEL: Final = "bmw_i3_tum"
 """The model that comes with the package."""
 
@@ -99,13 +102,7 @@ def model_of_parts(
         model.corrector = outside
         try:
             same = np.allclose(trial_w(model), before_w, rtol=1e-6, atol=1e-6)
-        except (
-            ArithmeticError,
-            AttributeError,
-            LookupError,
-            TypeError,
-            ValueError,
-        ):  # it is not fitted, or to another input
+        except UNUSABLE:  # it is not fitted, or to another input
             same = False
         if not same:
             allowed = "the object that was fitted with the model"
@@ -197,18 +194,12 @@ def save_model(
     >>> again.forecast(trips[8]).energy_wh == model.forecast(trips[8]).energy_wh
     True
     """
-    parts = model_parts(model)
+    parts, about = model_parts(model), model.to_dict()
+    del about["training"]  # the contract has it
     metadata = {
         "tripwatt": version("tripwatt"),
         "given": GIVEN,
-        "model": {
-            "corrector": corrector_name(model.corrector),
-            "seed": model.seed,
-            "vehicle": model.vehicle.name,
-            "vehicle_title": model.vehicle.title,
-            "vehicle_preset": model.vehicle.preset,
-            "trips": len(model.trip_ids_),
-        },
+        "model": {**about, "vehicle_preset": model.vehicle.preset},
         "contract": contract(model),
         "provenance": dict(provenance or {}),
         "evaluation": dict(evaluation or {}),
@@ -277,7 +268,7 @@ def require_usable(model: ForecastModel, where: str) -> None:
             sound = math.isfinite(sum(_numbers(documents))) and quantiles == [*map(sorted, quantiles)]
     except InvalidInput as error:
         got = error.faults[0].what
-    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+    except UNUSABLE as error:
         got = f"{type(error).__name__}: {error}"[:200]
     else:
         if sound:
@@ -399,9 +390,8 @@ def contract(model: ForecastModel) -> dict[str, Any]:
     """
     payload = {"payload_mass_kg": QUANTITIES["payload_mass_kg"]}
     inputs = []
-    for name, column in (
-        {name: COLUMNS[name] for name in (*ROUTE_COLUMNS, *SIGNALS.values())} | payload
-    ).items():
+    known = {name: COLUMNS[name] for name in (*ROUTE_COLUMNS, *SIGNALS.values())} | payload
+    for name, column in known.items():
         entry: dict[str, Any] = {
             "name": name,
             "unit": column.unit,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -70,8 +70,4 @@ class EnergyErrors:
     @classmethod
     def join(cls, parts: Sequence[EnergyErrors]) -> EnergyErrors:
         """Side by side."""
-        return cls(
-            np.concatenate([part.own_wh for part in parts]),
-            np.concatenate([part.common for part in parts]),
-            np.concatenate([part.along for part in parts]),
-        )
+        return cls(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(cls)))

@@ -83,17 +83,14 @@ class Familiarity:
     ranges: Mapping[str, Range] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        faults = [
+        allowed = "finite, sd above 0"
+        raise_faults(
             Fault(
-                "no range",
-                f"familiarity, {name}",
-                f"{seen.low:g} to {seen.high:g}, sd {seen.sd:g}",
-                "finite, sd above 0",
+                "no range", f"familiarity, {name}", f"{seen.low:g} to {seen.high:g}, sd {seen.sd:g}", allowed
             )
             for name, seen in self.ranges.items()
             if not (np.isfinite([seen.low, seen.high, seen.sd]).all() and seen.sd > 0.0)
-        ]
-        raise_faults(faults)
+        )
 
     @classmethod
     def from_features(cls, features: pd.DataFrame, columns: Iterable[str]) -> Familiarity:

@@ -366,14 +366,9 @@ def _torque_rows(trip: Trip, vehicle: Vehicle) -> tuple[FloatArray, FloatArray]:
     density = run.aero_drag_force_n / np.maximum(0.5 * vehicle.road_load.drag_area_m2 * speed * speed, 1e-9)
     mass = vehicle.body.test_mass_kg
     load = (mass + conditions.payload_mass_kg) / mass
-    columns = np.column_stack(
-        (
-            metres * factor * load,
-            metres * factor * load * colder_k,
-            0.5 * density * speed * speed * metres,
-            metres * (force - run.inertia_force_n - run.grade_force_n),
-        )
-    )
+    rolled, squares = metres * factor * load, 0.5 * density * speed * speed * metres
+    resisted = metres * (force - run.inertia_force_n - run.grade_force_n)
+    columns = np.column_stack((rolled, rolled * colder_k, squares, resisted))
     stretch = ((run.time_s - run.time_s[0]) / STRETCH_S).astype(np.int64)
     number = int(stretch[-1]) + 1
     sums = np.column_stack([np.bincount(stretch, column, number) for column in columns.T])
@@ -514,18 +509,12 @@ def _standing_power(samples: pd.DataFrame, climate: FloatArray | None) -> float:
     return float(np.median((voltage * current)[still])) if still.sum() >= LEAST_STANDING_S else float("nan")
 
 
-def _most_probable(mean: float, precision: float, published: float, width: float) -> float:
-    """Mean of a normal value with a normal prior around the published one."""
-    prior = width**-2
-    return (precision * mean + prior * published) / (precision + prior)
-
-
 def _base_value(standing: Sequence[float], vehicle: Vehicle) -> _Values:
     """Base load of the standing car."""
     published = vehicle.auxiliaries.base_load_w
     sd = max(float(np.std(standing, ddof=1)), LEAST_SD * published, 1.0)
-    width = max(BASE_WIDTH * published, 1.0)
-    value = _most_probable(float(np.mean(standing)), len(standing) / sd**2, published, width)
+    precision, prior = len(standing) / sd**2, max(BASE_WIDTH * published, 1.0) ** -2
+    value = (precision * float(np.mean(standing)) + prior * published) / (precision + prior)
     if value <= 0.0 or abs(value - published) > FARTHEST * BASE_WIDTH * published:
         return {}
     return {"auxiliaries.base_load_w": value}

@@ -357,14 +357,8 @@ def boosting_corrector(seed: int, features: tuple[str, ...] | None = None) -> Le
     from tripwatt.learners.boosting import ClusteredBoosting
 
     def make(settings: Mapping[str, Any]) -> Any:
-        base = {
-            "max_leaf_nodes": 4,
-            "learning_rate": 0.05,
-            "max_features": 0.6,
-            "subsample": 0.7,
-            "max_rows_per_group": None,
-        }
-        return ClusteredBoosting(random_state=seed, **{**base, **settings})
+        base = {"max_leaf_nodes": 4, "learning_rate": 0.05, "max_features": 0.6, "subsample": 0.7}
+        return ClusteredBoosting(random_state=seed, max_rows_per_group=None, **{**base, **settings})
 
     def tuned(model: Any) -> dict[str, Any]:
         return {"n_rounds": max(int(model.n_rounds_), 1), "n_folds": None}

@@ -365,10 +365,9 @@ def _beside(table: SegmentTable, new: SegmentTable) -> SegmentTable:
     observed, rows = table.observed_w, table.groups
     if observed is not None:
         # Of an energy from the state of charge only the total counts, and its residual is spread evenly.
-        change = (table.totals_wh(new.simulated_w - table.simulated_w) / table.totals_wh(np.ones(len(rows))))[
-            rows
-        ]
-        even = new.simulated_w + (observed - table.simulated_w) - change
+        hours = table.totals_wh(np.ones(len(rows)))
+        change = table.totals_wh(new.simulated_w - table.simulated_w) / hours
+        even = new.simulated_w + (observed - table.simulated_w) - change[rows]
         observed = np.where(table.energy_errors.along[rows], observed, even)
     return replace(table, features=new.features, simulated_w=new.simulated_w, observed_w=observed)
 

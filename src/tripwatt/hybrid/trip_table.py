@@ -173,11 +173,8 @@ class TripTable:
             Hexadecimal.
         """
         sha = hashlib.sha256("\n".join(self.trip_ids).encode())
-        for values in (
-            self.offsets,
-            self.observed_wh,
-            *(self.simulated_wh[k] for k in sorted(self.simulated_wh)),
-        ):
+        simulated = (self.simulated_wh[name] for name in sorted(self.simulated_wh))
+        for values in (self.offsets, self.observed_wh, *simulated):
             sha.update(np.ascontiguousarray(values).tobytes())
         sha.update(pd.util.hash_pandas_object(self.covariates, index=False).to_numpy().tobytes())
         return sha.hexdigest()
@@ -214,13 +211,9 @@ def build_table(trips: Sequence[Trip], physics: Mapping[str, Vehicle], *, step_s
     (2, ['physics'])
     """
     require_unique_ids(trips)
+    allowed = "voltage and current, energy above 0 Wh"
     faults = [
-        Fault(
-            "no measured energy",
-            t.trip_id,
-            f"{t.observed_energy_wh} Wh",
-            "voltage and current, energy above 0 Wh",
-        )
+        Fault("no measured energy", t.trip_id, f"{t.observed_energy_wh} Wh", allowed)
         for t in trips
         if t.observed_energy_wh is None or not t.observed_energy_wh > 0
     ]

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final, TypeVar
+from typing import Final
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Check, InvalidInput
 from tripwatt.routes.maps import ATTRIBUTION, MapFolder, Station, open_map, read_stations, within
 from tripwatt.routes.maps.elevation import MARGIN_DEG
 from tripwatt.routes.places import Place
@@ -27,7 +26,6 @@ NO_MAP: Final = "build a map with tripwatt map build, or name a router by its UR
 
 LARGER: Final = "build a map of a larger region for places outside of it"
 
-Part = TypeVar("Part")
 """A part of an atlas."""
 
 
@@ -227,25 +225,16 @@ def open_atlas(settings: AtlasSettings | Path | str | None = None) -> Atlas:
     if not isinstance(settings, AtlasSettings):
         settings = AtlasSettings("" if settings is None else str(settings))
     named = settings.map or os.environ.get(MAP_VARIABLE, "")
-    faults: list[Fault] = []
-
-    def opened(part: Callable[[], Part]) -> Part | None:
-        try:
-            return part()
-        except InvalidInput as error:
-            faults.extend(error.faults)
-            return None
-
-    router, folder = opened(lambda: _roads(named)) or (None, None)
-    on_map: PlaceSearch | None = None if folder is None else folder.index
-    places = opened(lambda: open_search(settings.places)) if settings.places else on_map
-    weather = opened(lambda: WeatherServer.from_url(settings.weather)) if settings.weather else None
-    if settings.stations:
-        stations = opened(lambda: read_stations(settings.stations)) or ()
-    else:
-        stations = () if folder is None else opened(folder.index.stations) or ()
-    if faults or router is None:
-        raise InvalidInput(tuple(dict.fromkeys(faults)))
+    with Check() as check:
+        router, folder = check(_roads, named) or (None, None)
+        places: PlaceSearch | None = None if folder is None else folder.index
+        if settings.places:
+            places = check(open_search, settings.places)
+        weather = check(WeatherServer.from_url, settings.weather) if settings.weather else None
+        stations = () if folder is None or settings.stations else check(folder.index.stations)
+        if settings.stations:
+            stations = check(read_stations, settings.stations)
+    assert router is not None  # else its fault was raised
     bounds = None if folder is None else folder.info.get("bounds_deg")
     return Atlas(
         router,

@@ -301,19 +301,8 @@ def need(
         flags = asked.flags(distance_m)
     low, middle, high, most = (number * energy).tolist()
     needed = require_fraction("reserve", reserve) + number * max(float(charge[-1]), 0.0)
-    title = own.vehicle.title
-    return Need(
-        number * distance_m,
-        named,
-        middle,
-        most,
-        quantile,
-        (low, high),
-        needed,
-        number * duration_s,
-        flags,
-        title,
-    )
+    whole_m, whole_s, ends = number * distance_m, number * duration_s, (low, high)
+    return Need(whole_m, named, middle, most, quantile, ends, needed, whole_s, flags, own.vehicle.title)
 
 
 def range_km(

@@ -336,17 +336,12 @@ def emhass(needs: pd.DataFrame, at: dt.datetime, charger_w: float, step_s: float
     needs = needs.assign(after=needs.groupby("vehicle_id")["arrives_at"].shift(fill_value=at))
     loads = needs[needs["charge_wh"] > 0.0]
     rows = loads.to_dict("records")
-    raise_faults(
-        Fault(
-            "departs before the charging begins",
-            row["vehicle_id"],
-            f"{row['departs_at']}",
-            f"later than {at}",
-            "let the charging begin earlier, or leave out what is driven already",
-        )
-        for row in rows
-        if row["departs_at"] < at
+    late = ((row["vehicle_id"], f"{row['departs_at']}") for row in rows if row["departs_at"] < at)
+    what, fix = (
+        "departs before the charging begins",
+        "let the charging begin earlier, or leave out what is driven already",
     )
+    raise_faults(Fault(what, *row, f"later than {at}", fix) for row in late)
     steps = [[(row[name] - at).total_seconds() / step_s for name in ("after", "departs_at")] for row in rows]
     last = [int(end) for _, end in steps]
     step_h = step_s / SECONDS_PER_HOUR

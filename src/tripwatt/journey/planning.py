@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import pandas as pd
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Check, InvalidInput
 from tripwatt.forecasting import Forecast, ForecastModel
 from tripwatt.journey.atlas import Atlas, AtlasSettings, open_atlas
 from tripwatt.journey.charging import OVERHEAD_S, WARM_DEGC, ChargingCurve, plugs_of
 from tripwatt.journey.corridor import CERTAIN, OF_LEG, Corridor, StopRules
 from tripwatt.journey.forecasting import RoadForecaster, capped, on_motorway
 from tripwatt.journey.plans import BEST_EFFORT, find_plans
-from tripwatt.journey.stops import ENERGY_BAND, ChargingPlan, Leg
+from tripwatt.journey.stops import ENERGY_BAND, LINE_DIGITS, ChargingPlan, Leg
 from tripwatt.journey.verdict import Verdict
 from tripwatt.population import for_car
 from tripwatt.routes.places import Place
@@ -30,9 +30,7 @@ from tripwatt.units import M_S_PER_KM_H, SECONDS_PER_MINUTE
 from tripwatt.vehicles import Vehicle
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
+    from tripwatt.figures import Axes, Figure
 MOST_STOPS: Final = 20
 MOST_ALTERNATIVES: Final = 3
 MOST_OVERHEAD_S: Final = 7200.0
@@ -180,11 +178,7 @@ class RoadForecast:
             "labels": list(self.labels),
             "distance_m": road.distance_m,
             "duration_s": self.forecast.plan.duration_s,
-            "line": {
-                "latitude_deg": np.round(road.latitude_deg, 6).tolist(),
-                "longitude_deg": np.round(road.longitude_deg, 6).tolist(),
-                "position_m": np.round(road.position_m, 1).tolist(),
-            },
+            "line": {name: np.round(getattr(road, name), k).tolist() for name, k in LINE_DIGITS.items()},
             "links": {
                 "length_m": road.links.length_m.tolist(),
                 "travel_time_s": road.links.travel_time_s.tolist(),
@@ -498,14 +492,8 @@ def find_stops(stops: Sequence[Place | str], atlas: Atlas, *, round_trip: bool =
     """
     if not 2 <= len(stops) <= MOST_STOPS:
         raise InvalidInput.of("number of places out of range", "stops", f"{len(stops)}", f"2 to {MOST_STOPS}")
-    places: list[Place] = []
-    faults: list[Fault] = []
-    for k, stop in enumerate(stops):
-        try:
-            places.append(atlas.find(stop, f"stops[{k}]"))
-        except InvalidInput as error:
-            faults += error.faults
-    raise_faults(faults)
+    with Check() as check:
+        places = [check(atlas.find, stop, f"stops[{k}]") for k, stop in enumerate(stops)]
     return (*places, places[0]) if round_trip else tuple(places)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import InvalidInput, RemoteError
 from tripwatt.forecasting import Forecast
+from tripwatt.forecasting.forecast import first_empty
 from tripwatt.journey.atlas import Atlas
 from tripwatt.journey.forecasting import RoadForecaster
 from tripwatt.routes.places import Place, bearings_deg
@@ -71,18 +72,7 @@ class Reach:
         return {
             "start": self.start.to_dict(),
             "areas": [
-                {
-                    "probability": level,
-                    "polygon": {
-                        "type": "Polygon",
-                        "coordinates": [
-                            [
-                                [round(p.longitude_deg, 6), round(p.latitude_deg, 6)]
-                                for p in (*corners, *corners[:1])
-                            ]
-                        ],
-                    },
-                }
+                {"probability": level, "polygon": {"type": "Polygon", "coordinates": [_ring(corners)]}}
                 for level, corners in self.outlines.items()
             ],
             "map_ends": self.map_ends,
@@ -153,30 +143,23 @@ def reach_along(
     return Reach(start, outlines, ends, attribution)
 
 
+def _ring(corners: tuple[Place, ...]) -> list[list[float]]:
+    """A closed ring of GeoJSON."""
+    return [[round(p.longitude_deg, 6), round(p.latitude_deg, 6)] for p in (*corners, *corners[:1])]
+
+
 def reached_share(forecast: Forecast, level: float, reserve: float) -> float:
     """Share of the way at which the charge falls to the reserve with a probability of `1 - level`; 1 = not on it."""
-    charge = forecast.soc_along(level)
-    distance = forecast.series()["distance_m"].to_numpy()
-    below = np.flatnonzero(charge < reserve)
-    if not len(below):
-        return 1.0
-    k = int(below[0])
-    if k == 0:
-        return 0.0
-    part = (charge[k - 1] - reserve) / (charge[k - 1] - charge[k])
-    return float((distance[k - 1] + part * (distance[k] - distance[k - 1])) / distance[-1])
+    distance = forecast.drive.distance_m
+    reached_m = first_empty(forecast.soc_along(level) - reserve, distance)
+    return 1.0 if reached_m is None else reached_m / float(distance[-1])
 
 
 def _targets(forecaster: RoadForecaster, start: Place, atlas: Atlas) -> list[Place]:
     """A place in each direction, farther than the charge carries, or at the end of the map."""
     soc = forecaster.departure.soc if forecaster.departure.soc is not None else 0.8
-    vehicle = forecaster.model.vehicle
-    energy_wh = (
-        soc
-        * vehicle.battery.capacity_ah
-        * vehicle.battery.cells_in_series
-        * float(np.max(vehicle.battery.ocv_v))
-    )
+    battery = forecaster.model.vehicle.battery
+    energy_wh = soc * battery.capacity_ah * battery.cells_in_series * float(np.max(battery.ocv_v))
     farthest_m = energy_wh / FRUGAL_WH_KM * 1000.0
     if atlas.bounds_deg is not None:
         south, west, north, east = atlas.bounds_deg
@@ -198,14 +181,9 @@ def _targets(forecaster: RoadForecaster, start: Place, atlas: Atlas) -> list[Pla
 
 def _seen_from(start: Place, places: tuple[Place, ...]) -> tuple[FloatArray, FloatArray]:
     """Direction [°] and distance [m] of places."""
-    pairs = [
-        bearings_deg(
-            np.array([start.latitude_deg, place.latitude_deg]),
-            np.array([start.longitude_deg, place.longitude_deg]),
-        )[0]
-        for place in places
-    ]
-    return np.array(pairs), np.array([start.distance_m(place) for place in places])
+    ways = [np.array([(p.latitude_deg, p.longitude_deg) for p in (start, place)]).T for place in places]
+    bearings = np.array([bearings_deg(*way)[0] for way in ways])
+    return bearings, np.array([start.distance_m(place) for place in places])
 
 
 def _around(start: Place, corners: list[Place]) -> tuple[Place, ...]:

@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 import pandas as pd
 
-from tripwatt.arrays import FloatArray
+from tripwatt.arrays import FloatArray, running_sum
 from tripwatt.forecasting import Forecast
 from tripwatt.journey.solver import joint_chance
 from tripwatt.routes.maps import Station
@@ -21,6 +21,15 @@ CLOSE_SOC: Final = 0.05
 ENERGY_BAND: Final = ("energy_low_wh", "energy_high_wh")
 BELOW_ABOVE: Final = np.array([-1.0, 1.0])
 SHOWN: Final = ("displayed_soc", "displayed_soc_low", "displayed_soc_high")
+
+LINE_DIGITS: Final = {"latitude_deg": 6, "longitude_deg": 6, "position_m": 1}
+"""Columns of a line on the map, and the digits that are told of each."""
+
+WHOLE: Final = (
+    *("p_arrive", "p_reserve", "soc_arrival", "soc_interval"),
+    *("driving_s", "charging_s", "duration_s", "energy_wh"),
+)
+"""What a plan and a verdict tell of a whole journey."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,7 +184,7 @@ def variance_along(forecast: Forecast) -> tuple[FloatArray, FloatArray]:
         An unknown climb is in neither.
     """
     uncertainty, charge = forecast.uncertainty, forecast.charge
-    hours = np.concatenate(([0.0], np.cumsum(forecast.drive.table.hours)))
+    hours = running_sum(forecast.drive.table.hours)
     own = forecast.sd_factor**2 * uncertainty.scale.course.drift_wh2(hours)
     if forecast.plan.free_flow and uncertainty.free_flow is not None:
         local = uncertainty.free_flow.local_variance_m / forecast.plan.distance_m * forecast.energy_wh**2
@@ -351,18 +360,11 @@ class ChargingPlan:
         ['displayed_soc', 'high', 'low', 'position_m', 'time_s']
         """
         series = self.series()
-        digits = {"latitude_deg": 6, "longitude_deg": 6, "position_m": 1}
         return {
             "label": self.label,
             "stops": [stop.to_dict() for stop in self.stops],
-            "p_arrive": self.p_arrive,
-            "p_reserve": self.p_reserve,
-            "soc_arrival": self.soc_arrival,
+            **{name: getattr(self, name) for name in WHOLE},
             "soc_interval": list(self.soc_interval),
-            "driving_s": self.driving_s,
-            "charging_s": self.charging_s,
-            "duration_s": self.duration_s,
-            "energy_wh": self.energy_wh,
             "energy_interval_wh": series[list(ENERGY_BAND)].iloc[-1].tolist(),
             "by_cause_wh": self.by_cause_wh,
             "battery_loss_wh": self.battery_loss_wh,
@@ -373,5 +375,5 @@ class ChargingPlan:
                 "low": series["displayed_soc_low"].tolist(),
                 "high": series["displayed_soc_high"].tolist(),
             },
-            "line": {name: np.round(self.line[name], k).tolist() for name, k in digits.items()},
+            "line": {name: np.round(self.line[name], k).tolist() for name, k in LINE_DIGITS.items()},
         }

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from tripwatt.journey.corridor import CERTAIN
-from tripwatt.journey.stops import ChargingPlan
+from tripwatt.journey.stops import WHOLE, ChargingPlan
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,19 +63,12 @@ class Verdict:
         leaves, arrives = plan.legs[0].forecast.plan.departure.departs_at, plan.p_reserve >= CERTAIN
         advice = else_ if not arrives else "stop" if plan.stops else "go"
         return cls(
-            arrives,
-            plan.p_arrive,
-            plan.p_reserve,
-            plan.soc_arrival,
-            plan.soc_interval,
-            plan.driving_s,
-            plan.charging_s,
-            plan.duration_s,
-            leaves,
-            None if leaves is None else leaves + dt.timedelta(seconds=plan.duration_s),
-            plan.energy_wh,
-            len(plan.stops),
-            advice,
+            arrives=arrives,
+            departs_at=leaves,
+            arrives_at=None if leaves is None else leaves + dt.timedelta(seconds=plan.duration_s),
+            charges=len(plan.stops),
+            advice=advice,
+            **{name: getattr(plan, name) for name in WHOLE},
         )
 
     def to_dict(self) -> dict[str, Any]:

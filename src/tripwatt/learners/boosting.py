@@ -12,22 +12,14 @@ from types import MappingProxyType
 from typing import Any, Literal, Self
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 from joblib import Parallel, delayed
-from sklearn.utils.validation import check_is_fitted
 
-from tripwatt.arrays import BoolArray, FloatArray, IntArray
-from tripwatt.learners.clusters import Clusters, Loss, ScoreRows, folds_of
+from tripwatt.arrays import FloatArray, IntArray
+from tripwatt.learners.clusters import Loss, ScoreRows, folds_of
 from tripwatt.learners.correlation import LARGEST, Correlation
-from tripwatt.learners.rounds import Path, boost, fill_losses, write_leaf_values
-from tripwatt.learners.trees import (
-    ClusteredTrees,
-    Sample,
-    keep_arguments,
-    sum_of_trees,
-    validate_rows,
-)
+from tripwatt.learners.rounds import boost, write_leaf_values
+from tripwatt.learners.trees import ClusteredTrees, Sample, keep_arguments, sum_of_trees
 
 DEFAULT_GRID: dict[str, list[Any]] = {"max_leaf_nodes": [3, 6], "min_leaf_weight": [1.0, 4.0]}
 
@@ -115,8 +107,6 @@ class ClusteredBoosting(ClusteredTrees):
         "correlation",
     )
     default_grid = DEFAULT_GRID
-    stored_values = ("n_rounds", "correlation_parameter", "start")
-    stored_arrays = ("position", "steps", "learning_curve")
     allowed = MappingProxyType(
         {
             "n_rounds": ("an integer >= 1", lambda v: v >= 1),
@@ -184,8 +174,11 @@ class ClusteredBoosting(ClusteredTrees):
         best, n_rounds = 0, self.n_rounds
         if self.n_folds is not None and sample.n_groups > 1:
             block = _blocks(sample.n_groups, self.n_folds, seed)
-            everything = np.ones(sample.n_groups, dtype=bool)
-            errors = [self._fold_errors(sample, setting, block, everything, seed) for setting in settings]
+            folds = [(number,) for number in np.unique(block)]
+            errors = [
+                np.fmax.reduce([self._errors(sample, setting, block, fold, seed) for fold in folds])
+                for setting in settings
+            ]
             best, n_rounds, _ = _choice(errors)
             self.learning_curve_ = _learning_curve(errors[best], block)
         chosen = self._base() | settings[best]
@@ -194,19 +187,13 @@ class ClusteredBoosting(ClusteredTrees):
         self.best_params_ = chosen
         self.n_rounds_ = n_rounds
         self.correlation_parameter_ = path.rho
-        self._keep(path)
+        self.start_ = path.start
+        self.booster_, self.position_, self.steps_ = write_leaf_values(path)
         return self
-
-    def predict(self, X: Any) -> FloatArray:
-        """F(x) after the chosen number of rounds, shape (n_rows,)."""
-        check_is_fitted(self, "steps_")
-        rows, _ = validate_rows(self, X, None, reset=False)
-        return self._raw(rows)
 
     def staged_predict(self, X: Any) -> FloatArray:
         """F(x) after each round, shape (`n_rounds_`, rows)."""
-        check_is_fitted(self, "steps_")
-        rows, _ = validate_rows(self, X, None, reset=False)
+        rows = self._rows(X)
         steps = np.empty((len(self.steps_), len(rows)))
         for k, (tree, value) in enumerate(zip(self.position_, self.steps_, strict=True)):
             steps[k] = value if tree < 0 else sum_of_trees(self.booster_, rows, int(tree), 1)
@@ -236,12 +223,12 @@ class ClusteredBoosting(ClusteredTrees):
         fold_labels, fold_of_group = folds_of(folds, clusters)
         settings = self._settings()
         with Parallel(n_jobs=self.n_jobs) as parallel:
-            choices = self._shared_choices(sample, settings, fold_of_group, len(fold_labels), seed, parallel)
+            choices = self._shared_choices(sample, fold_of_group, seed, parallel)
             fold_of_row = fold_of_group[clusters.codes]
             params = [self._base() | settings[setting] for setting, _, _ in choices]
             results = parallel(
                 delayed(self._predict)(
-                    sample, chosen, fold_of_group != fold, rounds, seed, rows[fold_of_row == fold]
+                    rows[fold_of_row == fold], sample, chosen, fold_of_group != fold, rounds, seed
                 )
                 for fold, (chosen, (_, rounds, _)) in enumerate(zip(params, choices, strict=True))
             )
@@ -254,107 +241,59 @@ class ClusteredBoosting(ClusteredTrees):
         self.fold_errors_ = np.array([error for _, _, error in choices])
         return prediction
 
-    @classmethod
-    def from_arrays(cls, arrays: Mapping[str, npt.NDArray[Any]]) -> Self:
-        """Reverse of `to_arrays`; predictions are the same to the last bit."""
-        model = super().from_arrays(arrays)
-        model.learning_curve_ = pd.DataFrame(arrays["learning_curve"], columns=["round", "fold", "error"])
-        return model
-
-    def _predict_unseen(self, rows: FloatArray, clusters: Clusters) -> FloatArray:
-        return self._raw(rows)
-
     def _raw(self, rows: FloatArray) -> FloatArray:
-        lone = self.position_ < 0
-        total = sum_of_trees(self.booster_, rows, 0, int((~lone).sum()))
-        return np.asarray(self.start_ + total + self.steps_[lone].sum())
+        return _values(rows, self.start_, self.booster_, self.position_, self.steps_)
 
-    def _keep(self, path: Path) -> None:
-        self.start_ = path.start
-        self.booster_, self.position_, self.steps_ = write_leaf_values(path)
+    def _predict(self, rows: FloatArray, *fit: Any) -> FloatArray:
+        """Boost with the arguments of a fit and predict `rows`."""
+        path = boost(*fit, start=self.start)
+        return _values(rows, path.start, *write_leaf_values(path))
 
-    def _predict(
-        self,
-        sample: Sample,
-        setting: dict[str, Any],
-        allowed: BoolArray,
-        n_rounds: int,
-        seed: int,
-        rows: FloatArray,
+    def _errors(
+        self, sample: Sample, setting: dict[str, Any], block: IntArray, left_out: tuple[int, ...], seed: int
     ) -> FloatArray:
-        """Fit the allowed groups and predict `rows`."""
-        path = boost(sample, setting, allowed, n_rounds, seed, start=self.start)
-        booster, position, steps = write_leaf_values(path)
-        total = sum_of_trees(booster, rows, 0, int((position >= 0).sum()))
-        return np.asarray(path.start + total + steps[position < 0].sum())
+        """Errors by round of the groups of some blocks, by a model without all of these; NaN of other groups.
 
-    def _scored_path(
-        self,
-        sample: Sample,
-        setting: dict[str, Any],
-        inside: BoolArray,
-        seed: int,
-        scored: Sequence[IntArray],
-    ) -> Path:
-        """Boost some groups, scoring others, until the others stop improving."""
-        options: dict[str, Any] = {"start": self.start, "patience": self.patience}
-        return boost(sample, setting, inside, self.n_rounds, seed, **options, scored=scored)
-
-    def _fold_errors(
-        self, sample: Sample, setting: dict[str, Any], block: IntArray, allowed: BoolArray, seed: int
-    ) -> FloatArray:
-        """Loss of each group after each round when its block is left out, shape (n_rounds, n_groups)."""
+        The rounds of each block end when it stops improving.
+        """
+        scored = [np.flatnonzero(block == number) for number in left_out]
+        options: dict[str, Any] = {"start": self.start, "patience": self.patience, "scored": scored}
+        inside = ~np.isin(block, left_out)
+        path = boost(sample, self._base() | setting, inside, self.n_rounds, seed, **options)
         errors = np.full((self.n_rounds, sample.n_groups), np.nan)
-        for left_out in np.unique(block[allowed]):
-            inside = allowed & (block != left_out)
-            groups = np.flatnonzero(allowed & (block == left_out))
-            if not inside.any():
-                continue
-            path = self._scored_path(sample, self._base() | setting, inside, seed, [groups])
-            fill_losses(errors, path, groups, path.ends[0])
+        for groups, end in zip(scored, path.ends, strict=True):
+            errors[:end, groups] = np.array(path.losses)[:end, groups]
         return errors
 
     def _shared_choices(
-        self,
-        sample: Sample,
-        settings: list[dict[str, Any]],
-        fold_of_group: IntArray,
-        n_folds: int,
-        seed: int,
-        parallel: Parallel,
+        self, sample: Sample, fold_of_group: IntArray, seed: int, parallel: Parallel
     ) -> list[tuple[int, int, float]]:
         """Setting and number of rounds of each fold, and the mean loss of that choice."""
+        settings, n_folds = self._settings(), int(fold_of_group.max()) + 1
         if self.n_folds is None or n_folds < 3:
             return [(0, self.n_rounds, np.nan)] * n_folds
         block_of_fold = _blocks(n_folds, 2 * self.n_folds, seed)
         block = block_of_fold[fold_of_group]
         n_blocks = int(block.max()) + 1
         pairs = [(b, c) for b in range(n_blocks) for c in range(b + 1, n_blocks)]
-        jobs = [
-            delayed(self._pair_errors)(sample, self._base() | setting, block, pair, seed)
-            for setting in settings
-            for pair in pairs
-        ]
-        results = parallel(jobs)
+        asked = [(number, pair) for number in range(len(settings)) for pair in pairs]
+        results = parallel(
+            delayed(self._errors)(sample, settings[number], block, pair, seed) for number, pair in asked
+        )
         errors = np.full((n_blocks, len(settings), self.n_rounds, sample.n_groups), np.nan)
-        for index, (of_first, of_second) in enumerate(results):
-            setting, (b, c) = index // len(pairs), pairs[index % len(pairs)]
-            errors[c, setting][:, block == b] = of_first
-            errors[b, setting][:, block == c] = of_second
+        for (setting, (b, c)), found in zip(asked, results, strict=True):
+            errors[c, setting][:, block == b] = found[:, block == b]
+            errors[b, setting][:, block == c] = found[:, block == c]
         chosen = [_choice(list(errors[b])) for b in range(n_blocks)]
         return [chosen[b] for b in block_of_fold]
 
-    def _pair_errors(
-        self, sample: Sample, setting: dict[str, Any], block: IntArray, pair: tuple[int, int], seed: int
-    ) -> tuple[FloatArray, FloatArray]:
-        """Losses by round of the groups of two blocks, by a model without both."""
-        scored = [np.flatnonzero(block == b) for b in pair]
-        inside = (block != pair[0]) & (block != pair[1])
-        errors = np.full((self.n_rounds, sample.n_groups), np.nan)
-        path = self._scored_path(sample, setting, inside, seed, scored)
-        for groups, end in zip(scored, path.ends, strict=True):
-            fill_losses(errors, path, groups, end)
-        return errors[:, scored[0]], errors[:, scored[1]]
+
+def _values(
+    rows: FloatArray, start: float, booster: Any, position: IntArray, steps: FloatArray
+) -> FloatArray:
+    """Start, trees and lone leaves for encoded rows."""
+    total = sum_of_trees(booster, rows, 0, int((position >= 0).sum()))
+    return np.asarray(start + total + steps[position < 0].sum())
 
 
 def _blocks(n: int, n_blocks: int, seed: int) -> IntArray:

@@ -13,27 +13,11 @@ from types import MappingProxyType
 from typing import Any, Literal, Self
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
-from sklearn.utils.validation import check_is_fitted
 
 from tripwatt.arrays import BoolArray, FloatArray, IntArray
-from tripwatt.learners.clusters import (
-    Clusters,
-    Loss,
-    ScoreRows,
-    folds_of,
-    mean_over_groups,
-)
-from tripwatt.learners.trees import (
-    ClusteredTrees,
-    Sample,
-    Trees,
-    TreeShape,
-    keep_arguments,
-    sum_of_trees,
-    validate_rows,
-)
+from tripwatt.learners.clusters import Clusters, Loss, ScoreRows, folds_of, mean_over_groups
+from tripwatt.learners.trees import ClusteredTrees, Sample, Trees, TreeShape, keep_arguments, sum_of_trees
 
 DEFAULT_GRID: dict[str, list[Any]] = {"max_leaf_nodes": [6, 12, 24], "max_features": [0.34, 0.67, 1.0]}
 _CHUNK = 16_384  # rows whose leaf numbers are held at a time
@@ -128,8 +112,6 @@ class ClusteredForest(ClusteredTrees):
 
     settings_names = ("max_leaf_nodes", "max_depth", "min_leaf_weight", "max_features")
     default_grid = DEFAULT_GRID
-    stored_values = ("groups",)
-    stored_arrays = ("position", "values", "counts", "oob_error")
     allowed = MappingProxyType(
         dict.fromkeys(("n_trees", "min_oob_trees"), ("an integer >= 1", lambda v: v >= 1))
     )
@@ -192,10 +174,7 @@ class ClusteredForest(ClusteredTrees):
         self._keep(forests[best])
         return self
 
-    def predict(self, X: Any) -> FloatArray:
-        """Mean of all trees, shape (n_rows,)."""
-        check_is_fitted(self, "booster_")
-        rows, _ = validate_rows(self, X, None, reset=False)
+    def _raw(self, rows: FloatArray) -> FloatArray:
         total = sum_of_trees(self.booster_, rows, 0, int((self.position_ >= 0).sum()))
         return np.asarray(total + self.values_[self.position_ < 0, 0].sum()) / len(self.position_)
 
@@ -214,8 +193,7 @@ class ClusteredForest(ClusteredTrees):
         ndarray of shape (n_rows,)
             NaN where a group was in every bag.
         """
-        check_is_fitted(self, "booster_")
-        rows, _ = validate_rows(self, X, None, reset=False)
+        rows = self._rows(X)
         return self._predict_unseen(rows, Clusters.from_groups(groups, len(rows)))
 
     def leave_groups_out(self, X: Any, y: Any, groups: Any = None, folds: Any = None) -> FloatArray:
@@ -263,13 +241,6 @@ class ClusteredForest(ClusteredTrees):
         self.fold_params_ = [self._base() | forests[choice].setting for choice in best]
         self.fold_refitted_ = ~enough
         return prediction
-
-    @classmethod
-    def from_arrays(cls, arrays: Mapping[str, npt.NDArray[Any]]) -> Self:
-        """Reverse of `to_arrays`; predictions are the same to the last bit."""
-        forest = super().from_arrays(arrays)
-        forest.groups_ = np.array(forest.groups_)
-        return forest
 
     def _grow(self, sample: Sample, counts: IntArray, setting: dict[str, Any], seed: int) -> _Grown:
         trees = sample.grower.start(TreeShape(**(self._base() | setting)))

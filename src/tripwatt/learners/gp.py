@@ -163,24 +163,15 @@ class AdditiveGP:
 
     def features(self, X: pd.DataFrame) -> tuple[FloatArray, FloatArray]:
         """Features of the rows, shape (rows, features), and the prior variance of their weights before any data."""
-        features, slices = self._features(X)
-        prior = np.concatenate(
-            [np.full(s.stop - s.start, p.sd**2) for s, p in zip(slices, self.terms, strict=True)]
-        )
-        return features, prior
-
-    def uncertainty_factor(self, X: pd.DataFrame) -> FloatArray:
-        """`L` of shape (rows, features) with `L @ L.T` the posterior covariance of the sum of the terms."""
-        return self.factor(self._features(X)[0])
+        return self._features(X)[0], self._by_feature([term.sd**2 for term in self.terms])
 
     def factor(self, features: FloatArray) -> FloatArray:
-        """As `uncertainty_factor`, from the rows' features."""
+        """`L` of shape (rows, features) with `L @ L.T` the posterior covariance of the sum of the terms, from the rows' features."""
         return np.asarray(features @ self.factor_)
 
     def prior_factor(self, features: FloatArray) -> FloatArray:
         """`L` of shape (rows, features) with `L @ L.T` the covariance of the sum of the terms before any data, from the rows' features."""
-        counts = [s.stop - s.start for s in self._slices()]
-        return np.asarray(features * np.sqrt(np.repeat(self.variances_[: len(self.terms)], counts)))
+        return np.asarray(features * np.sqrt(self._by_feature(self.variances_[: len(self.terms)])))
 
     def outside_factor(
         self,
@@ -210,17 +201,6 @@ class AdditiveGP:
             if (outside := [distance2[c] for c in term.columns if c in distance2])
         ]
         return np.column_stack(spreads) if spreads else np.zeros((len(X), 0))
-
-    def outside(self, X: pd.DataFrame) -> list[str]:
-        """Columns of smooth terms with a value outside the range of the training rows."""
-        names = dict.fromkeys(c for term in self.terms if term.kind == "smooth" for c in term.columns)
-
-        def is_outside(name: str) -> bool:
-            low, high = self.ranges_[name]
-            values = np.asarray(X[name], dtype=np.float64)
-            return bool((values < low).any() or (values > high).any())
-
-        return [name for name in names if is_outside(name)]
 
     def to_arrays(self) -> dict[str, npt.NDArray[Any]]:
         """Everything that prediction needs, as plain arrays."""
@@ -307,6 +287,10 @@ class AdditiveGP:
         ends = np.cumsum(sizes).tolist()
         return [slice(end - size, end) for size, end in zip(sizes, ends, strict=True)]
 
+    def _by_feature(self, of_terms: npt.ArrayLike) -> FloatArray:
+        """Values of the terms, each for all features of its term."""
+        return np.repeat(np.asarray(of_terms), [s.stop - s.start for s in self._slices()])
+
     def _features(self, X: pd.DataFrame) -> tuple[FloatArray, list[slice]]:
         blocks = []
         smooth = dict.fromkeys(c for term in self.terms if term.kind == "smooth" for c in term.columns)
@@ -330,8 +314,7 @@ class AdditiveGP:
             scale = self._latent_scale(kernels, target, effects, scale)
             self.variances_ = self._variances(kernels, target, effects, scale, self.variances_)
         K = self._covariance(kernels, effects, scale)
-        pairs = zip(self.slices_, self.variances_, strict=False)
-        prior = np.concatenate([np.full(s.stop - s.start, v) for s, v in pairs])
+        prior = self._by_feature(self.variances_[: len(self.terms)])
         gain = solve(K, totals * prior).T
         self.weights_ = np.asarray(gain @ target)
         covariance = np.diag(prior) - gain @ (totals * prior)

@@ -115,11 +115,6 @@ def _round(
     return np.asarray(values[leaf])
 
 
-def fill_losses(errors: FloatArray, path: Path, groups: IntArray, end: int) -> None:
-    """Write the losses of `groups` up to the round where they alone would have stopped."""
-    errors[:end, groups] = np.array(path.losses)[:end, groups]
-
-
 def write_leaf_values(path: Path) -> tuple[Any, IntArray, FloatArray]:
     """Booster with the leaf values of the path, tree -> its place there, first value of each tree."""
     booster, position = path.trees.with_values(path.values)

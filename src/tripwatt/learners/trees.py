@@ -6,13 +6,11 @@ gradients and weights of our own.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Final, Self
+from typing import Any, ClassVar, Final
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils import check_random_state
@@ -174,25 +172,6 @@ class Sample:
     n_groups: int
 
 
-def prepare(estimator: Any, X: Any, y: Any, groups: Any) -> tuple[Sample, Clusters, FloatArray]:
-    """Check the input of `fit`, thin it and bin it: the sample, the groups of all rows, all encoded rows."""
-    rows, target = validate_rows(estimator, X, y, reset=True)
-    assert target is not None
-    clusters = Clusters.from_groups(groups, len(rows))
-    kept = thinned_rows(clusters.codes, estimator.max_rows_per_group)
-    codes = clusters.codes[kept]
-    categorical = estimator.columns_.categorical_positions(column_names(estimator))
-    sample = Sample(
-        grower=TreeGrower(rows[kept], categorical, estimator.max_bins),
-        y=target[kept],
-        codes=codes,
-        weight=row_weights(codes, estimator.group_weight),
-        loss=GroupLoss(target[kept], codes, estimator.loss, estimator.score_rows),
-        n_groups=clusters.n_groups,
-    )
-    return sample, clusters, rows
-
-
 _ALLOWED: Final[Mapping[str, Allowed]] = {
     "max_leaf_nodes": ("an integer >= 2", lambda v: v >= 2),
     "max_depth": ("None or an integer >= 1", lambda v: v is None or v >= 1),
@@ -220,10 +199,6 @@ class ClusteredTrees(RegressorMixin, BaseEstimator):
     default_grid: ClassVar[Mapping[str, list[Any]]]
     allowed: ClassVar[Mapping[str, Allowed]]
     """Settings of this learner alone -> what is allowed."""
-
-    stored_values: ClassVar[tuple[str, ...]]
-    stored_arrays: ClassVar[tuple[str, ...]]
-    """Attributes of a fitted learner that are stored, without the underscore at their end."""
 
     __metadata_request__fit: ClassVar = {"groups": True}  # read by the metadata routing of scikit-learn
 
@@ -260,45 +235,63 @@ class ClusteredTrees(RegressorMixin, BaseEstimator):
         DataFrame
             `covariate, importance, std`, the most important first.
         """
-        check_is_fitted(self, "position_")
-        rows, target = validate_rows(self, X, None, reset=False)[0], np.asarray(y, dtype=float)
+        rows, target = self._rows(X), np.asarray(y, dtype=float)
         clusters = Clusters.from_groups(groups, len(rows))
         kept = thinned_rows(clusters.codes, self.max_rows_per_group)
         part = Clusters(clusters.labels, clusters.codes[kept])
         loss = GroupLoss(target[kept], part.codes, self.loss, self.score_rows)
-        blocks = column_blocks(column_names(self), columns)
         rng = np.random.default_rng(seed_of(self.random_state))
-        return permutation_losses(
-            lambda Z: self._predict_unseen(Z, part), rows[kept], loss, blocks, n_repeats, rng
-        )
 
-    def to_arrays(self) -> dict[str, npt.NDArray[Any]]:
-        """The fitted learner as plain arrays: numbers, and bytes of JSON and of LightGBM's text format."""
-        check_is_fitted(self, "booster_")
-        about = about_columns(self) | {name: plain(getattr(self, f"{name}_")) for name in self.stored_values}
-        arrays = {name: np.asarray(getattr(self, f"{name}_")) for name in self.stored_arrays}
-        return {"about": as_text_array(about), "booster": booster_array(self.booster_), **arrays}
+        def error(changed: FloatArray) -> float:
+            return float(loss(self._predict_unseen(changed, part)).mean())
 
-    @classmethod
-    def from_arrays(cls, arrays: Mapping[str, npt.NDArray[Any]]) -> Self:
-        """Reverse of `to_arrays`; predictions are the same to the last bit."""
-        about = from_text_array(arrays["about"])
-        learner = cls(**about["settings"])
-        restore_columns(learner, about)
-        learner.booster_ = booster_of(arrays["booster"])
-        for name in cls.stored_values:
-            setattr(learner, f"{name}_", about[name])
-        for name in cls.stored_arrays:
-            setattr(learner, f"{name}_", arrays[name])
-        return learner
+        rows, table = rows[kept], []
+        reference = error(rows)
+        for name, positions in column_blocks(column_names(self), columns).items():
+            rises = []
+            for _ in range(n_repeats):
+                shuffled = rows.copy()
+                shuffled[:, positions] = rows[rng.permutation(len(rows))][:, positions]
+                rises.append(error(shuffled) - reference)
+            table.append(
+                {"covariate": name, "importance": float(np.mean(rises)), "std": float(np.std(rises))}
+            )
+        return pd.DataFrame(table).sort_values("importance", ascending=False, ignore_index=True)
+
+    def predict(self, X: Any) -> FloatArray:
+        """Prediction of each row, shape (n_rows,): the mean of a forest's trees, a boosting after its chosen rounds."""
+        return self._raw(self._rows(X))
+
+    def _rows(self, X: Any) -> FloatArray:
+        check_is_fitted(self, "position_")
+        return validate_rows(self, X, None, reset=False)[0]
+
+    def _raw(self, rows: FloatArray) -> FloatArray:
+        """Prediction of encoded rows."""
+        raise NotImplementedError
 
     def _predict_unseen(self, rows: FloatArray, clusters: Clusters) -> FloatArray:
         """Prediction of encoded rows of groups, without having seen the groups where that is possible."""
-        raise NotImplementedError
+        return self._raw(rows)
 
     def _prepare(self, X: Any, y: Any, groups: Any) -> tuple[Sample, Clusters, FloatArray, int]:
+        """Check settings and input of `fit`, thin and bin it: the sample, the groups and encoded rows of all, a seed."""
         check_parameters(self, {**_ALLOWED, **self.allowed})
-        return (*prepare(self, X, y, groups), seed_of(self.random_state))
+        rows, target = validate_rows(self, X, y, reset=True)
+        assert target is not None
+        clusters = Clusters.from_groups(groups, len(rows))
+        kept = thinned_rows(clusters.codes, self.max_rows_per_group)
+        codes = clusters.codes[kept]
+        categorical = self.columns_.categorical_positions(column_names(self))
+        sample = Sample(
+            grower=TreeGrower(rows[kept], categorical, self.max_bins),
+            y=target[kept],
+            codes=codes,
+            weight=row_weights(codes, self.group_weight),
+            loss=GroupLoss(target[kept], codes, self.loss, self.score_rows),
+            n_groups=clusters.n_groups,
+        )
+        return sample, clusters, rows, seed_of(self.random_state)
 
     def _base(self) -> dict[str, Any]:
         return {name: getattr(self, name) for name in self.settings_names}
@@ -313,28 +306,6 @@ def keep_arguments(estimator: Any, arguments: Mapping[str, Any]) -> None:
     for name, value in arguments.items():
         if value is not estimator:
             setattr(estimator, name, value)
-
-
-def about_columns(estimator: Any) -> dict[str, Any]:
-    """Columns and settings of a fitted estimator as JSON values."""
-    settings = estimator.get_params(deep=False)
-    return {
-        # what JSON cannot hold is left out, so that its default stands
-        "settings": {k: plain(v) for k, v in settings.items() if v is None or plain(v) is not None},
-        "best_params": plain(estimator.best_params_),
-        "levels": plain(estimator.columns_.levels),
-        "n_features_in": int(estimator.n_features_in_),
-        "feature_names_in": plain(getattr(estimator, "feature_names_in_", None)),
-    }
-
-
-def restore_columns(estimator: Any, about: Mapping[str, Any]) -> None:
-    """Reverse of `about_columns`, on an unfitted estimator of the same settings."""
-    estimator.best_params_ = about["best_params"]
-    estimator.columns_ = Columns(about["levels"])
-    estimator.n_features_in_ = about["n_features_in"]
-    if about["feature_names_in"] is not None:
-        estimator.feature_names_in_ = np.array(about["feature_names_in"], dtype=object)
 
 
 def sum_of_trees(booster: Any, X: FloatArray, first: int, n_trees: int) -> FloatArray:
@@ -394,33 +365,6 @@ def check_parameters(estimator: Any, allowed: Mapping[str, Allowed]) -> None:
     raise_faults(faults)
 
 
-def permutation_losses(
-    predict: Callable[[FloatArray], FloatArray],
-    X: FloatArray,
-    loss: GroupLoss,
-    blocks: Mapping[str, Sequence[int]],
-    n_repeats: int,
-    rng: np.random.Generator,
-) -> pd.DataFrame:
-    """Rise of the mean group loss when a block of columns is permuted over the rows (Breiman 2001).
-
-    Returns
-    -------
-    DataFrame
-        One row per block: `covariate, importance, std` (over the repeats), the most important first.
-    """
-    reference = loss(predict(X)).mean()
-    rows = []
-    for name, positions in blocks.items():
-        rises = []
-        for _ in range(n_repeats):
-            shuffled = X.copy()
-            shuffled[:, list(positions)] = X[rng.permutation(len(X))][:, list(positions)]
-            rises.append(loss(predict(shuffled)).mean() - reference)
-        rows.append({"covariate": name, "importance": float(np.mean(rises)), "std": float(np.std(rises))})
-    return pd.DataFrame(rows).sort_values("importance", ascending=False, ignore_index=True)
-
-
 def column_blocks(names: Sequence[str], columns: Mapping[str, Sequence[str]] | None) -> dict[str, list[int]]:
     """Positions of the columns that are permuted together: each alone, or by the groups of `columns`."""
     if columns is None:
@@ -432,40 +376,6 @@ def column_blocks(names: Sequence[str], columns: Mapping[str, Sequence[str]] | N
         if name not in names
     )
     return {block: [list(names).index(name) for name in members] for block, members in columns.items()}
-
-
-def as_text_array(value: Any) -> npt.NDArray[np.uint8]:
-    """JSON as bytes in an array, so that a model is arrays and nothing else."""
-    return np.frombuffer(json.dumps(value).encode(), dtype=np.uint8).copy()
-
-
-def from_text_array(array: npt.NDArray[np.uint8]) -> Any:
-    """Reverse of `as_text_array`."""
-    return json.loads(array.tobytes().decode())
-
-
-def booster_array(booster: Any) -> npt.NDArray[np.uint8]:
-    """LightGBM's documented text format, as bytes (empty: no trees)."""
-    text = "" if booster is None else booster.model_to_string(num_iteration=-1)
-    return np.frombuffer(text.encode(), dtype=np.uint8).copy()
-
-
-def booster_of(array: npt.NDArray[np.uint8]) -> Any:
-    """Reverse of `booster_array`."""
-    import lightgbm
-
-    return lightgbm.Booster(model_str=array.tobytes().decode()) if array.size else None
-
-
-def plain(value: Any) -> Any:
-    """A setting as a JSON value; what JSON cannot hold (a generator, a function) becomes None."""
-    if isinstance(value, np.generic):
-        value = value.item()
-    if isinstance(value, Mapping):
-        return {str(k): plain(v) for k, v in value.items()}
-    if isinstance(value, list | tuple | np.ndarray):
-        return [plain(v) for v in value]
-    return value if value is None or isinstance(value, bool | int | float | str) else None
 
 
 def seed_of(random_state: Any) -> int:

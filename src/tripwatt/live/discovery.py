@@ -17,69 +17,42 @@ EXPIRES_S: Final = 300
 """A figure that is not published again for so long is unavailable [s]: several times what a silent car is published again after."""
 
 
+SCALES: Final = {"%": ("* 100", 1), "kWh": ("/ 1000", 2), "km": ("/ 1000", 0), "min": ("/ 60", 1)}
+"""Unit of a sensor -> what gives it from the figure of the document, and how many digits."""
+
+
 @dataclass(frozen=True, slots=True)
 class Sensor:
-    """One figure of the published document.
-
-    `value` is a Jinja expression of `value_json`; it is unknown where `condition`, another one, does not hold.
-    """
+    """One figure of the published document, `of` it; it is unknown where that or the part around it is null."""
 
     key: str
     title: str
-    value: str
+    of: str
     unit: str
     kind: str | None = None
-    condition: str = "value_json.forecast"
 
-
-def _percent(of: str) -> str:
-    return f"(value_json.{of} * 100) | round(1)"
-
-
-def _thousands(of: str, digits: int) -> str:
-    return f"(value_json.{of} / 1000) | round({digits})"
+    @property
+    def template(self) -> str:
+        """The figure as a template of Home Assistant."""
+        around = self.of.partition(".")[0]
+        known = f"value_json.{around} is not none and value_json.{self.of} is not none"
+        scale, digits = SCALES[self.unit]
+        return f"{{{{ ((value_json.{self.of} {scale}) | round({digits})) if {known} else none }}}}"
 
 
 SENSORS: Final = (
-    Sensor("soc", "Charge", _percent("soc"), "%", "battery", "value_json.soc is not none"),
-    Sensor("energy", "Energy of the trip", _thousands("forecast.energy_wh", 2), "kWh", "energy"),
-    Sensor("arrival", "Charge at arrival", _percent("forecast.soc_quantiles['0.5']"), "%", "battery"),
-    Sensor(
-        "arrival_low", "Charge at arrival, 5 %", _percent("forecast.soc_quantiles['0.05']"), "%", "battery"
-    ),
-    Sensor(
-        "arrival_high", "Charge at arrival, 95 %", _percent("forecast.soc_quantiles['0.95']"), "%", "battery"
-    ),
-    Sensor("p_arrive", "Chance to arrive with the reserve", _percent("forecast.p_arrive"), "%"),
-    Sensor("p_arrive_at_all", "Chance to arrive at all", _percent("forecast.p_arrive_at_all"), "%"),
-    Sensor("range", "Range", _thousands("range.range_m", 0), "km", "distance", "value_json.range"),
-    Sensor(
-        "need",
-        "Energy of the next trip",
-        _thousands("need.energy_quantile_wh", 2),
-        "kWh",
-        "energy",
-        "value_json.need",
-    ),
-    Sensor(
-        "soc_needed", "Charge to leave with", _percent("need.soc_needed"), "%", "battery", "value_json.need"
-    ),
-    Sensor(
-        "charge",
-        "Energy to charge",
-        _thousands("need.charge_wh", 2),
-        "kWh",
-        "energy",
-        "value_json.need and value_json.need.charge_wh is not none",
-    ),
-    Sensor(
-        "silence",
-        "Time since the last message",
-        "(value_json.seconds_since_message / 60) | round(1)",
-        "min",
-        "duration",
-        "value_json.seconds_since_message is not none",
-    ),
+    Sensor("soc", "Charge", "soc", "%", "battery"),
+    Sensor("energy", "Energy of the trip", "forecast.energy_wh", "kWh", "energy"),
+    Sensor("arrival", "Charge at arrival", "forecast.soc_quantiles['0.5']", "%", "battery"),
+    Sensor("arrival_low", "Charge at arrival, 5 %", "forecast.soc_quantiles['0.05']", "%", "battery"),
+    Sensor("arrival_high", "Charge at arrival, 95 %", "forecast.soc_quantiles['0.95']", "%", "battery"),
+    Sensor("p_arrive", "Chance to arrive with the reserve", "forecast.p_arrive", "%"),
+    Sensor("p_arrive_at_all", "Chance to arrive at all", "forecast.p_arrive_at_all", "%"),
+    Sensor("range", "Range", "range.range_m", "km", "distance"),
+    Sensor("need", "Energy of the next trip", "need.energy_quantile_wh", "kWh", "energy"),
+    Sensor("soc_needed", "Charge to leave with", "need.soc_needed", "%", "battery"),
+    Sensor("charge", "Energy to charge", "need.charge_wh", "kWh", "energy"),
+    Sensor("silence", "Time since the last message", "seconds_since_message", "min", "duration"),
 )
 
 
@@ -115,7 +88,7 @@ def discovery(car: str, topic: str, prefix: str) -> Iterator[tuple[str, dict[str
             "state_topic": f"{topic}/{car}",
             "availability_topic": topic,
             "expire_after": EXPIRES_S,
-            "value_template": f"{{{{ ({sensor.value}) if {sensor.condition} else none }}}}",
+            "value_template": sensor.template,
             "unit_of_measurement": sensor.unit,
             "device": device,
         }

@@ -232,17 +232,13 @@ class LiveTrip:
         )
 
     def _with_more(self, more: Iterable[Sample]) -> dict[str, FloatArray]:
-        later = list(itertools.takewhile(lambda sample: not sample.charging, more))
+        later = itertools.takewhile(lambda sample: not sample.charging, more)
+        rows = [{"time_s": sample.time_s, **sample.values} for sample in later]
         columns = {name: np.array(values) for name, values in self._columns.items()}
         missing = np.full(len(self), np.nan)
-        for name in dict.fromkeys(name for sample in later for name in sample.values):
+        for name in dict.fromkeys(name for row in rows for name in row):
             columns.setdefault(name, missing)
-        return {
-            name: np.append(
-                own, [s.time_s if name == "time_s" else s.values.get(name, math.nan) for s in later]
-            )
-            for name, own in columns.items()
-        }
+        return {n: np.append(own, [row.get(n, math.nan) for row in rows]) for n, own in columns.items()}
 
 
 class TripFinder:

@@ -15,19 +15,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, cast
 
 from tripwatt.auditing import Audit, audit
-from tripwatt.errors import InvalidInput, system_errors
+from tripwatt.errors import InvalidInput, damage, system_errors
 from tripwatt.files import folder_lock, read_text_file, replace_folder, restore_folder
 from tripwatt.forecasting import ForecastModel, load_metadata, load_model, save_model
 from tripwatt.forecasting.fitting import held_out_figures, provenance_of
 from tripwatt.live.diary import Diary, entry
 from tripwatt.modelfile import FORMAT_VERSION
-from tripwatt.population.adapting import (
-    PROTOCOL,
-    Adaptation,
-    about_adaptation,
-    in_order,
-    population_of,
-)
+from tripwatt.population.adapting import PROTOCOL, Adaptation, about_adaptation, in_order, population_of
 from tripwatt.population.cars import for_car
 from tripwatt.store import TripStore, create_store, open_store
 from tripwatt.store.rows import digest_of
@@ -436,22 +430,13 @@ def open_car(folder: Path | str) -> Car:
         got = "a folder" if place.is_dir() else "a file" if place.exists() else "no such folder"
         fix = "make one: tripwatt car new"
         raise InvalidInput.of("not a car", f"{place}", got, "a folder of `tripwatt car new`", fix)
-    try:
+    with damage(place / ABOUT, "the description of a car"):
         about = json.loads(read_text_file(place / ABOUT, MOST_ABOUT_BYTES))
         number, name, base = about["tripwatt_car"], about["vehicle"], about["base"]
         label = f"{about.get('label', place.name)}"
-    except (ValueError, KeyError, TypeError) as error:
-        raise InvalidInput.of(
-            "damaged file", f"{place / ABOUT}", f"{error}"[:200], "the description of a car"
-        ) from error
     if not isinstance(number, int) or number > FORMAT:
-        raise InvalidInput.of(
-            "car of a newer format",
-            f"{place}",
-            f"format {number}"[:80],
-            f"format {FORMAT}",
-            "install a newer tripwatt",
-        )
+        got, allowed, fix = f"format {number}"[:80], f"format {FORMAT}", "install a newer tripwatt"
+        raise InvalidInput.of("car of a newer format", f"{place}", got, allowed, fix)
     car = replace(load_vehicle(place / VEHICLE), name=f"{name}")
     return Car(place.absolute(), car, None if base is None else Path(f"{base}"), label)
 

@@ -10,16 +10,13 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-import pandas as pd
 
-from tripwatt.errors import InvalidInput
+from tripwatt.errors import InvalidInput, damage
 from tripwatt.files import read_file, write_text
 from tripwatt.routes import links_of_trip, plan_from_links, route_from_links
 from tripwatt.routes.link_objects import fields_of_route, route_with_elevation
 from tripwatt.sources.canonical import canonical_samples
-from tripwatt.trips import ASKED, SIGNALS, Departure, Plan, Recorded, plan_from_samples
-from tripwatt.trips.plan import ROUTE_COLUMNS
-from tripwatt.trips.samples import columns_of
+from tripwatt.trips import ASKED, Departure, Plan, Recorded, plan_from_samples
 
 PLAN: Final = "plan.json"
 MOST_BYTES: Final = 1 << 24
@@ -113,23 +110,6 @@ class LivePlan:
         path = folder / PLAN
         if not path.is_file():
             return None
-        try:
+        with damage(path, "a plan", "remove it"):
             about = json.loads(read_file(path, MOST_BYTES))
             return cls(dict(about["request"]), about["departure_s"], about["given_s"])
-        except (ValueError, KeyError, TypeError, RecursionError) as error:
-            raise InvalidInput.of(
-                "damaged file", f"{path}", f"{error}"[:200], "a plan", "remove it"
-            ) from error
-
-
-def request_of_samples(samples: pd.DataFrame) -> dict[str, Any]:
-    """A driven speed trace, and the signals of its departure, as the fields of a request.
-
-    Examples
-    --------
-    >>> from tripwatt.synthetic import example_trip
-    >>> list(request_of_samples(example_trip())["samples"])[:3]
-    ['time_s', 'speed_m_s', 'elevation_m']
-    """
-    names = [name for name in (*ROUTE_COLUMNS, *SIGNALS.values()) if name in samples]
-    return {"samples": columns_of(samples[names])}

@@ -8,7 +8,7 @@ import secrets
 from pathlib import Path
 from typing import Final
 
-from tripwatt.errors import InvalidInput
+from tripwatt.errors import damage
 from tripwatt.files import read_text_file, write_text
 from tripwatt.live.folder import live_folder
 from tripwatt.live.own_car import LIVE
@@ -88,7 +88,5 @@ def token_digest(folder: Path | str) -> str | None:
     path = Path(folder) / LIVE / TOKEN
     if not path.is_file():
         return None
-    try:
+    with damage(path, "the digest of a token"):
         return f"{json.loads(read_text_file(path, MOST_BYTES))['sha256']}"
-    except (ValueError, KeyError, TypeError, RecursionError) as error:
-        raise InvalidInput.of("damaged file", f"{path}", f"{error}"[:200], "the digest of a token") from error

@@ -261,12 +261,9 @@ class Table2Corrector:
         assert self.medians_ is not None
         frame = X.fillna(self.medians_.to_dict())
         if "season" in frame:
-            winter = (
-                (frame["season"] == "winter").to_numpy().astype(np.intp)
-            )  # an unknown season counts as summer
-            frame["season"] = pd.Categorical.from_codes(
-                winter, dtype=pd.CategoricalDtype(list(SEASONS), ordered=True)
-            )
+            codes = (frame["season"] == "winter").to_numpy().astype(np.intp)  # summer where it is unknown
+            seasons = pd.CategoricalDtype(list(SEASONS), ordered=True)
+            frame["season"] = pd.Categorical.from_codes(codes, dtype=seasons)
         if groups is not None:
             frame["trip"] = groups.astype(str)
         return frame

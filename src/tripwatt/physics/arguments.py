@@ -61,12 +61,8 @@ def argument_faults(
             continue
         smallest, largest = float(values.min()), float(values.max())
         if (smallest < low or largest > high) and np.isfinite(values).all():
-            yield Fault(
-                "value out of range",
-                name,
-                f"{smallest if smallest < low else largest:g}",
-                f"{low:g} to {high:g}",
-            )
+            got = f"{smallest if smallest < low else largest:g}"
+            yield Fault("value out of range", name, got, f"{low:g} to {high:g}")
     for name, (value, low, high) in scalars.items():
         if not (math.isfinite(value) and low <= value <= high):
             yield Fault("value out of range", name, f"{value}", f"{low:g} to {high:g}")

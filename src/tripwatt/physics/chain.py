@@ -179,12 +179,8 @@ def _forces(vehicle: Vehicle, trace: Trace, conditions: DriveConditions) -> tupl
     aero = aero_drag_force(speed, load.drag_area_m2, density, trace.headwind_m_s)
     climb = trace.grade if flat else grade_force(trace.grade, mass)
     # Mean speed times change of speed is the change of v²/2: kinetic energy adds up exactly over a trip.
-    return (
-        aero,
-        rolling,
-        climb,
-        inertia_force(trace.acceleration_m_s2, mass, vehicle.body.rotating_mass_factor),
-    )
+    inertia = inertia_force(trace.acceleration_m_s2, mass, vehicle.body.rotating_mass_factor)
+    return aero, rolling, climb, inertia
 
 
 def _base_load(vehicle: Vehicle, trace: Trace, conditions: DriveConditions) -> FloatArray:
@@ -234,10 +230,7 @@ def _drive_and_battery(
         if settled.all():
             break
         acceptance = np.where(settled, acceptance, accepted)
-        guess = (
-            np.where(settled, guess[0], run.soc),
-            np.where(settled, guess[1], run.temperature_degc),
-        )
+        guess = np.where(settled, guess[0], run.soc), np.where(settled, guess[1], run.temperature_degc)
     return with_refused(drive, run.refused_power_w), run
 
 

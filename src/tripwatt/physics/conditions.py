@@ -9,8 +9,12 @@ from tripwatt.physics.cabin import UNKNOWN_SUN_W_M2, CabinStart
 from tripwatt.trips import COLUMNS, FIELDS, QUANTITIES, raise_faults
 from tripwatt.vehicles import Vehicle
 
-UNKNOWN_AMBIENT_DEGC: Final = 20.0
-"""Ambient temperature of a trip without one."""
+UNKNOWN_AMBIENT_DEGC: Final = 10.0
+"""Outside temperature of a trip without one: that of the hours of a year in central Europe, which in Germany was 9.3 °C from 1991 to
+2020 (Deutscher Wetterdienst, normal values), and somewhat more by day."""
+
+MILD_DEGC: Final = 20.0
+"""Outside temperature of a simulation for which none is chosen: that of a laboratory."""
 
 UNKNOWN_SETPOINT_DEGC: Final = 22.0
 """Set-point of a car without a climate model; it has no effect."""
@@ -64,7 +68,7 @@ class DriveConditions:
     (0.0, 0.0, 1.0)
     """
 
-    ambient_temperature_degc: float = UNKNOWN_AMBIENT_DEGC
+    ambient_temperature_degc: float = MILD_DEGC
     initial_soc: float = 0.8
     initial_battery_temperature_degc: float | None = None
     payload_mass_kg: float = 0.0

@@ -24,8 +24,8 @@ from tripwatt.vehicles import Vehicle, with_extras
 
 if TYPE_CHECKING:
     import pandas as pd
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+
+    from tripwatt.figures import Axes, Figure
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
@@ -215,18 +215,8 @@ def simulate(
     >>> parked.simulated_energy_wh
     300.0
     """
-    return _simulated(
-        drive_of(
-            vehicle,
-            time_s,
-            speed_m_s,
-            grade,
-            elevation_m,
-            climate_power_w,
-            headwind_m_s,
-            conditions=conditions,
-        )
-    )
+    given = grade, elevation_m, climate_power_w, headwind_m_s
+    return _simulated(drive_of(vehicle, time_s, speed_m_s, *given, conditions=conditions))
 
 
 def simulate_trip(vehicle: Vehicle, trip: Recorded | Plan) -> Simulation:
@@ -289,7 +279,7 @@ def conditions_at_departure(
     >>> from tripwatt.trips import Departure
     >>> from tripwatt.vehicles import load_vehicle
     >>> conditions_at_departure(load_vehicle("bmw_i3_60ah"), Departure(soc=0.8)).ambient_temperature_degc
-    20.0
+    10.0
     """
     soc = known.bms_soc
     if soc is None and known.soc is not None:
@@ -340,12 +330,8 @@ class Drive:
         """Power of climate control and of its fans, and temperature of the cabin: NaN where none was simulated."""
         if cabin is not None:
             return cabin.power_w, cabin.fan_power_w, cabin.temperature_degc
-        time = self.time_s
-        return (
-            np.broadcast_to(self.climate_power_w, time.shape),
-            np.zeros_like(time),
-            np.full_like(time, np.nan),
-        )
+        power = np.broadcast_to(self.climate_power_w, self.time_s.shape)
+        return power, np.zeros_like(self.time_s), np.full_like(self.time_s, np.nan)
 
 
 def drive_of(

@@ -21,22 +21,19 @@ if TYPE_CHECKING:
 
 Record = Mapping[str, Any]
 
-LEARNERS: Final = ("population", "one factor", "by cause", "constant")
-LABELS: Final = {
-    "population": "Population of cars",
-    "one factor": "One factor on the physics",
-    "by cause": "Line by cause",
-    "constant": "Constant Wh/km",
+LEARNERS: Final = {
+    "population": ("Population of cars", "#0f8797", "-", 2.4),
+    "one factor": ("One factor on the physics", "#d55e00", "--", 1.4),
+    "by cause": ("Line by cause", "#7d6bc6", ":", 1.6),
+    "constant": ("Constant Wh/km", "#7c7c7c", "-.", 1.4),
 }
+"""Learner -> its name on the page, and colour, line and width of its curve."""
+
+SHOWN_WHOLE: Final = ("population", "one factor", "by cause")
+"""Learners whose curves are whole in the figure; a constant may lie above it."""
+
 MOST_LETTERS: Final = 32
 """Of the title of a small figure."""
-
-_STYLE: Final = {
-    "population": ("#0f8797", "-", 2.4),
-    "one factor": ("#d55e00", "--", 1.4),
-    "by cause": ("#7d6bc6", ":", 1.6),
-    "constant": ("#7c7c7c", "-.", 1.4),
-}
 
 
 def write_cars(run: CarsRun, out: Path) -> None:
@@ -57,30 +54,14 @@ def write_cars(run: CarsRun, out: Path) -> None:
 def cars_panels(results: Record) -> list[Panel]:
     """The panels of the page."""
     with style_context():
-        return [
-            Panel(
-                "cars-curves",
-                "Error by the number of own trips",
-                said_of_cars(results),
-                plot_curves(results) if any(map(_has_curve, results["cars"])) else None,
-                (curves_table(results),),
-                wide=True,
-            ),
-            Panel(
-                "cars-time",
-                "In order of time",
-                _ORDER,
-                tables=(time_table(results), means_table(results)),
-                wide=True,
-            ),
-            Panel(
-                "cars-factors",
-                "What cars have in common",
-                _FACTORS,
-                tables=(factors_table(results),),
-                wide=True,
-            ),
-        ]
+        drawn = plot_curves(results) if any(map(_has_curve, results["cars"])) else None
+    curves, *in_time = cars_tables(results)
+    said, factors = said_of_cars(results), (factors_table(results),)
+    return [
+        Panel("cars-curves", "Error by the number of own trips", said, drawn, (curves,), wide=True),
+        Panel("cars-time", "In order of time", _ORDER, tables=(*in_time,), wide=True),
+        Panel("cars-factors", "What cars have in common", _FACTORS, tables=factors, wide=True),
+    ]
 
 
 _ORDER: Final = "Each trip is forecast before it is learned. The width that was needed is twice the 90 % quantile of the relative error."
@@ -110,11 +91,11 @@ def curves_table(results: Record) -> Table:
     counts = sorted({row["k"] for car in results["cars"] for row in car["curves"]["population"]})
     rows = [
         {
-            "label": f"{car['car']}: {LABELS[name][:1].lower()}{LABELS[name][1:]}",
+            "label": f"{car['car']}: {label[:1].lower()}{label[1:]}",
             **{f"{row['k']}": row["error"] for row in car["curves"][name]},
         }
         for car in results["cars"]
-        for name in LEARNERS
+        for name, (label, *_) in LEARNERS.items()
         if car["curves"][name]
     ]
     columns = (in_percent(f"{k}", f"{k}") for k in counts)
@@ -178,23 +159,14 @@ def factors_table(results: Record) -> Table:
 def plot_curves(results: Record) -> Figure:
     """Error by the number of own trips, a panel for each car."""
     cars = [car for car in results["cars"] if _has_curve(car)]
-    figure = new_figure(
-        2.6 * max(1, (len(cars) + 1) // 2), "Error by own trips", "given the driven speed trace", False
-    )
+    rows = max(1, (len(cars) + 1) // 2)
+    figure = new_figure(2.6 * rows, "Error by own trips", "given the driven speed trace", False)
     for place, car in enumerate(cars):
-        axes = figure.add_subplot((len(cars) + 1) // 2, 2, place + 1)
+        axes = figure.add_subplot(rows, 2, place + 1)
         for name, points in _points(car):
-            colour, line, width = _STYLE[name]
-            axes.plot(
-                *points,
-                color=colour,
-                ls=line,
-                lw=width,
-                marker="o",
-                ms=4,
-                label=LABELS[name],
-                gid=f"{car['car']}-{name}",
-            )
+            label, colour, line, width = LEARNERS[name]
+            look: dict[str, Any] = {"color": colour, "ls": line, "lw": width, "marker": "o", "ms": 4}
+            axes.plot(*points, label=label, gid=f"{car['car']}-{name}", **look)
         if car.get("own_model"):
             own = 100.0 * car["own_model"]["error"]
             axes.axhline(own, color="#7c7c7c", lw=1.0, label="Own model, all trips of the first half")
@@ -202,13 +174,11 @@ def plot_curves(results: Record) -> Figure:
         counts = [row["k"] for row in car["curves"]["population"]]
         axes.set_xticks(range(len(counts)), [f"{k}" for k in counts])
         axes.set_xlim(-0.3, len(counts) - 0.7)
-        axes.set(xlabel="own trips", ylabel="error [%]", ylim=(0.0, _top(car)))
+        largest = max(row["error"] for name in SHOWN_WHOLE for row in car["curves"][name])
+        axes.set(xlabel="own trips", ylabel="error [%]", ylim=(0.0, 115.0 * float(largest)))
         axes.grid(axis="y")
-    every = {
-        text: line
-        for axes in figure.axes
-        for line, text in zip(*axes.get_legend_handles_labels(), strict=True)
-    }
+    named = (zip(*axes.get_legend_handles_labels(), strict=True) for axes in figure.axes)
+    every = {text: line for pairs in named for line, text in pairs}
     return legend_below(figure, 2, handles=list(every.values()), labels=list(every))
 
 
@@ -223,9 +193,3 @@ def _points(car: Record) -> Iterator[tuple[str, tuple[list[int], list[float]]]]:
         rows = car["curves"][name]
         if rows:
             yield name, ([place[row["k"]] for row in rows], [100.0 * row["error"] for row in rows])
-
-
-def _top(car: Record) -> float:
-    """Upper end of the axis [%]: a constant of one trip may err by more than is worth showing."""
-    shown = [row["error"] for name in LEARNERS[:3] for row in car["curves"][name]]
-    return 115.0 * float(max(shown))

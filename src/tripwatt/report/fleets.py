@@ -60,9 +60,8 @@ def evaluation_page(title: str, evaluation: FleetEvaluation, rows: TripRows) -> 
         inside_table(evaluation),
     )
     facts = {"Trips": len(rows), "Vehicles": len(set(rows.texts("vehicle_id").tolist()))}
-    panel = Panel(
-        "accuracy", "Accuracy on held-out trips", said_of_errors(evaluation), tables=tables, wide=True
-    )
+    said = said_of_errors(evaluation)
+    panel = Panel("accuracy", "Accuracy on held-out trips", said, tables=tables, wide=True)
     return page_text("fleet.html.jinja", [panel], title=title, facts=facts.items(), files=(), foot=_ERROR)
 
 
@@ -226,17 +225,16 @@ class ManagerReport:
         said = said_of_changes(self.changes, len(self.vehicles))
         yield Panel("changes", "Vehicles that changed", said, tables=tables)
         if self.needs is not None:
-            said = said_of_needs(self.needs, self.quantile)
+            said, needs = said_of_needs(self.needs, self.quantile), needs_table(self.needs, self.quantile)
             notes = Table("What the needs assume and their limits", ("note",), tuple(zip(self.notes)))
-            tables = needs_table(self.needs, self.quantile), notes
-            yield Panel("needs", "What the planned trips need", said, tables=tables)
+            yield Panel("needs", "What the planned trips need", said, tables=(needs, notes))
         if self.routes is not None and self.cold is not None:
-            said, tables = said_of_routes(self.routes, self.quantile, self.cold), (routes_table(self.routes),)
-            yield Panel("routes", "Cars for the planned routes", said, tables=tables)
+            said = said_of_routes(self.routes, self.quantile, self.cold)
+            yield Panel("routes", "Cars for the planned routes", said, tables=(routes_table(self.routes),))
         for key, title in (("vehicles", "Vehicles beside others"), ("drivers", "Drivers beside others")):
             if key in self.tables:
-                tables = (shares_table(self.tables[key], key[:-1]),)
-                yield Panel(key, title, _SHARES[key], tables=tables, folded=True)
+                shares = shares_table(self.tables[key], key[:-1])
+                yield Panel(key, title, _SHARES[key], tables=(shares,), folded=True)
 
     def write(self, folder: Path, at: dt.datetime, charger_w: float) -> dict[str, Any]:
         """Write the page, the data, each table as CSV and the files for EMHASS and evcc into a folder; return the data.

@@ -190,9 +190,8 @@ def _evaluation_page(view: View, lead: str = "") -> tuple[list[Panel], dict[str,
 
 def _median_trip(view: View) -> str:
     """The held-out forecast of the trip with the median error in words; empty where no predictions were kept."""
-    for _, trip, ape in view.selected_trips()[:2][
-        -1:
-    ]:  # the best, the median and the worst trip, where there are three
+    best_and_median = view.selected_trips()[:2]
+    for _, trip, ape in best_and_median[-1:]:
         rows = view.main_folds
         row = rows[(rows["model"] == view.best) & (rows["trip"].astype(str) == trip)].iloc[0]
         energy, measured = (number(row[f"{name}_energy_wh"], 1e-3, 1) for name in ("predicted", "observed"))

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import tomllib
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
+from importlib import resources
+from types import MappingProxyType
 from typing import Final, Literal
 
 Kind = Literal["constant", "baseline", "physics", "data", "hybrid"]
@@ -28,7 +32,7 @@ class ModelStyle:
         The simulation that a hybrid corrects.
     without_physics : str or None
         The same learner without the simulation.
-    rivals : tuple of str
+    rivals : sequence of str
         Models of few coefficients with which the sentences compare it.
     own_physics : str or None
         Its own simulation, with everything that a fold identifies.
@@ -44,109 +48,18 @@ class ModelStyle:
     meaning: str
     stands_on: str | None = None
     without_physics: str | None = None
-    rivals: tuple[str, ...] = ()
+    rivals: Sequence[str] = ()
     own_physics: str | None = None
     published: str | None = None
     preset: str = ""
 
 
-def _power(learner: str, colour: str, correction: str) -> ModelStyle:
-    return ModelStyle(f"Power: {learner}", colour, "hybrid", f"default physics{correction}", "physics")
+@cache
+def model_styles() -> Mapping[str, ModelStyle]:
+    """The style of every model in the order of the tables, from `models.toml`."""
+    text = (resources.files("tripwatt.report") / "models.toml").read_text("utf-8")
+    return MappingProxyType({name: ModelStyle(**style) for name, style in tomllib.loads(text).items()})
 
-
-MODELS: Final[Mapping[str, ModelStyle]] = {
-    "constant": ModelStyle(
-        "Constant Wh/km", "#7c7c7c", "constant", "one consumption per distance for every trip"
-    ),
-    "linear4": ModelStyle(
-        "Linear (4 coefficients)",
-        "#8a7f55",
-        "baseline",
-        "distance, time, and time weighted by cold and by heat",
-    ),
-    "linear6": ModelStyle(
-        "Linear (6 coefficients)",
-        "#5f7f8f",
-        "baseline",
-        "the four, and sums for air drag and for acceleration",
-    ),
-    "physics-paper": ModelStyle(
-        "Physics (paper preset)",
-        "#d55e00",
-        "physics",
-        "simulation as in the paper: 50 % regeneration, no climate",
-        preset="paper preset",
-    ),
-    "physics": ModelStyle(
-        "Physics (default preset)",
-        "#a6761d",
-        "physics",
-        "simulation with the values of public sources",
-        preset="default preset",
-    ),
-    "physics4": ModelStyle(
-        "Physics + 4 coefficients",
-        "#9a6a4f",
-        "hybrid",
-        "default simulation in place of distance, and the other three coefficients",
-        "physics",
-    ),
-    "forest": ModelStyle(
-        "Hybrid forest",
-        "#1f8a5b",
-        "hybrid",
-        "paper preset + forest with subject-level bootstrap",
-        "physics-paper",
-    ),
-    "boosting": ModelStyle(
-        "Hybrid boosting",
-        "#0072b2",
-        "hybrid",
-        "paper preset + marginal boosting",
-        "physics-paper",
-        without_physics="boosting-only",
-    ),
-    "boosting-only": ModelStyle(
-        "Boosting without physics",
-        "#c2609c",
-        "data",
-        "the same boosting on what was measured, not on the residual",
-    ),
-    "gamm": ModelStyle(
-        "Hybrid GAMM", "#7d6bc6", "hybrid", "paper preset + GAMM with Student's t errors", "physics-paper"
-    ),
-    "physics-identified": ModelStyle(
-        "Physics (identified)",
-        "#946c1e",
-        "physics",
-        "stages identified from torque, heater, standing power and voltage of the other trips",
-    ),
-    "power-linear": _power("linear", "#b8860b", ", each cause scaled"),
-    "power-kriging": _power("Gaussian process", "#5b7fbf", " + process on its power"),
-    "power-boosting": _power("boosting", "#2f8fd0", " + boosting on its power"),
-    "power-forest": _power("forest", "#4a9a6a", " + forest on its power"),
-    "power-gamm": _power("GAMM", "#8f7fd0", " + GAMM on its power"),
-    "power-ensemble": _power("ensemble", "#3b8f9f", " + mean of two correctors"),
-    "hybrid-published": ModelStyle(
-        "Hybrid, published values only",
-        "#3d8a93",
-        "hybrid",
-        "default physics + learned correction of its power",
-        "physics",
-    ),
-    "hybrid": ModelStyle(
-        "Hybrid forecast",
-        "#0f8797",
-        "hybrid",
-        "identified physics + learned correction of its power",
-        "physics",
-        without_physics="boosting-only",
-        rivals=("physics4", "linear6"),
-        own_physics="physics-identified",
-        published="hybrid-published",
-    ),
-}
-"""Display name, colour and kind of every model, in the order of the tables."""
 
 PAPER: Final = "arXiv:2405.10984, Table 3"
 """Where the paper states its average errors."""
@@ -173,7 +86,7 @@ def model_style(name: str) -> ModelStyle:
     >>> model_style("brand-new").label
     'brand-new'
     """
-    return MODELS.get(name) or ModelStyle(name, _UNKNOWN_COLOUR, "data", "")
+    return model_styles().get(name) or ModelStyle(name, _UNKNOWN_COLOUR, "data", "")
 
 
 def ordered(names: Iterable[str]) -> list[str]:
@@ -184,5 +97,5 @@ def ordered(names: Iterable[str]) -> list[str]:
     >>> ordered(["forest", "zebra", "constant"])
     ['constant', 'forest', 'zebra']
     """
-    rank = {name: i for i, name in enumerate(MODELS)}
+    rank = {name: i for i, name in enumerate(model_styles())}
     return sorted(set(names), key=lambda name: (rank.get(name, len(rank)), name))

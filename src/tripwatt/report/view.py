@@ -232,12 +232,9 @@ class View:
         runs = list(self.results.get("evaluations") or ())
         sets, schemes = list(TRIP_SETS), list(SCHEMES)
 
-        def rank(evaluation: Record) -> tuple[int, int]:
-            scheme, trips = evaluation.get("scheme"), evaluation.get("trips")
-            return (
-                schemes.index(scheme) if scheme in schemes else len(schemes),
-                sets.index(trips) if trips in sets else len(sets),
-            )
+        def rank(evaluation: Record) -> list[int]:
+            places = (schemes, evaluation.get("scheme")), (sets, evaluation.get("trips"))
+            return [known.index(name) if name in known else len(known) for known, name in places]
 
         return without_repeats(sorted(runs, key=rank))
 
@@ -319,10 +316,9 @@ class View:
     def folds_of(self, evaluation: Record) -> pd.DataFrame:
         """The folds of one evaluation."""
         folds = self.folds
-        if "scheme" in folds.columns and "scheme" in evaluation:
-            folds = folds[folds["scheme"] == evaluation["scheme"]]
-        if "trips" in folds.columns and "trips" in evaluation:
-            folds = folds[folds["trips"] == evaluation["trips"]]
+        for key in ("scheme", "trips"):
+            if key in folds.columns and key in evaluation:
+                folds = folds[folds[key] == evaluation[key]]
         return folds
 
     def paired_of(self, evaluation: Record) -> list[Record]:
@@ -341,14 +337,9 @@ class View:
         rows = rows.dropna(subset="ape").sort_values("ape", kind="stable")
         if rows.empty:
             return []
-        places = {"Best": 0, "Median": (len(rows) - 1) // 2, "Worst": len(rows) - 1}
-        chosen: dict[int, str] = {}
-        for role, place in places.items():
-            chosen.setdefault(place, role)
-        return [
-            (role, str(rows["trip"].iloc[place]), float(rows["ape"].iloc[place]))
-            for place, role in chosen.items()
-        ]
+        places = {len(rows) - 1: "Worst", (len(rows) - 1) // 2: "Median", 0: "Best"}  # the first role counts
+        chosen = ((places[place], rows.iloc[place]) for place in sorted(places))
+        return [(role, str(row["trip"]), float(row["ape"])) for role, row in chosen]
 
 
 def _known(record: Record, key: str) -> bool:

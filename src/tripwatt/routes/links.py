@@ -304,9 +304,7 @@ def _uncut(route: LinkRoute) -> LinkRoute:
         return route
     for values in (route.moving_speed_m_s, route.speed_limit_m_s):
         if values is not None:
-            alike &= (np.isnan(values[1:]) & np.isnan(values[:-1])) | (
-                np.abs(values[1:] - values[:-1]) <= SAME_SPEED * values[1:]
-            )
+            alike &= np.isclose(values[:-1], values[1:], SAME_SPEED, 0.0, equal_nan=True)
     first = np.flatnonzero(np.concatenate(([True], ~alike)))
     length = np.add.reduceat(route.length_m, first)
     if float(length.max()) > LONGEST_LINK_M:

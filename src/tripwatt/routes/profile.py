@@ -400,11 +400,7 @@ def ramp_speeds(position: FloatArray, ends: IntArray, free: FloatArray, style: L
 
 
 def number_of_dips(
-    length: FloatArray,
-    time: FloatArray,
-    free: FloatArray,
-    unknown: BoolArray,
-    style: LinkStyle,
+    length: FloatArray, time: FloatArray, free: FloatArray, unknown: BoolArray, style: LinkStyle
 ) -> IntArray:
     """How often the car slows down or stops on each link: once, and more often if there is time left over."""
     up = style.comfort * style.driver.acceleration_m_s2

@@ -290,12 +290,7 @@ def _join(step: FloatArray, time: FloatArray, kind: FloatArray) -> IntArray:
     return np.array(first, dtype=np.int64)
 
 
-def plan_from_track(
-    track: Track,
-    *,
-    trip_id: str = "track",
-    step_s: float = 1.0,
-) -> Plan:
+def plan_from_track(track: Track, *, trip_id: str = "track", step_s: float = 1.0) -> Plan:
     """The speed over time that a track has logged. O(points).
 
     Speed is the change of position over five seconds; below `STANDING_M_S` the car stands.

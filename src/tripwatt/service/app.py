@@ -461,16 +461,16 @@ def add_page(app: FastAPI) -> None:
 def add_handlers(app: FastAPI) -> None:
     """Answer every error with a problem document."""
 
-    async def on_problem(request: Request, error: Exception) -> Response:
-        assert isinstance(error, Problem)
+    @app.exception_handler(Problem)
+    async def on_problem(request: Request, error: Problem) -> Response:
         return error.response(request_id(request))
 
-    async def on_invalid(request: Request, error: Exception) -> Response:
-        assert isinstance(error, InvalidInput)
+    @app.exception_handler(InvalidInput)
+    async def on_invalid(request: Request, error: InvalidInput) -> Response:
         return invalid_input(error.faults).response(request_id(request))
 
-    async def on_http(request: Request, error: Exception) -> Response:
-        assert isinstance(error, HTTPException)
+    @app.exception_handler(HTTPException)
+    async def on_http(request: Request, error: HTTPException) -> Response:
         kind = PROBLEM_KINDS.get(error.status_code, "internal" if error.status_code >= 500 else "bad-request")
         headers = dict(error.headers or {})
         if error.status_code == 405:  # starlette names the methods of the first route of a path alone
@@ -481,15 +481,10 @@ def add_handlers(app: FastAPI) -> None:
         detail = f"the address goes on: {longer[0]}" if error.status_code == 404 and longer else ""
         return Problem(kind, detail, headers=headers).response(request_id(request))
 
-    async def on_parameters(request: Request, error: Exception) -> Response:
-        assert isinstance(error, RequestValidationError)
+    @app.exception_handler(RequestValidationError)
+    async def on_parameters(request: Request, error: RequestValidationError) -> Response:
         faults = [schemas.fault_of(e) for e in error.errors()]
         return invalid_input(faults).response(request_id(request))
-
-    app.add_exception_handler(Problem, on_problem)
-    app.add_exception_handler(InvalidInput, on_invalid)
-    app.add_exception_handler(HTTPException, on_http)
-    app.add_exception_handler(RequestValidationError, on_parameters)
 
 
 if __name__ == "__main__":  # the OpenAPI document of a service with the model of the package

@@ -13,7 +13,7 @@ import orjson
 from tripwatt.errors import Fault
 from tripwatt.service.contract import only
 from tripwatt.service.metrics import Metrics
-from tripwatt.service.pool import WorkerPool
+from tripwatt.service.pool import WorkerPool, cancel
 from tripwatt.service.problems import Problem, invalid_input
 
 QUEUED_JOBS: Final = 1
@@ -113,10 +113,8 @@ async def forecast_lines(
                 return
             yield await running.popleft()
     finally:
-        for task in running:
-            task.cancel()
         with contextlib.suppress(asyncio.CancelledError):
-            await asyncio.gather(*running, return_exceptions=True)
+            await cancel(running)
 
 
 async def _forecast_line(line: bytes, pool: WorkerPool, metrics: Metrics, job: dict[str, Any]) -> bytes:

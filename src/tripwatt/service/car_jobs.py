@@ -208,20 +208,6 @@ def require_folder(folder: Path | None) -> Path:
     return folder
 
 
-def named_folder(folder: Path | None, name: str) -> Path:
-    """The folder of a car of this name, which may not exist.
-
-    Raises
-    ------
-    Problem
-        `no-live` for a service without cars, `no-such-car` for what cannot be a name.
-    """
-    cars = require_folder(folder)
-    if VALID_NAME.fullmatch(name) is None:
-        raise Problem("no-such-car")
-    return cars / name
-
-
 def car_folder(folder: Path | None, name: str) -> Path:
     """The folder of the car of this name.
 
@@ -230,8 +216,8 @@ def car_folder(folder: Path | None, name: str) -> Path:
     Problem
         `no-live` for a service without cars, `no-such-car`.
     """
-    place = named_folder(folder, name)
-    if not is_car(place):
+    place = require_folder(folder) / name
+    if VALID_NAME.fullmatch(name) is None or not is_car(place):
         raise Problem("no-such-car")
     return place
 
@@ -367,14 +353,7 @@ def _files(
         }
         for file in (unread if report is None else report.files)
     ]
-    nothing: dict[str, Any] = {
-        "kind": None,
-        "state": "ignored",
-        "rows": 0,
-        "rows_used": 0,
-        "logs": 0,
-        "faults": [],
-    }
+    nothing: dict[str, Any] = {"state": "ignored", **dict.fromkeys(names[2:], 0), "kind": None, "faults": []}
     return [*shown, *({"name": name, **nothing} for name in ignored)]
 
 

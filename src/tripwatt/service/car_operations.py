@@ -34,7 +34,7 @@ from tripwatt.service.car_schemas import (
 )
 from tripwatt.service.live import LiveCars
 from tripwatt.service.openapi import BINARY, BYTES, JSON, operation
-from tripwatt.service.pool import JobResult, WorkerLost, WorkerPool
+from tripwatt.service.pool import JobResult, WorkerLost, WorkerPool, cancel
 from tripwatt.service.problems import Problem, invalid_input
 from tripwatt.service.receiving import require_accepts
 from tripwatt.service.road_trips import RoadTrips
@@ -104,19 +104,13 @@ class CarOperations:
     async def running(self) -> AsyncIterator[None]:
         """Learn what cars finish on the road; stop with the service: what was learned by then is kept."""
         folder = self.settings.cars
-        watch = (
-            None if folder is None else asyncio.ensure_future(RoadTrips(folder, self.learn_finished).watch())
-        )
+        watched = [] if folder is None else [RoadTrips(folder, self.learn_finished)]
+        watches = [asyncio.ensure_future(road_trips.watch()) for road_trips in watched]
         try:
             yield
         finally:
-            if watch is not None:
-                watch.cancel()
-                await asyncio.gather(watch, return_exceptions=True)
-            tasks = [learning.task for learning in self.learning.values() if learning.task is not None]
-            for task in tasks:
-                task.cancel()
-            await asyncio.gather(*tasks, return_exceptions=True)
+            await cancel(watches)  # first: it starts to learn
+            await cancel(one.task for one in self.learning.values() if one.task is not None)
             if self._started:
                 await self.learners.stop()
 

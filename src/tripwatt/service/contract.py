@@ -46,11 +46,8 @@ def known_parameters(handler: Callable[..., Any], path: str) -> list[Depends]:
         With the most similar name, by the check.
     """
     types = get_type_hints(handler)
-    names = [
-        name
-        for name in inspect.signature(handler).parameters
-        if name != "request" and f"{{{name}}}" not in path
-    ]
+    parameters = inspect.signature(handler).parameters
+    names = [name for name in parameters if name != "request" and f"{{{name}}}" not in path]
     if any(isinstance(types[name], type) and issubclass(types[name], BaseModel) for name in names):
         return []
 

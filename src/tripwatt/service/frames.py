@@ -3,19 +3,13 @@
 from __future__ import annotations
 
 import struct
-from typing import Any, BinaryIO, Final, Protocol
+from asyncio import StreamReader
+from typing import Any, BinaryIO, Final
 
 import orjson
 
 LENGTHS: Final = struct.Struct(">II")
 """Lengths [bytes] of head and body."""
-
-
-class AsyncReader(Protocol):
-    """The part of `asyncio.StreamReader` that `read_frame_async` uses."""
-
-    async def readexactly(self, n: int) -> bytes:
-        """Read exactly `n` bytes."""
 
 
 def encode_frame(head: dict[str, Any], body: bytes) -> bytes:
@@ -46,7 +40,7 @@ def read_frame(stream: BinaryIO) -> tuple[dict[str, Any], bytes] | None:
     return (orjson.loads(text), body) if len(body) == body_bytes else None
 
 
-async def read_frame_async(stream: AsyncReader) -> tuple[dict[str, Any], bytes]:
+async def read_frame_async(stream: StreamReader) -> tuple[dict[str, Any], bytes]:
     """Read the next frame of an asyncio stream.
 
     Raises

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import datetime as dt
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final, TypeVar
@@ -18,11 +18,7 @@ from tripwatt.advice.preheating import before_departure, need_before_departure
 from tripwatt.certification import describe_car
 from tripwatt.errors import Check, Fault, InvalidInput
 from tripwatt.fleet.registry import FollowedModel
-from tripwatt.forecasting import (
-    Forecast,
-    ForecastModel,
-    load_model,
-)
+from tripwatt.forecasting import Forecast, ForecastModel, load_model
 from tripwatt.forecasting.storage import DEFAULT_MODEL
 from tripwatt.journey import range_km
 from tripwatt.live.usual import usual_plan
@@ -59,10 +55,7 @@ from tripwatt.service.schemas import (
 )
 from tripwatt.service.settings import Limits
 from tripwatt.synthetic import example_trip
-from tripwatt.trips import (
-    Plan,
-    plan_from_samples,
-)
+from tripwatt.trips import Plan, plan_from_samples
 from tripwatt.trips.messages import leave_in_words
 from tripwatt.vehicles import Vehicle, find_vehicles, require_vehicle, vehicle_names
 
@@ -162,14 +155,9 @@ class Jobs:
         """
         return JOB_KINDS[job["kind"]](self, job, body)
 
-    def forecast(self, body: bytes) -> dict[str, Any]:
+    def forecast(self, body: bytes, kind: type[ForecastRequest] = ForecastRequest) -> dict[str, Any]:
         """Return the response to a `ForecastRequest`."""
-        request, forecast = self._forecast(body, ForecastRequest)
-        return require_finite(forecast.to_dict(request.reserve, request.probability))
-
-    def update(self, body: bytes) -> dict[str, Any]:
-        """Return the response to an `UpdateRequest`."""
-        request, forecast = self._forecast(body, UpdateRequest)
+        request, forecast = self._forecast(body, kind)
         return require_finite(forecast.to_dict(request.reserve, request.probability))
 
     def difference(self, body: bytes) -> dict[str, Any]:
@@ -328,7 +316,8 @@ class Jobs:
         if isinstance(name, str) and name not in self.fleets and fitted is None:
             label, fitted = self.cars.model(name) or (name, None)
             if fitted is None:
-                faults.append(_unknown("model", name, [*self.models, *self.fleets, *self.cars.names()]))
+                known = [*self.models, *self.fleets, *self.cars.names()]
+                faults.append(Fault.unknown("unknown model", "model", name, known))
         # only names of the library, never a path of a file
         measured = (model.vehicle.name for model in (*self.models.values(), fitted) if model is not None)
         if isinstance(vehicle, str) and vehicle not in (*vehicle_names(), *measured):
@@ -349,7 +338,9 @@ class Jobs:
             raise _no_single_car("both")
         if vehicle is None and figures is None:
             return lambda: fitted
-        described = None if figures is None else _figures(figures)
+        described = _sound(VehicleFigures, figures)
+        if figures is not None and described is None:
+            raise InvalidInput([])
         key = label, vehicle if described is None else described.model_dump_json()
         kept = self.transferred.get(key)
         if kept is not None:
@@ -388,17 +379,14 @@ class Jobs:
             raise InvalidInput.of("no single trip", "samples, links", got, "either samples or links")
         if samples is not None:
             return plan_from_samples(parse_samples(samples, self.limits), "samples")
-        return plan_from_route(parse_links(links, _elevation(document.get("elevation")), self.limits))
+        return plan_from_route(parse_links(links, _sound(Elevation, document.get("elevation")), self.limits))
 
     def summaries(self) -> dict[str, Any]:
         """Return the models with their inputs, provenance and scores; the first is the default."""
-        names = (*self.models, *self.fleets)
-        return {
-            "models": [
-                {"name": name, **model_summary(self.folders.get(name), self.fleets.get(name))}
-                for name in names
-            ]
+        places = {
+            name: (self.folders.get(name), self.fleets.get(name)) for name in (*self.models, *self.fleets)
         }
+        return {"models": [{"name": name, **model_summary(*place)} for name, place in places.items()]}
 
     def vehicles(self, search: str | None = None) -> dict[str, Any]:
         """Return the cars of the library, or those that words find, each with the models fitted on its trips."""
@@ -406,34 +394,18 @@ class Jobs:
         cars |= {name: {*fleet.get().vehicles().values()} for name, fleet in self.fleets.items()}
         by_name = {row["name"]: row for row in vehicles()}
         names = tuple(by_name) if search is None else find_vehicles(search)
-        return {
-            "vehicles": [
-                {**by_name[name], "models": [model for model, its in cars.items() if name in its]}
-                for name in names
-            ]
-        }
+        of_models = {name: [model for model, its in cars.items() if name in its] for name in names}
+        return {"vehicles": [{**by_name[name], "models": models} for name, models in of_models.items()]}
 
 
 def _no_single_car(got: str) -> InvalidInput:
     return InvalidInput.of("no single car", "vehicle, vehicle_figures", got, "one of the two")
 
 
-def _unknown(what: str, name: str, known: Sequence[str]) -> Fault:
-    return Fault.unknown(f"unknown {what}", what, name, known)
-
-
-def _figures(value: Any) -> VehicleFigures:
-    """The figures of a request's car; without a fault of its own where they are wrong: `check_request` names them."""
+def _sound(kind: type[RequestModel], value: Any) -> RequestModel | None:
+    """A field of a request on its own; None where it is left out, or its check will find its faults."""
     try:
-        return VehicleFigures.model_validate(value)
-    except ValidationError as error:
-        raise InvalidInput([]) from error
-
-
-def _elevation(value: Any) -> Elevation | None:
-    """The elevation of a request, None where it is missing or wrong: `check_request` names its faults."""
-    try:
-        return None if value is None else Elevation.model_validate(value)
+        return None if value is None else kind.model_validate(value)
     except ValidationError:
         return None
 
@@ -446,7 +418,7 @@ JOB_KINDS: Final[Mapping[str, Callable[[Jobs, Mapping[str, Any], bytes], dict[st
     "night": lambda jobs, job, body: night(
         jobs.fleets, check_request(parse_json(body), NightRequest), jobs.limits
     ),
-    "update": lambda jobs, job, body: jobs.update(body),
+    "update": lambda jobs, job, body: jobs.forecast(body, UpdateRequest),
     "route": lambda jobs, job, body: read_route(body, job["speed_m_s"], jobs.limits),
     "plan": lambda jobs, job, body: jobs.plan(body),
     "journey difference": lambda jobs, job, body: jobs.journey_difference(body),
@@ -507,15 +479,9 @@ def require_finite(forecast: Mapping[str, Any]) -> dict[str, Any]:
         When a value is not finite: no car can drive the trip.
     """
     scalars = [forecast["energy_wh"], forecast["soc_arrival"], forecast["battery_loss_wh"]]
-    lists = [
-        scalars,
-        forecast["quantiles_wh"].values(),
-        forecast["p_arrive"].values(),
-        *forecast["series"].values(),
-    ]
-    if not all(
-        math.isfinite(sum(values)) for values in lists
-    ):  # one value that is not finite makes the sum so
+    by_name = (forecast[name].values() for name in ("quantiles_wh", "p_arrive"))
+    sums = [sum(values) for values in (scalars, *by_name, *forecast["series"].values())]
+    if not all(map(math.isfinite, sums)):  # one value that is not finite makes the sum so
         raise _no_forecast()
     return dict(forecast)
 

@@ -22,12 +22,7 @@ from tripwatt.journey import (
     journey_with,
     open_atlas,
 )
-from tripwatt.service.journey_schemas import (
-    JourneyAdviceRequest,
-    PlaceRequest,
-    PlanRequest,
-    ReachRequest,
-)
+from tripwatt.service.journey_schemas import JourneyAdviceRequest, PlaceRequest, PlanRequest, ReachRequest
 from tripwatt.service.schemas import departure_of
 from tripwatt.trips import Departure
 
@@ -72,15 +67,7 @@ class JourneyJobs:
 
     def _journey(self, request: PlanRequest, forecaster: RoadForecaster) -> Journey:
         atlas = self._atlas()
-        options = JourneyOptions(
-            request.reserve,
-            request.alternatives,
-            request.round_trip,
-            request.answers,
-            charge=request.charge,
-            stop_overhead_s=request.stop_overhead_s,
-            preheat_battery=request.preheat_battery,
-        )
+        options = JourneyOptions(**request.model_dump(include={*JourneyOptions.__slots__}))
         stops = find_stops([place_of(stop) for stop in request.stops], atlas, round_trip=request.round_trip)
         return journey_with(forecaster, stops, atlas, options)
 
@@ -101,23 +88,21 @@ class JourneyJobs:
     def tile(self, zoom: int, column: int, row: int) -> bytes:
         """Return a vector tile of the roads; empty where there are none."""
         size = 2**zoom
-        faults = [
+        raise_faults(
             Fault("tile out of range", name, str(value), f"0 to {size - 1} at zoom {zoom}")
             for name, value in (("column", column), ("row", row))
             if value >= size
-        ]
-        raise_faults(faults)
+        )
         return self._atlas().tile(zoom, column, row)
 
     def view(self, bounds_deg: Sequence[float], limit: int) -> dict[str, Any]:
         """Return settlements and charging stations inside of south, west, north and east."""
         south, west, north, east = bounds_deg
-        faults = [
+        raise_faults(
             Fault("bounds in the wrong order", name, f"{low:g} to {high:g}", "the smaller first")
             for name, low, high in (("south, north", south, north), ("west, east", west, east))
             if low > high
-        ]
-        raise_faults(faults)
+        )
         atlas, bounds = self._atlas(), (south, west, north, east)
         return {
             "settlements": [place.to_dict() for place in atlas.settlements(bounds, limit)],

@@ -73,11 +73,7 @@ def examples() -> dict[str, dict[str, Any]]:
             "distance_m": trip.distance_m,
             "ambient_temperature_degc": at_departure.get("ambient_temperature_degc"),
             "observed_energy_wh": trip.observed_energy_wh,
-            "request": {
-                "trip": trip.trip_id,
-                "samples": columns_of(trip.samples[route]),
-                **at_departure,
-            },
+            "request": {"trip": trip.trip_id, "samples": columns_of(trip.samples[route]), **at_departure},
             "observed": columns_of(trip.samples[measured]),
         }
     return by_trip

@@ -26,7 +26,7 @@ from tripwatt.live import RoadCar, Sample, has_token, is_car
 from tripwatt.live.tokens import digest_of, token_digest
 from tripwatt.service.car_jobs import CarJobs
 from tripwatt.service.jobs import Jobs
-from tripwatt.service.pool import JobResult, WorkerPool
+from tripwatt.service.pool import JobResult, WorkerPool, cancel
 from tripwatt.service.problems import Problem, fault_document
 from tripwatt.service.settings import Settings
 
@@ -163,17 +163,14 @@ class LiveCars:
         except OSError as error:
             raise self._not_stored("message", car, error) from error
         if arrival == "late":
-            allowed, fix = (
-                "the time of a message that fits the trip",
-                "send messages in the order of their times",
-            )
+            allowed = "the time of a message that fits the trip"
+            fix = "send messages in the order of their times"
             raise InvalidInput.of("message too late", "utc", f"{sample.time_s:.3f}", allowed, fix)
         ignored = [fault_document(fault) for fault in sample.faults]
-        status = "held" if arrival == "held" else "ok"
+        names = {"car": car.name, "vehicle": car.name}
         return {
-            "status": status,
-            "car": car.name,
-            "vehicle": car.name,
+            "status": "held" if arrival == "held" else "ok",
+            **names,
             "arrival": arrival,
             "ignored": ignored,
         }
@@ -358,9 +355,7 @@ class LiveCars:
         try:
             yield
         finally:
-            for task in tasks:
-                task.cancel()
-            await asyncio.gather(*tasks, return_exceptions=True)
+            await cancel(tasks)
             self.close()
 
     def close(self) -> None:

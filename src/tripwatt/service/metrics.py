@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Final
 
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, generate_latest
@@ -18,34 +19,24 @@ class Metrics:
     """
 
     def __init__(self) -> None:
-        registry = CollectorRegistry()
-        self.registry = registry
-        self.requests = Counter(
-            "tripwatt_requests", "Requests with a response.", ("route", "method", "status"), registry=registry
+        self.registry = CollectorRegistry()
+        counter, gauge = partial(Counter, registry=self.registry), partial(Gauge, registry=self.registry)
+        histogram = partial(Histogram, registry=self.registry, buckets=BUCKETS_S)
+        self.requests = counter(
+            "tripwatt_requests", "Requests with a response.", ("route", "method", "status")
         )
-        self.duration = Histogram(
+        self.duration = histogram(
             "tripwatt_request_seconds",
             "Time from the head of a request to the end of its response.",
             ("route",),
-            buckets=BUCKETS_S,
-            registry=registry,
         )
-        self.job_seconds = Histogram(
-            "tripwatt_work_seconds",
-            "Computing time of a job.",
-            ("kind",),
-            buckets=BUCKETS_S,
-            registry=registry,
-        )
-        self.trips = Counter("tripwatt_trips", "Trips in batches.", ("outcome",), registry=registry)
-        self.running = Gauge(
-            "tripwatt_requests_running", "Requests without a complete response.", registry=registry
-        )
-        self.waiting = Gauge("tripwatt_jobs_waiting", "Jobs that wait for a worker.", registry=registry)
-        self.workers = Gauge("tripwatt_workers_ready", "Workers that are ready.", registry=registry)
-        self.lost = Gauge("tripwatt_workers_lost", "Workers lost since the start.", registry=registry)
-        about = Gauge("tripwatt_info", "The running version.", ("version",), registry=registry)
-        about.labels(tripwatt.__version__).set(1)
+        self.job_seconds = histogram("tripwatt_work_seconds", "Computing time of a job.", ("kind",))
+        self.trips = counter("tripwatt_trips", "Trips in batches.", ("outcome",))
+        self.running = gauge("tripwatt_requests_running", "Requests without a complete response.")
+        self.waiting = gauge("tripwatt_jobs_waiting", "Jobs that wait for a worker.")
+        self.workers = gauge("tripwatt_workers_ready", "Workers that are ready.")
+        self.lost = gauge("tripwatt_workers_lost", "Workers lost since the start.")
+        gauge("tripwatt_info", "The running version.", ("version",)).labels(tripwatt.__version__).set(1)
 
     def render(self) -> bytes:
         """Return all metrics in the text format of Prometheus."""

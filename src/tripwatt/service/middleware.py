@@ -191,10 +191,8 @@ class ServiceMiddleware:
         # the time of the comparison does not depend on the token
         same = hmac.compare_digest(token.strip().encode("utf-8", "replace"), self.token)
         if kind.lower() != "bearer" or not same:
-            challenge = 'Bearer realm="tripwatt"'
-            raise Problem(
-                "token-needed", "Authorization: Bearer ...", headers={"WWW-Authenticate": challenge}
-            )
+            challenge = {"WWW-Authenticate": 'Bearer realm="tripwatt"'}
+            raise Problem("token-needed", "Authorization: Bearer ...", headers=challenge)
 
 
 def _check_site(headers: Headers, allowed: Sequence[str]) -> None:

@@ -10,7 +10,7 @@ import contextlib
 import os
 import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
 from typing import Any, Final
 
@@ -36,6 +36,24 @@ KILL_SIGNALS: Final = (-signal.SIGKILL, -signal.SIGTERM) if sys.platform != "win
 FIRST_RESTART_DELAY_S: Final = 0.1
 MAX_RESTART_DELAY_S: Final = 10.0
 """Delay before another start, after several that failed."""
+
+
+async def cancel(tasks: Iterable[asyncio.Task[Any]]) -> None:
+    """Cancel tasks and wait for their end.
+
+    Parameters
+    ----------
+    tasks : iterable of Task
+        Those that have ended stay as they are.
+
+    Examples
+    --------
+    >>> asyncio.run(cancel([]))
+    """
+    listed = list(tasks)
+    for task in listed:
+        task.cancel()
+    await asyncio.gather(*listed, return_exceptions=True)
 
 
 @dataclass(frozen=True, slots=True)
@@ -194,9 +212,7 @@ class WorkerPool:
 
     async def stop(self) -> None:
         """Stop all workers. Requests that still wait for a job have to be finished before."""
-        for task in list(self._tasks):
-            task.cancel()
-        await asyncio.gather(*self._tasks, return_exceptions=True)
+        await cancel(self._tasks)
         await asyncio.gather(*(worker.stop() for worker in list(self._workers)))
         self._workers.clear()
 

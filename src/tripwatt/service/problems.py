@@ -95,10 +95,8 @@ class Problem(Exception):
         """
         status, title = TITLES[self.kind]
         document: dict[str, Any] = {"type": f"/problems/{self.kind}", "title": title, "status": status}
-        if self.detail:
-            document["detail"] = self.detail
-        if instance:
-            document["instance"] = instance
+        texts = {"detail": self.detail, "instance": instance}
+        document |= {name: text for name, text in texts.items() if text}
         if self.faults:
             document["faults"] = [_with_pointer(fault_document(fault)) for fault in self.faults[:MAX_FAULTS]]
             unlisted = len(self.faults) - MAX_FAULTS

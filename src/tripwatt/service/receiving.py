@@ -94,11 +94,8 @@ class Arrivals:
             async with asyncio.timeout(timeout_s) as deadline:
                 await self._take_all(request, limit, deadline, take)
         except TimeoutError:
-            raise Problem(
-                "body-late",
-                f"slower than others, or longer than {timeout_s:g} s",
-                headers={"Connection": "close"},
-            ) from None
+            detail = f"slower than others, or longer than {timeout_s:g} s"
+            raise Problem("body-late", detail, headers={"Connection": "close"}) from None
         except ClientDisconnect:
             raise Problem("bad-request", "the body is incomplete") from None
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import datetime as dt
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from types import NoneType
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, TypeVar
 
@@ -53,19 +53,13 @@ def _columns_schema(required: list[str], min_items: int, meaning: str) -> dict[s
     properties = {}
     named = {**COLUMNS, BMS_SOC: COLUMNS["soc"]}
     for name, column in named.items():
-        item: dict[str, Any] = {"type": "number" if name in required else ["number", "null"]}
-        if name == "time_s":
-            item["minimum"] = 0.0
-        else:
-            item |= {"minimum": column.minimum, "maximum": column.maximum}
-        properties[name] = {
-            "type": "array",
-            "items": item,
-            "minItems": min_items,
-            "description": f"deprecated: old name of `{BMS_SOC}`"
-            if name == "soc"
-            else f"{column.meaning} [{column.unit}]",
-        }
+        bounds = {"minimum": column.minimum, "maximum": column.maximum}
+        kind = {"type": "number" if name in required else ["number", "null"]}
+        item = kind | ({"minimum": 0.0} if name == "time_s" else bounds)
+        meant = (
+            f"deprecated: old name of `{BMS_SOC}`" if name == "soc" else f"{column.meaning} [{column.unit}]"
+        )
+        properties[name] = {"type": "array", "items": item, "minItems": min_items, "description": meant}
     return {
         "type": "object",
         "properties": properties,
@@ -147,17 +141,11 @@ class StrictModel(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _null_under_another_name_is_left_out(cls, data: Any) -> Any:
-        choices = [
-            f.validation_alias.choices
-            for f in cls.model_fields.values()
-            if isinstance(f.validation_alias, AliasChoices)
-        ]
-        names = {name for of_field in choices for name in of_field}
-        return (
-            {k: v for k, v in data.items() if v is not None or k not in names}
-            if isinstance(data, dict)
-            else data
-        )
+        if not isinstance(data, dict):
+            return data
+        aliases = (field.validation_alias for field in cls.model_fields.values())
+        names = {name for alias in aliases if isinstance(alias, AliasChoices) for name in alias.choices}
+        return {k: v for k, v in data.items() if v is not None or k not in names}
 
     @field_validator("reserve", mode="before", check_fields=False)
     @classmethod
@@ -543,28 +531,22 @@ def parse_links(links: Any, elevation: Elevation | None, limits: Limits) -> Link
     require_duration(route.duration_s, "links", limits)
     if elevation is None:
         return route
-    position_m, elevation_m = np.array(elevation.position_m), np.array(elevation.elevation_m)
-    faults = []
-    if position_m.shape != elevation_m.shape or len(position_m) > limits.samples:
-        got = f"{len(position_m)} positions and {len(elevation_m)} elevations"
-        faults.append(
-            Fault(
-                "positions and elevations differ in number",
-                "elevation",
-                got,
-                f"equal numbers, at most {limits.samples}",
-            )
+    raise_faults(_elevation_faults(links, elevation, limits.samples))
+    return route_with_elevation(route, np.array(elevation.position_m), np.array(elevation.elevation_m))
+
+
+def _elevation_faults(links: list[Any], elevation: Elevation, most: int) -> Iterator[Fault]:
+    position, heights = elevation.position_m, elevation.elevation_m
+    if len(position) != len(heights) or len(position) > most:
+        got, allowed = (
+            f"{len(position)} positions and {len(heights)} elevations",
+            f"equal numbers, at most {most}",
         )
-    if (np.diff(position_m) < 0).any() or position_m[0] < 0:
-        faults.append(
-            Fault("position decreases", "elevation.position_m", "", "0 m or more, never decreasing")
-        )
+        yield Fault("positions and elevations differ in number", "elevation", got, allowed)
+    if position[0] < 0 or position != sorted(position):
+        yield Fault("position decreases", "elevation.position_m", "", "0 m or more, never decreasing")
     if any("start_elevation_m" in link or "grade" in link for link in links):
-        faults.append(
-            Fault("elevation given twice", "elevation", "links with elevations or grades", "one of the two")
-        )
-    raise_faults(faults)
-    return route_with_elevation(route, position_m, elevation_m)
+        yield Fault("elevation given twice", "elevation", "links with elevations or grades", "one of the two")
 
 
 def require_duration(duration_s: float, where: str, limits: Limits) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime as dt
 import json
 import logging
 import re
@@ -9,7 +10,7 @@ import signal
 import socket
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, Final
 
 from tripwatt.errors import Fault, InvalidInput, raise_faults, system_errors
@@ -43,32 +44,23 @@ def require_safe(settings: Settings) -> None:
     ...
     tripwatt.errors.InvalidInput: token is missing: --host...
     """
-    faults = []
+    raise_faults(_unsafe_faults(settings))
+
+
+def _unsafe_faults(settings: Settings) -> Iterator[Fault]:
     if not is_loopback(settings.host) and not settings.token:
         fix = f"set {TOKEN_VARIABLE} to a token of {MIN_TOKEN_LENGTH} characters or more"
-        faults.append(
-            Fault("token is missing", "--host", settings.host, "a loopback address without a token", fix)
-        )
+        yield Fault("token is missing", "--host", settings.host, "a loopback address without a token", fix)
     if settings.token and (len(settings.token) < MIN_TOKEN_LENGTH or not settings.token.isprintable()):
-        allowed = f"{MIN_TOKEN_LENGTH} printable characters or more"
-        faults.append(
-            Fault(
-                "token is too short or not printable",
-                TOKEN_VARIABLE,
-                f"{len(settings.token)} characters",
-                allowed,
-            )
-        )
+        got, allowed = f"{len(settings.token)} characters", f"{MIN_TOKEN_LENGTH} printable characters or more"
+        yield Fault("token is too short or not printable", TOKEN_VARIABLE, got, allowed)
     if settings.workers < 1:
-        faults.append(Fault("no workers", "--workers", f"{settings.workers}", "1 or more"))
+        yield Fault("no workers", "--workers", f"{settings.workers}", "1 or more")
     if not re.fullmatch(r"(/[\w.~-]+)*", settings.prefix, re.ASCII):
-        faults.append(Fault("no path", "--prefix", settings.prefix, "a path such as /tripwatt"))
-    faults += [
-        Fault("no origin", "--cors-origin", origin, "an origin such as https://example.org")
-        for origin in settings.cors_origins
-        if not re.fullmatch(r"https?://[^/?#*\s]+", origin)
-    ]
-    raise_faults(faults)
+        yield Fault("no path", "--prefix", settings.prefix, "a path such as /tripwatt")
+    for origin in settings.cors_origins:
+        if not re.fullmatch(r"https?://[^/?#*\s]+", origin):
+            yield Fault("no origin", "--cors-origin", origin, "an origin such as https://example.org")
 
 
 def open_socket(settings: Settings) -> socket.socket:
@@ -141,10 +133,7 @@ def serve(settings: Settings, on_start: Callable[[str], None] = lambda url: None
             lifespan="on",
         )
         logging.getLogger("uvicorn").addHandler(_JsonHandler())
-        for number in (
-            signal.SIGINT,
-            signal.SIGTERM,
-        ):  # the server raises the signals again after its shutdown
+        for number in (signal.SIGINT, signal.SIGTERM):  # the server raises them again after its shutdown
             signal.signal(number, lambda *_: None)
         server = Server(config)
         server.run(sockets=[listener])
@@ -160,13 +149,9 @@ def log_json(**record: Any) -> None:
     **record : object
         Values that JSON can hold; `event` is `request` by default.
     """
-    text = json.dumps({"time": _now(), "event": "request", **record}, ensure_ascii=True)
-    sys.stderr.write(text + "\n")
-
-
-def _now() -> str:
-    now = time.time()
-    return time.strftime("%Y-%m-%dT%H:%M:%S", time.gmtime(now)) + f".{int(now % 1 * 1000):03d}Z"
+    at = dt.datetime.fromtimestamp(time.time(), dt.UTC).replace(tzinfo=None)
+    line = {"time": f"{at.isoformat(timespec='milliseconds')}Z", "event": "request", **record}
+    sys.stderr.write(json.dumps(line, ensure_ascii=True) + "\n")
 
 
 class _JsonHandler(logging.Handler):

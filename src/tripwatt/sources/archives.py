@@ -138,7 +138,8 @@ def unpacked(path: Path | str, faults: list[Fault] | None = None) -> Iterator[Pa
 def _tables(place: Path, data: bytes, folder: Path, budget: Budget) -> Iterator[Path]:
     kind = place.suffix.lower()
     if kind == ARCHIVE:
-        yield from _from_archive(place, data, folder, budget)
+        for name, member in _members(place, data, budget):
+            yield from _tables(Path(name), member, folder, budget)
     elif kind == WORKBOOK:
         yield from _from_workbook(place, data, folder, budget)
     elif kind in SUFFIXES:
@@ -198,11 +199,6 @@ def _names(wanted: Path) -> Iterator[Path]:
 def _is_table(name: str) -> bool:
     is_hidden = _last_part(name).startswith((".", "~")) or "__MACOSX" in name
     return not is_hidden and PurePosixPath(name).suffix.lower() in (*SUFFIXES, WORKBOOK)
-
-
-def _from_archive(place: Path, data: bytes, folder: Path, budget: Budget) -> Iterator[Path]:
-    for name, member in _members(place, data, budget):
-        yield from _tables(Path(name), member, folder, budget)
 
 
 def _members(place: Path, data: bytes, budget: Budget) -> Iterator[tuple[str, bytes]]:

@@ -13,14 +13,7 @@ from tripwatt.arrays import FloatArray
 from tripwatt.errors import Fault, InvalidInput, and_more, raise_faults
 from tripwatt.sources.columnar import CsvTable, TableFile, open_table
 from tripwatt.sources.delimited import open_delimited
-from tripwatt.trips import (
-    COLUMNS,
-    REQUIRED_COLUMNS,
-    is_sound,
-    structure_faults,
-    table_of,
-    value_faults,
-)
+from tripwatt.trips import COLUMNS, REQUIRED_COLUMNS, is_sound, structure_faults, table_of, value_faults
 from tripwatt.trips.headers import header_faults, same_quantity
 
 LEAST_SAMPLES: Final = 3

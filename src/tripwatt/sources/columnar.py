@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import io
+import itertools
 import os
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence, Sized
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -28,6 +29,7 @@ from tripwatt.sources.delimited import (
     sections,
 )
 from tripwatt.trips import raise_faults
+from tripwatt.trips.reading import FileReading
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -35,6 +37,7 @@ if TYPE_CHECKING:
 
 Item = TypeVar("Item")
 Read = TypeVar("Read")
+Rows = TypeVar("Rows", bound=Sized)
 
 PARQUET: Final = ".parquet"
 SUFFIXES: Final = (".csv", ".tsv", ".txt", PARQUET)
@@ -324,6 +327,50 @@ def read_all(read: Callable[[Item], Read], items: Iterable[Item]) -> list[Read]:
     """Results of reading items side by side, in their order."""
     with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
         return list(pool.map(read, items))
+
+
+def read_folder(
+    read: Callable[[str, Path, list[Fault] | None], Rows],
+    files: Mapping[str, Path],
+    *,
+    strict: bool,
+    faults: Iterable[Fault] = (),
+) -> tuple[dict[str, Rows], list[FileReading]]:
+    """What is read of each file, side by side, and what became of the files.
+
+    Parameters
+    ----------
+    read : callable
+        Takes the name of a file, its path and a list for faults that it can do without; None stands for: raise them.
+    files : mapping of str to path
+    strict : bool
+        Raise every fault of all files.
+    faults : iterable of Fault
+        Others, which are raised together with those of the files.
+
+    Raises
+    ------
+    InvalidInput
+        When no file can be read, or with `strict`.
+    """
+    kept: dict[str, list[Fault]] = {name: [] for name in files}
+
+    def read_one(name: str) -> Rows | None:
+        try:
+            return read(name, files[name], None if strict else kept[name])
+        except InvalidInput as error:
+            kept[name] += error.faults
+            return None
+
+    made = dict(zip(files, read_all(read_one, files), strict=True))
+    whole = {name: rows for name, rows in made.items() if rows is not None}
+    raise_faults([*faults, *itertools.chain(*kept.values())] if strict or not whole else ())
+    counts = {name: len(whole.get(name, ())) for name in files}
+    readings = [
+        FileReading(path.name, counts[name], counts[name], int(name in whole), tuple(kept[name]))
+        for name, path in files.items()
+    ]
+    return whole, readings
 
 
 def require_folder(folder: Path, allowed: str, fix: str) -> None:

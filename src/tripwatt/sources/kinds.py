@@ -124,9 +124,7 @@ def proposed_kinds(
     kinds = []
     for number, (_, files) in enumerate(groups):
         kept = [file for file in files if file.name not in ignored]
-        kept.sort(
-            key=lambda file: bool(headers[file][1])
-        )  # a file with a header of its own is looked at first
+        kept.sort(key=lambda file: bool(headers[file][1]))  # those with a header of their own first
         kind = Kind({file: headers[file][1] for file in sorted(kept)}, headers[(kept or files)[0]][0])
         change = (changes or {}).get(number, Changes())
         kinds.append(_with_mapping(kind, kept, vehicle, change) if kept else kind)
@@ -137,16 +135,10 @@ def proposed_kinds(
 def _with_mapping(kind: Kind, files: Sequence[Path], vehicle: Vehicle | None, changes: Changes) -> Kind:
     try:
         own = [name for name in kind.names if name in COLUMNS]
-        proposal = (
-            None
-            if set(NEEDED) <= set(own)
-            else suggest_mapping(files[0], kind.files[files[0]], beside=files[1:])
-        )
-        tables = (
-            {"columns": {n: {"column": n} for n in own}}
-            if proposal is None
-            else parse_toml(proposal.toml, "mapping")
-        )
+        proposal, tables = None, {"columns": {n: {"column": n} for n in own}}
+        if not set(NEEDED) <= set(own):
+            proposal = suggest_mapping(files[0], kind.files[files[0]], beside=files[1:])
+            tables = parse_toml(proposal.toml, "mapping")
         trip = tables.pop("trip", {})  # files that are read by themselves are of one vehicle
         tables |= {"trip": {"column": trip["column"]}} if "column" in trip else {}
         tables, assumed = _changed(tables, changes, vehicle)
@@ -204,10 +196,7 @@ def _headers(
             else:
                 found[file] = open_delimited(file, file_head(file, HEAD_BYTES)).names, ()
         except InvalidInput as error:
-            if error.faults[0].what == "no header":
-                bare[file] = error.faults
-            else:
-                faults[file] = error.faults
+            (bare if error.faults[0].what == "no header" else faults)[file] = error.faults
     for file, its in bare.items():
         place = ordered.index(file)
         near = [*reversed(ordered[:place]), *ordered[place + 1 :]]

@@ -3,133 +3,41 @@
 from __future__ import annotations
 
 import re
+import tomllib
 import unicodedata
 from collections.abc import Mapping, Sequence
-from typing import Final
+from functools import cache
+from importlib import resources
+from types import MappingProxyType
+from typing import Any, Final
 
-from tripwatt.sources.mapping import POWER, UNITS
-
-_PACK: Final = r"\b(hv|pack|traction|batt?(ery|erie)?|bms|akku|dc)\b.*"
-
-NAMES: Final[Mapping[str, tuple[str, ...]]] = {
-    "time_s": (
-        r"^(unix )?(time ?stamp|date ?time|zeitstempel|epoch|utc)\b",
-        r"^(elapsed |unix |gps |device |local |log )?(time|zeit|temps|tiempo|tijd)\b",
-        r"\b(time|timestamp|zeit|uhrzeit|date|datum)\b|^elapsed",
-        r"^(t|ts|sec|secs|seconds|sekunden|date|clock)$",
-    ),
-    "speed_m_s": (
-        r"\b(vehicle|veh|car|wheel|fahrzeug) ?(speed|spd|velocity|geschwindigkeit)\b",
-        r"^(speed|spd|velocity|velo|geschwindigkeit|vitesse|velocidad|snelheid|v)$",
-        r"\b(speed|spd|velocity|geschwindigkeit|vitesse|velocidad|snelheid)\b",
-        r"^v veh\b|^v fzg\b|^veh v\b",
-        r"^(kmh|kph|mph)$",
-    ),
-    "voltage_v": (
-        _PACK + r"\b(voltage|volts?|spannung|tension|u|v)\b",
-        r"\b(u|v) ?(hv|pack|batt?(ery)?|bms|dc)\b",
-        r"\b(voltage|spannung|tension)\b",
-        r"^(volts?|u|vbat|vbatt|ubat|ubatt)$",
-    ),
-    "current_a": (
-        _PACK + r"\b(current|amps?|amperes?|strom|courant|i|a)\b",
-        r"\bi ?(hv|pack|batt?(ery)?|bms|dc)\b",
-        r"\b(current|strom|courant)\b",
-        r"^(amps?|amperes?|i|ibat|ibatt)$",
-    ),
-    POWER: (_PACK + r"\b(power|leistung|puissance|p)\b", r"^(power|leistung|puissance|p)$"),
-    "displayed_soc": (
-        r"\bdisplay(ed)?\b.*\b(soc|state of charge)\b",
-        r"\busable\b.*\b(level|soc)\b",
-        r"\b(soc|state of charge)\b.*\bdisplay(ed)?\b",
-        r"\b(soc|state of charge)\b.*\bdash(board)?\b",
-        r"\b(soc|ladezustand)\b.*\banzeige\b|\banzeige\b.*\b(soc|ladezustand)\b",
-    ),
-    "soc": (
-        r"\bsoc\b",
-        r"\bstate of charge\b",
-        r"\b(battery|charge) ?level\b",
-        r"\bladezustand\b",
-    ),
-    "elevation_m": (
-        r"\b(elevation|elev|elv|altitude|alt|height|hohe|hoehe|hoogte|altitud)\b",
-        r"^z$",
-    ),
-    "grade": (r"\b(grade|slope|inclination|steigung|pente)\b",),
-    "ambient_temperature_degc": (
-        r"\b(ambient|outside|outdoor|oat|aussentemperatur|aussen|exterieure?|exterior|external|umgebung\w*)\b",
-        r"\b(t|temp|temperature) ?(amb|ambient|out|outside|ext|env|air)\b",
-        r"\b(amb|out|ext|env|air) ?(t|temp|temperature)\b",
-        r"^tamb$|^tout$|^text$|^weather temp|^v e temp$",
-        r"^(t|temp|temperature|temperatur)$",
-    ),
-    "cabin_temperature_degc": (
-        r"\b(cabin|interior|innenraum|habitacle)\b",
-        r"\binnentemp\w*\b|\bcabintemp\b",
-        r"\binside ?temp",
-        r"\b(t|temp) ?(cabin|in|inside)\b",
-    ),
-    "battery_temperature_degc": (
-        r"\bbatt?(ery|erie)?\b.*\b(temp|temperature|temperatur|t)\b",
-        r"\b(t|temp|temperature)\b.*\bbatt?(ery|erie)?\b",
-        r"^v b temp$",
-        r"^pack t\d? c$",
-    ),
-    "motor_torque_nm": (r"\b(torque|drehmoment|couple)\b",),
-    "heating_power_w": (
-        r"\bheat(er|ing)? ?power\b",
-        r"\bheizleistung\b",
-        r"\bptc ?power\b",
-        r"\bpwr htr\b",
-    ),
-    "aircon_power_w": (r"\b(air ?con\w*|a c|ac) ?power\b", r"\bpwr a c\b"),
-    "climate_power_w": (r"\b(climate|hvac) ?(control )?power\b",),
-}
-"""What loggers call our columns, the likeliest first; matched on `words`."""
-
-_OTHER: Final = re.compile(
-    r"\b(id|range|reichweite|odo\w*|mileage|kilometerstand|lat|lon|lng|long|latitude|longitude|heading|bearing|pressure|"
-    r"tp|fan|cp\d*|gids|soh|hx|rpm)\b"
-)
-"""Words of columns that hold something else of a car than any of ours, whatever their values look like."""
-
-_NEVER: Final = (
-    r"\b(12 ?v|lv|aux\w*|modul\w*|cell|cells|zelle\w*|min|max|avg|charger|obd|adapter|requested|request|target|"
-    r"set ?point|limit|lim|soll)\b"
-)
-_NOT: Final[Mapping[str, str]] = {
-    "time_s": r"\b(remaining|duration|step|delta|zone|to)\b",
-    "speed_m_s": r"\b(motor|engine|rpm|wind|fan|compressor|pump|gps accuracy)\b",
-    "voltage_v": r"\b(motor|inverter|ac|phase|outlet|temp\w*)\b",
-    "current_a": r"\b(motor|inverter|ac|phase|outlet|temp\w*|speed|trip|drive)\b",
-    POWER: r"\b(motor|inverter|ac|heat\w*|air|climate|hvac)\b",
-    "soc": r"\b(charging)\b",
-    "ambient_temperature_degc": r"\b(batt\w*|motor|inverter|coolant|cabin|pressure|brightness|humidity)\b",
-    "cabin_temperature_degc": r"\b(batt\w*|motor|humidity)\b",
-    "battery_temperature_degc": r"\b(ambient|outside)\b",
-}
-"""Words of columns that share a name with ours but are something else."""
+from tripwatt.sources.mapping import UNITS
 
 _SHOWN: Final = re.compile(r"[(\[]\s*display(ed)?\s*[)\]]", re.IGNORECASE)
 
-_SPELLINGS: Final = {
-    "km/h": ("kmh", "kph", "kmph", "kmhr", "km h", "km/hr"),
-    "m/s": ("mps", "m s", "meters/second"),
-    "mph": ("mi/h", "miles/h"),
-    "v": ("volt", "volts"),
-    "a": ("amp", "amps", "ampere", "amperes"),
-    "degc": ("celsius", "deg c", "grad c", "°c", "\ufffdc", "?c"),
-    "degf": ("fahrenheit", "deg f", "°f"),
-    "k": ("kelvin",),
-    "%": ("pct", "percent", "prozent"),
-    "m": ("meter", "meters", "metres"),
-    "ft": ("feet", "foot"),
-    "w": ("watt", "watts"),
-    "s": ("sec", "secs", "seconds"),
-    "ms": ("msec", "millis"),
-    "min": ("minutes",),
-}
-_UNIT_WORDS: Final = {spelling: unit for unit, spellings in _SPELLINGS.items() for spelling in spellings}
+
+@cache
+def _vocabulary() -> dict[str, Any]:
+    """The tables of `names.toml`."""
+    return tomllib.loads((resources.files("tripwatt.sources") / "names.toml").read_text("utf-8"))
+
+
+@cache
+def column_names() -> Mapping[str, tuple[str, ...]]:
+    """Our columns in the order in which they are looked for, and what loggers call them, the likeliest first."""
+    pack = _vocabulary()["pack"]
+    return MappingProxyType(
+        {
+            ours: tuple(name.replace("PACK", pack) for name in about["names"])
+            for ours, about in _vocabulary()["columns"].items()
+        }
+    )
+
+
+@cache
+def _unit_words() -> Mapping[str, str]:
+    """Other spelling -> unit."""
+    return {text: unit for unit, texts in _vocabulary()["spellings"].items() for text in texts}
 
 
 def words(name: str) -> str:
@@ -166,7 +74,7 @@ def units_in(name: str) -> tuple[str, ...]:
 
 def _unit(text: str) -> str:
     unit = " ".join(text.casefold().replace("º", "°").split())
-    return _UNIT_WORDS.get(unit, unit)
+    return _unit_words().get(unit, unit)
 
 
 def unit_in(ours: str, name: str) -> str | None:
@@ -203,7 +111,7 @@ def is_something_else(name: str) -> bool:
     >>> is_something_else("ideal_battery_range_km"), is_something_else("odometer"), is_something_else("a4")
     (True, True, False)
     """
-    return _OTHER.search(words(name)) is not None
+    return re.search(_vocabulary()["other"], words(name)) is not None
 
 
 def candidates(ours: str, names: Sequence[str]) -> list[str]:
@@ -216,9 +124,10 @@ def candidates(ours: str, names: Sequence[str]) -> list[str]:
     """
     if ours in names:
         return [ours]
-    forbidden = re.compile(f"{_NEVER}|{_NOT[ours]}" if ours in _NOT else _NEVER)
+    own = _vocabulary()["columns"][ours].get("not")
+    forbidden = re.compile("|".join(filter(None, (_vocabulary()["never"], own))))
     likely: dict[str, None] = {}
-    for pattern in NAMES[ours]:
+    for pattern in column_names()[ours]:
         for name in names:
             shown = _SHOWN.search(name) is not None  # "State of charge (display)": brackets are no unit here
             if ours == "soc" and shown:

@@ -214,10 +214,8 @@ def _read_long(file: RawFile, table: TableFile) -> None:
             continue
         values, bad = numbers_of(texts[rows].tolist(), mapping.decimal)
         if bad:
-            where, got = (
-                f"{table.path} signal {entry.column!r}",
-                repr(texts[rows[bad[0]]][:40]) + and_more(bad),
-            )
+            where = f"{table.path} signal {entry.column!r}"
+            got = repr(texts[rows[bad[0]]][:40]) + and_more(bad)
             file.faults.append(Fault("not a number", where, got, "a number", count=len(bad)))
         file.values[ours] = np.full(len(times), np.nan)
         file.values[ours][index[rows]] = values

@@ -16,9 +16,7 @@ from tripwatt.arrays import FloatArray
 from tripwatt.errors import or_none
 from tripwatt.sources.columnar import TableFile
 from tripwatt.sources.evidence import SPEED_UNITS
-from tripwatt.sources.mapping import M_S_PER_MPH
 from tripwatt.sources.naming import unit_in, words
-from tripwatt.units import M_S_PER_KM_H
 
 PLACES: Final = (
     re.compile(r"^(gps |v p |position )?(lat|latitude)\b"),
@@ -88,9 +86,7 @@ def speed_unit_of(assumed: str, ways: Iterable[Ways]) -> str:
     ('mph', 'km/h')
     """
     sums = np.array([(w.speed_at_positions, w.positions, w.speed_at_odometer, w.odometer) for w in ways])
-    now = {"kmh": M_S_PER_KM_H, "kph": M_S_PER_KM_H, "mph": M_S_PER_MPH}.get(assumed) or SPEED_UNITS.get(
-        assumed
-    )
+    now = SPEED_UNITS.get({"kmh": "km/h", "kph": "km/h"}.get(assumed, assumed))
     if not len(sums) or now is None:
         return assumed
     total = sums.sum(axis=0)
@@ -125,9 +121,8 @@ def air_unit_of(assumed: str, air: Sequence[FloatArray], battery_degc: Sequence[
             as_c = float(np.median(np.abs(values[both] - battery[both])))
             as_f = float(np.median(np.abs((values[both] - 32.0) / 1.8 - battery[both])))
             if min(as_c, as_f) < CLEARER * max(as_c, as_f):
-                return (
-                    assumed if (as_f < as_c) == (assumed.endswith("f")) else "degf" if as_f < as_c else "degc"
-                )
+                now = "f" if as_f < as_c else "c"
+                return assumed if assumed.endswith(now) else f"deg{now}"
             return assumed
     hot = float(np.quantile(values[known], 0.98)) > HOTTEST_DEGC
     return "degf" if hot and assumed.endswith("c") else assumed

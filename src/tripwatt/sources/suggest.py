@@ -40,7 +40,7 @@ from tripwatt.sources.mapping import (
     shipped_mappings,
     shipped_text,
 )
-from tripwatt.sources.naming import NAMES, candidates, is_something_else, unit_in, unit_named, words
+from tripwatt.sources.naming import candidates, column_names, is_something_else, unit_in, unit_named, words
 from tripwatt.trips import COLUMNS
 
 MOST_BAD: Final = 0.1
@@ -164,7 +164,7 @@ def suggest_mapping(path: Path | str, names: Sequence[str] = (), beside: Sequenc
         guesses["time_s"] = _with_day(guesses["time_s"], table, beside)
     if {"voltage_v", "current_a"} <= guesses.keys():
         guesses.pop(POWER, None)
-    guesses = {ours: guesses[ours] for ours in NAMES if ours in guesses}
+    guesses = {ours: guesses[ours] for ours in column_names() if ours in guesses}
     guesses = _with_american_check(_with_speed_unit(guesses, flow))
     missing = tuple(_missing(guesses))
     used = {g.column for g in guesses.values()} | {trip or "", vehicle or ""}
@@ -222,7 +222,7 @@ def _more_signals(
     names = table.texts(next(n for n in table.names if column_key(n) == column_key(mapping.long_name or "")))
     units = dict(zip(names, table.texts(unit_column), strict=True))
     more = []
-    for ours in (ours for ours in NAMES if ours not in mapping.columns and ours != POWER):
+    for ours in (ours for ours in column_names() if ours not in mapping.columns and ours != POWER):
         likely = candidates(ours, [signal for signal in signals if signal not in taken])
         unit = unit_named(ours, units[likely[0]]) if likely else None
         if unit is not None:
@@ -263,8 +263,7 @@ def _with_day(guess: Guess, table: TableFile, beside: Sequence[Path]) -> Guess:
     for file in beside[:MOST_BESIDE]:
         with contextlib.suppress(InvalidInput, ValueError):
             texts.append(_stamp_texts(open_table(file, faults=[]), guess))
-    order = np.argsort([0, *range(1, len(texts))])
-    decided = decided_format([texts[k] for k in order], guess.format)
+    decided = decided_format(texts, guess.format)
     if decided == guess.format:
         return guess
     return replace(guess, format=decided, why=f"{guess.why.partition('; CHECK')[0]}; by all files {decided}")
@@ -298,7 +297,7 @@ def _by_name(table: TableFile, columns: Mapping[str, FloatArray], trip: str | No
     """For each of ours the likeliest column by name whose values can be one."""
     guesses: dict[str, Guess] = {}
     taken = {trip}
-    for ours in NAMES:
+    for ours in column_names():
         for name in candidates(ours, [n for n in table.names if n and n not in taken]):
             guess = _with_unit(ours, name, table, columns.get(name))
             if guess is not None:

@@ -7,7 +7,6 @@ UTF-8, 1 s) are read alike. The logs win over the sheet: state of charge, distan
 
 from __future__ import annotations
 
-import itertools
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -17,7 +16,7 @@ import pandas as pd
 
 from tripwatt.errors import Fault, InvalidInput, system_errors
 from tripwatt.files import file_head
-from tripwatt.sources.columnar import read_all, require_folder
+from tripwatt.sources.columnar import read_folder, require_folder
 from tripwatt.sources.delimited import Delimited, RawColumn, column_key, open_delimited, read_numbers
 from tripwatt.sources.tum_overview import read_overview
 from tripwatt.trips import (
@@ -118,22 +117,10 @@ def read_tum(folder: Path | str, *, strict: bool = False) -> Fleet:
     except InvalidInput as error:
         faults += error.faults
 
-    kept: dict[str, list[Fault]] = {trip_id: [] for trip_id in files}
+    def read_one(trip_id: str, path: Path, kept: list[Fault] | None) -> Log:
+        return read_tum_file(path, trip_id, contexts.get(trip_id), kept)
 
-    def read_one(item: tuple[str, Path]) -> Log | None:
-        trip_id, path = item
-        try:
-            return read_tum_file(path, trip_id, contexts.get(trip_id), None if strict else kept[trip_id])
-        except InvalidInput as error:
-            kept[trip_id] += error.faults
-            return None
-
-    logs = {log.trip_id: log for log in read_all(read_one, files.items()) if log is not None}
-    raise_faults([*faults, *itertools.chain(*kept.values())] if strict or not logs else ())
-    readings = []
-    for name, path in files.items():
-        rows = len(logs[name]) if name in logs else 0
-        readings.append(FileReading(path.name, rows, rows, int(name in logs), tuple(kept[name])))
+    logs, readings = read_folder(read_one, files, strict=strict, faults=faults)
     if faults:
         readings.append(FileReading(OVERVIEW_NAME, faults=tuple(faults)))
     report = ReadingReport(tuple(readings))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Final
 
@@ -76,13 +76,10 @@ class FolderReport:
         """The report as plain types, for JSON."""
         spans = self.shortened.items()
         return {
-            "present": list(self.present),
-            "missing": list(self.missing),
+            **asdict(self),
             "unreadable": {trip: [str(f) for f in faults] for trip, faults in self.unreadable.items()},
             "shortened": {trip: {"log_s": log_s, "sheet_s": sheet_s} for trip, (log_s, sheet_s) in spans},
-            "overview": self.overview,
-            "notes": list(self.notes),
-            "reference_missing": list(self.reference_missing),
+            "reference_missing": self.reference_missing,
             "complete": self.complete,
         }
 
@@ -123,14 +120,12 @@ def check_tum_folder(folder: Path | str) -> FolderReport:
     folder = Path(folder)
     files, flags = trip_files(folder)
     notes = list(map(message, flags))
-    overview = True
-    durations: dict[str, float] = {}
+    overview, durations = False, {}
     try:
         durations = read_durations(folder / OVERVIEW_NAME)
         overview = (folder / OVERVIEW_NAME).exists()
     except InvalidInput as error:
-        overview = False
-        notes += [str(fault) for fault in error.faults]
+        notes += map(str, error.faults)
     present: list[str] = []
     unreadable: dict[str, tuple[Fault, ...]] = {}
     shortened: dict[str, tuple[float, float]] = {}

@@ -9,7 +9,6 @@ so that steps are irregular and every other signal keeps its last value.
 from __future__ import annotations
 
 import datetime as dt
-import itertools
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -21,10 +20,10 @@ import pandas as pd
 
 from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.errors import Fault, InvalidInput, and_more
-from tripwatt.sources.columnar import read_all, require_folder
+from tripwatt.sources.columnar import read_folder, require_folder
 from tripwatt.sources.delimited import Delimited, RawColumn, column_key, open_delimited, read_numbers
 from tripwatt.trips import COLUMNS, Context, Flag, Fleet, Log, raise_faults
-from tripwatt.trips.reading import FileReading, ReadingReport
+from tripwatt.trips.reading import ReadingReport
 from tripwatt.units import M_S_PER_KM_H
 
 CITATION: Final = (
@@ -66,6 +65,9 @@ class _Week:
     with_engine: frozenset[int]
     file: str
 
+    def __len__(self) -> int:
+        return len(self.samples)
+
 
 def read_ved(folder: Path | str, *, strict: bool = False) -> Fleet:
     """Read the electric cars of a folder of weekly files `VED_*_week.csv`.
@@ -97,24 +99,10 @@ def read_ved(folder: Path | str, *, strict: bool = False) -> Fleet:
     folder = Path(folder)
     files = _week_files(folder)
 
-    kept: dict[Path, list[Fault]] = {file: [] for file in files}
-
-    def read_one(file: Path) -> _Week | None:
-        try:
-            return _read_week(file, None if strict else kept[file])
-        except InvalidInput as error:
-            kept[file] += error.faults
-            return None
-
-    weeks = [week for week in read_all(read_one, files) if week is not None]
-    raise_faults(itertools.chain(*kept.values()) if strict or not weeks else ())
+    read, readings = read_folder(_read_week, {file.name: file for file in files}, strict=strict)
+    weeks = [*read.values()]
     with_engine = frozenset().union(*(w.with_engine for w in weeks))
     trips, notes = _trips(weeks, with_engine)
-    rows = {week.file: len(week.samples) for week in weeks}
-    readings = [
-        FileReading(f.name, rows.get(f.name, 0), rows.get(f.name, 0), int(f.name in rows), tuple(kept[f]))
-        for f in files
-    ]
     if not trips:
         got = f"{len(files)} weekly files, no trip of an electric car"
         raise InvalidInput.of("no trips", f"{folder}", got, "trips with a traction battery and no engine")
@@ -132,7 +120,7 @@ def _week_files(folder: Path) -> list[Path]:
     return files
 
 
-def _read_week(path: Path, faults: list[Fault] | None) -> _Week:
+def _read_week(name: str, path: Path, faults: list[Fault] | None) -> _Week:
     source = open_delimited(path)
     positions = _positions(source)
     values = dict(zip(positions, read_numbers(source, list(positions.values()), faults=faults), strict=True))
@@ -148,7 +136,7 @@ def _read_week(path: Path, faults: list[Fault] | None) -> _Week:
     columns["day"] = values["DayNum"][has_battery]
     samples = pd.DataFrame({"car": keys[0][has_battery], "trip": keys[1][has_battery], **columns}, copy=False)
     trips = frozenset(zip(*(k.tolist() for k in np.unique(np.stack(keys), axis=1)), strict=True))
-    return _Week(samples, trips, frozenset(np.unique(keys[0][has_engine]).tolist()), path.name)
+    return _Week(samples, trips, frozenset(np.unique(keys[0][has_engine]).tolist()), name)
 
 
 def _positions(source: Delimited) -> Mapping[str, int]:

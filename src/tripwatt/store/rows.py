@@ -26,42 +26,24 @@ SIGNALS: Final = (*COLUMNS, COUNTED)
 UNKNOWN_MONTH: Final = "unknown"
 """Month of a log without a time of departure."""
 
-SAMPLES: Final = pa.schema(
-    [
-        pa.field("bucket", pa.int32()),
-        pa.field("month", pa.string()),
-        pa.field("batch", pa.string()),
-        pa.field("digest", pa.string()),
-        pa.field("vehicle_id", pa.string()),
-        pa.field("sample", pa.int32()),
-        *(pa.field(name, pa.float64()) for name in SIGNALS),
-    ]
+_KEYS: Final = (
+    ("bucket", pa.int32()),
+    *((name, pa.string()) for name in ("month", "batch", "digest", "vehicle_id")),
 )
+SAMPLES: Final = pa.schema([*_KEYS, ("sample", pa.int32()), *((name, pa.float64()) for name in SIGNALS)])
 """One row a sample; `sample` counts from 0 within a log."""
 
 TRIPS: Final = pa.schema(
     [
-        pa.field("bucket", pa.int32()),
-        pa.field("month", pa.string()),
-        pa.field("batch", pa.string()),
-        pa.field("digest", pa.string()),
-        pa.field("vehicle_id", pa.string()),
-        pa.field("trip_id", pa.string()),
-        pa.field("car_model", pa.string()),
-        pa.field("driver", pa.string()),
-        pa.field("started_at", pa.string()),
-        pa.field("distance_m", pa.float64()),
-        pa.field("duration_s", pa.float64()),
-        pa.field("energy_wh", pa.float64()),
-        pa.field("energy_std_wh", pa.float64()),
-        pa.field("energy_from", pa.string()),
-        pa.field("drives", pa.int32()),
-        pa.field("as_logged", pa.bool_()),
-        pa.field("ambient_temperature_degc", pa.float64()),
-        pa.field("findings", pa.string()),
-        pa.field("context", pa.string()),
-        pa.field("columns", pa.string()),
-        pa.field("samples", pa.int32()),
+        *_KEYS,
+        *((name, pa.string()) for name in ("trip_id", "car_model", "driver", "started_at")),
+        *((name, pa.float64()) for name in ("distance_m", "duration_s", "energy_wh", "energy_std_wh")),
+        ("energy_from", pa.string()),
+        ("drives", pa.int32()),
+        ("as_logged", pa.bool_()),
+        ("ambient_temperature_degc", pa.float64()),
+        *((name, pa.string()) for name in ("findings", "context", "columns")),
+        ("samples", pa.int32()),
     ]
 )
 """One row a log. `findings`, `context` and `columns` are JSON; `started_at` is ISO 8601, so that text sorts as time.
@@ -177,12 +159,10 @@ def _unchanged(log: Recorded, drives: Sequence[Recorded]) -> bool:
     if len(drives) != 1:
         return False
     (drive,) = drives
-    same = (drive.trip_id, drive.context, drive.observed_energy_wh) == (
-        log.trip_id,
-        log.context,
-        log.observed_energy_wh,
+    same = (
+        getattr(drive, name) == getattr(log, name) for name in ("trip_id", "context", "observed_energy_wh")
     )
-    return same and drive.samples.equals(log.samples)
+    return all(same) and drive.samples.equals(log.samples)
 
 
 def _distance(drive: Recorded) -> float:

@@ -11,7 +11,7 @@ import time
 import uuid
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import islice, pairwise
+from itertools import groupby, islice, pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -425,12 +425,8 @@ class TripStore:
             Vehicle by vehicle.
         """
         findings: list[Finding] = []
-        rows = self.trip_rows(**which)
-        by_vehicle: dict[str, list[dict[str, Any]]] = {}
-        for row in rows:
-            by_vehicle.setdefault(row["vehicle_id"], []).append(row)
-        for its_rows in by_vehicle.values():
-            logs = sorted(self.logs(its_rows), key=lambda log: (str(log.context.started_at), log.trip_id))
+        for _, its_rows in groupby(self.trip_rows(**which), key=lambda row: row["vehicle_id"]):
+            logs = sorted(self.logs([*its_rows]), key=lambda log: (str(log.context.started_at), log.trip_id))
             findings += audit(logs).findings
         return tuple(findings)
 

@@ -97,7 +97,11 @@ def synthetic_fleet(
     ('synthetic', ['S001', 'S002', 'S003'])
     """
     if faults:
-        _require_plain(vehicle, hours)
+        given = [
+            (name, value) for name, value in (("vehicle", vehicle), ("hours", hours)) if value is not None
+        ]
+        allowed = "only without faults"
+        raise_faults(Fault("argument has no effect", name, str(value)[:40], allowed) for name, value in given)
         return faulty_fleet(n_trips, seed, step_s=step_s)[0]
     return synthetic_world(n_trips, seed, step_s=step_s, vehicle=vehicle, hours=hours)[0]
 
@@ -253,15 +257,6 @@ def example_trip(seed: int = 0) -> pd.DataFrame:
     ['time_s', 'speed_m_s', 'elevation_m', 'ambient_temperature_degc']
     """
     return synthetic_fleet(1, seed).trips[0].samples
-
-
-def _require_plain(vehicle: Vehicle | None, hours: tuple[float, float] | None) -> None:
-    given = {"vehicle": vehicle, "hours": hours}
-    raise_faults(
-        Fault("argument has no effect", name, str(value)[:40], "only without faults")
-        for name, value in given.items()
-        if value is not None
-    )
 
 
 def _require_sound(n_trips: int, seed: int, step_s: float, hours: tuple[float, float] | None) -> None:

@@ -97,6 +97,9 @@ DEPARTURE_BOUNDS: Final[Mapping[str, Column]] = {
 """Narrower bounds of what a person gives for a departure: the highest air temperature on record is 56.7 °C (WMO, Furnace
 Creek 1913), while the sensor of a parked car may show more."""
 
+BOUNDS: Final[Mapping[str, Column]] = {**QUANTITIES, **COLUMNS, **DEPARTURE_BOUNDS}
+"""Of every value that a departure may have, by its name."""
+
 STEEPEST_GRADE: Final = 0.4
 """Rise over length that no street exceeds: Baldwin Street in Dunedin, the steepest of Guinness World Records, has 0.35 over
 10 m, Canton Avenue in Pittsburgh 0.37 by its sign."""
@@ -231,5 +234,4 @@ def scalar_faults(values: Mapping[str, Any]) -> Iterator[Fault]:
     for name, value in values.items():
         if value is None:
             continue
-        column = DEPARTURE_BOUNDS.get(name) or (COLUMNS[name] if name in COLUMNS else QUANTITIES[name])
-        yield from number_faults(name, value, column)
+        yield from number_faults(name, value, BOUNDS[name])

@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 import datetime as dt
+import itertools
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, fields, replace
 from functools import wraps
 from typing import TYPE_CHECKING, Any, Final
 
-from tripwatt.trips.columns import COLUMNS, DEPARTURE_BOUNDS, QUANTITIES, Column, raise_faults
+from tripwatt.trips.columns import COLUMNS, DEPARTURE_BOUNDS, Column, raise_faults
 from tripwatt.trips.context import Context
 from tripwatt.trips.fields import Field, entry
 
 if TYPE_CHECKING:
     import pandas as pd
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
+    from tripwatt.figures import Axes, Figure
     from tripwatt.trips.samples import Sampled
 
 
@@ -73,34 +73,23 @@ class Departure:
         wire=("soc", "displayed_soc"),
     )
     ambient_temperature_degc: float | None = entry(
-        "Outside temperature.",
-        label="outside temperature",
-        column=DEPARTURE_BOUNDS["ambient_temperature_degc"],
-        option="--ambient",
+        "Outside temperature.", label="outside temperature", option="--ambient"
     )
     cabin_setpoint_degc: float | None = entry(
-        "Set-point of the cabin temperature.",
-        label="cabin set-point",
-        column=COLUMNS["cabin_setpoint_degc"],
-        option="--setpoint",
+        "Set-point of the cabin temperature.", label="cabin set-point", option="--setpoint"
     )
     cabin_temperature_degc: float | None = entry(
         "Cabin temperature at departure.",
         label="cabin temperature at departure",
-        column=COLUMNS["cabin_temperature_degc"],
         option="--cabin-temperature",
     )
     battery_temperature_degc: float | None = entry(
         "Battery temperature at departure.",
         label="battery temperature at departure",
-        column=COLUMNS["battery_temperature_degc"],
         option="--battery-temperature",
     )
     payload_mass_kg: float | None = entry(
-        "Mass of passengers and luggage, without the driver.",
-        label="payload",
-        column=QUANTITIES["payload_mass_kg"],
-        option="--payload",
+        "Mass of passengers and luggage, without the driver.", label="payload", option="--payload"
     )
     bms_soc: float | None = entry(
         "State of charge of the battery management; it counts before `soc` where a log has both.",
@@ -151,31 +140,21 @@ class Departure:
         "before. A cabin that was warmed on the plug stands beside cold tyres.",
         column=Column("1", 0.0, 1.0, "warmth of tyres and driveline"),
     )
-    wind_speed_m_s: float | None = entry(
-        "Wind 10 m above the ground.",
-        label="wind",
-        column=QUANTITIES["wind_speed_m_s"],
-        option="--wind",
-    )
+    wind_speed_m_s: float | None = entry("Wind 10 m above the ground.", label="wind", option="--wind")
     wind_from_deg: float | None = entry(
         "Direction from which the wind blows, clockwise from north: 270 is the west. Where it is unknown, the interval has a head wind "
         "and a tail wind.",
         label="wind from",
-        column=QUANTITIES["wind_from_deg"],
         option="--wind",
         metavar="DEGREES",
     )
-    rain_mm_h: float | None = entry("Rain.", label="rain", column=QUANTITIES["rain_mm_h"], option="--rain")
+    rain_mm_h: float | None = entry("Rain.", label="rain", option="--rain")
     pressure_pa: float | None = entry(
-        "Air pressure at the ground.",
-        label="air pressure",
-        column=QUANTITIES["pressure_pa"],
-        option="--pressure",
+        "Air pressure at the ground.", label="air pressure", option="--pressure"
     )
     tyre_pressure: float | None = entry(
         "Pressure of the cold tyres over the recommended one: 1 is right.",
         label="tyre pressure",
-        column=QUANTITIES["tyre_pressure"],
         option="--tyre-pressure",
     )
 
@@ -371,15 +350,12 @@ def _first_value(samples: Sampled, column: str) -> float | None:
     if column not in samples:
         return None
     times = samples.array("time_s")
-    for time, value in zip(times, samples.array(column), strict=True):
-        if time - times[0] > FIRST_S:
-            return None
-        if math.isfinite(value):
-            return float(value)
-    return None
+    pairs = zip(times, samples.array(column), strict=True)
+    early = itertools.takewhile(lambda pair: pair[0] - times[0] <= FIRST_S, pairs)
+    return next((float(value) for _, value in early if math.isfinite(value)), None)
 
 
-FIELDS: Final[Mapping[str, Field]] = {field.name: field.metadata["field"] for field in fields(Departure)}
+FIELDS: Final[Mapping[str, Field]] = {f.name: f.metadata["field"].of(f.name) for f in fields(Departure)}
 """The table: name of a field of a departure -> what it holds and how it is given."""
 
 ASKED: Final[Mapping[str, Field]] = {name: field for name, field in FIELDS.items() if field.option}

@@ -63,10 +63,9 @@ def observed_cumulative_energy(samples: pd.DataFrame | Mapping[str, FloatArray])
         counted = np.asarray(samples["observed_energy_wh"], dtype=np.float64)
         return np.asarray(counted - counted[np.argmax(np.isfinite(counted))], dtype=np.float64)
     time = np.asarray(samples["time_s"], dtype=np.float64)
+    voltage, current = (np.asarray(samples[name], dtype=np.float64) for name in ("voltage_v", "current_a"))
     with np.errstate(invalid="ignore", over="ignore"):
-        power = np.asarray(samples["voltage_v"], dtype=np.float64) * np.asarray(
-            samples["current_a"], dtype=np.float64
-        )
+        power = voltage * current
     known = np.isfinite(power)
     if not known.any():
         return None

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from tripwatt.errors import Fault, did_you_mean, excerpt
-from tripwatt.trips.columns import Column, number_faults
+from tripwatt.trips.columns import BOUNDS, Column, number_faults
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +67,29 @@ class Field:
         if self.choices:
             return f"{'any' if self.several else 'one'} of {', '.join(self.choices)}"
         return KINDS[self.type]
+
+    def of(self, name: str) -> Field:
+        """With the bounds of its name in the tables of columns, where it has none of its own, and its unit as metavar.
+
+        Parameters
+        ----------
+        name : str
+            Of the field.
+
+        Returns
+        -------
+        Field
+            The same one where no table has the name.
+
+        Examples
+        --------
+        >>> Field("Rain.").of("rain_mm_h").allowed, Field("Rain.").of("rain_mm_h").metavar
+        ('0 to 200 mm/h', 'MM/H')
+        """
+        column = self.column or BOUNDS.get(name)
+        if column is None:
+            return self
+        return dataclasses.replace(self, column=column, metavar=self.metavar or column.unit.upper())
 
     def faults(self, name: str, value: Any) -> Iterator[Fault]:
         """The fault of a value; None is unknown and no fault.
@@ -153,6 +176,4 @@ def entry(help: str, **how: Any) -> Any:
     dataclasses.Field
         With a `Field` in its metadata under "field".
     """
-    if how.get("column") is not None:
-        how.setdefault("metavar", how["column"].unit.upper())
     return dataclasses.field(default=None, metadata={"field": Field(help, **how)})

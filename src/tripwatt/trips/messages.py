@@ -30,27 +30,6 @@ def name_of(field: str) -> str:
     return str(catalogue()["names"].get(field, {}).get("cli", field.replace("_", " ")))
 
 
-SIGNALS: Final[Mapping[str, str]] = {
-    "speed_m_s": "speed",
-    "elevation_m": "elevation",
-    "speed_limit_m_s": "speed limit",
-    "ambient_temperature_degc": "outside temperature",
-    "cabin_temperature_degc": "cabin temperature",
-    "cabin_setpoint_degc": "cabin set-point",
-    "battery_temperature_degc": "battery temperature",
-    "voltage_v": "battery voltage",
-    "current_a": "battery current",
-    "soc": "state of charge",
-    "displayed_soc": "displayed state of charge",
-    "motor_torque_nm": "motor torque",
-    "heating_power_w": "heating power",
-    "requested_heating_power_w": "requested heating power",
-    "aircon_power_w": "power of the air conditioner",
-    "climate_power_w": "power of climate control",
-}
-"""Names for people of the signals of a log."""
-
-
 def signal_name(column: str) -> str:
     """Name for people of a column of a log.
 
@@ -59,7 +38,7 @@ def signal_name(column: str) -> str:
     >>> signal_name("current_a"), signal_name("grade")
     ('battery current', 'grade')
     """
-    return SIGNALS.get(column, column.replace("_", " "))
+    return str(catalogue()["signals"].get(column, column.replace("_", " ")))
 
 
 def _number(flag: Flag) -> float:

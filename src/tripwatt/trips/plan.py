@@ -15,16 +15,14 @@ from tripwatt.trips.departure import Departure
 from tripwatt.trips.flags import Flag
 from tripwatt.trips.gaps import MOST_DURATION_S, gap_flags, time_faults
 from tripwatt.trips.messages import flag_to_dict, message
-from tripwatt.trips.samples import Sampled, bin_means, table_of
+from tripwatt.trips.samples import Sampled, bin_means, columns_of, table_of
 from tripwatt.trips.schema import validate_samples
 from tripwatt.trips.showing import html_table, journey
 from tripwatt.trips.trip import Recorded
 from tripwatt.trips.weather import PlanWeather
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
+    from tripwatt.figures import Axes, Figure
 ROUTE_COLUMNS: Final = ("time_s", "speed_m_s", "elevation_m", "grade")
 """Columns of a plan."""
 
@@ -229,7 +227,7 @@ class Plan(Sampled):
             "duration_s": self.duration_s,
             "distance_m": self.distance_m,
             "flags": [flag_to_dict(flag) for flag in self.flags],
-            "samples": self._columns(),
+            "samples": columns_of(self.samples),
         }
 
     def plot(self, ax: Axes | None = None) -> Figure:
@@ -264,9 +262,8 @@ class Plan(Sampled):
 
     def _repr_html_(self) -> str:
         known = [(name, str(value)) for name, value in self.departure.to_dict().items()]
-        return html_table(
-            f"Plan {self._title()}", [*known, *(("assumed", message(flag)) for flag in self.flags)]
-        )
+        known += [("assumed", message(flag)) for flag in self.flags]
+        return html_table(f"Plan {self._title()}", known)
 
 
 def _require_duration(duration_s: float, where: str) -> None:
@@ -355,13 +352,7 @@ def plan_from_samples(
 def _plan(drive: Sampled, departure: Departure, step_s: float) -> Plan:
     route = {c: drive.array(c) for c in ROUTE_COLUMNS if c in drive}
     time = route["time_s"]
-    _require_duration(float(time[-1] - time[0]), drive.trip_id)
-    _, columns = bin_means(time - time[0], route, step_s)
-    return Plan(
-        drive.trip_id,
-        table_of(columns),
-        departure,
-        step_s=step_s,
-        start_s=float(time[0]),
-        end_s=float(time[-1]),
-    )
+    start, end = float(time[0]), float(time[-1])
+    _require_duration(end - start, drive.trip_id)
+    _, columns = bin_means(time - start, route, step_s)
+    return Plan(drive.trip_id, table_of(columns), departure, step_s=step_s, start_s=start, end_s=end)

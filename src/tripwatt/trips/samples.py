@@ -109,10 +109,6 @@ class Sampled:
         """
         return self.samples.copy()
 
-    def _columns(self) -> dict[str, list[float | None]]:
-        """The samples as lists, None where a value is missing."""
-        return columns_of(self.samples)
-
 
 def table_of(columns: Mapping[str, FloatArray]) -> pd.DataFrame:
     """Make a table of columns of floats of one length as one array of numbers, much faster than column by column.

@@ -79,12 +79,8 @@ def structure_faults(
     """
     for name in required:
         if name not in samples.columns:
-            yield Fault(
-                "missing column",
-                where,
-                f"columns {sorted(map(str, samples.columns))}"[:200],
-                f"a column {name!r}",
-            )
+            got = f"columns {sorted(map(str, samples.columns))}"[:200]
+            yield Fault("missing column", where, got, f"a column {name!r}")
     if len(samples) < 2:
         yield Fault("too few samples", where, f"{len(samples)}", "at least 2")
     twice = samples.columns[samples.columns.duplicated()].unique().tolist()
@@ -145,9 +141,8 @@ def value_faults(samples: pd.DataFrame | Mapping[str, FloatArray], where: str) -
     if len(back):
         row = int(back[0]) + 1
         got = f"{time[row]:g} s after {time[row - 1]:g} s{and_more(back)}"
-        yield Fault(
-            "time does not increase", f"{where}, column 'time_s', row {row + 1}", got, "increasing times"
-        )
+        place = f"{where}, column 'time_s', row {row + 1}"
+        yield Fault("time does not increase", place, got, "increasing times")
 
 
 def validate_samples(samples: pd.DataFrame, where: str) -> None:

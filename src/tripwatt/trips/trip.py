@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -15,13 +15,12 @@ from tripwatt.trips.columns import raise_faults
 from tripwatt.trips.context import Context
 from tripwatt.trips.departure import Departure
 from tripwatt.trips.energy import observed_cumulative_energy, observed_energy, observed_energy_std
-from tripwatt.trips.samples import Sampled, bin_means
+from tripwatt.trips.samples import Sampled, bin_means, columns_of
 from tripwatt.trips.schema import structure_faults, validate_samples
 from tripwatt.trips.showing import html_table, journey
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+    from tripwatt.figures import Axes, Figure
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
@@ -147,7 +146,7 @@ class Recorded(Sampled):
             "observed_energy_wh": self.observed_energy_wh,
             "observed_energy_std_wh": self.observed_energy_std_wh,
             "context": context,
-            "samples": self._columns(),
+            "samples": columns_of(self.samples),
         }
 
     def plot(self, ax: Axes | None = None) -> Figure:
@@ -165,11 +164,8 @@ class Recorded(Sampled):
         """
         from tripwatt.trips.plots import plot_drive  # matplotlib is slow to import
 
-        energy = (
-            self.array("observed_energy_wh")
-            if "observed_energy_wh" in self
-            else observed_cumulative_energy(self.samples)
-        )
+        own = self.array("observed_energy_wh") if "observed_energy_wh" in self else None
+        energy = observed_cumulative_energy(self.samples) if own is None else own
         return plot_drive(self, self._title(), energy, ax)
 
     def _title(self) -> str:
@@ -181,11 +177,9 @@ class Recorded(Sampled):
         return f"<{type(self).__name__} {self._title()}, {len(self)} samples>"
 
     def _repr_html_(self) -> str:
-        known = self.departure.to_dict().items()
         rows = [("samples", f"{len(self)}"), ("columns", ", ".join(self.samples.columns))]
-        return html_table(
-            f"{type(self).__name__} {self._title()}", [*rows, *((name, str(value)) for name, value in known)]
-        )
+        rows += [(name, str(value)) for name, value in self.departure.to_dict().items()]
+        return html_table(f"{type(self).__name__} {self._title()}", rows)
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
@@ -327,15 +321,7 @@ class Trip(Recorded):
         >>> tw.Trip.from_log(Log.from_samples("A", pd.DataFrame({"time_s": [0.0, 60.0], "speed_m_s": [10.0, 10.0]})))
         <Trip A: 0.6 km in 60 s, energy not measured, 2 samples>
         """
-        return cls(
-            log.trip_id,
-            log.samples,
-            log.context,
-            log.observed_energy_wh,
-            log.step_s,
-            log.observed_energy_std_wh,
-            log.observed_energy_common_std,
-        )
+        return cls(*(getattr(log, field.name) for field in fields(Recorded)))
 
 
 def resample(trip: Trip, step_s: float = 1.0) -> Trip:

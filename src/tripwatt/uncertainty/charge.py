@@ -152,14 +152,8 @@ class ChargeScale:
         >>> ChargeScale.from_published(load_vehicle("bmw_i3_60ah").battery, 21_000.0).trips
         0
         """
-        window = battery.displayed_full_soc - battery.displayed_zero_soc
-        return cls(
-            battery.displayed_zero_soc,
-            battery.displayed_full_soc,
-            wh_per_soc * window,
-            PUBLISHED_DISPLAY_SD,
-            PUBLISHED_MANAGED_SD,
-        )
+        zero, full = battery.displayed_zero_soc, battery.displayed_full_soc
+        return cls(zero, full, wh_per_soc * (full - zero), PUBLISHED_DISPLAY_SD, PUBLISHED_MANAGED_SD)
 
     @classmethod
     def from_readings(cls, readings: FloatArray, energy_wh: FloatArray) -> ChargeScale | None:
@@ -214,12 +208,5 @@ class ChargeScale:
 
         from_display = taken + hidden * full - expected
         from_soc = shown[:, 1] - (slope * soc + shift - expected)
-        return cls(
-            float(-shift / slope),
-            float((1.0 - shift) / slope),
-            wh_per_display,
-            scale(from_display),
-            scale(from_soc),
-            len(energy),
-            hidden,
-        )
+        ends = float(-shift / slope), float((1.0 - shift) / slope)
+        return cls(*ends, wh_per_display, scale(from_display), scale(from_soc), len(energy), hidden)

@@ -119,10 +119,7 @@ class UpdateShrinkage:
                 shares[row, 1] = _best_share(left[on], drive[on], scale_wh[on])
             shares[: row + 1] = np.maximum.accumulate(shares[: row + 1], axis=0)
             climate = np.where(stays, off * shares[row, 3], climate * shares[row, 0])
-            errors = (
-                truth - climate - drive * shares[row, 1],
-                truth - joint * shares[row, 2],
-            )
+            errors = truth - climate - drive * shares[row, 1], truth - joint * shares[row, 2]
             for column, (left, sd) in enumerate(zip(errors, (split_sd, joint_sd), strict=True)):
                 known = (sd > 0.0) & (split if column == 0 else True)
                 if known.sum() >= _LEAST_TRIPS and before > 0.0:

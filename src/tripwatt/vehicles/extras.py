@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import math
+import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import cache
+from types import MappingProxyType
 from typing import Final
 
 from tripwatt.trips import EXTRAS
 from tripwatt.vehicles.catalogue import ROAD_LOAD_DENSITY_KG_M3
+from tripwatt.vehicles.inheriting import data_folder
 from tripwatt.vehicles.vehicle import Vehicle
 
 
@@ -33,32 +38,11 @@ class Extra:
     source: str = ""
 
 
-EFFECTS: Final[Mapping[str, Extra]] = {
-    "winter_tyres": Extra(
-        rolling=1.10,
-        source="two thirds of a class of the EU tyre label (Regulation (EU) 2020/740: classes lie 15 % apart); winter tyres are "
-        "mostly one class worse than summer tyres of their maker",
-    ),
-    "roof_box": Extra(
-        drag_area_m2=0.12,
-        mass_kg=20.0,
-        source="a box of 0.8 m by 0.4 m with a drag coefficient near 0.4; its load counts as payload",
-    ),
-    "trailer": Extra(
-        drag_area_m2=0.60,
-        mass_kg=500.0,
-        source="a laden single-axle trailer of 500 kg with a flat tarpaulin, partly in the wake of the car; more load counts as payload",
-    ),
-    "headlights": Extra(
-        load_w=100.0,
-        source="two dipped beams of 35 W (light-emitting diodes) to 55 W (H7, UN Regulation 37) and six lamps of 5 W for position and "
-        "number plate, less the daytime lights",
-    ),
-    "heated_seats": Extra(
-        load_w=100.0, source="two seats of 50 W, a usual value of a seat that was warmed up"
-    ),
-}
-"""Effect of each extra. Estimates of the tripwatt authors from the figures that are named."""
+@cache
+def effects() -> Mapping[str, Extra]:
+    """Effect of each extra, from `data/table/extras.toml`."""
+    text = (data_folder() / "table" / "extras.toml").read_text("utf-8")
+    return MappingProxyType({name: Extra(**effect) for name, effect in tomllib.loads(text).items()})
 
 
 TYRE_PRESSURE_EXPONENT: Final = -0.4
@@ -95,19 +79,16 @@ def with_extras(vehicle: Vehicle, extras: Iterable[str], tyre_pressure: float | 
     >>> round(with_extras(car, ["roof_box"]).road_load.drag_area_m2 - car.road_load.drag_area_m2, 3)
     0.12
     """
-    chosen = [EFFECTS[name] for name in EXTRAS if name in set(extras)]
+    chosen = [effects()[name] for name in EXTRAS if name in set(extras)]
     if not chosen and tyre_pressure in (None, 1.0):
         return vehicle
-    rolling, area, mass, power = (tyre_pressure or 1.0) ** TYRE_PRESSURE_EXPONENT, 0.0, 0.0, 0.0
-    for extra in chosen:
-        rolling *= extra.rolling
-        area += extra.drag_area_m2
-        mass += extra.mass_kg
-        power += extra.load_w
+    of_pressure = (tyre_pressure or 1.0) ** TYRE_PRESSURE_EXPONENT
+    rolling = math.prod((extra.rolling for extra in chosen), start=of_pressure)
+    area = sum(extra.drag_area_m2 for extra in chosen)
     load = vehicle.road_load
     values = {
-        "body.curb_mass_kg": vehicle.body.curb_mass_kg + mass,
-        "auxiliaries.base_load_w": vehicle.auxiliaries.base_load_w + power,
+        "body.curb_mass_kg": vehicle.body.curb_mass_kg + sum(extra.mass_kg for extra in chosen),
+        "auxiliaries.base_load_w": vehicle.auxiliaries.base_load_w + sum(extra.load_w for extra in chosen),
     }
     for name in ("coastdown_a_n", "coastdown_b_n_s_m", "rolling_resistance_coefficient"):
         value = getattr(load, name)

@@ -117,11 +117,8 @@ def require_vehicle(name: str) -> None:
     if name in vehicle_names():
         return
     near = find_vehicles(name) or difflib.get_close_matches(name, vehicle_names(), n=3)
-    fix = (
-        f"did you mean {' or '.join(repr(n) for n in near[:3])}?"
-        if near
-        else "or give the path of a .toml file"
-    )
+    listed = " or ".join(map(repr, near[:3]))
+    fix = f"did you mean {listed}?" if near else "or give the path of a .toml file"
     allowed = f"one of {len(vehicle_names())} names, listed by `tripwatt vehicles`"
     raise InvalidInput.of("unknown car", "vehicle", excerpt(name), allowed, fix)
 

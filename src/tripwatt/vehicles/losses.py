@@ -33,9 +33,8 @@ def motor_loss(torque_nm: FloatArray, speed_rad_s: FloatArray, drivetrain: Drive
     array([  0., 853.])
     """
     torque = np.abs(torque_nm)
-    iron = (
-        drivetrain.iron_loss_linear + drivetrain.iron_loss_quadratic * speed_rad_s
-    ) * speed_rad_s  # negative below about 20 rad/s, where the fit does not hold
+    # negative below about 20 rad/s, where the fit does not hold
+    iron = (drivetrain.iron_loss_linear + drivetrain.iron_loss_quadratic * speed_rad_s) * speed_rad_s
     # a logarithm and its exponential cost half of a power
     powered = np.exp(drivetrain.iron_loss_torque_exponent * np.log(np.maximum(torque, TINY)))
     iron = np.maximum(iron, 0.0) * powered

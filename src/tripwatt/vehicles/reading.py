@@ -121,11 +121,8 @@ def _part(
     faults: list[Fault],
 ) -> Any:
     """A part from its entries; None for one that the car lacks, or with an entry missing."""
-    fields, values = _fields(section), {}
-    for key in fields:
-        entry = entries.get(f"{section}.{key}")
-        if entry is not None:
-            values[key] = entry.value
+    fields = _fields(section)
+    values = {key: entries[name].value for key in fields if (name := f"{section}.{key}") in entries}
     if table is None and not values and section in OPTIONAL_SECTIONS:
         return None
     missing = [k for k, f in fields.items() if f.default is dataclasses.MISSING and k not in values]
@@ -176,15 +173,9 @@ def _preset_tables(
 
 
 def _unknown_fault(what: str, where: str, got: str, allowed: Sequence[str] | Mapping[str, Any]) -> Fault:
-    return Fault(
-        f"unknown {what}",
-        where,
-        got,
-        ", ".join(sorted(allowed))
-        if len(allowed) < 12
-        else "a key of the parameter table in docs/explanation/car-model.md",
-        did_you_mean(got, allowed),
-    )
+    many = "a key of the parameter table in docs/explanation/car-model.md"
+    known = ", ".join(sorted(allowed)) if len(allowed) < 12 else many
+    return Fault(f"unknown {what}", where, got, known, did_you_mean(got, allowed))
 
 
 @cache

@@ -104,13 +104,9 @@ def relation_faults(parts: Mapping[str, Any], where: str) -> Iterator[Fault]:
 
 
 def _impossible(where: str, fields: tuple[str, ...], got: str, allowed: str) -> Fault:
-    return Fault(
-        "no car has these values together",
-        f"{where}, {', '.join(fields[:-1])} and {fields[-1]}" if len(fields) > 1 else f"{where}, {fields[0]}",
-        got,
-        allowed,
-        "check the values and units of these entries",
-    )
+    named = f"{', '.join(fields[:-1])} and {fields[-1]}" if len(fields) > 1 else fields[0]
+    fix = "check the values and units of these entries"
+    return Fault("no car has these values together", f"{where}, {named}", got, allowed, fix)
 
 
 def _battery_table_faults(battery: Battery, where: str) -> Iterator[Fault]:
@@ -134,9 +130,7 @@ def _table_faults(
         got = f"{len(x)} and {len(y)} values"
         yield Fault("tables differ in length", f"{place} and {values}", got, "equal numbers of values")
     if any(b <= a for a, b in itertools.pairwise(x)) or (ends is not None and (x[0], x[-1]) != ends):
-        allowed = (
-            "increasing values" if ends is None else f"increasing values from {ends[0]:g} to {ends[1]:g}"
-        )
+        allowed = "increasing values" + ("" if ends is None else f" from {ends[0]:g} to {ends[1]:g}")
         yield Fault("table does not increase", place, str(list(x)), allowed)
 
 

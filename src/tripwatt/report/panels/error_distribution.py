@@ -159,10 +159,7 @@ def _box(axes: Axes, row: float, values: FloatArray, colour: str, limit: float, 
 
 
 def plot_error_boxes(
-    view: View,
-    folds: pd.DataFrame,
-    models: Sequence[str] | None = None,
-    title: str = "Errors of all models",
+    view: View, folds: pd.DataFrame, models: Sequence[str] | None = None, title: str = "Errors of all models"
 ) -> Figure:
     """Box plot of the APE of each model over the folds, every trip as a point; the paper's means as crosses.
 

@@ -223,11 +223,9 @@ def on_trips_needed(needed: Record, scores: Mapping[str, Record] = MappingProxyT
         return f"{said}. At no number of trips is the hybrid's error as low as {percent(most[alone])}."
     low, high = needed["crossing_ci95"]
     reach = f"{low:.1f} to {'beyond the curve' if high is None else f'{high:.1f}'}"
-    floor = (
-        f", the fewest that were tried ({percent(least[hybrid])} with them)"
-        if needed["crossing"] <= least["n_trips"]
-        else ""
-    )
+    floor = ""
+    if needed["crossing"] <= least["n_trips"]:
+        floor = f", the fewest that were tried ({percent(least[hybrid])} with them)"
     return (
         f"{said}. The hybrid has the former error with {needed['crossing']:.1f} trips (95 % interval {reach}){floor}: it needs less "
         f"data than the data-driven model, as the paper states without a figure. Means over {most['draws']} random draws of each "

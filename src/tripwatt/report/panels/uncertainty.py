@@ -48,11 +48,9 @@ def on_coverage(view: View) -> str:
     ]
     levels = listed([f"{100 * float(key):g}" for key in score["coverage"]])
     shares = listed([f"{100 * covered:.0f}" for covered in score["coverage"].values()])
-    verdict = (
-        f"the share differs significantly from the nominal level at {listed(outside)}"
-        if outside
-        else "no share differs significantly from its nominal level"
-    )
+    verdict = "no share differs significantly from its nominal level"
+    if outside:
+        verdict = f"the share differs significantly from the nominal level at {listed(outside)}"
     return (
         f"The intervals of {levels} % contain the measured energy of {shares} % of the trips; {verdict} (Clopper-Pearson, 95 %; {view.note}, "
         f"{view.given})."
@@ -117,12 +115,11 @@ def on_sets(view: View) -> str:
         for key, (low, high) in score["coverage_ci95"].items()
         if not low <= float(key) <= high
     ]
-    verdict = (
-        f"It differs significantly from its level at: {listed(off)} (Clopper-Pearson, 95 %)."
-        if off
-        else "No share differs significantly from its level (Clopper-Pearson, 95 %)."
-    )
-    return f"Over {len(scored)} sets of held-out trips the {' and the '.join(spans)} of the trips. {verdict}"
+    verdict = "No share differs significantly from its level"
+    if off:
+        verdict = f"It differs significantly from its level at: {listed(off)}"
+    said = f"Over {len(scored)} sets of held-out trips the {' and the '.join(spans)} of the trips."
+    return f"{said} {verdict} (Clopper-Pearson, 95 %)."
 
 
 def regimes_table(view: View) -> Table:

@@ -51,16 +51,9 @@ def on_updates(view: View) -> str:
         if r["mape"] > min(r["no_update"], r["naive_gauge"])
     ]
     said = f"The mean error of the trip's total is {listed(parts)} of its time, {view.given}. "
-    said += (
-        f"It is significantly lower than without an update after {listed(better)}. "
-        if better
-        else "At no time is it significantly lower than without an update. "
-    )
-    said += (
-        f"It is higher than that of a baseline after {listed(worse)}."
-        if worse
-        else "At no time is it higher than that of a baseline."
-    )
+    lower, higher = "significantly lower than without an update", "higher than that of a baseline"
+    said += f"It is {lower} after {listed(better)}. " if better else f"At no time is it {lower}. "
+    said += f"It is {higher} after {listed(worse)}." if worse else f"At no time is it {higher}."
     return said
 
 

@@ -32,9 +32,8 @@ def on_training_size(curve: Sequence[Record], given: str) -> str:
     alone = label(WITHOUT_PHYSICS)
     later = (
         f"; with {most['n_trips']} they are {percent(most[FORECAST])} and {percent(most[WITHOUT_PHYSICS])}"
-        if len(curve) > 1
-        else ""
     )
+    later = later if len(curve) > 1 else ""
     said = (
         f"With {least['n_trips']} training trips the mean error of {label(FORECAST)} is {percent(least[FORECAST])} and that of "
         f"{alone} {percent(least[WITHOUT_PHYSICS])}{later} (means of {most['draws']} random draws, scored on all other trips, "

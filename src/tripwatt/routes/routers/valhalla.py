@@ -133,11 +133,9 @@ class ValhallaRouter:
         for feature in answer["features"].entries():
             geometry = feature["geometry"]
             rings = geometry["coordinates"].entries(least=1)
-            if geometry["type"].value == "MultiPolygon":
-                rings = [polygon.entries(least=1)[0] for polygon in rings]
-            else:
-                rings = rings[:1]
-            for corner in (corner for ring in rings for corner in ring.entries()):
+            several = geometry["type"].value == "MultiPolygon"
+            outer = [polygon.entries(least=1)[0] for polygon in rings] if several else rings[:1]
+            for corner in (corner for ring in outer for corner in ring.entries()):
                 longitude, latitude = (degrees.number() for degrees in corner.entries(least=2)[:2])
                 places.append(Place(latitude, longitude))
         return tuple(places)
@@ -165,9 +163,8 @@ class ValhallaRouter:
         }
         answer = self._answer("route", request, stops)
         others = answer["alternates"]
-        trips = [
-            entry["trip"] for entry in (answer, *(others.entries() if others.value else ())[:MOST_ROUTES])
-        ]
+        entries = answer, *(others.entries() if others.value else ())[:MOST_ROUTES]
+        trips = [entry["trip"] for entry in entries]
         for trip in trips:
             trip.members()
         return trips
@@ -240,12 +237,10 @@ def _edges(answer: Node, shape: str, points: FloatArray) -> tuple[Edges, FloatAr
             "too many edges", "trace_attributes", f"{len(entries)}", f"at most {MOST_EDGES}"
         )
     own = answer["shape"].value
-    within = (
-        entries[-1]["end_shape_index"].value == 0
-    )  # a short leg on one edge: Valhalla may give no part of it
-    if (
-        isinstance(own, str) and own != shape and not within
-    ):  # its line may have a point more than that of the route
+    # of a short leg on one edge Valhalla may give no part
+    within = entries[-1]["end_shape_index"].value == 0
+    # its line may have a point more than that of the route
+    if isinstance(own, str) and own != shape and not within:
         points = decode_polyline(own, answer["shape"].where, precision=1e6)
     begin = _indices([entry["begin_shape_index"] for entry in entries], len(points))
     end = _indices([entry["end_shape_index"] for entry in entries], len(points))
@@ -329,8 +324,7 @@ def _different(trips: Sequence[Node]) -> list[Node]:
     kept: dict[str, Node] = {}
     for trip in trips:
         legs = trip["legs"].value
-        shapes = (
-            [leg.get("shape") for leg in legs if isinstance(leg, dict)] if isinstance(legs, list) else legs
-        )
+        whole = isinstance(legs, list)
+        shapes = [leg.get("shape") for leg in legs if isinstance(leg, dict)] if whole else legs
         kept.setdefault(str(shapes), trip)
     return list(kept.values())

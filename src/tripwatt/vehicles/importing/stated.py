@@ -45,9 +45,11 @@ class Fields:
     def __init__(self, table: Mapping[str, str], where: str) -> None:
         self.table, self.where = table, where
         self.faults: list[Fault] = []
+        self.asked: set[str] = set()
 
     def optional(self, key: str) -> float | None:
         """A number, None where the table has none."""
+        self.asked.add(key)
         text = self.table.get(key, "").strip()
         if text in ("", "~", "null", "None"):
             return None

@@ -10,34 +10,20 @@ from xml.etree import ElementTree
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.vehicles.importing.stated import Fields, Stated
 
-SUMO_NAMES: Final = frozenset(
-    [
-        "vehicleMass",
-        "wheelRadius",
-        "internalMomentOfInertia",
-        "radialDragCoefficient",
-        "rollDragCoefficient",
-        "airDragCoefficient",
-        "frontSurfaceArea",
-        "gearRatio",
-        "gearEfficiency",
-        "maximumTorque",
-        "maximumPower",
-        "maximumRecuperationTorque",
-        "maximumRecuperationPower",
-        "internalBatteryResistance",
-        "nominalBatteryVoltage",
-        "constantPowerIntake",
+ALSO_KNOWN: Final = frozenset(
+    {
+        "emissionClass",
+        "loading",
+        "mass",
         "powerLossMap",
         "propulsionEfficiency",
+        "radialDragCoefficient",
         "recuperationEfficiency",
-        "stoppingThreshold",
         "rotatingMass",
-        "mass",
-        "loading",
-    ]
+        "stoppingThreshold",
+    }
 )
-"""Parameters of SUMO's MMPEVEM vehicles; `has.*` and `device.*` are allowed besides."""
+"""Parameters of SUMO's MMPEVEM vehicles beside those that are asked for; `has.*` and `device.*` are allowed, too."""
 
 
 def sumo_types(text: str, where: str) -> dict[str, dict[str, str]]:
@@ -63,20 +49,12 @@ def from_sumo(text: str, where: str, row: str | None) -> Stated:
     types = sumo_types(re.sub(r"^\s*<\?xml[^>]*\?>", "", text, count=1), where)
     title = row if row is not None else (next(iter(types)) if len(types) == 1 else "")
     if title not in types:
-        what, got = (
-            ("no single vehicle type", f"{len(types)} types")
-            if row is None
-            else ("unknown vehicle type", row)
-        )
+        several = "no single vehicle type", f"{len(types)} types"
+        what, got = several if row is None else ("unknown vehicle type", row)
         raise InvalidInput.of(what, where, got, ", ".join(types) or "a <vType>")
     table = types[title]
     place = f"{where}, {title}"
     fields = Fields(table, place)
-    fields.faults += [
-        Fault("unknown entry", f"{place}, {key}", table[key], "a parameter of the MMPEVEM model")
-        for key in table
-        if key not in SUMO_NAMES and key != "emissionClass" and not key.startswith(("has.", "device."))
-    ]
     if table.get("emissionClass", "MMPEVEM") != "MMPEVEM":
         fields.faults.append(
             Fault("unknown emission class", f"{place}, emissionClass", table["emissionClass"], "MMPEVEM")
@@ -110,5 +88,10 @@ def from_sumo(text: str, where: str, row: str | None) -> Stated:
         nominal_voltage_v=fields.number("nominalBatteryVoltage"),
         pack_resistance_ohm=fields.optional("internalBatteryResistance"),
     )
+    fields.faults[:0] = [
+        Fault("unknown entry", f"{place}, {key}", table[key], "a parameter of the MMPEVEM model")
+        for key in table
+        if key not in fields.asked | ALSO_KNOWN and not key.startswith(("has.", "device."))
+    ]
     fields.done()
     return stated
