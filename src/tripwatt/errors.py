@@ -216,6 +216,20 @@ def first_faults(faults: Sequence[Fault], where: str, most: int = MOST_FAULTS) -
     return [*faults[:most], Fault("further faults", where, f"{len(faults) - most} more")]
 
 
+def grouped(faults: Iterable[Fault]) -> list[Fault]:
+    """Faults that differ by their place alone as one, with the number of the other places.
+
+    Examples
+    --------
+    >>> [fault.where for fault in grouped([Fault("no vehicle", "a.csv"), Fault("no vehicle", "b.csv")])]
+    ['a.csv (and 1 more places)']
+    """
+    kinds: dict[Fault, list[Fault]] = {}
+    for fault in faults:
+        kinds.setdefault(replace(fault, where="", count=1), []).append(fault)
+    return [replace(its[0], where=its[0].where + and_more(its, "places")) for its in kinds.values()]
+
+
 class InvalidInput(TripwattError):
     """An input that cannot be used, with every fault of it.
 

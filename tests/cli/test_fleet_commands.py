@@ -12,6 +12,7 @@ from tests.store.test_store import drive
 from tripwatt.cli import app
 from tripwatt.cli.stores import store_options
 from tripwatt.errors import InvalidInput
+from tripwatt.fleet.mapping import car_of
 
 
 def run(*arguments, code=0):
@@ -62,3 +63,43 @@ def test_store_options_are_pairs():
     with pytest.raises(InvalidInput) as error:
         store_options(["A", "=1"])
     assert len(error.value.faults) == 2
+
+
+def test_a_car_of_a_file_is_kept_by_its_whole_path(tmp_path, monkeypatch):
+    """Trips of an own car are simulated from any folder, and a file that is gone is named."""
+    car = tmp_path / "evito.toml"
+    figures = "--mass 2200 --battery 60 --consumption 26 --power 85 --body van --out"
+    run("vehicles", "new", *figures.split(), car)
+    drive().samples.to_csv(tmp_path / "d.csv", index=False)
+    store = tmp_path / "s"
+    run("store", "create", store, "--buckets", 1)
+    monkeypatch.chdir(tmp_path)
+    run("store", "add", store, "d.csv", "--vehicle", "./evito.toml", "--vehicle-id", "V1")
+    (row,) = json.loads(run("store", "list", store, "--json"))
+    assert row["car_model"] == f"{car}"
+    other = tmp_path / "other"
+    other.mkdir()
+    monkeypatch.chdir(other)
+    few = CliRunner().invoke(app, ["fleet", "fit", f"{store}", "m"])
+    assert [fault.got for fault in few.exception.faults] == ["1"]
+    car.unlink()
+    car_of.cache_clear()
+    gone = CliRunner().invoke(app, ["fleet", "fit", f"{store}", "n"])
+    assert str(gone.exception).startswith(f"the file of a car model is missing: {car}: got no such file")
+
+
+def test_a_fault_of_many_files_is_listed_once(tmp_path):
+    for i in range(3):
+        drive(start=0.3 * i).samples.to_csv(tmp_path / f"d{i}.csv", index=False)
+    run("store", "create", tmp_path / "s")
+    done = CliRunner().invoke(
+        app, ["store", "add", f"{tmp_path / 's'}", f"{tmp_path}", "--dataset", "table", "--vehicle", "vw_id3"]
+    )
+    (fault,) = done.exception.faults
+    assert (fault.what, fault.where) == ("vehicle is missing", "d0 (and 2 more places)")
+
+
+def test_the_car_model_of_a_forecast_is_not_a_filter():
+    shown = " ".join(run("fleet", "forecast", "--help").split())
+    assert "The car model of a vehicle without trips." in shown
+    assert "Trips of this car model only" not in shown

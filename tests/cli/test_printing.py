@@ -21,3 +21,8 @@ def test_a_narrow_terminal_cuts_no_number(monkeypatch: pytest.MonkeyPatch, width
     assert "-500 to 9000" in elevation
     for word in ["words", "that", "may", "break", "more"]:
         assert any(word in line for line in lines)
+
+
+def test_a_space_that_does_not_break_is_a_space(capsys: pytest.CaptureFixture[str]) -> None:
+    printing.print_table("Changes", ("cause",), [("road load (100\u00a0%)",)])
+    assert "road load (100 %)" in capsys.readouterr().out

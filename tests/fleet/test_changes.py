@@ -1,6 +1,7 @@
 """Changes of vehicles that are planted in a fleet: which are listed, with which cause and month, and what is no change."""
 
 import datetime as dt
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -17,12 +18,15 @@ from tripwatt.fleet.changes import (
     Scan,
     Series,
     _weights,
+    after_changes,
     changes,
     common_of_month,
+    said_of_need,
     series_of,
 )
 from tripwatt.fleet.changes import changes_of as one_by_one
 from tripwatt.fleet.features import START, WARM_DEGC
+from tripwatt.fleet.model import predict_rows
 from tripwatt.hybrid.groups import fit_scales, group_posterior
 
 SEED = 4711
@@ -246,3 +250,58 @@ def test_the_display_of_a_vehicle_is_a_series_of_its_own():
         assert one.variance == pytest.approx((0.003**2 + (0.01 * share) ** 2).to_numpy())
         assert one.causes[BATTERY].tolist() == [1.0, 0.0, 0.0, 0.0]
         assert (one.day == own["day"].to_numpy().astype("datetime64[D]")).all()
+
+
+@pytest.fixture(scope="module")
+def jumped(fleet):
+    """A model that has seen a year in which the road load of one vehicle and the battery of another rise by 18 % in July."""
+    rows = year_of_rows(SEED, changes=[(2, "road load", 190, 0.18), (7, "battery", 190, 0.18)])
+    sums, digests = rows.sums, frozenset(rows.texts("digest").tolist())
+    model = replace(
+        fleet[2], sums=sums, posterior=group_posterior(sums, fit_scales(sums, START)), digests=digests
+    )
+    return model, rows, changes(model.posterior, rows)
+
+
+def after(rows, vehicle, day="2025-07-10"):
+    """Trips of a vehicle from a day on."""
+    return rows.where((rows.texts("vehicle_id") == vehicle) & (rows.texts("started_at") >= day))
+
+
+def test_what_a_changed_vehicle_takes_is_that_of_its_trips_since_then(jumped):
+    model, rows, changed = jumped
+    since = after_changes(model, rows, changed)
+    trips = after(rows, "v02")
+    observed = trips.numbers("observed_wh").sum()
+    average, own = (predict_rows(m.posterior, trips)[0].sum() / observed for m in (model, since))
+    assert average < 0.95
+    assert own == pytest.approx(1.0, abs=0.01)
+    doubt, sure = (predict_rows(m.posterior, trips)[1].mean() for m in (since, model))
+    assert doubt > sure
+    for same in ("v03", "v07"):
+        others = after(rows, same)
+        assert predict_rows(since.posterior, others)[0] == pytest.approx(
+            predict_rows(model.posterior, others)[0], rel=5e-3
+        )
+    assert since.trips == model.trips - round(changed.set_index("vehicle_id").loc["v02", "before"])
+
+
+def test_trips_that_the_model_has_not_seen_are_not_taken_out_of_it(jumped):
+    model, rows, changed = jumped
+    early = {
+        d for d, day in zip(rows.texts("digest"), rows.texts("started_at"), strict=True) if day < "2025-02"
+    }
+    before = replace(model, digests=model.digests - early)
+    taken = after_changes(before, rows, changed).trips
+    its = rows.where(rows.texts("vehicle_id") == "v02")
+    assert taken == after_changes(model, rows, changed).trips + sum(d in early for d in its.texts("digest"))
+    assert after_changes(model, rows, changed[:0]) is model
+
+
+def test_a_change_in_words(jumped):
+    of = said_of_need(jumped[2])
+    road, battery = of["v02"], of["v07"]
+    assert road.startswith("the need is that of its trips after its change of +1")
+    assert " % (road load, since 2025-07-" in road
+    assert battery.startswith("the need does not contain its change of +1")
+    assert f" % ({BATTERY}, since 2025-0" in battery

@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 
 from tripwatt.cli import app
 from tripwatt.fleet.registry import Registry
+from tripwatt.fleet.statistics import TripRows
 
 pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
 
@@ -140,7 +141,7 @@ def test_the_report_is_a_folder_of_the_registry(fleet, registry, tmp_path):
     begins = ("--begins", "2030-01-11 18:00", "--plug", 11000, "--quantile", 0.9)
     text = run(*asked, "--planned", night, "--drivers", "--out", out, *begins)
     assert "No vehicle changed" in text
-    assert "2 trips need" in text
+    assert "Planned trips: 2. If" in text
     assert text.endswith(f"{out / 'report.html'}\n")
     written = json.loads((out / "report.json").read_text("utf-8"))
     assert [row["vehicle_id"] for row in written["needs"]] == ["V00001", "V00002"]
@@ -149,4 +150,62 @@ def test_the_report_is_a_folder_of_the_registry(fleet, registry, tmp_path):
     assert {row["driver"].partition("/")[0] for row in written["drivers"]} <= {
         row["vehicle_id"] for row in written["vehicles"]
     }
-    assert "suffices with 90\u00a0%" in (out / "report.html").read_text("utf-8")
+    page = (out / "report.html").read_text("utf-8")
+    assert "suffices with 90\u00a0%" in page
+    facts = {"Model version": "0001", "Charger": "11 kW", "Reserve": "0 %", "A need suffices with": "90 %"}
+    assert facts.items() <= written["about"].items()
+    assert written["about"]["Charging begins"].startswith("2030-01-11 18:00 ")
+    assert "<h1>Fleet report</h1>" in page
+
+
+def test_the_report_names_what_it_leaves_out_and_assumes(fleet, registry, tmp_path):
+    _, store, _, folder = fleet
+    night, header = tmp_path / "night.csv", "vehicle_id,trip,departs_at,distance_km\n"
+    rows = "V00001,a,2030-01-12T07:30+01:00,30\nnobody,b,2030-01-12T08:30+01:00,30\nV00002,c,2020-01-12T08:30+01:00,30\n"
+    night.write_text(header + rows)
+    asked = ["fleet", "report", store.place, registry.folder, "--work", folder / "rows", "--planned", night]
+    done = CliRunner().invoke(app, [*map(str, asked), "--coldest", "-15"])
+    assert done.exit_code == 1
+    for text in (
+        "left out: 1 of 3 planned trips, which departed before 20",
+        "note: left out: unknown vehicle: trip b of nobody: vehicle_id",
+        "note: V00001: outside temperature is unknown: ",
+        " is assumed (departures: 1 of 1)",
+    ):
+        assert text in done.stderr, text
+    assert "Planned trips: 1. If" in done.stdout
+    assert "At −15 °C, a full battery" in done.stdout
+    page = (registry.folder / "report" / "report.html").read_text("utf-8")
+    assert "left out: unknown vehicle: trip b of nobody: vehicle_id" in page
+    assert "V00001: outside temperature is unknown: " in page
+    written = json.loads((registry.folder / "report" / "report.json").read_text("utf-8"))
+    assert [fault["what"] for fault in written["refused"]] == ["unknown vehicle"]
+    assert written["coldest_week"]["ambient_temperature_degc"] == -15.0
+    night.write_text(header + rows.splitlines()[1] + "\n")
+    nobody = CliRunner().invoke(app, [*map(str, asked)])
+    assert nobody.exit_code == 1, nobody.output
+    assert "Planned trips: 0. If" in nobody.stdout
+    night.write_text(header + rows.splitlines()[0] + "\n")
+    warm = CliRunner().invoke(app, [*map(str, asked), "--ambient", "30"])
+    assert warm.exit_code == 0, warm.output
+    assert "outside temperature is unknown" not in warm.stderr
+
+
+def test_drivers_that_nobody_named_are_a_note(fleet, registry, monkeypatch):
+    from tripwatt.cli import fleets
+
+    _, store, _, folder = fleet
+    read = fleets._rows
+
+    def nameless(*asked):
+        table = read(*asked).table
+        return TripRows(
+            table.set_column(table.column_names.index("driver"), "driver", pa.array([""] * len(table)))
+        )
+
+    monkeypatch.setattr(fleets, "_rows", nameless)
+    asked = ["fleet", "report", store.place, registry.folder, "--work", folder / "rows", "--drivers"]
+    done = CliRunner().invoke(app, list(map(str, asked)))
+    assert done.exit_code == 0
+    assert "note: no trip of the store names its driver" in done.stderr
+    assert not (registry.folder / "report" / "drivers.csv").exists()

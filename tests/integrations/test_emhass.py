@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime as dt
 import json
 import math
 import os
@@ -15,6 +16,8 @@ import pytest
 from tests.service.test_charge_planning import PAGE, answered, configurations, filled
 from tests.service.test_live import Served, jobs, served
 from tests.support import ROOT
+
+from tripwatt.journey.nights import EFFICIENCY, emhass
 
 __all__ = ["jobs", "served"]
 
@@ -42,7 +45,7 @@ def planned(folder: Path, request: dict[str, Any]) -> pd.DataFrame:
     house = {
         "pv_power_forecast": [0] * steps,
         "load_power_forecast": [300] * steps,
-        "load_cost_forecast": PRICES,
+        "load_cost_forecast": PRICES[:steps],
         "prod_price_forecast": [0.05] * steps,
     }
     (package,) = EMHASS.glob("lib/python3*/site-packages/emhass")
@@ -87,3 +90,21 @@ def test_emhass_charges_what_is_needed_before_the_departure_in_the_cheapest_step
     assert {PRICES[step] for step in charged} == {min(PRICES)}
     assert list(plan.index[preheat_w > 1.0]) == [departs - 1]
     assert preheat_w.sum() * STEP_H == pytest.approx(need["preheat"]["wall_wh"], abs=0.5)
+
+
+def test_emhass_charges_the_vehicles_of_a_fleet_between_their_trips(tmp_path: Path) -> None:
+    """Two parts of one vehicle, which take 0.495 and 1.2 hours, in whole steps."""
+    begins, hour = dt.datetime(2026, 1, 12, 0, 0, tzinfo=dt.UTC), dt.timedelta(hours=1)
+    rows = [("V1", 5.0, 6.2, 3297.0), ("V1", 11.0, 12.0, 8000.0)]
+    needs = pd.DataFrame(rows, columns=["vehicle_id", "departs_at", "arrives_at", "charge_wh"])
+    needs[["departs_at", "arrives_at"]] = begins + needs[["departs_at", "arrives_at"]].map(lambda h: h * hour)
+    request = emhass(needs, begins, 7400.0)
+    steps = request["prediction_horizon"]
+    assert (steps, request["operating_hours_of_each_deferrable_load"]) == (22, [0.5, 1.5])
+    plan = planned(tmp_path, request)
+    assert set(plan["optim_status"]) == {"Optimal"}
+    for k, (first, last) in enumerate([(0, 10), (13, 22)]):
+        power_w = plan[f"P_deferrable{k}"]
+        charged = plan.index[power_w > 1.0]
+        assert first <= charged.min() <= charged.max() < last
+        assert EFFICIENCY * power_w.sum() * STEP_H >= needs.loc[k, "charge_wh"]

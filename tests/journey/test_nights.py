@@ -16,6 +16,7 @@ from tripwatt.fleet.statistics import ROWS, TripRows
 from tripwatt.journey import need
 from tripwatt.journey.nights import (
     EFFICIENCY,
+    Cold,
     coldest_week,
     emhass,
     evcc,
@@ -136,7 +137,10 @@ def test_emhass_charges_between_the_trips(needs):
     ]
     hours = np.array(load["operating_hours_of_each_deferrable_load"])
     charge_wh = needs.loc[needs["vehicle_id"] == "V00000", "charge_wh"]
-    assert EFFICIENCY * 7400.0 * hours == pytest.approx(charge_wh.to_numpy(), abs=5.0)
+    wanted = charge_wh.to_numpy() / (EFFICIENCY * 7400.0)
+    assert (hours % 0.5 == 0.0).all()
+    assert ((hours >= wanted) & (hours < wanted + 0.5)).all()
+    assert load["begins_at"] == "2026-01-11T18:00:00+01:00"
     assert load["prediction_horizon"] == 40
     assert faults_of(emhass, needs, EVENING + dt.timedelta(hours=15), 7400.0) == [
         ("departs before the charging begins", "V00000")
@@ -154,10 +158,11 @@ def test_a_load_of_emhass_by_hand():
     ]
     table = pd.DataFrame(rows, columns=["vehicle_id", "departs_at", "arrives_at", "charge_wh"])
     assert emhass(table, EVENING, 7400.0) == {
+        "begins_at": "2026-01-11T18:00:00+01:00",
         "prediction_horizon": 10,
         "number_of_deferrable_loads": 2,
         "nominal_power_of_deferrable_loads": [7400.0, 7400.0],
-        "operating_hours_of_each_deferrable_load": [1.854, 1.0],
+        "operating_hours_of_each_deferrable_load": [2.0, 1.0],
         "start_timesteps_of_each_deferrable_load": [0, 3],
         "end_timesteps_of_each_deferrable_load": [0, 10],
         "vehicles": ["V1", "V1"],
@@ -211,7 +216,11 @@ def test_the_coldest_week_is_a_mean_of_its_trips():
     means = frame.groupby(week)["ambient_temperature_degc"].agg(["mean", "size"])
     most = means["size"].max()
     means = means[means["size"] >= min(10, most)]
-    assert coldest_week(rows) == (means["mean"].idxmin(), pytest.approx(means["mean"].min()))
+    cold = coldest_week(rows)
+    assert (cold.monday, cold.ambient_temperature_degc) == (
+        f"{means['mean'].idxmin()}",
+        pytest.approx(means["mean"].min()),
+    )
     assert coldest_week(rows.where(np.zeros(len(rows), dtype=bool))) is None
 
 
@@ -223,6 +232,64 @@ def test_the_coldest_week_has_at_least_ten_trips_where_any_has():
     rows = year_of_rows(5, vehicles=1, trips=len(days))
     frame = rows.table.to_pandas().assign(started_at=[f"{day}T08:00:00" for day in days])
     few = TripRows.join([pa.Table.from_pandas(frame.assign(ambient_temperature_degc=degc), schema=ROWS)])
-    assert coldest_week(few) == (dt.date(2025, 1, 6), pytest.approx(-3.0))
+    cold = Cold(-3.0, "2025-01-06", 10, [("2025-01-13", -9.0, 9)])
+    assert coldest_week(few) == (pytest.approx(-3.0), *cold[1:])
     nine = few.where(few.texts("started_at") == "2025-01-13T08:00:00")
-    assert coldest_week(nine) == (dt.date(2025, 1, 13), pytest.approx(-9.0))
+    assert coldest_week(nine) == Cold(-9.0, "2025-01-13", 9, [])
+
+
+def test_what_a_trip_does_not_give_is_named(fleet, tmp_path):
+    file = tmp_path / "night.csv"
+    file.write_text(
+        "vehicle_id,trip,departs_at,distance_km,ambient_temperature_degc\n"
+        "V00000,a,2026-01-12T07:30+01:00,30,-5\nV00001,b,2026-01-12T07:30+01:00,30,\n"
+    )
+    given, unknown = needs_by_hour(fleet[2], read_planned(file)).to_dict("records")
+    assert "ambient_temperature_degc" not in given["assumed"]
+    assert unknown["assumed"].startswith("ambient_temperature_degc, ")
+    assert "outside temperature is unknown: " in unknown["reasons"]
+    assert "state of charge" not in unknown["reasons"]
+    for trip in read_planned(file, -9.0):
+        assert trip.departure.ambient_temperature_degc == {"a": -5.0, "b": -9.0}[trip.name]
+    file.write_text("vehicle_id,trip,departs_at,distance_km\nV00001,b,2026-01-12T07:30+01:00,30\n")
+    (cold,) = needs_by_hour(fleet[2], read_planned(file, -9.0)).to_dict("records")
+    assert "ambient_temperature_degc" not in cold["assumed"]
+    assert cold["energy_wh"] > unknown["energy_wh"]
+
+
+def test_the_limits_of_a_forecast_are_told(fleet, tmp_path):
+    """The model of a fleet has no error of planned links: its interval is too narrow on them."""
+    file = tmp_path / "links.csv"
+    file.write_text(
+        "vehicle_id,trip,departs_at,length_m,speed_m_s\nV00001,b,2026-01-12T07:30+01:00,5000,15\n"
+    )
+    (row,) = needs_by_hour(fleet[2], read_planned(file)).to_dict("records")
+    assert (
+        "the error of planned routes was not measured for this model: the interval is too narrow"
+        in row["reasons"]
+    )
+
+
+def test_an_unknown_column_is_refused_with_the_one_that_is_meant(tmp_path):
+    file = tmp_path / "night.csv"
+    file.write_text(
+        NIGHT.replace("ambient_temperature_degc", "ambient_temperature").replace("kind", "sort of road")
+    )
+    with pytest.raises(InvalidInput) as caught:
+        read_planned(file)
+    kind, ambient = caught.value.faults
+    assert (kind.what, kind.got) == ("unknown column", "'sort of road'")
+    assert ambient.fix == "did you mean 'ambient_temperature_degc'?"
+
+
+def test_a_trip_that_cannot_be_forecast_leaves_the_others(fleet, planned, needs, tmp_path):
+    file = tmp_path / "night.csv"
+    file.write_text(NIGHT.replace("V00001", "nobody"))
+    refused = []
+    left = needs_by_hour(fleet[2], read_planned(file), refused=refused)
+    assert [fault.where for fault in refused] == ["trip south of nobody: vehicle_id"]
+    pd.testing.assert_frame_equal(left, needs[needs["vehicle_id"] != "V00001"].reset_index(drop=True))
+    nobody = [trip for trip in read_planned(file) if trip.vehicle_id == "nobody"]
+    nothing = needs_by_hour(fleet[2], nobody, refused=refused)
+    assert (len(nothing), list(nothing), len(refused)) == (0, list(needs), 2)
+    assert night_document(nothing, EVENING, 7400.0)["evcc"] == []

@@ -2,8 +2,11 @@
 
 import datetime as dt
 import json
+import math
+from dataclasses import replace
 
 import pandas as pd
+import pyarrow as pa
 import pytest
 
 pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
@@ -11,8 +14,13 @@ pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
 from tests.fleet.rows import year_of_rows
 
 from tripwatt.evaluation.fleets import FleetEvaluation
+from tripwatt.fleet.features import START
 from tripwatt.fleet.registry import REPORT_FILES
-from tripwatt.report.fleets import ManagerReport, evaluation_page, routes_table, said_of_routes
+from tripwatt.fleet.statistics import ROWS, TripRows
+from tripwatt.hybrid.groups import fit_scales, group_posterior
+from tripwatt.journey.nights import Cold, PlannedTrip, needs_by_hour
+from tripwatt.report.fleets import ManagerReport, evaluation_page, needs_table, routes_table, said_of_routes
+from tripwatt.trips import Departure
 
 AT = dt.datetime(2026, 1, 11, 18, tzinfo=dt.UTC)
 LEAVES = dt.datetime(2026, 1, 12, 7, 30, tzinfo=dt.UTC)
@@ -105,23 +113,42 @@ def needs_of(soc):
     row = {"vehicle_id": "V1", "car_model": "m", "departs_at": LEAVES, "arrives_at": LEAVES, "trips": 2}
     wh = {"distance_m": 6e4, "energy_wh": 9e3, "energy_quantile_wh": 12e3}
     return pd.DataFrame(
-        [{**row, **wh, "soc_needed": 0.5, "soc": soc, "charge_wh": 6e3 if soc is not None else None}]
+        [
+            {
+                **row,
+                **wh,
+                "soc_needed": 0.5,
+                "soc": soc,
+                "charge_wh": 6e3 if soc is not None else None,
+                "assumed": "soc",
+                "reasons": "a; b",
+            }
+        ]
     )
 
 
 def test_a_folder_has_a_file_for_each_program_and_none_of_an_earlier_report(tmp_path):
     routes = pd.DataFrame({"trip": ["north"], "a": [0.5]})
-    full = report(needs=needs_of(0.2), routes=routes, week=(dt.date(2025, 1, 6), -7.4))
+    cold = Cold(-7.4, "2025-01-06", 10, (("2025-01-13", -9.0, 3),))
+    full = report(needs=needs_of(0.2), routes=routes, cold=cold)
     document = full.write(tmp_path, AT, 7400.0)
     assert {file.name for file in tmp_path.iterdir()} == set(REPORT_FILES) - {"drivers.csv"}
-    assert json.loads((tmp_path / "report.json").read_text("utf-8")) == document
+    assert json.loads((tmp_path / "report.json").read_text("utf-8")) == json.loads(json.dumps(document))
     assert json.loads((tmp_path / "emhass.json").read_text("utf-8")) == document["emhass"]
-    assert (tmp_path / "evcc.txt").read_text("utf-8") == "/api/vehicles/V1/plan/soc/50/2026-01-12T07:30:00Z"
+    assert (tmp_path / "evcc.txt").read_text("utf-8") == "/api/vehicles/V1/plan/soc/50/2026-01-12T07:30:00Z\n"
+    assert (
+        (tmp_path / "emhass.json").read_bytes()[-2:] == (tmp_path / "report.json").read_bytes()[-2:] == b"}\n"
+    )
     needs = pd.read_csv(tmp_path / "needs.csv")
-    assert needs["departs_at"].item() == "2026-01-12T07:30:00+0000"
+    assert needs["departs_at"].item() == "2026-01-12T07:30:00+00:00"
     assert needs["charge_wh"].item() == 6000.0
     assert len(pd.read_csv(tmp_path / "changes.csv")) == 60
-    assert document["coldest_week"] == {"monday": "2025-01-06", "ambient_temperature_degc": -7.4}
+    assert document["coldest_week"] == {
+        "monday": "2025-01-06",
+        "ambient_temperature_degc": -7.4,
+        "least_trips": 10,
+        "colder": (("2025-01-13", -9.0, 3),),
+    }
     report().write(tmp_path, AT, 7400.0)
     assert {file.name for file in tmp_path.iterdir()} == {
         "changes.csv",
@@ -133,8 +160,8 @@ def test_a_folder_has_a_file_for_each_program_and_none_of_an_earlier_report(tmp_
 
 def test_the_need_of_the_night_is_summed():
     page = report(needs=needs_of(0.2)).page()
-    assert "2 trips need 12 kWh if each gets what suffices with 95\u00a0%." in page
-    assert "for the 1 departures of vehicles whose charge now is known: 6 kWh." in page
+    assert "Planned trips: 2. If each gets what suffices with 95\u00a0%, they need 12 kWh." in page
+    assert "for departures of vehicles whose charge now is known (1 of 1): 6 kWh." in page
     assert "does not suffice for all of them: 0." in page
     assert (
         "does not suffice for all of them: 1." in report(needs=needs_of(None).assign(soc_needed=1.2)).page()
@@ -148,9 +175,67 @@ def test_routes_name_the_cars_that_can_drive_them():
         ("b", "large", "–", "60"),
         ("c", "none", "–", "–"),
     )
-    said = said_of_routes(routes, 0.95, dt.date(2025, 1, 6), -7.4)
-    assert "from 2025-01-06 at −7 °C" in said
+    said = said_of_routes(routes, 0.95, Cold(-7.4, "2025-01-06", 4, (("2025-01-13", -9.2, 3),)))
+    assert said.startswith(
+        "In the coldest week so far with 4 trips or more, from 2025-01-06 at −7 °C, a full"
+    )
+    assert said.endswith("Colder weeks with fewer trips do not count: 2025-01-13 (−9 °C, 3 trips).")
+    given = said_of_routes(routes, 0.95, Cold(-15.0))
+    assert given.startswith("At −15 °C, a full battery")
+    assert "week" not in given
     assert (
-        "suffices for 1 of 3 routes with 95\u00a0%; 1 need some of the car models, and 1 need a charging stop"
+        "suffices for 1 of 3 routes with 95\u00a0%; 1 more with some of the car models, 1 with none of them."
         in said
     )
+
+
+def test_the_need_of_a_changed_vehicle_is_that_of_its_trips_since_then(fleet):
+    """The road load of one vehicle rises by 18 % of its consumption in July; the model averages over the year."""
+    made = year_of_rows(4711, changes=[(2, "road load", 190, 0.18)]).table.to_pandas()
+    cars = made["car_model"].map({"m0": "bmw_i3_60ah", "m1": "nissan_leaf_24"})
+    rows = TripRows.join([pa.Table.from_pandas(made.assign(car_model=cars), schema=ROWS)])
+    sums, digests = rows.sums, frozenset(rows.texts("digest").tolist())
+    model = replace(
+        fleet[2], sums=sums, posterior=group_posterior(sums, fit_scales(sums, START)), digests=digests
+    )
+    known = Departure(ambient_temperature_degc=10.0)
+    trips = [
+        PlannedTrip("a", car, LEAVES, 30.0, "country", known, math.nan, None, None) for car in ("v02", "v04")
+    ]
+    report = ManagerReport.of({}, model, rows, trips)
+    assert list(report.changes["vehicle_id"]) == ["v02"]
+    changed, same = (report.needs["energy_wh"] / needs_by_hour(model, trips)["energy_wh"]).tolist()
+    assert 1.05 < changed < 1.15
+    assert same == pytest.approx(1.0, abs=5e-3)
+    assert ["change of +" in reasons for reasons in report.needs["reasons"]] == [True, False]
+    assert "v02: the need is that of its trips after its change of +" in report.page()
+
+
+def test_the_page_has_need_and_charge_first_and_links_to_its_files():
+    rows = [("calm", 0.3, 0.0), ("short", 0.6, 5e3), ("far", 1.4, math.nan)]
+    needs = pd.concat(
+        [needs_of(0.2).assign(vehicle_id=car, soc_needed=soc, charge_wh=wh) for car, soc, wh in rows]
+    )
+    needs["reasons"] = "battery temperature at departure is unknown: -5 °C is assumed since 2025-06-01"
+    made = report(needs=needs, about={"Model version": "0007", "Reserve": "10 %"})
+    table = needs_table(needs, 0.9)
+    assert table.columns[:3] == ("vehicle", "leave with [%]", "to charge [kWh]")
+    assert [row[:3] for row in table.rows] == [
+        ("short", "60", "5.0"),
+        ("far", "140", "–"),
+        ("calm", "30", "0.0"),
+    ]
+    page = made.page()
+    for name in ("changes.csv", "vehicles.csv", "needs.csv", "emhass.json", "evcc.txt"):
+        assert f'<a href="{name}">{name}</a>' in page
+    assert "drivers.csv" not in page
+    assert "evcc.txt" not in report().page()
+    assert "<dt>Model version</dt><dd>0007</dd>" in page
+    assert "unknown: −5 °C is assumed since 2025-06-01 (departures: 3 of 3)" in page
+
+
+def test_less_has_the_sign_of_the_other_numbers():
+    made = report()
+    less = replace(made, changes=made.changes.assign(change=-0.051)).page()
+    assert "−5.1\u00a0±\u00a00.4" in less
+    assert "-5.1" not in less

@@ -230,12 +230,16 @@ def test_a_service_follows_its_registry(fleet: Any, registry: Registry, tmp_path
 
         before = answer()
         registry.promote(registry.add(moved(fleet[2])))
-        assert answer() > 1.001 * before
         (summary,) = service.client.get("/v1/models").json()["models"]
-        assert (summary["name"], summary["model"]["version"]) == ("vans", "0002")
+        assert summary["model"]["version"] == "0002"
+        assert answer() > 1.001 * before
+        assert summary["name"] == "vans"
         assert [r["version"] for r in service.records() if r["event"] == "model changed"] == ["0002"]
         missing = service.client.get("/v1/fleet/report/report.html")
         assert (missing.status_code, missing.json()["type"]) == (404, "/problems/not-found")
+        hint = service.client.get("/v1/fleet/report/").json()["detail"]
+        assert hint == "the address goes on: /v1/fleet/report/{file}"
+        assert "detail" not in service.client.get("/v1/nothing").json()
         (registry.folder / "report").mkdir()
         (registry.folder / "report" / "report.html").write_text("<style>p{}</style><p>of a fleet</p>")
         page = service.client.get("/v1/fleet/report/report.html")

@@ -232,3 +232,20 @@ def test_time_of_day_and_elapsed_milliseconds_win_over_a_temperature(tmp_path: P
         found = {guess.ours: guess.column for guess in suggest_mapping(file).guesses}
         assert found["time_s"] == name
         assert found["ambient_temperature_degc"] == "T aussen"
+
+
+def test_a_column_of_the_vehicle_is_proposed(tmp_path: Path) -> None:
+    table = pd.DataFrame({**HEADERS["letters"](drive()), "VIN": "W1V44781313000001", "driver": "anna"})
+    table.to_csv(tmp_path / "log.csv", index=False)
+    proposal = suggest_mapping(tmp_path / "log.csv")
+    assert '[trip]\nvehicle = "VIN"\n' in proposal.toml
+    assert "VIN" not in proposal.unused
+    mapping = parse_mapping(proposal.toml.replace("[trip]\n", '[trip]\ndriver = "driver"\n'), "proposed")
+    (log,) = read_table(tmp_path / "log.csv", mapping).logs
+    assert (log.context.car, log.context.driver) == ("W1V44781313000001", "anna")
+    (alone,) = read_table(tmp_path / "log.csv").logs
+    assert alone.context.car is None
+    table.loc[3, "driver"] = "bert"
+    table.to_csv(tmp_path / "log.csv", index=False)
+    (both,) = read_table(tmp_path / "log.csv", mapping).logs
+    assert both.context.driver is None

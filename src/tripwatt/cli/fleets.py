@@ -15,14 +15,15 @@ from tripwatt.cli.departing import DepartureOf, departure_options, time_of
 from tripwatt.cli.forecast import forecast_rows
 from tripwatt.cli.options import JsonOption, argument, option, options_named
 from tripwatt.cli.output import write_text
-from tripwatt.cli.printing import console, print_json, print_table, progress
-from tripwatt.cli.stores import CarModelOption, SinceOption, StoreArgument, StoreOption, UntilOption, opened
+from tripwatt.cli.printing import console, print_json, print_notes, print_table, progress
+from tripwatt.cli.stores import SinceOption, StoreArgument, StoreOption, UntilOption, opened
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
     from tripwatt.fleet.registry import Registry
     from tripwatt.fleet.statistics import TripRows
+    from tripwatt.report.fleets import ManagerReport
 
 GROUP = (
     "Many vehicles: one model of a trip store, with the deviations of each car model, vehicle and driver. It needs the "
@@ -237,7 +238,7 @@ def forecast(
     trip: Annotated[Path, argument("TRIP", "A route or a speed trace, as for `tripwatt forecast`.")],
     vehicle_id: Annotated[str, option("ID", "The vehicle.")],
     departure: DepartureOf,
-    car_model: CarModelOption = None,
+    car_model: Annotated[str | None, option("NAME", "The car model of a vehicle without trips.")] = None,
     driver: Annotated[str | None, option("NAME", "The driver, if trips of his were logged.")] = None,
     reserve: Annotated[float, option("X", "Charge to arrive with, 0 to 1.", min=0.0, max=1.0)] = 0.0,
     as_json: JsonOption = False,
@@ -313,21 +314,13 @@ def report(
     store: StoreArgument,
     registry: RegistryArgument,
     planned: Annotated[
-        Path | None,
-        option(
-            "FILE",
-            "Planned trips as CSV or Parquet; see docs/howto/fleet.md. With it, what they need, and from which cars.",
-        ),
+        Path | None, option("FILE", "Planned trips, CSV or Parquet: what they need. See docs/howto/fleet.md.")
     ] = None,
     out: Annotated[
-        Path | None,
-        option(
-            "FOLDER",
-            "Folder to write. Default: REGISTRY/report, which `tripwatt serve` serves.",
-            "--out",
-            "-o",
-        ),
+        Path | None, option("FOLDER", "Default: REGISTRY/report, which the service serves.", "--out", "-o")
     ] = None,
+    ambient: Annotated[float | None, option("DEGC", "Outside temperature of trips that have none.")] = None,
+    coldest: Annotated[float | None, option("DEGC", "Temperature in place of the coldest week's.")] = None,
     drivers: Annotated[bool, typer.Option("--drivers", help="Compare drivers, too.")] = False,
     quantile: Annotated[float, option("Q", "Probability with which a need suffices, 0.5 to 1.")] = 0.95,
     reserve: Annotated[float, option("X", "Charge to come back with, 0 to 1.")] = 0.0,
@@ -343,7 +336,8 @@ def report(
 ) -> None:
     """Report which vehicles changed, since when and by which cause, and what planned trips need, as HTML, CSV and JSON.
 
-    With --planned the folder has needs.csv, emhass.json and evcc.txt as well, for the management of charging.
+    With --planned the folder has needs.csv, emhass.json and evcc.txt as well, for the management of charging. The exit code is 1
+    if a planned trip cannot be forecast; the report has its reason and the needs of the others.
 
     For example:
 
@@ -355,17 +349,30 @@ def report(
     from tripwatt.journey.nights import read_planned
     from tripwatt.report.fleets import ManagerReport
 
-    at = dt.datetime.now().astimezone() if begins is None else time_of(begins, "--begins")
-    model, folder = _registry(registry).load(), out or registry / "report"
-    trips = read_planned(planned) if planned is not None else ()
+    now = dt.datetime.now().astimezone()
+    at = now if begins is None else time_of(begins, "--begins")
+    versions, folder = _registry(registry), out or registry / "report"
+    about = {"Store": store, "Written": f"{now:%Y-%m-%d %H:%M}", "Model version": versions.current()}
+    if planned is not None:
+        about |= {"A need suffices with": f"{100 * quantile:g} %", "Reserve": f"{100 * reserve:g} %"}
+        about |= {"Charger": f"{plug / 1e3:g} kW", "Charging begins": f"{at:%Y-%m-%d %H:%M %z}"}
+    trips = read_planned(planned, ambient) if planned is not None else []
+    ahead = [trip for trip in trips if trip.departs_at >= min(now, at)]
     rows = _rows(store, options, work or registry / "work", jobs, cluster)
-    made = ManagerReport.of(
-        f"Fleet {store}", model, rows, trips, quantile=quantile, reserve=reserve, drivers=drivers
-    )
+    asked: dict[str, Any] = {"quantile": quantile, "reserve": reserve, "coldest_degc": coldest}
+    made = ManagerReport.of(about, versions.load(), rows, ahead, drivers=drivers, **asked)
     document = made.write(folder, at, plug)
-    if as_json:
-        print_json({"out": f"{folder}", **document})
-        return
+    if drivers and made.drivers is None:
+        print_notes(["no trip of the store names its driver, so that drivers cannot be compared"])
+    if len(ahead) < len(trips):
+        past = f"left out: {len(trips) - len(ahead)} of {len(trips)} planned trips, which departed before"
+        print_notes([f"{past} {min(now, at):%Y-%m-%d %H:%M}"])
+    print_json({"out": f"{folder}", **document}) if as_json else _show_report(made, folder)
+    if made.refused:
+        raise typer.Exit(1)
+
+
+def _show_report(made: ManagerReport, folder: Path) -> None:
     for panel in made.panels():
         if not panel.folded:
             typer.echo(panel.sentence)
@@ -374,6 +381,7 @@ def report(
             print_table(
                 table.caption, table.columns, table.rows, numbers=("more [%]", "trips before", "after")
             )
+    print_notes(made.notes)
     typer.echo(f"{folder / 'report.html'}")
 
 

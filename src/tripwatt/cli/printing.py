@@ -59,7 +59,7 @@ def print_table(
     from rich.cells import cell_len
     from rich.table import Table
 
-    rows = [[printable(cell) for cell in row] for row in rows]
+    rows = [[printable(cell.replace("\u00a0", " ")) for cell in row] for row in rows]
     table = Table(box=SIMPLE, padding=(0, 1, 0, 0), pad_edge=False)
     needed = 0
     for k, column in enumerate(columns):

@@ -10,7 +10,7 @@ import typer
 
 from tripwatt.cli.options import DatasetOption, JsonOption, MappingOption, argument, option
 from tripwatt.cli.printing import console, print_findings, print_json, print_notes, print_table
-from tripwatt.errors import Fault, raise_faults
+from tripwatt.errors import Fault, InvalidInput, grouped, raise_faults
 
 if TYPE_CHECKING:
     from tripwatt.store import TripStore
@@ -86,7 +86,9 @@ def create(
 def add(
     store: StoreArgument,
     data: Annotated[Path, argument("DATA", "Folder or file of logged trips.")],
-    vehicle: Annotated[str, option("NAME", "The car model: a name from `tripwatt vehicles`.")],
+    vehicle: Annotated[
+        str, option("NAME|FILE", "The car model: a name from `tripwatt vehicles`, or a TOML.")
+    ],
     vehicle_id: Annotated[
         str | None, option("ID", "The vehicle of logs whose mapping has no column of the vehicle.")
     ] = None,
@@ -98,7 +100,7 @@ def add(
     """Add logs to a store. A trip that is in the store is not added again, so you can repeat the command.
 
     The command audits every log and keeps it as it was logged. Several commands may add to one store at once. If some
-    files have faults, the command adds the others, lists all faults, and exits with code 2.
+    files have faults, the command adds the others, lists the faults, and exits with code 2.
 
     For example:
 
@@ -107,26 +109,26 @@ def add(
       # add a trip of one vehicle
       tripwatt store add fleet drive.csv --vehicle vw_id3 --vehicle-id V17
     """
-    from tripwatt.store import Added, add_files
+    from tripwatt.store import add_files
     from tripwatt.vehicles import load_vehicle
 
     load_vehicle(vehicle)
+    vehicle = f"{Path(vehicle).resolve()}" if vehicle.endswith(".toml") else vehicle
     target = opened(store, options)
     shown = console()
-
-    def progress(sums: Added) -> None:
-        shown.print(f"{sums}")
-
     kind = dataset or ("table" if mapping is not None or data.is_file() else "tum")
-    done = add_files(
-        target,
-        data,
-        car_model=vehicle,
-        vehicle_id=vehicle_id,
-        dataset=kind,
-        mapping=mapping,
-        progress=progress,
-    )
+    try:
+        done = add_files(
+            target,
+            data,
+            car_model=vehicle,
+            vehicle_id=vehicle_id,
+            dataset=kind,
+            mapping=mapping,
+            progress=lambda sums: shown.print(f"{sums}"),
+        )
+    except InvalidInput as error:
+        raise InvalidInput(grouped(error.faults)) from error
     print_json(asdict(done)) if as_json else typer.echo(f"{store}: {done}")
 
 

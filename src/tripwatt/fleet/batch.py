@@ -34,7 +34,7 @@ from tripwatt.fleet.storage import load_fleet
 from tripwatt.forecasting.forecast import quantiles as quantiles_of
 from tripwatt.modelfile import METADATA
 from tripwatt.routes import plan_from_route, route_from_links
-from tripwatt.trips import LINK_COLUMNS, Departure, raise_faults
+from tripwatt.trips import LINK_COLUMNS, Departure, Flag, raise_faults
 from tripwatt.trips.columns import Column, number_faults, scalar_faults
 from tripwatt.trips.messages import message
 
@@ -318,7 +318,21 @@ def _row(model: FleetModel, links: Sequence[Mapping[str, Any]], part: BatchPart)
         **dict(zip(columns, np.concatenate(quantiles_of(forecast, part.quantiles)), strict=True)),
         "soc_arrival": forecast.soc_arrival,
         "p_arrive": forecast.p_arrive(part.reserve),
-        "flags": list(dict.fromkeys(flag.code for flag in forecast.flags)),
-        "assumed": ", ".join(dict.fromkeys(f.subject for f in forecast.flags if f.code in ASSUMED)) or None,
-        "reasons": "; ".join(map(message, forecast.flags)) or None,
+        **told(forecast.flags),
+    }
+
+
+def told(flags: Iterable[Flag]) -> dict[str, Any]:
+    """Flags as columns: `flags` has their codes, `reasons` their sentences, `assumed` the fields of the departure that were not given.
+
+    Examples
+    --------
+    >>> told([Flag("soc_assumed", "soc", 0.8, "1")])["assumed"]
+    'soc'
+    """
+    once = list(dict.fromkeys(flags))
+    return {
+        "flags": list(dict.fromkeys(flag.code for flag in once)),
+        "assumed": ", ".join(dict.fromkeys(flag.subject for flag in once if flag.code in ASSUMED)) or None,
+        "reasons": "; ".join(dict.fromkeys(message(flag).replace("; ", ", ") for flag in once)) or None,
     }

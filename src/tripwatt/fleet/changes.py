@@ -18,6 +18,7 @@ import pandas as pd
 
 from tripwatt.arrays import BoolArray, FloatArray
 from tripwatt.fleet.features import FEATURES, SCALES, WARM_DEGC
+from tripwatt.fleet.model import FleetModel
 from tripwatt.fleet.statistics import TripRows
 from tripwatt.hybrid.groups import GroupPosterior, Scales, Sums, fit_scales, group_posterior
 
@@ -112,6 +113,37 @@ def changes(posterior: GroupPosterior, rows: TripRows) -> pd.DataFrame:
                "before", "after"]  # fmt: skip
     table = pd.DataFrame(listed, columns=columns)
     return table.sort_values("change", key=np.abs, ascending=False, ignore_index=True)
+
+
+def after_changes(model: FleetModel, rows: TripRows, changed: pd.DataFrame) -> FleetModel:
+    """The model without the trips of changed vehicles before their last change of the consumption: what they take since then.
+
+    A change of the battery is not contained: it is none of the energy of a trip.
+
+    Parameters
+    ----------
+    model : FleetModel
+    rows : TripRows
+        Of the trips that the model has seen; others do not count.
+    changed : DataFrame
+        From `changes`.
+    """
+    last = changed[changed["cause"] != BATTERY].groupby("vehicle_id")["since"].max()
+    since = pd.to_datetime(pd.Series(rows.texts("vehicle_id")).map(last)).to_numpy()
+    seen = np.isin(rows.texts("digest"), list(model.digests))
+    before = rows.where(seen & (rows.in_time[1] < since))  # no time is before one that is not known
+    return model.with_sums(model.sums - before.sums) if len(before) else model
+
+
+def said_of_need(changed: pd.DataFrame) -> dict[str, str]:
+    """What the last change of the consumption and of the battery are to the need of a vehicle, by vehicle."""
+    said: dict[tuple[str, bool], str] = {}
+    for row in changed.sort_values("since", kind="stable").to_dict("records"):
+        battery, share = row["cause"] == BATTERY, f"{100.0 * row['change']:+.0f} %".replace("-", "−")
+        how = "does not contain its change" if battery else "is that of its trips after its change"
+        what = f"the need {how} of {share} ({row['cause']}, since {row['since']})"
+        said[row["vehicle_id"], battery] = what
+    return {v: "; ".join(said[key] for key in said if key[0] == v) for v, _ in said}
 
 
 def series_of(posterior: GroupPosterior, rows: TripRows) -> Iterator[Series]:

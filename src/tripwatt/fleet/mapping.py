@@ -254,9 +254,9 @@ def segments_of(drive: Trip, car_model: str) -> SegmentTable | None:
     measured = replace(
         drive, samples=table_of({name: drive.array(name) for name in _MEASURED if name in drive})
     )
+    car = car_of(car_model)
     try:
         plan = plan_from_trip(drive)
-        car = car_of(car_model)
         return segment_table(plan, simulate_trip(car, plan), measured, climb_wh=unknown_climb_wh(plan, car))
     except InvalidInput:
         return None
@@ -264,7 +264,16 @@ def segments_of(drive: Trip, car_model: str) -> SegmentTable | None:
 
 @lru_cache(maxsize=256)
 def car_of(name: str) -> Vehicle:
-    """A car of the library, read once in each process."""
+    """A car of the library or of a TOML file, read once in each process.
+
+    Raises
+    ------
+    InvalidInput
+        When there is none.
+    """
+    if name.endswith(".toml") and not Path(name).is_file():
+        got, allowed = "no such file", "the file with which the trips were added"
+        raise InvalidInput.of("the file of a car model is missing", name, got, allowed, "put it back there")
     return load_vehicle(name)
 
 

@@ -75,8 +75,8 @@ class Comparison:
     def __str__(self) -> str:
         return (
             f"mean error {self.challenger:.2%} against {self.champion:.2%} on {self.trips} trips of {self.vehicles} vehicles; "
-            f"the difference of {self.difference:+.2%} ({self.low:+.2%} to {self.high:+.2%}) is "
-            f"{'surely beyond' if self.worse else 'not surely beyond'} the margin of {MARGIN * self.champion:+.2%}"
+            f"the difference is {self.difference:+.2%} (95 % interval {self.low:+.2%} to {self.high:+.2%}); the new model is refused "
+            f"if all of the interval is above {MARGIN * self.champion:+.2%}, which {'holds' if self.worse else 'does not hold'}"
         )
 
 

@@ -11,23 +11,26 @@ import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 from urllib.parse import quote
 
 import pandas as pd
 
 from tripwatt.errors import Check, Fault, InvalidInput, places_within
-from tripwatt.fleet.batch import KNOWN
+from tripwatt.fleet.batch import KNOWN, told
 from tripwatt.fleet.model import COLD_DEGC, FleetModel
 from tripwatt.fleet.statistics import TripRows
 from tripwatt.forecasting import Forecast, ForecastModel
+from tripwatt.forecasting.forecast import OF_CHARGE
 from tripwatt.journey.distances import DISTANCES_KM, KindForecaster, taken_by
 from tripwatt.journey.kinds import UNKNOWN
 from tripwatt.routes import plan_from_route, route_from_links
 from tripwatt.sources.columnar import open_table
 from tripwatt.trips import LINK_COLUMNS, Departure, Plan, raise_faults
 from tripwatt.trips.columns import require_fraction, require_number
+from tripwatt.units import SECONDS_PER_HOUR
 from tripwatt.vehicles import Vehicle
 
 QUANTILE: Final = 0.95
@@ -37,20 +40,12 @@ EFFICIENCY: Final = 0.9
 LEAST_TRIPS: Final = 10
 """Trips of a week whose mean temperature counts."""
 
+AMBIENT: Final = "ambient_temperature_degc"
 TEXTS: Final = ("vehicle_id", "trip", "departs_at", "car_model", "driver", "kind")
 TRUTHS: Final = {"True": True, "False": False}
 TAKEN: Final = ("distance_m", "energy_wh", "energy_quantile_wh", "soc_taken")
-NEEDS: Final = (
-    "vehicle_id",
-    "car_model",
-    "departs_at",
-    "arrives_at",
-    "trips",
-    *TAKEN[:3],
-    "soc_needed",
-    "soc",
-    "charge_wh",
-)
+NEEDS: Final = ("vehicle_id", "car_model", "departs_at", "arrives_at", "trips", *TAKEN[:3], "soc_needed", "soc",
+                "charge_wh", "assumed", "reasons")  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,25 +95,34 @@ class PlannedTrip:
             return own.vehicle, self.forecast(own, self.departure)
 
 
-def read_planned(file: Path | str) -> list[PlannedTrip]:
+def read_planned(file: Path | str, ambient_degc: float | None = None) -> list[PlannedTrip]:
     """Read planned trips from CSV or Parquet.
 
     Parameters
     ----------
     file : path
+    ambient_degc : float, optional
+        Outside temperature of trips that have none [°C].
 
     Raises
     ------
     InvalidInput
-        When the file cannot be read, or a column is missing; with the first trip that cannot be planned.
+        When the file cannot be read; with every column that is missing or unknown, or every trip that cannot be planned.
     """
     read = open_table(Path(file))
     table = pd.DataFrame({name: _typed(name, read.texts(name)) for name in read.names})
     missing = [name for name in TEXTS[:3] if name not in table]
     missing += [] if {"distance_km", "length_m"} & set(table) else ["distance_km or length_m"]
     names = ", ".join(map(str, table))[:200]
-    raise_faults(Fault("missing column", f"{file}", names, f"a column {name}") for name in missing)
-    return [_planned(rows) for _, rows in table.groupby(["vehicle_id", "trip", "departs_at"], sort=False)]
+    faults = [Fault("missing column", f"{file}", names, f"a column {name}") for name in missing]
+    known = (*TEXTS, "distance_km", *KNOWN, *LINK_COLUMNS)
+    unknown = (name for name in table if name not in known)
+    raise_faults(faults + [Fault.unknown("unknown column", f"{file}", name, known) for name in unknown])
+    if ambient_degc is not None:
+        table[AMBIENT] = table[AMBIENT].fillna(ambient_degc) if AMBIENT in table else ambient_degc
+    with Check() as check:
+        trips = [check(_planned, its) for _, its in table.groupby([*TEXTS[:3]], sort=False)]
+    return trips
 
 
 def _typed(name: str, cells: list[str]) -> pd.Series:
@@ -162,8 +166,9 @@ def _time(text: str, where: str) -> dt.datetime:
 
 
 def needs_by_hour(
-    model: FleetModel, trips: Sequence[PlannedTrip], *, quantile: float = QUANTILE, reserve: float = 0.0
-) -> pd.DataFrame:
+    model: FleetModel, trips: Sequence[PlannedTrip], *, quantile: float = QUANTILE, reserve: float = 0.0,
+    refused: list[Fault] | None = None,
+) -> pd.DataFrame:  # fmt: skip
     """What planned trips need, by vehicle and hour of departure. One forecast a trip.
 
     The trips of a vehicle share the errors of the car, so that their quantiles add up.
@@ -176,6 +181,8 @@ def needs_by_hour(
         Probability with which the energy suffices, 0.5 to 1.
     reserve : float
         Displayed charge to come back with.
+    refused : list of Fault, optional
+        Gets the faults of trips that cannot be forecast, which are then left out.
 
     Returns
     -------
@@ -183,30 +190,34 @@ def needs_by_hour(
         `vehicle_id`, `car_model`, `departs_at` (the first of the hour), `arrives_at` (the last), `trips`, `distance_m`, `energy_wh` (median), `energy_quantile_wh`,
         `soc_needed` (displayed charge to leave with for this hour and the later ones without charging in between; above 1 where a full battery
         does not suffice), `soc` (now) and `charge_wh`: what is to be charged for this hour beyond what the hours before need [Wh], NaN where
-        `soc` is not known.
+        `soc` is not known. `assumed` names what a trip does not give, and `reasons` has what was assumed and what limits the forecasts as sentences.
 
     Raises
     ------
     InvalidInput
-        When a vehicle is not known and has no car model, or a trip cannot be forecast.
+        Without `refused`, when a vehicle is not known and has no car model, or a trip cannot be forecast.
     """
     quantile, reserve = require_fraction("quantile", quantile, 0.5), require_fraction("reserve", reserve)
-    with Check() as check:
-        forecasts = [check(trip.forecast_by, model) for trip in trips]
+    check = Check()
+    forecasts = [(trip, check(trip.forecast_by, model)) for trip in trips]
+    (raise_faults if refused is None else refused.extend)(check.faults)
     rows = []
-    for trip, (car, forecast) in zip(trips, forecasts, strict=True):
+    for trip, (car, forecast) in (made for made in forecasts if made[1] is not None):
         (middle, most), (_, soc), duration_s = taken_by(forecast, (0.5, quantile))
         at = trip.departs_at, trip.departs_at + dt.timedelta(seconds=duration_s)
         taken = forecast.plan.distance_m, middle, most, max(soc, 1e-6)
         hour = trip.departs_at.replace(minute=0, second=0, microsecond=0)
-        rows.append((trip.vehicle_id, car.name, hour, *at, trip.soc, *taken))
-    named = ["vehicle_id", "car_model", "hour", "departs_at", "arrives_at", "soc", *TAKEN]
-    table = pd.DataFrame(rows, columns=named)
+        flags = [flag for flag in forecast.flags if flag.code not in OF_CHARGE]
+        rows.append((trip.vehicle_id, car.name, hour, *at, trip.soc, *taken, flags))
+    named = ["vehicle_id", "car_model", "hour", "departs_at", "arrives_at", "soc", *TAKEN, "flags"]
+    table = pd.DataFrame(rows, columns=named).astype(dict.fromkeys((*TAKEN, "soc"), float))
     grouped = table.groupby(["vehicle_id", "hour"])
     needs = grouped[list(TAKEN)].sum()
     needs["trips"] = grouped.size()
     needs[["car_model", "departs_at"]] = grouped[["car_model", "departs_at"]].min()
     needs["arrives_at"] = grouped["arrives_at"].max()
+    of_hour = [told(chain.from_iterable(its)) for _, its in grouped["flags"]]
+    needs = needs.join(pd.DataFrame(of_hour, needs.index, ["assumed", "reasons"]))
     needs = needs.reset_index()
     of_vehicle = needs.groupby("vehicle_id")
     needs["soc"] = needs["vehicle_id"].map(table.groupby("vehicle_id")["soc"].first())
@@ -218,17 +229,41 @@ def needs_by_hour(
     return needs[list(NEEDS)]
 
 
-def coldest_week(rows: TripRows) -> tuple[dt.date, float] | None:
-    """Monday of the week of a fleet's trips with the lowest mean outside temperature, and that temperature [°C]; None without any."""
+class Cold(NamedTuple):
+    """An outside temperature for which the cars of routes are chosen.
+
+    Attributes
+    ----------
+    ambient_temperature_degc : float
+        Outside temperature [°C].
+    monday : str or None
+        Of the week whose mean it is; None where it was given.
+    least_trips : int
+        Trips of a week whose mean counts.
+    colder : tuple of (str, float, int)
+        Monday, mean temperature [°C] and trips of colder weeks with fewer trips.
+    """
+
+    ambient_temperature_degc: float
+    monday: str | None = None
+    least_trips: int = LEAST_TRIPS
+    colder: Sequence[tuple[str, float, int]] = ()
+
+
+def coldest_week(rows: TripRows) -> Cold | None:
+    """The week of a fleet's trips with the lowest mean outside temperature, of those with `LEAST_TRIPS` or more where there is one; None without any."""
     order, day = rows.in_time
     ambient = pd.Series(
         rows.numbers("ambient_temperature_degc")[order], pd.DatetimeIndex(day[order])
     ).dropna()
     weeks = ambient.groupby(pd.Grouper(freq="W-MON", label="left", closed="left")).agg(["mean", "size"])
-    weeks = weeks[weeks["size"] >= min(LEAST_TRIPS, weeks["size"].max())] if len(weeks) else weeks
     if weeks.empty:
         return None
-    return pd.Timestamp(str(weeks["mean"].idxmin())).date(), float(weeks["mean"].min())
+    least = min(LEAST_TRIPS, int(weeks["size"].max()))
+    enough = weeks.loc[weeks["size"] >= least, "mean"]
+    colder = weeks[weeks["mean"] < enough.min()].sort_values("mean")
+    skipped = colder.index.strftime("%Y-%m-%d"), colder["mean"].tolist(), colder["size"].tolist()
+    return Cold(float(enough.min()), str(enough.idxmin())[:10], least, list(zip(*skipped, strict=True)))
 
 
 def needs_by_car(
@@ -263,20 +298,16 @@ def needs_by_car(
         weather = replace(
             trip.departure, ambient_temperature_degc=ambient_degc, battery_temperature_degc=None
         )
-        needs[name] = {car: reserve + _taken(trip, own, weather, quantile) for car, own in cars.items()}
+        takes = {car: taken_by(trip.forecast(own, weather), (quantile,))[1] for car, own in cars.items()}
+        needs[name] = {car: reserve + float(charge[0]) for car, charge in takes.items()}
     return pd.DataFrame.from_dict(needs, orient="index", columns=list(cars)).rename_axis("trip").reset_index()
-
-
-def _taken(trip: PlannedTrip, own: ForecastModel, weather: Departure, quantile: float) -> float:
-    if isinstance(trip.road, Plan):
-        return float(taken_by(own.forecast(trip.road, weather), (quantile,))[1][0])
-    return float(KindForecaster.from_kind(own, weather, trip.kind).at(1000.0 * trip.road, (quantile,))[1][0])
 
 
 def emhass(needs: pd.DataFrame, at: dt.datetime, charger_w: float, step_s: float = 1800.0) -> dict[str, Any]:
     """Payload for EMHASS's `naive-mpc-optim`: a deferrable load for each row that has something to charge, in the order of `vehicles`.
 
-    A load begins after the vehicle's trips of the hours before, and ends at its departure.
+    A load begins after the vehicle's trips of the hours before, and ends at its departure. EMHASS counts steps from its own request: post it at `begins_at`.
+    It switches a load for whole steps only, so that the hours are rounded up to them.
 
     Parameters
     ----------
@@ -306,15 +337,21 @@ def emhass(needs: pd.DataFrame, at: dt.datetime, charger_w: float, step_s: float
     loads = needs[needs["charge_wh"] > 0.0]
     rows = loads.to_dict("records")
     late = ((row["vehicle_id"], f"{row['departs_at']}") for row in rows if row["departs_at"] < at)
-    raise_faults(Fault("departs before the charging begins", *row, f"later than {at}") for row in late)
+    what, fix = (
+        "departs before the charging begins",
+        "let the charging begin earlier, or leave out what is driven already",
+    )
+    raise_faults(Fault(what, *row, f"later than {at}", fix) for row in late)
     steps = [[(row[name] - at).total_seconds() / step_s for name in ("after", "departs_at")] for row in rows]
     last = [int(end) for _, end in steps]
-    hours = loads["charge_wh"] / (EFFICIENCY * charger_w)
+    step_h = step_s / SECONDS_PER_HOUR
+    whole = loads["charge_wh"] / (EFFICIENCY * charger_w * step_h)
     return {
+        "begins_at": at.isoformat(timespec="seconds"),
         "prediction_horizon": max([*last, 1]),
         "number_of_deferrable_loads": len(loads),
         "nominal_power_of_deferrable_loads": [charger_w] * len(loads),
-        "operating_hours_of_each_deferrable_load": [round(float(h), 3) for h in hours],
+        "operating_hours_of_each_deferrable_load": [math.ceil(n - 1e-9) * step_h for n in whole],
         "start_timesteps_of_each_deferrable_load": [math.ceil(max(begin, 0.0)) for begin, _ in steps],
         "end_timesteps_of_each_deferrable_load": last,
         "vehicles": loads["vehicle_id"].tolist(),

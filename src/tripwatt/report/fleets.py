@@ -4,22 +4,25 @@ from __future__ import annotations
 
 import datetime as dt
 import json
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
 import pandas as pd
 
+from tripwatt.errors import Fault
 from tripwatt.evaluation.fleets import FleetEvaluation
 from tripwatt.files import write_text
-from tripwatt.fleet.changes import FALSE_CHANGES, LEAST_CHANGE, changes
+from tripwatt.fleet.changes import FALSE_CHANGES, LEAST_CHANGE, after_changes, changes, said_of_need
 from tripwatt.fleet.deviations import PARTS, deviations
 from tripwatt.fleet.model import FleetModel
 from tripwatt.fleet.registry import REPORT_FILES, REPORT_TABLES
 from tripwatt.fleet.statistics import TripRows
 from tripwatt.journey.nights import (
     QUANTILE,
+    Cold,
     PlannedTrip,
     coldest_week,
     needs_by_car,
@@ -31,6 +34,7 @@ from tripwatt.report.html import page_text
 from tripwatt.report.panel import Panel
 from tripwatt.report.tables import Column, Table, in_kwh, in_percent, in_words, number, tabulated
 from tripwatt.report.words import percent
+from tripwatt.trips.reading import alike
 
 CLASSES: Final = {
     "car_model": "car model",
@@ -40,7 +44,12 @@ CLASSES: Final = {
 LEAST_TRIPS: Final = 10
 """Trips of a vehicle whose share inside of the intervals is looked at."""
 
-ISO: Final = "%Y-%m-%dT%H:%M:%S%z"
+
+def csv_of(table: pd.DataFrame) -> str:
+    """A table as CSV, with times in ISO 8601 and their offset."""
+    times = table.columns.intersection(["departs_at", "arrives_at"])
+    texts = {name: table[name].map(lambda time: time.isoformat(timespec="seconds")) for name in times}
+    return table.assign(**texts).to_csv(index=False)
 
 
 def evaluation_page(title: str, evaluation: FleetEvaluation, rows: TripRows) -> str:
@@ -53,7 +62,7 @@ def evaluation_page(title: str, evaluation: FleetEvaluation, rows: TripRows) -> 
     facts = {"Trips": len(rows), "Vehicles": len(set(rows.texts("vehicle_id").tolist()))}
     said = said_of_errors(evaluation)
     panel = Panel("accuracy", "Accuracy on held-out trips", said, tables=tables, wide=True)
-    return page_text("fleet.html.jinja", [panel], title=title, facts=facts.items(), foot=_ERROR)
+    return page_text("fleet.html.jinja", [panel], title=title, facts=facts.items(), files=(), foot=_ERROR)
 
 
 def said_of_errors(evaluation: FleetEvaluation) -> str:
@@ -124,8 +133,12 @@ class ManagerReport:
         From `deviations`; None where nobody asked for them.
     needs, routes : DataFrame or None
         From `needs_by_hour` and `needs_by_car`; None without planned trips.
-    week : tuple of date and float, or None
-        Monday of the coldest week, and its temperature [°C].
+    cold : Cold or None
+        Temperature of the coldest week, or the one that was given.
+    refused : tuple of Fault
+        Planned trips that cannot be forecast.
+    about : mapping of str to str
+        What its head names, such as the version of the model.
     """
 
     title: str
@@ -135,18 +148,21 @@ class ManagerReport:
     drivers: pd.DataFrame | None = None
     needs: pd.DataFrame | None = None
     routes: pd.DataFrame | None = None
-    week: tuple[dt.date, float] | None = None
+    cold: Cold | None = None
+    refused: tuple[Fault, ...] = ()
+    about: Mapping[str, str] = field(default_factory=dict)
 
     @classmethod
     def of(
-        cls, title: str, model: FleetModel, rows: TripRows, planned: Sequence[PlannedTrip] = (), *, quantile: float = QUANTILE,
-        reserve: float = 0.0, drivers: bool = False,
+        cls, about: Mapping[str, str], model: FleetModel, rows: TripRows, planned: Sequence[PlannedTrip] = (), *, quantile: float = QUANTILE,
+        reserve: float = 0.0, drivers: bool = False, coldest_degc: float | None = None,
     ) -> ManagerReport:  # fmt: skip
         """The report on the trips of a fleet.
 
         Parameters
         ----------
-        title : str
+        about : mapping of str to str
+            What its head names, such as the version of the model.
         model : FleetModel
         rows : TripRows
             Of the trips that the model has seen.
@@ -155,16 +171,26 @@ class ManagerReport:
             As of `needs_by_hour`.
         drivers : bool
             Whether the drivers are compared.
+        coldest_degc : float, optional
+            Outside temperature in place of that of the coldest week [°C].
         """
         asked = {"quantile": quantile, "reserve": reserve}
-        vehicles = deviations(model.posterior, rows)
-        report = cls(title, quantile, changes(model.posterior, rows), vehicles, week=coldest_week(rows))
+        vehicles, changed = deviations(model.posterior, rows), changes(model.posterior, rows)
+        cold = coldest_week(rows) if coldest_degc is None else Cold(coldest_degc)
+        report = cls("Fleet report", quantile, changed, vehicles, cold=cold, about=about)
         if drivers:
-            report = replace(report, drivers=deviations(model.posterior, rows, drivers=True))
+            compared = deviations(model.posterior, rows, drivers=True)
+            report = replace(report, drivers=compared if len(compared) else None)
         if planned:
-            report = replace(report, needs=needs_by_hour(model, planned, **asked))
-        if planned and report.week is not None:
-            report = replace(report, routes=needs_by_car(model, planned, report.week[1], **asked))
+            refused: list[Fault] = []
+            needs = needs_by_hour(after_changes(model, rows, changed), planned, **asked, refused=refused)
+            said = said_of_need(changed)
+            more = needs["vehicle_id"].map(lambda car: said.get(car, ""))
+            needs["reasons"] = (needs["reasons"].fillna("") + "; " + more).str.strip("; ")
+            report = replace(report, needs=needs, refused=tuple(refused))
+        if planned and cold is not None:
+            routes = needs_by_car(model, planned, cold.ambient_temperature_degc, **asked)
+            report = replace(report, routes=routes)
         return report
 
     @property
@@ -172,23 +198,38 @@ class ManagerReport:
         """Its tables by name."""
         return {name: getattr(self, name) for name in REPORT_TABLES if getattr(self, name) is not None}
 
+    @property
+    def notes(self) -> list[str]:
+        """What the needs assume, what limits them, and why planned trips are left out."""
+        if self.needs is None:
+            return []
+        rows = zip(self.needs["vehicle_id"], self.needs["reasons"], strict=True)
+        whats = ((car, what) for car, reasons in rows for what in reasons.split("; ") if what)
+        told = alike((what, car, 1, f"{car}: {what}") for car, what in whats)
+        kinds = (f"{kind.example} (departures: {kind.count} of {len(self.needs)})" for kind in told)
+        left = (f"left out: {fault}" for fault in self.refused)
+        return [*left, *(re.sub(r"(?<!\S)-(?=\d)", "−", kind) for kind in kinds)]
+
     def page(self) -> str:
         """The report as one HTML file without scripts."""
-        facts = {"Trips": self.vehicles["trips"].sum(), "Vehicles": len(self.vehicles)}
-        facts["That changed"] = self.changes["vehicle_id"].nunique()
+        counts = {"Trips": self.vehicles["trips"].sum(), "Vehicles": len(self.vehicles)}
+        facts = {**counts, "That changed": self.changes["vehicle_id"].nunique(), **self.about}
         panels = [replace(panel, wide=True) for panel in self.panels()]
-        return page_text("fleet.html.jinja", panels, title=self.title, facts=facts.items(), foot=_CHANGE)
+        there = {*self.tables, *(("emhass", "evcc") if self.needs is not None else ())}
+        more = {"files": [n for n in REPORT_FILES if n.partition(".")[0] in there], "foot": _CHANGE}
+        return page_text("fleet.html.jinja", panels, title=self.title, facts=facts.items(), **more)
 
     def panels(self) -> Iterator[Panel]:
         """Changes, needs, routes, vehicles and drivers, as far as there are any."""
-        tables = (changes_table(self.changes),) if len(self.changes) else ()
+        tables: tuple[Table, ...] = (changes_table(self.changes),) if len(self.changes) else ()
         said = said_of_changes(self.changes, len(self.vehicles))
         yield Panel("changes", "Vehicles that changed", said, tables=tables)
         if self.needs is not None:
             said, needs = said_of_needs(self.needs, self.quantile), needs_table(self.needs, self.quantile)
-            yield Panel("needs", "What the planned trips need", said, tables=(needs,))
-        if self.routes is not None and self.week is not None:
-            said = said_of_routes(self.routes, self.quantile, *self.week)
+            notes = Table("What the needs assume and their limits", ("note",), tuple(zip(self.notes)))
+            yield Panel("needs", "What the planned trips need", said, tables=(needs, notes))
+        if self.routes is not None and self.cold is not None:
+            said = said_of_routes(self.routes, self.quantile, self.cold)
             yield Panel("routes", "Cars for the planned routes", said, tables=(routes_table(self.routes),))
         for key, title in (("vehicles", "Vehicles beside others"), ("drivers", "Drivers beside others")):
             if key in self.tables:
@@ -200,14 +241,16 @@ class ManagerReport:
 
         Files of an earlier report that this one lacks are removed. `at` and `charger_w` are those of `emhass`.
         """
-        week = self.week and {"monday": f"{self.week[0]}", "ambient_temperature_degc": self.week[1]}
-        document: dict[str, Any] = {"quantile": self.quantile, "coldest_week": week}
+        document: dict[str, Any] = {"about": {**self.about}, "quantile": self.quantile}
+        document["refused"] = [fault.texts for fault in self.refused]
+        document["coldest_week"] = self.cold and self.cold._asdict()
         document |= {name: records(table) for name, table in self.tables.items()}
-        texts = {f"{n}.csv": table.to_csv(index=False, date_format=ISO) for n, table in self.tables.items()}
+        texts = {f"{name}.csv": csv_of(table) for name, table in self.tables.items()}
         if self.needs is not None:
             document |= night_document(self.needs, at, charger_w)
-            texts |= {"emhass.json": json.dumps(document["emhass"]), "evcc.txt": "\n".join(document["evcc"])}
-        texts |= {"report.json": json.dumps(document, allow_nan=False), "report.html": self.page()}
+            lines = "".join(f"{path}\n" for path in document["evcc"])
+            texts |= {"emhass.json": f"{json.dumps(document['emhass'])}\n", "evcc.txt": lines}
+        texts |= {"report.json": f"{json.dumps(document, allow_nan=False)}\n", "report.html": self.page()}
         folder.mkdir(parents=True, exist_ok=True)
         for name in {*REPORT_FILES} - {*texts}:
             (folder / name).unlink(missing_ok=True)
@@ -260,7 +303,7 @@ def changes_table(changed: pd.DataFrame) -> Table:
 
 
 def _more(name: str) -> Callable[[Mapping[str, Any]], str]:
-    return lambda row: f"{100.0 * row[name]:+.1f}\u00a0±\u00a0{100.0 * row['sd']:.1f}"
+    return lambda row: f"{100.0 * row[name]:+.1f}\u00a0±\u00a0{100.0 * row['sd']:.1f}".replace("-", "−")
 
 
 def said_of_needs(needs: pd.DataFrame, quantile: float) -> str:
@@ -268,37 +311,44 @@ def said_of_needs(needs: pd.DataFrame, quantile: float) -> str:
     kwh = needs[["energy_quantile_wh", "charge_wh"]].sum() / 1000.0
     full = int((needs["soc_needed"] > 1.0).groupby(needs["vehicle_id"]).any().sum())
     return (
-        f"{needs['trips'].sum()} trips need {kwh.iloc[0]:.0f} kWh if each gets what suffices with {percent(quantile, 0)}. To be charged, for the "
-        f"{needs['charge_wh'].count()} departures of vehicles whose charge now is known: {kwh.iloc[1]:.0f} kWh. Vehicles that have to charge between or on "
-        f"their trips, because a full battery does not suffice for all of them: {full}."
+        f"Planned trips: {needs['trips'].sum()}. If each gets what suffices with {percent(quantile, 0)}, they need {kwh.iloc[0]:.0f} kWh. To be charged, for "
+        f"departures of vehicles whose charge now is known ({needs['charge_wh'].count()} of {len(needs)}): {kwh.iloc[1]:.0f} kWh. Vehicles that have to charge between or on "
+        f"their trips, because a full battery does not suffice for all of them: {full}. What to leave with counts without "
+        "charging between the trips; what to charge is the part of each hour. A vehicle that charges between its trips has a load for each part in emhass.json, and "
+        "one plan for all of them, before its first departure, in evcc.txt."
     )
 
 
 def needs_table(needs: pd.DataFrame, quantile: float) -> Table:
-    """A row for each vehicle and hour of departure."""
+    """A row for each vehicle and hour of departure, those first that have something to charge or need more than a full battery."""
+    urgent = (needs["charge_wh"] > 0.0) | (needs["soc_needed"] > 1.0)
     return tabulated(
         "By vehicle and hour of departure",
-        needs.to_dict("records"),
+        [*needs[urgent].to_dict("records"), *needs[~urgent].to_dict("records")],
         Column("vehicle", "vehicle_id"),
+        in_percent("leave with [%]", "soc_needed", 0),
+        in_kwh("to charge [kWh]", "charge_wh", 1),
+        in_percent("charge now [%]", "soc", 0),
         in_words("first departure", lambda row: f"{row['departs_at']:%Y-%m-%d %H:%M}"),
+        in_kwh(f"suffices with {percent(quantile, 0)} [kWh]", "energy_quantile_wh", 1),
+        in_kwh("energy, median [kWh]", "energy_wh", 1),
         Column("trips", "trips", digits=0),
         Column("distance [km]", "distance_m", 1e-3, 0),
-        in_kwh("energy, median [kWh]", "energy_wh", 1),
-        in_kwh(f"suffices with {percent(quantile, 0)} [kWh]", "energy_quantile_wh", 1),
-        in_percent("leave with [%]", "soc_needed", 0),
-        in_percent("charge now [%]", "soc", 0),
-        in_kwh("to charge [kWh]", "charge_wh", 1),
     )
 
 
-def said_of_routes(routes: pd.DataFrame, quantile: float, monday: dt.date, ambient_degc: float) -> str:
+def said_of_routes(routes: pd.DataFrame, quantile: float, cold: Cold) -> str:
     """How many routes every car model can drive, some, and none."""
     able = (routes.iloc[:, 1:] <= 1.0).mean(axis=1)
     every, none = int((able == 1.0).sum()), int((able == 0.0).sum())
+    at = f"at {number(cold.ambient_temperature_degc, 1.0, 0)} °C"
+    week = f"In the coldest week so far with {cold.least_trips} trips or more, from {cold.monday} {at}"
+    colder = ", ".join(f"{day} ({number(degc, 1.0, 0)} °C, {n} trips)" for day, degc, n in cold.colder)
     return (
-        f"In the coldest week so far, from {monday} at {number(ambient_degc, 1.0, 0)} °C, a full battery of every car model suffices for {every} of "
-        f"{len(able)} routes with {percent(quantile, 0)}; {len(able) - every - none} need some of the car models, and {none} need a charging stop in any of them. "
+        f"{f'A{at[1:]}' if cold.monday is None else week}, a full battery of every car model suffices for {every} of "
+        f"{len(able)} routes with {percent(quantile, 0)}; {len(able) - every - none} more with some of the car models, {none} with none of them. "
         "The columns have the displayed charge [%] that suffices with each car model, whichever vehicle it is; a dash is more than a full battery."
+        + (f" Colder weeks with fewer trips do not count: {colder}." if colder else "")
     )
 
 

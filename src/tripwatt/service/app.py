@@ -480,7 +480,10 @@ def add_handlers(app: FastAPI) -> None:
             of_path = [r for r in app.routes if isinstance(r, Route) and r.path_regex.match(request.url.path)]
             methods = {method for route in of_path for method in route.methods or ()}
             headers["Allow"] = ", ".join(sorted(methods | ({"HEAD"} if "GET" in methods else set())))
-        return Problem(kind, headers=headers).response(request_id(request))
+        begun = f"{request.url.path.rstrip('/')}/{{"
+        longer = [r.path for r in app.routes if isinstance(r, Route) and r.path.startswith(begun)]
+        detail = f"the address goes on: {longer[0]}" if error.status_code == 404 and longer else ""
+        return Problem(kind, detail, headers=headers).response(request_id(request))
 
     @app.exception_handler(RequestValidationError)
     async def on_parameters(request: Request, error: RequestValidationError) -> Response:

@@ -49,6 +49,7 @@ def model_summary(folder: Path | None, fleet: FollowedModel | None) -> dict[str,
     """What `/v1/models` has of a model, beside its name."""
     if fleet is None:
         return load_metadata(folder)
+    fleet.get()  # the version in use, if the pointer has moved
     metadata = load_metadata(fleet.folder)
     about, provenance = metadata.pop("fleet"), {name: metadata[name] for name in ("tripwatt", "packages")}
     first = about["car_models"][0]
@@ -146,6 +147,10 @@ class HourNeed(ResponseModel):
     """displayed charge now"""
     charge_wh: float | None
     """to be charged for this hour beyond what the hours before need [Wh]; null where the charge now is not known"""
+    assumed: str | None
+    """what was not given, as names of fields"""
+    reasons: str | None
+    """what was assumed and what limits the forecasts, as sentences"""
 
 
 class NightResponse(ResponseModel):

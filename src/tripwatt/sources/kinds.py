@@ -139,6 +139,8 @@ def _with_mapping(kind: Kind, files: Sequence[Path], vehicle: Vehicle | None, ch
         if not set(NEEDED) <= set(own):
             proposal = suggest_mapping(files[0], kind.files[files[0]], beside=files[1:])
             tables = parse_toml(proposal.toml, "mapping")
+        trip = tables.pop("trip", {})  # files that are read by themselves are of one vehicle
+        tables |= {"trip": {"column": trip["column"]}} if "column" in trip else {}
         tables, assumed = _changed(tables, changes, vehicle)
         kind = replace(kind, tables=tables, proposal=proposal, assumed=assumed)
         return replace(kind, mapping=mapping_from_tables(tables, "the proposed mapping"))

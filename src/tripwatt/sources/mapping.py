@@ -87,7 +87,7 @@ _OWN_UNIT: Final = {"time_s": "s", "grade": "1", POWER: "W"}
 _TABLES: Final = {
     "columns": None,
     "current": ("positive",),
-    "trip": ("column", "vehicle"),
+    "trip": ("column", "vehicle", "driver"),
     "battery": ("nominal_voltage_v", "usable_capacity_kwh", "usable_capacity_uncertainty", "vehicle"),
     "file": ("decimal", "hold_s"),
     "long": ("name", "value"),
@@ -145,6 +145,8 @@ class ColumnMapping:
         Decimal separator of text files.
     hold_s : float
         A missing value is the last one for so long [s]: for loggers that write what changes.
+    driver_column : str or None
+        Column of who drove.
     long_name, long_value : str or None
         Columns of the signal's name and of its value, where a file has a row for each value.
     """
@@ -162,6 +164,7 @@ class ColumnMapping:
     long_value: str | None = None
     vehicle_column: str | None = None
     battery_vehicle: str | None = None
+    driver_column: str | None = None
 
 
 def shipped_mappings() -> tuple[str, ...]:
@@ -261,6 +264,7 @@ def mapping_from_tables(tables: Mapping[str, Any], source: str) -> ColumnMapping
         long.get("value"),
         tables.get("trip", {}).get("vehicle"),
         battery.get("vehicle"),
+        tables.get("trip", {}).get("driver"),
     )
 
 
@@ -333,7 +337,7 @@ def _value_faults(tables: Mapping[str, Any], source: str) -> Iterator[Fault]:
             yield fault("unknown value", table, key, " or ".join(map(repr, allowed)))
     if _get(tables, "battery", "vehicle") not in (None, *vehicle_names()):
         yield fault("unknown vehicle", "battery", "vehicle", "a car of `tripwatt vehicles`")
-    for table, key in (("trip", "column"), ("trip", "vehicle"), ("long", "name"), ("long", "value")):
+    for table, key in [(name, key) for name in ("trip", "long") for key in _TABLES[name] or ()]:
         section, value = tables.get(table), _get(tables, table, key)
         optional = table == "trip" and value is None and section
         if isinstance(section, dict) and not isinstance(value, str) and not optional:

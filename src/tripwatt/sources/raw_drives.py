@@ -51,12 +51,15 @@ class RawDrive:
         The files that it is in, the first one first.
     samples : DataFrame
     car : str or None
+    driver : str or None
+        Who drove all of it.
     """
 
     name: str
     files: list[RawFile]
     samples: pd.DataFrame
     car: str | None = None
+    driver: str | None = None
 
     @property
     def ends(self) -> tuple[float, float]:
@@ -102,7 +105,9 @@ def drives_of(file: RawFile) -> list[RawDrive]:
             where = f"{file.path}, trip {name}"
             file.faults.append(Fault("too few samples", where, f"{len(rows)}", "at least 2"))
             continue
-        drives.append(RawDrive(name, [file], _in_order(file, frame, name, rows), car))
+        drivers = {file.drivers[int(i)] for i in rows} if file.drivers else set()
+        driver = (drivers.pop() or None) if len(drivers) == 1 else None
+        drives.append(RawDrive(name, [file], _in_order(file, frame, name, rows), car, driver))
         file.rows_used += len(rows)
     return drives
 
@@ -261,7 +266,8 @@ def log_of(drive: RawDrive) -> Log:
     file, samples = drive.files[0], drive.samples
     mapping = file.mapping
     time = np.asarray(samples["time_s"], dtype=np.float64)
-    context = Context(car=drive.car, started_at=_from_epoch(float(time[0])) if file.stamped else None)
+    started = _from_epoch(float(time[0])) if file.stamped else None
+    context = Context(car=drive.car, driver=drive.driver, started_at=started)
     if file.stamped:
         time = time - time[0]
     signals = {c: np.asarray(samples[c], dtype=np.float64) for c in samples.columns if c != "time_s"}

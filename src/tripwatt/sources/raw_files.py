@@ -44,7 +44,7 @@ class RawFile:
         Numbers in the units of the entries, the time in seconds once `with_seconds` was called; empty for a file that is left out.
     stamps : list of str
         Text of the time stamps, empty for a time in numbers.
-    trips, vehicles : list of str or None
+    trips, vehicles, drivers : list of str or None
         Of each row, where the file has columns of them.
     faults, notes : list
         What could not be read as it stands, and what else was changed.
@@ -60,6 +60,7 @@ class RawFile:
     values: dict[str, FloatArray] = field(default_factory=dict)
     stamps: list[str] = field(default_factory=list)
     trips: list[str] | None = None
+    drivers: list[str] | None = None
     vehicles: list[str] | None = None
     faults: list[Fault] = field(default_factory=list)
     notes: list[Flag] = field(default_factory=list)
@@ -128,6 +129,7 @@ def _read_wide(file: RawFile, table: TableFile) -> None:
     numbers = {ours: e for ours, e in file.entries.items() if ours != "time_s" or e.unit != "timestamp"}
     file.values = dict(zip(numbers, table.numbers([e.column for e in numbers.values()]), strict=True))
     file.trips, file.vehicles = _trip_names(table, file.mapping)
+    file.drivers = table.texts(file.mapping.driver_column) if file.mapping.driver_column else None
     filled = [np.isfinite(column) for column in file.values.values()]
     filled += [np.array(file.stamps, dtype=object) != ""] if file.stamps else []
     file.rows = int(np.any(filled, axis=0).sum())
@@ -154,7 +156,8 @@ def _entries(file: RawFile, table: TableFile) -> dict[str, MappedColumn]:
         Without a column of time or speed; another column that is missing is a fault of the file.
     """
     mapping = file.mapping
-    own = (mapping.trip_column, mapping.vehicle_column, mapping.long_name, mapping.long_value)
+    own = [getattr(mapping, f"{name}_column") for name in ("trip", "vehicle", "driver")]
+    own += [mapping.long_name, mapping.long_value]
     needed = [_missing(table, n, mapping) for n in own if n and n not in table.names]
     keys: dict[str, list[str]] = {}
     for name in table.names:

@@ -70,6 +70,7 @@ AS_SHIPPED: Final = "as in the shipped mapping"
 _TRIP_NAME: Final = re.compile(
     r"^(trip|drive|journey|fahrt|ride|route|session|segment|track)( ?(id|no|nr|num|number|name|uid|uuid|index|idx))?$"
 )
+_VEHICLE_NAME: Final = re.compile(r"^(vin|(vehicle|car|fahrzeug)( ?(id|no|nr|name|vin))?)$")
 SPELLED: Final[Mapping[str, str]] = {
     unit.lower(): unit
     for unit in ("V", "mV", "kV", "A", "mA", "dA", "W", "kW", "PS", "degC", "degF", "K", "Nm")
@@ -151,7 +152,8 @@ def suggest_mapping(path: Path | str, names: Sequence[str] = (), beside: Sequenc
     shipped = next((name for name in shipped_mappings() if _has_all(table, name)), None)
     if shipped is not None:
         guesses = _as_shipped(guesses, load_mapping(shipped), table, columns)
-    taken = {g.column for g in guesses.values()} | {trip or ""}
+    vehicle = next((name for name in table.names if _VEHICLE_NAME.match(words(name))), None)
+    taken = {g.column for g in guesses.values()} | {trip or "", vehicle or ""}
     flow = best_flow(
         _clock(guesses, columns, len(groups)),
         _drive_by_drive(guesses, columns, groups),
@@ -165,10 +167,12 @@ def suggest_mapping(path: Path | str, names: Sequence[str] = (), beside: Sequenc
     guesses = {ours: guesses[ours] for ours in column_names() if ours in guesses}
     guesses = _with_american_check(_with_speed_unit(guesses, flow))
     missing = tuple(_missing(guesses))
-    used = {g.column for g in guesses.values()} | {trip or ""}
+    used = {g.column for g in guesses.values()} | {trip or "", vehicle or ""}
     unused = tuple(n for n in dict.fromkeys(table.names) if n and n not in used)
     settings = _file_settings(decimal, guesses, columns)
-    toml = _render(path, guesses, flow, trip, missing, shipped, unused, settings)
+    toml = _render(
+        path, guesses, flow, {"column": trip, "vehicle": vehicle}, missing, shipped, unused, settings
+    )
     return Suggestion(toml, tuple(guesses.values()), missing, shipped, unused)
 
 
@@ -486,7 +490,7 @@ def _render(
     path: Path,
     guesses: Mapping[str, Guess],
     flow: Flow,
-    trip: str | None,
+    trip: Mapping[str, str | None],
     missing: Sequence[str],
     shipped: str | None,
     unused: Sequence[str],
@@ -507,8 +511,8 @@ def _render(
         lines.append(f'{guess.ours} = {{ column = {name}, unit = "{unit}"{stamp} }}  # {_comment(guess.why)}')
     if flow.sign and {"current_a", POWER} & guesses.keys():
         lines += ["", "[current]", f'positive = "{flow.sign}"  # {flow.why_sign}']
-    if trip:
-        lines += ["", "[trip]", f"column = {_quote(trip)}"]
+    if any(trip.values()):
+        lines += ["", "[trip]", *(f"{key} = {_quote(name)}" for key, name in trip.items() if name)]
     if POWER in guesses and "voltage_v" not in guesses:
         note = "assumed, because no voltage is logged; only the power is measured"
         lines += ["", "[battery]", f"nominal_voltage_v = {STAND_IN_V:g}  # {note}"]

@@ -145,7 +145,7 @@ def find_vehicles(words: str) -> tuple[str, ...]:
     ----------
     words : str
         Words in any order; a year finds the cars that were made in it. Signs and case do not count: "model3 2022" finds the
-        Model 3 of 2022. A word of one or two letters has to be a whole word of the title.
+        Model 3 of 2022. A word of one or two letters has to be a whole word of the title, another one begins one.
 
     Returns
     -------
@@ -162,10 +162,13 @@ def find_vehicles(words: str) -> tuple[str, ...]:
     matching = []
     for name, title in vehicle_titles().items():
         years = _years(title)
-        texts = {_plain(word) for word in re.split(r"[\s_()/-]+", f"{title} {name}")}
-        whole = _plain(f"{title} {name}")
+        texts = [_plain(word) for word in re.split(r"[\s_()/-]+", f"{title} {name}")]
+        rests = ["".join(texts[k:]) for k in range(len(texts))]
         if wanted and all(
-            word in texts or (len(word) > 2 and word in whole) or _is_year_in(word, years) for word in wanted
+            word in texts
+            or (len(word) > 2 and any(rest.startswith(word) for rest in rests))
+            or _is_year_in(word, years)
+            for word in wanted
         ):
             matching.append((len(title), name))
     return tuple(name for _, name in sorted(matching))

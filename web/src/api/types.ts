@@ -1018,6 +1018,8 @@ export interface components {
             soc_needed: number | null;
             soc: number | null;
             charge_wh: number | null;
+            assumed: string | null;
+            reasons: string | null;
         };
         JourneyAdviceRequest: {
             model?: string | null;
