@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+import tracemalloc
 from pathlib import Path
 
 import pytest
@@ -30,6 +31,20 @@ def test_a_file_is_read_up_to_its_bound(tmp_path: Path) -> None:
     assert file_head(place, 2) == b"12"
     with pytest.raises(InvalidInput, match=r"file too large: .*a.csv: got over 4 bytes; allowed: 4 bytes"):
         read_file(place, 4)
+
+
+def test_a_small_file_takes_little_memory(tmp_path: Path) -> None:
+    place = tmp_path / "a.csv"
+    place.write_bytes(bytes(200_000))
+    tracemalloc.start()
+    try:
+        assert read_file(place) == bytes(200_000)
+        assert tracemalloc.get_traced_memory()[1] < 1_000_000, "not the memory of the largest file"
+    finally:
+        tracemalloc.stop()
+    made_up = Path("/proc/self/cmdline")
+    if made_up.exists():
+        assert read_file(made_up) == made_up.read_bytes() != b"", "the system gives its size as 0"
 
 
 def test_pipes_devices_and_folders_are_refused_at_once(tmp_path: Path) -> None:

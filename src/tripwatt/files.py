@@ -74,7 +74,8 @@ def read_file(
     """
     try:
         with open_regular(Path(path)) as stream:
-            content = stream.read(most_bytes + 1)
+            size = max(os.fstat(stream.fileno()).st_size, 1 << 16)  # 0 of files that the system makes up
+            content = stream.read(min(size, most_bytes) + 1)  # takes this memory before it reads
     except (OSError, ValueError) as error:
         got = getattr(error, "strerror", None) or str(error)
         fix = "write its content into a file first" if got == _NOT_REGULAR else ""

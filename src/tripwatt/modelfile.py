@@ -235,7 +235,7 @@ def require_place(folder: Path) -> None:
         When it is a file, a folder with something else in it, or cannot be made.
     """
     allowed = "a new or empty folder, or a folder with a model"
-    if folder.exists() and not folder.is_dir():
+    if os.path.lexists(folder) and not folder.is_dir():
         raise InvalidInput.of("output is not a folder", "--out", f"{folder}", allowed)
     if folder.is_dir() and any(folder.iterdir()) and not (folder / METADATA).is_file():
         raise InvalidInput.of("folder contains other files", "--out", f"{folder}", allowed)

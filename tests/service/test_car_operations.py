@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+import sys
 import time
 import zipfile
 from collections.abc import Iterator
@@ -19,6 +20,7 @@ from tests.sources.test_loggers import EXPORTS, WHOLE_UNITS, charge, written
 from tests.sources.test_suggest import drive
 from tests.support.bombs import BOMBS
 from tests.support.full_disk import full_disk
+from tests.support.service_attacks import seen_by_another
 from tests.support.service_process import Service, serving
 from tests.support.service_schema import conformance
 
@@ -446,3 +448,28 @@ def test_files_of_one_name_that_come_at_once_are_all_kept(tmp_path: Path) -> Non
     with ThreadPoolExecutor(8) as pool:
         list(pool.map(lambda k: stored(own, place, "a.csv", b"%d" % k), range(40)))
     assert sorted(int(file.read_bytes()) for file in (place / "tables").iterdir()) == list(range(40))
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="Linux alone bounds it")
+def test_what_takes_too_much_memory_is_refused_while_others_are_served_and_its_worker_goes_on(
+    tmp_path: Path,
+) -> None:
+    rng, limits = np.random.default_rng(5), ("--limit", "rate_per_s=0", "--limit", "memory_bytes=300_000_000")
+    rows = b"".join(
+        rng.bytes(200).hex().encode() * 60 for _ in range(8_000)
+    )  # 190 MB in 2 MB, within the bounds
+    with serving(tmp_path, "--workers", "2", "--cars", f"{tmp_path}", *limits) as service:
+        new_car(service, "large")
+        workers, after = service.workers(), []
+        with ThreadPoolExecutor(1) as pool:
+            for _ in range(4):
+                seen = pool.submit(seen_by_another, service, 1.0)
+                refused = put(service, "large", "upload01", "a.zip", archive({"a.csv": rows}))
+                assert (refused.status_code, refused.json()["type"]) == (413, "/problems/too-large")
+                assert refused.json()["detail"] == "it takes more than 300000000 bytes of memory"
+                assert seen.result().wrong == []
+                after.append(service.resident_bytes())
+        assert service.workers() == workers
+        assert after[3] < 1.1 * after[1], "nothing is kept of what was refused"
+        assert service.client.post("/v1/cars/large/uploads/upload01", json={}).status_code == 404
+        assert put(service, "large", "upload01", "a.zip", archive(logs_of(1))).status_code == 200

@@ -36,6 +36,7 @@ def test_every_limit_has_its_documented_default() -> None:
         "learn_s": 1800.0,
         "listeners": 64,
         "live_every_s": 5.0,
+        "memory_bytes": 2_000_000_000,  # ten million rows of a log take less
     }
 
 

@@ -24,6 +24,8 @@ FAULT = Fault("wrong", "there")
 class Jobs:
     """Jobs that return or raise what they are told."""
 
+    limits = Limits(memory_bytes=1000)
+
     def __init__(self, *results: Any) -> None:
         self.results = list(results)
         self.asked: list[tuple[Any, ...]] = []
@@ -56,6 +58,14 @@ def test_a_bug_is_logged_and_not_told(capsys: pytest.CaptureFixture[str]) -> Non
     record = orjson.loads(capsys.readouterr().err)
     assert (record["event"], record["kind"]) == ("bug", "forecast")
     assert record["traceback"].endswith("ValueError: inside\n")
+
+
+def test_too_little_memory_is_a_fault_of_what_was_sent(capsys: pytest.CaptureFixture[str]) -> None:
+    for body, kind in ((b"{}", "too-large"), (b"", "internal")):
+        status, content = worker.run_job(Jobs(MemoryError()), {"kind": "x"}, body)  # type: ignore[arg-type]
+        problem = Problem(kind, "it takes more than 1000 bytes of memory")
+        assert (status, content) == (problem.status, orjson.dumps(problem.document()))
+        assert orjson.loads(capsys.readouterr().err)["event"] == "out of memory"
 
 
 def run_worker(given: bytes) -> tuple[list[tuple[dict[str, Any], bytes]], bytes]:

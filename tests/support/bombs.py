@@ -38,6 +38,7 @@ HEAD: Final = (
 
 Draw = np.random.Generator
 Bomb = Callable[[Draw], tuple[str, bytes]]
+Reading = Callable[[str, bytes, Path], object]
 
 
 def zipped(files: Mapping[str, bytes | str], method: int = zipfile.ZIP_DEFLATED) -> bytes:
@@ -225,10 +226,12 @@ class Cost:
     memory_bytes: int
 
 
-def cost_of(name: str, content: bytes, read: Callable[[str, bytes, Path], object] | None = None) -> Cost:
-    """What unpacking a file costs, in a process of its own that has 3 GB."""
+def cost_of(name: str, content: bytes, read: Reading | None = None) -> Cost:
+    """What reading a file costs, unpacking it where nothing else is given, in a process of its own that has 3 GB."""
     ours, theirs = multiprocessing.Pipe(duplex=False)
-    child = multiprocessing.get_context("fork").Process(target=_measure, args=(name, content, theirs))
+    child = multiprocessing.get_context("fork").Process(
+        target=_measure, args=(name, content, theirs, read or _unpack)
+    )
     child.start()
     theirs.close()
     try:
@@ -240,7 +243,11 @@ def cost_of(name: str, content: bytes, read: Callable[[str, bytes, Path], object
         child.join()
 
 
-def _measure(name: str, content: bytes, out: Connection) -> None:
+def _unpack(name: str, content: bytes, folder: Path) -> None:
+    unpack(name, folder, content=content)
+
+
+def _measure(name: str, content: bytes, out: Connection, read: Reading) -> None:
     most = _memory("VmSize") + 3_000_000_000  # the process that is forked may be large itself
     resource.setrlimit(resource.RLIMIT_AS, (most, most))
     Path("/proc/self/clear_refs").write_text("5")  # the peak counts from here
@@ -248,7 +255,7 @@ def _measure(name: str, content: bytes, out: Connection) -> None:
     with tempfile.TemporaryDirectory() as folder:
         started = time.perf_counter()
         try:
-            unpack(name, Path(folder), content=content)
+            read(name, content, Path(folder))
         except InvalidInput as error:
             refused = str(error)
         except MemoryError:

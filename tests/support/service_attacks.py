@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import io
 import resource
 import socket
 import statistics
@@ -17,14 +18,17 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import cache
 from types import MappingProxyType
-from typing import Final
+from typing import Any, Final
 
 import httpx
 import numpy as np
+import pandas as pd
 from tests.support import ROOT
-from tests.support.bombs import BOMBS
+from tests.support.bombs import BOMBS, HEAD, book, zipped
 from tests.support.service_process import Service
 
+BINARY: Final = MappingProxyType({"content-type": "application/octet-stream"})
+LINES: Final = MappingProxyType({"content-type": "application/x-ndjson"})
 FORECAST: Final = b'{"links": [{"length_m": 9000, "speed_m_s": 15}], "soc": 0.8}'
 
 
@@ -156,6 +160,29 @@ def idle_connections(port: int, stop: threading.Event) -> None:
     _held(port, 1150, b"", stop)
 
 
+def used_once(service: Service) -> int:
+    """Memory of a service [bytes] whose workers have all answered ordinary requests of the kinds that the attacks imitate."""
+    table = io.BytesIO()
+    pd.DataFrame({"time_s": [0.0, 1.0], "speed_m_s": [0.0, 1.0]}).to_parquet(table)
+    row = "<row><c><v>0</v></c><c><v>1</v></c></row>"
+    files = {"a.xlsx": book(HEAD + row), "a.zip": zipped({"b.parquet": table.getvalue()})}
+    asked: list[tuple[str, str, dict[str, Any]]] = [
+        ("POST", "/v1/forecast/batch", {"content": FORECAST, "headers": LINES})
+    ]
+    for file, content in files.items():
+        place = f"/v1/cars/ordinary0/uploads/upload01/{file}"
+        asked.append(("PUT", place, {"content": content, "headers": BINARY}))
+    repeated = range(3 * len(service.workers()))  # one kind after the other, as workers take turns
+    for k in repeated:
+        car = {"name": f"ordinary{k}", "vehicle": "nissan_leaf_24"}
+        service.client.post("/v1/cars", json=car).raise_for_status()
+    for method, place, body in asked:
+        for _ in repeated:
+            service.client.request(method, place, **body).raise_for_status()
+    seen_by_another(service, 2.0)
+    return service.resident_bytes()
+
+
 @cache
 def _made_bombs() -> list[tuple[str, bytes]]:
     """Those that take little time to make."""
@@ -171,13 +198,13 @@ def _made_bombs() -> list[tuple[str, bytes]]:
 
 def bombs(port: int, stop: threading.Event) -> None:
     """Archives, workbooks and tables that unpack to gigabytes; the service needs a folder of cars."""
-    headers, address = {"content-type": "application/octet-stream"}, f"http://127.0.0.1:{port}/v1/cars"
+    address = f"http://127.0.0.1:{port}/v1/cars"
     with httpx.Client(timeout=60.0) as client:
         client.post(address, json={"name": "bombed", "vehicle": "nissan_leaf_24"})
         for name, content in _made_bombs():
             if not stop.is_set():
                 with suppress(httpx.HTTPError):
-                    client.put(f"{address}/bombed/uploads/upload01/{name}", content=content, headers=headers)
+                    client.put(f"{address}/bombed/uploads/upload01/{name}", content=content, headers=BINARY)
 
 
 ATTACKS: Final[Mapping[str, Callable[[int, threading.Event], None]]] = MappingProxyType(

@@ -116,6 +116,8 @@ def main() -> None:
     except MemoryError:
         _fail("not enough memory for this input")
     except Exception as error:
+        if str(error).startswith("Symlink loop"):  # before Python 3.13 this is no OSError
+            _fail(f"the system reports {error}")
         if os.environ.get(TRACEBACK):
             traceback.print_exc()
         got = printable(f"an error of tripwatt, not of your input: {type(error).__name__}: {error}")[:250]

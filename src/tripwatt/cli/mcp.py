@@ -10,7 +10,7 @@ import typer
 
 from tripwatt.cli.journey import MapOption, PlacesOption, StationsOption, WeatherOption
 from tripwatt.cli.options import argument, option, require_extras
-from tripwatt.cli.serve import models_of
+from tripwatt.cli.serve import make_cars_folder, models_of
 from tripwatt.errors import Check
 
 
@@ -49,6 +49,7 @@ def mcp(
     atlas = asdict(AtlasSettings(map_, places, weather, "" if stations is None else str(stations)))
     with Check() as check:
         folders = check(models_of, model or [], None)
+        check(make_cars_folder, cars)
         on_map = check(journeys.JourneyJobs.from_settings, atlas)
     made = jobs.Jobs.from_folders(folders, settings.Limits(), on_map, car_jobs.CarJobs(cars))
     serve(make_server(made, changes=changes, remote=any("://" in named for named in atlas.values())))

@@ -235,7 +235,7 @@ def uploaded(car: Path, upload: str) -> Path:
         `not-found`.
     """
     place = car / UPLOADS / upload / TABLES
-    if not upload.isalnum() or not place.is_dir():
+    if not upload.isalnum() or not any(place.glob("[!.]*")):
         raise Problem("not-found", "no such upload")
     return place
 

@@ -109,14 +109,15 @@ class Worker:
         OSError, WorkerLost, TimeoutError
             When the process does not start, ends, or is not ready in time.
         """
-        threads = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+        libraries = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+        libraries["ARROW_DEFAULT_MEMORY_POOL"] = "system"  # the others reserve a gigabyte at their start
         process = await asyncio.create_subprocess_exec(
             sys.executable,
             "-m",
             "tripwatt.service.worker",
             stdin=asyncio.subprocess.PIPE,
             stdout=asyncio.subprocess.PIPE,
-            env={**{k: v for k, v in os.environ.items() if k != TOKEN_VARIABLE}, **threads},
+            env={**{k: v for k, v in os.environ.items() if k != TOKEN_VARIABLE}, **libraries},
             start_new_session=True,
         )
         worker = cls(process)

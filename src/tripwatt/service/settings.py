@@ -64,6 +64,8 @@ class Limits:
         Most streams of events at the same time; a further one is refused.
     live_every_s : float
         Shortest time [s] between two events of a stream.
+    memory_bytes : int
+        Most memory that a job may take [bytes], beyond that of a worker without work; on Linux only.
     """
 
     body_bytes: int = 4_000_000
@@ -84,6 +86,7 @@ class Limits:
     learn_s: float = 1800.0
     listeners: int = 64
     live_every_s: float = 5.0
+    memory_bytes: int = 2_000_000_000
 
 
 @dataclass(frozen=True, slots=True)

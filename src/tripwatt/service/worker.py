@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import gc
 import os
 import signal
@@ -25,6 +26,9 @@ from tripwatt.service.journeys import JourneyJobs
 from tripwatt.service.problems import Problem, invalid_input
 from tripwatt.service.serving import log_json
 from tripwatt.service.settings import Limits
+
+if sys.platform == "linux":
+    import resource
 
 
 def run_job(jobs: Jobs, job: dict[str, Any], body: bytes) -> tuple[int, bytes]:
@@ -58,10 +62,25 @@ def run_job(jobs: Jobs, job: dict[str, Any], body: bytes) -> tuple[int, bytes]:
         problem = invalid_input(error.faults)
     except Problem as error:
         problem = error
+    except MemoryError:
+        log_json(event="out of memory", kind=job["kind"])
+        most = f"it takes more than {jobs.limits.memory_bytes} bytes of memory"
+        problem = Problem("too-large" if body else "internal", most)
     except Exception as error:  # the log gets the traceback, the client does not
         log_json(event="bug", kind=job["kind"], traceback="".join(traceback.format_exception(error)))
         problem = Problem("internal")
     return problem.status, orjson.dumps(problem.document())
+
+
+def bound_memory(more_bytes: int) -> None:
+    """Bound the memory of this process: more than so many bytes beyond what it has is a `MemoryError`. Linux only."""
+    if sys.platform == "linux":
+        pages, most = (
+            int(Path("/proc/self/statm").read_text().split()[5]),
+            resource.getrlimit(resource.RLIMIT_DATA)[1],
+        )
+        with contextlib.suppress(ValueError):  # the system allows less
+            resource.setrlimit(resource.RLIMIT_DATA, (pages * resource.getpagesize() + more_bytes, most))
 
 
 def main() -> None:
@@ -82,6 +101,7 @@ def main() -> None:
     gc.collect()
     gc.freeze()
     gc.set_threshold(50_000)  # jobs create few reference cycles
+    bound_memory(jobs.limits.memory_bytes)
     _write(output, encode_frame({"ready": True}, b""))
     while (frame := read_frame(sys.stdin.buffer)) is not None:
         started = time.perf_counter()

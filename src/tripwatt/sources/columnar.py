@@ -28,6 +28,7 @@ from tripwatt.sources.delimited import (
     read_texts,
     sections,
 )
+from tripwatt.sources.parquet_heads import column_sizes
 from tripwatt.trips import raise_faults
 from tripwatt.trips.reading import FileReading
 
@@ -47,6 +48,9 @@ LEAST_ROW_BYTES: Final = 4
 """Bytes that a row of measurements takes at least in a Parquet file."""
 INDEX: Final = re.compile(r"__index_level_\d+__")
 """Columns in which pandas keeps the index of a table."""
+
+UNFOLLOWED: Final = (ValueError, LookupError, TypeError, ArithmeticError, RecursionError)
+"""What heads that contradict each other raise."""
 
 UNREADABLE: Final = "unreadable Parquet file"
 PROSE: Final = ".txt"
@@ -122,6 +126,8 @@ class ParquetTable:
 
     path: Path
     file: pq.ParquetFile
+    values: Mapping[str, int]
+    inflated: Mapping[str, int]
     faults: list[Fault] | None = None
 
     @property
@@ -144,19 +150,20 @@ class ParquetTable:
         """
         import pyarrow as pa
 
-        where, metadata = f"{self.path} column {name!r}", self.file.metadata
+        where, rows = f"{self.path} column {name!r}", self.file.metadata.num_rows
+        column, size = None, self.inflated[name]
         try:
-            most = MOST_CONTENT_BYTES * max(min(metadata.num_columns, self.path.stat().st_size >> 20), 1)
-            # sizes of all columns: to ask for one ends the interpreter where its statistics are damaged
-            size = sum(metadata.row_group(k).total_byte_size for k in range(metadata.num_row_groups))
             if not _is_plain(self.file.schema_arrow.field(name).type):
                 raise TypeError("values that are neither numbers, times nor texts")
-            column = None
-            if size <= most:
+            if self.values[name] != rows:
+                raise ValueError(f"{self.values[name]} values of {name!r} in {rows} rows")
+            if size <= MOST_CONTENT_BYTES:
                 # text stays a dictionary, so that a long text in every row is held once
                 column = self.file.read(columns=[name], use_threads=False)[name]
                 size = sum(map(_text_size, column.chunks))
-        except (OSError, ValueError, LookupError, TypeError, pa.ArrowException) as error:
+        except MemoryError:  # Arrow's own is one of its exceptions, too
+            raise
+        except (*UNFOLLOWED, OSError, pa.ArrowException) as error:
             raise InvalidInput(_unreadable(self.path, error)) from error
         if column is None or size > MOST_CONTENT_BYTES:
             got = f"{size} bytes when inflated"
@@ -253,15 +260,17 @@ def _open_parquet(path: Path, faults: list[Fault] | None) -> ParquetTable:
         leaves = [schema.column(k) for k in range(len(schema))]
         texts = [leaf.path for leaf in leaves if leaf.physical_type == "BYTE_ARRAY"]
         file = pq.ParquetFile(io.BytesIO(content), read_dictionary=texts)
-    except (OSError, ValueError, pa.ArrowException) as error:
+        values, inflated = column_sizes(content)
+    except (*UNFOLLOWED, OSError, pa.ArrowException) as error:
         raise InvalidInput(_unreadable(path, error)) from error
     rows, columns = file.metadata.num_rows, file.metadata.num_columns
     most_rows = max(MOST_ROWS, len(content) // LEAST_ROW_BYTES)
-    if rows > most_rows or columns > MOST_COLUMNS:
-        got = f"{rows} rows of {columns} columns in {len(content)} bytes"
-        allowed = f"at most {most_rows} rows of {MOST_COLUMNS} columns"
+    size, most = sum(inflated.values()), MOST_CONTENT_BYTES * max(min(columns, len(content) >> 20), 1)
+    if rows > most_rows or columns > MOST_COLUMNS or size > most:
+        got = f"{rows} rows of {columns} columns in {len(content)} bytes, {size} when inflated"
+        allowed = f"at most {most_rows} rows of {MOST_COLUMNS} columns, {most} bytes when inflated"
         raise InvalidInput.of("Parquet file too large", f"{path}", got, allowed)
-    return ParquetTable(path, file, faults)
+    return ParquetTable(path, file, values, inflated, faults)
 
 
 def require_small_columns(path: Path) -> None:
@@ -290,9 +299,7 @@ def _text_size(chunk: pa.Array) -> int:
     import pyarrow as pa
     import pyarrow.compute as pc
 
-    if not pa.types.is_dictionary(chunk.type):
-        return int(chunk.nbytes)
-    if pa.types.is_primitive(chunk.type.value_type):
+    if not pa.types.is_dictionary(chunk.type) or pa.types.is_primitive(chunk.type.value_type):
         return int(chunk.nbytes)
     return pc.sum(pc.binary_length(chunk.dictionary).take(chunk.indices)).as_py() or 0
 

@@ -49,7 +49,7 @@ def read_workbook(
     try:
         archive = open_archive(data, budget)
         return [(title, read(rows)) for title, rows in _sheets(archive, budget)]
-    except InvalidInput:
+    except (InvalidInput, MemoryError):
         raise
     except Exception as error:  # a damaged archive makes zipfile, expat and the formats raise a dozen kinds
         got = f"{type(error).__name__}: {error}"[:160]
