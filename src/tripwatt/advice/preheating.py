@@ -18,6 +18,7 @@ from tripwatt.physics import DriveConditions, conditions_at_departure, simulate_
 from tripwatt.physics.cabin import CONTROL_STEP_S, CabinTask, condition_cabins
 from tripwatt.population import for_car
 from tripwatt.trips import Departure, Plan, Trip
+from tripwatt.trips.messages import leave_in_words
 from tripwatt.units import SECONDS_PER_HOUR, WH_PER_J
 from tripwatt.vehicles import Vehicle
 
@@ -285,4 +286,5 @@ def need_before_departure(
     needed = need(ahead, kind, departure, model=own, **asked)
     trip = ahead if isinstance(ahead, Plan | Trip) else road_prior().plan(1000.0 * ahead, shares_of(kind))
     forecast, known = own.forecast(trip, departure), (departure.soc, departure.departs_at)
-    return needed, before_departure(forecast, needed.soc_needed, plug_w, *known)
+    words = leave_in_words(needed.soc_needed, needed.reserve, needed.quantile)
+    return needed, {"message": words, **before_departure(forecast, needed.soc_needed, plug_w, *known)}

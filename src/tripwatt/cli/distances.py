@@ -68,7 +68,7 @@ def need(
       # by when to charge, and when to preheat
       tripwatt need 50 km --ambient -5 --soc 0.3 --depart 07:30 --plug 3700 --json
       # a usual trip of your own car
-      tripwatt need --car my-leaf --trip 2026-01-12T07-30 --ambient -5
+      tripwatt need --car cars/my-leaf --trip 2026-01-12T07-30 --ambient -5
     """
     from tripwatt.advice.preheating import need_before_departure
     from tripwatt.errors import InvalidInput

@@ -79,9 +79,9 @@ def new(
     For example:
 
       # a car of the library
-      tripwatt car new my-leaf --vehicle nissan_leaf_40
+      tripwatt car new cars/my-leaf --vehicle nissan_leaf_40
       # a car of `tripwatt vehicles new`
-      tripwatt car new my-car --vehicle my-car.toml
+      tripwatt car new cars/my-car --vehicle my-car.toml
     """
     from tripwatt.live import create_car
 
@@ -111,11 +111,11 @@ def add(
     For example:
 
       # add the files of a logger
-      tripwatt car add my-leaf exports
+      tripwatt car add cars/my-leaf exports
       # by a mapping of your own, and with every fault one by one
-      tripwatt car add my-leaf exports --mapping my.toml --notes
+      tripwatt car add cars/my-leaf exports --mapping my.toml --notes
       # add one trip
-      tripwatt car add my-leaf drive.csv
+      tripwatt car add cars/my-leaf drive.csv
     """
     from tripwatt.auditing import audit
     from tripwatt.live import open_car
@@ -157,9 +157,9 @@ def show(
     For example:
 
       # what it learned, its errors, the last trips
-      tripwatt car show my-leaf
+      tripwatt car show cars/my-leaf
       # forecast with what it learned
-      tripwatt forecast my-leaf route.gpx --soc 0.8
+      tripwatt forecast cars/my-leaf route.gpx --soc 0.8
     """
     from tripwatt.live import open_car
 
@@ -222,7 +222,7 @@ def forget(car: CarArgument, as_json: JsonOption = False) -> None:
     For example:
 
       # erase everything of it
-      tripwatt car forget my-leaf
+      tripwatt car forget cars/my-leaf
     """
     from tripwatt.live import forget_car
 

@@ -45,7 +45,9 @@ class Need:
     interval_wh : tuple of float
         Ends of the central 90 % [Wh].
     soc_needed : float
-        Displayed charge that is not exceeded with the probability `quantile`; above 1 where a full battery does not suffice.
+        Displayed charge that suffices with the probability `quantile`, `reserve` left; above 1 where a full battery does not suffice.
+    reserve : float
+        Displayed charge to arrive with.
     duration_s : float
         Expected [s].
     flags : tuple of Flag
@@ -69,6 +71,7 @@ class Need:
     quantile: float
     interval_wh: tuple[float, float]
     soc_needed: float
+    reserve: float
     duration_s: float
     flags: tuple[Flag, ...]
     car: str
@@ -108,6 +111,8 @@ class Range:
         The same by kind of road.
     flags : tuple of Flag
         Assumptions, and what lies outside of the model's range.
+    soc, reserve : float
+        Displayed charge at departure, and the one that is kept.
 
     Examples
     --------
@@ -121,6 +126,8 @@ class Range:
     interval_m: tuple[float, float]
     by_kind: dict[str, tuple[float, tuple[float, float]]]
     flags: tuple[Flag, ...]
+    soc: float
+    reserve: float
 
     def to_dict(self) -> dict[str, Any]:
         """Convert to plain values.
@@ -140,8 +147,9 @@ class Range:
             {"kind": kind, "range_m": middle, "interval_m": list(ends)}
             for kind, (middle, ends) in self.by_kind.items()
         ]
+        values = {name: getattr(self, name) for name in ("range_m", "soc", "reserve")}
         flags = [flag_to_dict(flag) for flag in self.flags]
-        return {"range_m": self.range_m, "interval_m": list(self.interval_m), "by_kind": rows, "flags": flags}
+        return {**values, "interval_m": list(self.interval_m), "by_kind": rows, "flags": flags}
 
 
 @dataclass(frozen=True, slots=True)
@@ -310,6 +318,7 @@ def need(
         quantile,
         (low, high),
         needed,
+        reserve,
         number * duration_s,
         flags,
         title,
@@ -374,4 +383,5 @@ def range_km(
 
     middle, ends = far(asker(kind))
     by_kind = {name: far(asker(name)) for name in (*KINDS, UNKNOWN)}
-    return Range(middle, ends, by_kind, asker(kind).flags(max(middle, NODES_M[0])))
+    flags = asker(kind).flags(max(middle, NODES_M[0]))
+    return Range(middle, ends, by_kind, flags, start, reserve)

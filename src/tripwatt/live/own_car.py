@@ -43,6 +43,9 @@ if TYPE_CHECKING:
 FORMAT: Final = 1
 ABOUT: Final = "car.json"
 LIVE: Final = "live"
+JOURNAL: Final = "journal.ndjson"
+TOKEN: Final = "token.json"
+"""Files in `LIVE` of a car on the road, which may have no description."""
 """Folder of what the car sends while it drives."""
 UPLOADS: Final = "uploads"
 """Folder of logs that were sent and are not learned yet."""
@@ -338,7 +341,7 @@ def create_car(
     Parameters
     ----------
     folder : path
-        New or empty. A name that cannot be part of a URL, such as "My Model 3", becomes the label of the car, and the folder is
+        New or empty, or that of a car on the road, which gets a description so. A name that cannot be part of a URL, such as "My Model 3", becomes the label of the car, and the folder is
         called after it: "My-Model-3".
     vehicle : Vehicle, str or path
         A car, the name of one of the library, or a TOML file.
@@ -365,8 +368,10 @@ def create_car(
     wanted = Path(folder)
     place = _place(wanted)
     car = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
-    if place.exists() and (not place.is_dir() or any(place.iterdir())):
-        raise InvalidInput.of("folder in use", f"{place}", "not empty", "a new or empty folder")
+    there = {entry.name for entry in place.iterdir()} if place.is_dir() else set[str]()
+    if there - {LIVE} or (place.exists() and not place.is_dir()):
+        got, allowed = "not empty", "a new or empty folder, or that of a car on the road"
+        raise InvalidInput.of("folder in use", f"{place}", got, allowed)
     root = None if base is None else Path(base).resolve()
     for_car(root, car)
 
@@ -382,7 +387,8 @@ def create_car(
         (made / ABOUT).write_text(json.dumps(about, indent=2) + "\n", encoding="utf-8")
 
     with system_errors("cannot write the folder", f"{place}", "a writable folder"):
-        replace_folder(place, write)
+        # what follows the car on the road has its folder open: it stays where it is
+        write(place) if there else replace_folder(place, write)
     return open_car(place)
 
 
@@ -473,7 +479,7 @@ def forget_car(folder: Path | str) -> None:
     Raises
     ------
     InvalidInput
-        When it is no car.
+        When it is no car, and none on the road.
 
     Examples
     --------
@@ -484,11 +490,13 @@ def forget_car(folder: Path | str) -> None:
     ...     print(place.exists())
     False
     """
-    car = open_car(folder)
-    with folder_lock(car.folder):
+    place = _place(Path(folder))
+    if not any((place / LIVE / name).is_file() for name in (JOURNAL, TOKEN)):
+        place = open_car(folder).folder
+    with folder_lock(place):
         for name in (STORE, LEARNED, LIVE, UPLOADS):
-            shutil.rmtree(car.folder / name, ignore_errors=True)
+            shutil.rmtree(place / name, ignore_errors=True)
         for name in (VEHICLE, ABOUT):
-            (car.folder / name).unlink(missing_ok=True)
-        if not any(car.folder.iterdir()):
-            car.folder.rmdir()
+            (place / name).unlink(missing_ok=True)
+        if not any(place.iterdir()):
+            place.rmdir()

@@ -836,9 +836,11 @@ export interface components {
                 number
             ];
             soc_needed: number;
+            reserve: number;
             duration_s: number;
             flags: components["schemas"]["FlagDocument"][];
             car: string;
+            message: string;
         };
         Elevation: {
             position_m: number[];
@@ -1219,10 +1221,12 @@ export interface components {
             held: number;
             soc: number | null;
             soc_source: ("soc" | "bms_soc") | null;
+            ambient_temperature_degc: number | null;
             trip: components["schemas"]["LiveTripDocument"] | null;
             plan: ("given" | "usual") | null;
             usual_trip: string | null;
             forecast: components["schemas"]["LiveForecastDocument"] | null;
+            flags: components["schemas"]["FlagDocument"][];
             faults: components["schemas"]["ProblemFault"][];
             message: components["schemas"]["MessageDocument"] | null;
         };
@@ -1335,6 +1339,7 @@ export interface components {
             soc_needed: number;
             message: string;
             wh_per_display: number;
+            flags: components["schemas"]["FlagDocument"][];
         };
         NewCarRequest: {
             name: string;
@@ -1520,6 +1525,8 @@ export interface components {
         };
         RangeResponse: {
             range_m: number;
+            soc: number;
+            reserve: number;
             interval_m: [
                 number,
                 number
