@@ -26,7 +26,7 @@ import { energySoFarWh, naiveArrival, samplesUntil } from "../src/model/gauge";
 import { interpolate } from "../src/model/interpolate";
 import { atMotorwaySpeed, hasMotorway } from "../src/model/links";
 import { climbsOf, profileFromSamples, withElevationOf } from "../src/model/profile";
-import { linksOfDistance, KINDS, SHARES } from "../src/model/distance";
+import { linksOfDistance, KINDS, SHARES, sufficing } from "../src/model/distance";
 import { EMPTY_ROW, linksOfRows, rowsOfLinks } from "../src/model/link-rows";
 import { sampleLinks } from "../src/model/sample-links";
 import { ENERGY, PERCENT, type System, type Units, systemOf, unitsOf } from "../src/model/units";
@@ -37,6 +37,19 @@ const UNNAMED = { trip: "", given: "", battery_loss_wh: 0, flags: [] };
 function forecastFrom(vector: { forecast: object }): Forecast {
   return { ...UNNAMED, ...vector.forecast } as unknown as Forecast;
 }
+
+describe("a charge beside the one that is needed", () => {
+  test("counts the reserve in the verdict and in what is missing", () => {
+    // 60 % are needed, of which 10 % are the reserve
+    const [full, short, empty] = [0.68, 0.55, 0.45].map((soc) => sufficing(soc, 0.6, 0.1));
+    assert.deepEqual(
+      [full, short, empty].map((one) => one?.verdict),
+      ["good", "open", "bad"],
+    );
+    near(full?.left ?? 0, 0.18);
+    near(short?.lacking ?? 0, 0.05);
+  });
+});
 
 describe("units", () => {
   for (const { system, quantity, si, shown } of units) {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime as dt
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
@@ -11,8 +12,16 @@ import typer
 
 from tripwatt.cli.departing import DepartureOf, departure_options
 from tripwatt.cli.forecast import model_and_trip
-from tripwatt.cli.options import JsonOption, add_command, argument, model_of, option, options_named
-from tripwatt.cli.printing import print_json, print_notes, print_table
+from tripwatt.cli.options import (
+    JsonOption,
+    NotesOption,
+    add_command,
+    argument,
+    model_of,
+    option,
+    options_named,
+)
+from tripwatt.cli.printing import print_few_notes, print_json, print_table
 from tripwatt.cli.sentences import begins, chance
 from tripwatt.errors import Check
 
@@ -61,6 +70,7 @@ def advise(
     probability: Annotated[
         float, option("0.5..1", "Chance to arrive with the reserve that is asked for.", "--chance")
     ] = 0.95,
+    every: NotesOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Say what to do about a trip: the least that helps, and what each action saves.
@@ -85,10 +95,10 @@ def advise(
             car = None if vehicle is None else check(load_vehicle, vehicle)
             known = check(departure)
         found = find_advice(plan, known, car, fitted, reserve=reserve, chance=probability)
-    print_json(found.to_dict()) if as_json else _show(found)
+    print_json(found.to_dict()) if as_json else _show(found, every)
 
 
-def _show(advice: Advice) -> None:
+def _show(advice: Advice, every: bool) -> None:
     arrival, now = 100.0 * advice.forecast.soc_arrival, chance(advice.p_arrive)
     typer.echo(f"You arrive with {arrival:.0f} %, with {100.0 * advice.reserve:.0f} % or more: {now}.")
     if advice.p_arrive < advice.chance:
@@ -97,8 +107,9 @@ def _show(advice: Advice) -> None:
             typer.echo(f"{words[0].upper()}{words[1:]}: {chance(advised.p_arrive)}{_longer(advised)}.")
         if not advice.least:
             typer.echo("No three actions suffice.")
-        if advice.charge_to <= 1.0:
-            typer.echo(f"Charge to {100.0 * advice.charge_to:.0f} %: {advice.chance:.0%}.")
+        full = "A full battery does not suffice: plan a stop to charge with `tripwatt plan`."
+        to = f"Charge to {math.ceil(100.0 * advice.charge_to - 1e-6)} %: {advice.chance:.0%}."
+        typer.echo(to if advice.charge_to <= 1.0 else full)
     typer.echo("")
     rows = [
         (
@@ -118,7 +129,7 @@ def _show(advice: Advice) -> None:
     pace = advice.pace()
     if pace is not None:
         _show_pace(pace)
-    print_notes(advice.forecast.flags)
+    print_few_notes(advice.forecast.flags, every=every)
 
 
 def _show_pace(pace: Pace) -> None:

@@ -9,8 +9,8 @@ import typer
 
 from tripwatt.cli.departing import DepartureOf, departure_options
 from tripwatt.cli.journey import CarOption, ModelOption
-from tripwatt.cli.options import JsonOption, add_command, options_named
-from tripwatt.cli.printing import print_json, print_notes, print_table
+from tripwatt.cli.options import JsonOption, NotesOption, add_command, options_named
+from tripwatt.cli.printing import print_few_notes, print_json, print_table
 from tripwatt.cli.sentences import begins
 
 KindOption = Annotated[
@@ -19,6 +19,9 @@ KindOption = Annotated[
         "--kind", metavar="KIND", help="city, country, motorway, or mixed: nothing is known of the road."
     ),
 ]
+
+
+ReserveOption = Annotated[float, typer.Option(metavar="0..1", help="State of charge to keep.")]
 
 
 def add_commands(app: typer.Typer) -> None:
@@ -53,8 +56,10 @@ def need(
         float,
         typer.Option(min=0.0, metavar="W", help="Power of the plug at home; 0: the car is not plugged in."),
     ] = 7400.0,
+    reserve: ReserveOption = 0.0,
     vehicle: CarOption = None,
     model: ModelOption = None,
+    every: NotesOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Forecast what some kilometres need, without a road: energy and charge, with a margin, and what to do until then.
@@ -83,8 +88,8 @@ def need(
         own = _own(car, vehicle, model)
         again = own.pop("plan", None)
         ahead: Any = again(trip) if trip else _kilometres(distance or [])
-        known = departure()
-        found, until = need_before_departure(ahead, kind, known, plug, quantile=quantile, trips=trips, **own)
+        known, more = departure(), {"quantile": quantile, "trips": trips, "reserve": reserve}
+        found, until = need_before_departure(ahead, kind, known, plug, **more, **own)
     if as_json:
         print_json(found.to_dict() | until)
         return
@@ -101,19 +106,21 @@ def need(
     if until["preheat"]:
         rows.append(("preheat", begins(until["preheat"]["before_s"], known.departs_at)))
     print_table(f"{found.distance_m / 1000.0:.1f} km, {found.kind}, {found.car}", ("what", "value"), rows)
-    print_notes(found.flags)
+    typer.echo(until["message"])
+    print_few_notes(found.flags, every=every)
 
 
 @departure_options()
 def range_(
     departure: DepartureOf,
     kind: KindOption = "mixed",
-    reserve: Annotated[float, typer.Option(metavar="0..1", help="State of charge to keep.")] = 0.0,
+    reserve: ReserveOption = 0.0,
     car: Annotated[
         Path | None, typer.Option("--car", metavar="FOLDER", help="Your own car, made by `tripwatt car new`.")
     ] = None,
     vehicle: CarOption = None,
     model: ModelOption = None,
+    every: NotesOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Forecast how far a charge carries, without a road, by kind of road.
@@ -138,8 +145,9 @@ def range_(
         (name, f"{middle / 1000.0:.0f} km", f"{ends[0] / 1000.0:.0f} to {ends[1] / 1000.0:.0f} km")
         for name, (middle, ends) in found.by_kind.items()
     ]
-    print_table("Range", ("kind of road", "median", "9 in 10"), rows, numbers=("median",))
-    print_notes(found.flags)
+    title = f"Range from {found.soc:.0%} down to {found.reserve:.0%}"
+    print_table(title, ("kind of road", "median", "9 in 10"), rows, numbers=("median",))
+    print_few_notes(found.flags, every=every)
 
 
 def _own(car: Path | None, vehicle: str | None, model: Path | None) -> dict[str, Any]:

@@ -24,8 +24,8 @@ NODES_M: Final = (2_000.0, 5_000.0, 15_000.0, 40_000.0, 100_000.0)
 DISTANCES_KM: Final = (0.5, 2000.0)
 MOST_TRIPS: Final = 100
 BAND: Final = (0.05, 0.95)
-OF_CHARGE: Final = frozenset({"battery_empty", "battery_full", "no_elevation"})
-"""Flags of the roads that are forecast, which are not the trip that is asked for."""
+OF_CHARGE: Final = frozenset({"battery_empty", "battery_full", "no_elevation", "soc_assumed"})
+"""Flags of the roads that are forecast, which are not the trip that is asked for; nor is the charge that they start with."""
 
 
 @dataclass(frozen=True, slots=True)

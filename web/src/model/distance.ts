@@ -25,6 +25,16 @@ export const KINDS = Object.keys(SHARES) as Kind[];
 /** Longest link [m]. */
 const LINK_M = 1000;
 
+/** A charge beside the one that is needed, a reserve included: what is missing, what is left at arrival, and the verdict. */
+export function sufficing(
+  soc: number,
+  needed: number,
+  reserve: number,
+): { lacking: number; left: number; verdict: "good" | "open" | "bad" } {
+  const left = soc - needed + reserve;
+  return { lacking: needed - soc, left, verdict: soc >= needed ? "good" : left >= 0 ? "open" : "bad" };
+}
+
 /** Links of a trip from town to town: town, country road, motorway, country road, town, of unknown heights. */
 export function linksOfDistance(distanceM: number, kind: Kind): Link[] {
   const { town, country, motorway } = SHARES[kind];
