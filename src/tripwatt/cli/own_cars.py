@@ -172,6 +172,7 @@ def show(
     typer.echo(
         f"{printable(about['label'])}: {printable(about['title'])}, {about['trips']} trips, {about['in_diary']} in the diary"
     )
+    print_notes(f"not in the diary: {trip}: {why}" for trip, why in about["left_out"].items())
     if not about["in_diary"]:
         typer.echo("Add trips with `tripwatt car add`.")
         return

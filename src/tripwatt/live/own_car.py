@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Final, cast
 
 from tripwatt.auditing import Audit, audit
 from tripwatt.errors import InvalidInput, system_errors
-from tripwatt.files import folder_lock, read_text_file, replace_folder, restore_folder
+from tripwatt.files import folder_lock, read_text_file, replace_folder, restore_folder, write_text
 from tripwatt.forecasting import ForecastModel, load_metadata, load_model, save_model
 from tripwatt.forecasting.fitting import held_out_figures, provenance_of
 from tripwatt.live.diary import Diary, entry
@@ -43,6 +43,9 @@ if TYPE_CHECKING:
 FORMAT: Final = 1
 ABOUT: Final = "car.json"
 LIVE: Final = "live"
+LEFT_OUT: Final = "left-out.json"
+MOST_LEFT_OUT: Final = 200
+"""Trips that are in no diary whose reasons are kept; the latest ones stay."""
 JOURNAL: Final = "journal.ndjson"
 TOKEN: Final = "token.json"
 """Files in `LIVE` of a car on the road, which may have no description."""
@@ -184,9 +187,20 @@ class Car:
             alone = [log for log in alone if log.trip_id not in ids]
             done = self.store.add(alone, car_model=self.vehicle.name, vehicle_id=self.name)
             given = frozenset(log.trip_id for log in alone)
-            entries, left_out = self._learn(given, progress or (lambda done, total: None))
-        changed = [f"{log.trip_id}: another log of this name was added before" for log in other]
-        return Learned(done.added, done.known, entries, (*left_out, *changed))
+            entries, refused = self._learn(given, progress or (lambda done, total: None))
+            changed = [f"{log.trip_id}: another log of this name was added before" for log in other]
+            left_out = (*refused, *changed)
+            if left_out:
+                reasons = {**self.left_out, **dict(text.partition(": ")[::2] for text in left_out)}
+                kept = dict([*reasons.items()][-MOST_LEFT_OUT:])
+                write_text(self.folder / LEFT_OUT, json.dumps(kept, indent=2) + "\n")
+        return Learned(done.added, done.known, entries, left_out)
+
+    @property
+    def left_out(self) -> dict[str, str]:
+        """Trips that did not enter the diary, and why: the audit set them aside, or they cannot be forecast."""
+        path = self.folder / LEFT_OUT
+        return dict(json.loads(read_text_file(path, MOST_ABOUT_BYTES))) if path.is_file() else {}
 
     def state(self) -> tuple[int, ...]:
         """Identify what the car has learned: the value changes whenever it learns.
@@ -223,6 +237,7 @@ class Car:
             "title": self.vehicle.title,
             "trips": self.store.about()["trips"],
             "in_diary": len(diary),
+            "left_out": self.left_out,
             "learned": {
                 name: {**value, "seen_degc": diary.seen_degc(name)}
                 for name, value in adapted.get("parameters", {}).items()
@@ -496,7 +511,7 @@ def forget_car(folder: Path | str) -> None:
     with folder_lock(place):
         for name in (STORE, LEARNED, LIVE, UPLOADS):
             shutil.rmtree(place / name, ignore_errors=True)
-        for name in (VEHICLE, ABOUT):
+        for name in (VEHICLE, ABOUT, LEFT_OUT):
             (place / name).unlink(missing_ok=True)
         if not any(place.iterdir()):
             place.rmdir()

@@ -695,6 +695,9 @@ export interface components {
             title: string;
             trips: number;
             in_diary: number;
+            left_out: {
+                [key: string]: string;
+            };
             has_token: boolean;
             learned: {
                 [key: string]: components["schemas"]["LearnedParameter"];
@@ -724,6 +727,9 @@ export interface components {
             title: string;
             trips: number;
             in_diary: number;
+            left_out: {
+                [key: string]: string;
+            };
             has_token: boolean;
         };
         CarsResponse: {
