@@ -12,7 +12,7 @@ import numpy as np
 
 from tripwatt.arrays import FloatArray
 from tripwatt.forecasting import Forecast, ForecastModel
-from tripwatt.journey.kinds import KINDS, UNKNOWN, RoadPrior, Shares, road_prior, shares_of
+from tripwatt.journey.kinds import KINDS, UNKNOWN, RoadPrior, Shares, road_prior, shares_of, shares_over
 from tripwatt.population import for_car
 from tripwatt.trips import Departure, Flag, Plan, Trip
 from tripwatt.trips.columns import require_fraction, require_number
@@ -165,6 +165,8 @@ class KindForecaster:
     known : bool
         Whether the shares are known; else they are those of an unknown road.
     prior : RoadPrior
+    named : bool
+        Whether they are those of a named kind, whose town does not grow with the distance.
     """
 
     model: ForecastModel
@@ -172,13 +174,15 @@ class KindForecaster:
     shares: Shares
     known: bool
     prior: RoadPrior
+    named: bool = False
 
     @classmethod
     def from_kind(
         cls, model: ForecastModel, departure: Departure, kind: str | Sequence[float]
     ) -> KindForecaster:
         """For a kind of road. What a distance takes does not depend on the charge that the display shows at departure."""
-        return cls(model, replace(departure, soc=None), shares_of(kind), kind != UNKNOWN, road_prior())
+        known, named = replace(departure, soc=None), isinstance(kind, str)
+        return cls(model, known, shares_of(kind), kind != UNKNOWN, road_prior(), named)
 
     def at(self, distance_m: float, levels: Sequence[float]) -> tuple[FloatArray, FloatArray, float]:
         """Quantiles of energy [Wh] and displayed charge [1], shape (levels,), and the duration [s]. Two forecasts at most."""
@@ -210,7 +214,8 @@ class KindForecaster:
 
     def forecast(self, length_m: float) -> Forecast:
         """The forecast of a typical road of a length [m], with what its kind leaves open."""
-        plan = replace(self.prior.plan(length_m, self.shares), link_m=None)
+        shares = shares_over(self.shares, length_m) if self.named else self.shares
+        plan = replace(self.prior.plan(length_m, shares), link_m=None)
         forecast = self.model.forecast(plan, self.departure)
         share = self.prior.share(length_m, self.known)
         return replace(forecast, route_sd_wh=share * abs(forecast.energy_wh))
