@@ -152,7 +152,7 @@ def find_vehicles(words: str) -> tuple[str, ...]:
     Returns
     -------
     tuple of str
-        Names of cars, those with the shortest titles first; empty for no words.
+        Names of cars: those first that have the words as whole words, then the shortest titles without their years, then by title; empty for no words.
 
     Examples
     --------
@@ -169,8 +169,9 @@ def find_vehicles(words: str) -> tuple[str, ...]:
         if wanted and all(
             word in texts or (len(word) > 2 and word in whole) or _is_year_in(word, years) for word in wanted
         ):
-            matching.append((len(title), name))
-    return tuple(name for _, name in sorted(matching))
+            parts = sum(word not in texts for word in wanted)
+            matching.append((parts, len(title.partition(" (")[0]), title, name))
+    return tuple(name for *_, name in sorted(matching))
 
 
 def _plain(text: str) -> str:
