@@ -323,7 +323,7 @@ const de: Text = {
     arrivesAt: "Ankunft",
     leavingNow: "bei Abfahrt jetzt",
     duration: "Gesamtzeit",
-    ofItCharging: (time) => `davon ${time} laden`,
+    ofItCharging: (time) => `davon ${time} an Ladestationen, mit Anstecken`,
     energy: "Energie",
     stops: (stops, time, station, far, soc) =>
       `${stops} Stopps, zusammen ${time}: zuerst ${station}, nach ${far}, bis ${soc}`,

@@ -314,7 +314,7 @@ export const en = {
     arrivesAt: "Arrival",
     leavingNow: "leaving now",
     duration: "Total time",
-    ofItCharging: (time: string) => `${time} of it charging`,
+    ofItCharging: (time: string) => `${time} of it at stations, plugging in included`,
     energy: "Energy",
     stops: (stops: number, time: string, station: string, far: string, soc: string) =>
       `${stops} stops, ${time} in all: first ${station}, after ${far}, up to ${soc}`,
