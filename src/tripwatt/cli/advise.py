@@ -12,15 +12,7 @@ import typer
 
 from tripwatt.cli.departing import DepartureOf, departure_options
 from tripwatt.cli.forecast import model_and_trip
-from tripwatt.cli.options import (
-    JsonOption,
-    NotesOption,
-    add_command,
-    argument,
-    model_of,
-    option,
-    options_named,
-)
+from tripwatt.cli.options import JsonOption, add_command, argument, model_of, option, options_named
 from tripwatt.cli.printing import print_few_notes, print_json, print_table
 from tripwatt.cli.sentences import begins, chance
 from tripwatt.errors import Check
@@ -70,7 +62,6 @@ def advise(
     probability: Annotated[
         float, option("0.5..1", "Chance to arrive with the reserve that is asked for.", "--chance")
     ] = 0.95,
-    every: NotesOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Say what to do about a trip: the least that helps, and what each action saves.
@@ -95,10 +86,10 @@ def advise(
             car = None if vehicle is None else check(load_vehicle, vehicle)
             known = check(departure)
         found = find_advice(plan, known, car, fitted, reserve=reserve, chance=probability)
-    print_json(found.to_dict()) if as_json else _show(found, every)
+    print_json(found.to_dict()) if as_json else _show(found)
 
 
-def _show(advice: Advice, every: bool) -> None:
+def _show(advice: Advice) -> None:
     arrival, now = 100.0 * advice.forecast.soc_arrival, chance(advice.p_arrive)
     typer.echo(f"You arrive with {arrival:.0f} %, with {100.0 * advice.reserve:.0f} % or more: {now}.")
     if advice.p_arrive < advice.chance:
@@ -129,7 +120,7 @@ def _show(advice: Advice, every: bool) -> None:
     pace = advice.pace()
     if pace is not None:
         _show_pace(pace)
-    print_few_notes(advice.forecast.flags, every=every)
+    print_few_notes(advice.forecast.flags)
 
 
 def _show_pace(pace: Pace) -> None:

@@ -9,7 +9,7 @@ import typer
 
 from tripwatt.cli.departing import DepartureOf, departure_options
 from tripwatt.cli.journey import CarOption, ModelOption
-from tripwatt.cli.options import JsonOption, NotesOption, add_command, options_named
+from tripwatt.cli.options import JsonOption, add_command, options_named
 from tripwatt.cli.printing import print_few_notes, print_json, print_table
 from tripwatt.cli.sentences import begins
 
@@ -59,7 +59,6 @@ def need(
     reserve: ReserveOption = 0.0,
     vehicle: CarOption = None,
     model: ModelOption = None,
-    every: NotesOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Forecast what some kilometres need, without a road: energy and charge, with a margin, and what to do until then.
@@ -107,7 +106,7 @@ def need(
         rows.append(("preheat", begins(until["preheat"]["before_s"], known.departs_at)))
     print_table(f"{found.distance_m / 1000.0:.1f} km, {found.kind}, {found.car}", ("what", "value"), rows)
     typer.echo(until["message"])
-    print_few_notes(found.flags, every=every)
+    print_few_notes(found.flags)
 
 
 @departure_options()
@@ -120,7 +119,6 @@ def range_(
     ] = None,
     vehicle: CarOption = None,
     model: ModelOption = None,
-    every: NotesOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Forecast how far a charge carries, without a road, by kind of road.
@@ -147,7 +145,7 @@ def range_(
     ]
     title = f"Range from {found.soc:.0%} down to {found.reserve:.0%}"
     print_table(title, ("kind of road", "median", "9 in 10"), rows, numbers=("median",))
-    print_few_notes(found.flags, every=every)
+    print_few_notes(found.flags)
 
 
 def _own(car: Path | None, vehicle: str | None, model: Path | None) -> dict[str, Any]:

@@ -74,7 +74,7 @@ StrictOption = Annotated[
 ]
 NotesOption = Annotated[
     bool,
-    typer.Option("--notes", help="List every fault and note one by one. Default: few lines."),
+    typer.Option("--notes", help="List every fault and note one by one. Default: one line for each kind."),
 ]
 TripOption = Annotated[str | None, option("ID", "Trip to use if DATA contains several.", "--trip")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")]

@@ -136,15 +136,13 @@ def print_notes(notes: Iterable[str | Flag]) -> None:
         console().print("\n".join(map(printable, text.splitlines())))
 
 
-def print_few_notes(flags: Sequence[Flag], *, every: bool) -> None:
-    """Notes of a short answer: what is serious and an outside temperature that counts; with `every`, all."""
+def print_few_notes(flags: Sequence[Flag]) -> None:
+    """Notes of a short answer: what is serious, and an outside temperature that counts."""
     from tripwatt.trips.messages import severity_of
 
-    few = [f for f in flags if every or severity_of(f) != "note" or f.subject == "ambient_temperature_degc"]
+    few = [f for f in flags if severity_of(f) != "note" or f.subject == "ambient_temperature_degc"]
     rest = len(flags) - len(few)
-    print_notes(
-        [*few, *([f"{rest} more, such as values that are assumed: --notes lists all"] if rest else [])]
-    )
+    print_notes([*few, f"{rest} more, such as values that are assumed: --json has all"] if rest else few)
 
 
 PROGRESS_EVERY_S: Final = 5.0

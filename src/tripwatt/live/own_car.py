@@ -44,7 +44,7 @@ FORMAT: Final = 1
 ABOUT: Final = "car.json"
 LIVE: Final = "live"
 LEFT_OUT: Final = "left-out.json"
-MOST_LEFT_OUT: Final = 200
+MOST_LEFT_OUT: Final = 100
 """Trips that are in no diary whose reasons are kept; the latest ones stay."""
 JOURNAL: Final = "journal.ndjson"
 TOKEN: Final = "token.json"

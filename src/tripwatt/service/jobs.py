@@ -69,9 +69,6 @@ from tripwatt.vehicles import Vehicle, find_vehicles, require_vehicle, vehicle_n
 
 Forecasting = TypeVar("Forecasting", bound=ForecastRequest)
 
-SEEN: Final = ("soc", "ambient_temperature_degc")
-"""Fields that a car's last messages have for its need and range."""
-
 MOST_TRANSFERRED: Final = 64
 """Models on other cars that a worker keeps; the one that was used least recently goes first."""
 
@@ -253,7 +250,7 @@ class Jobs:
                 )
             ahead = usual_plan(self.cars.car(request.car), request.trip)
         model = self._model_asked(request)
-        known, flags = with_seen(departure_of(request), job, model.vehicle, *SEEN)
+        known, flags = with_seen(departure_of(request), job, model.vehicle)
         needed, until = need_before_departure(
             ahead,
             request.kind,
@@ -270,7 +267,7 @@ class Jobs:
         """Return the response to a `RangeQuery`."""
         request = check_request(parse_json(body), RangeQuery)
         model = self._model_asked(request)
-        known, flags = with_seen(departure_of(request), job, model.vehicle, *SEEN)
+        known, flags = with_seen(departure_of(request), job, model.vehicle)
         far = range_km(None, request.kind, known, reserve=request.reserve or 0.0, model=model)
         return replace(far, flags=(*flags, *far.flags)).to_dict()
 
@@ -316,7 +313,7 @@ class Jobs:
         assert plan is not None
         assert model is not None
         own = model()
-        known, flags = with_seen(plan.departure.merge(departure_of(request)), job, own.vehicle, SEEN[1])
+        known, flags = with_seen(plan.departure.merge(departure_of(request)), job, own.vehicle)
         forecast = own.forecast(replace(plan, trip_id=request.trip), known)
         forecast = replace(forecast, flags=(*flags, *forecast.flags))
         return request, forecast if observed is None else forecast.update(observed)

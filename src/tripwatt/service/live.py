@@ -216,10 +216,9 @@ class LiveCars:
         document = car.document(car.now_s())
         message = None if document["faults"] else or_none(self._told, car)
         told = None if message is None else message.to_dict()
-        if not _names_car(self.by_own_model(car.name, {} if car.plan is None else car.plan.request)):
-            flags = [flag_to_dict(undescribed(car.name, self._model(car.name, {}).vehicle))]
-            return {**document, "flags": flags, "message": told}
-        return {**document, "message": told}
+        named = _names_car(self.by_own_model(car.name, {} if car.plan is None else car.plan.request))
+        flags = [] if named else [flag_to_dict(undescribed(car.name, self._model(car.name, {}).vehicle))]
+        return {**document, "flags": flags, "message": told}
 
     def _told(self, car: RoadCar) -> Message | None:
         """The latest message on the trip of a car; its companion goes with the forecast at departure."""
@@ -275,9 +274,8 @@ class LiveCars:
             raise Problem("no-plan", "no plan, and no earlier trip at this time of day")
         soc = await self.run(car.shown_soc) if car.trip is None else None
         asked = await self.job_of(car, {**plan.request, **known})
-        result = await self.pool.run(
-            {"kind": "need", "soc": soc, **how, "seen": asked["seen"]}, asked["body"]
-        )
+        seen = {**asked["seen"], "soc": None}  # that of the plan counts
+        result = await self.pool.run({"kind": "need", "soc": soc, **how, "seen": seen}, asked["body"])
         if result.status != 200:
             return result
         return {

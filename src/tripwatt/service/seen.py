@@ -11,16 +11,16 @@ from tripwatt.vehicles import Vehicle
 
 
 def with_seen(
-    known: Departure, job: Mapping[str, Any] | None, vehicle: Vehicle, *names: str
+    known: Departure, job: Mapping[str, Any] | None, vehicle: Vehicle
 ) -> tuple[Departure, tuple[Flag, ...]]:
-    """A departure with these fields of the car's last messages in place of those that it leaves out, and flags of what was taken.
+    """A departure with temperature and charge of the car's last messages in place of those that it leaves out, and flags of what was taken.
 
     A charge is in the answer, and a charge of the battery management is no gap.
     """
     seen = (job or {}).get("seen") or {}
     given = known if known.bms_soc is None else replace(known, soc=known.bms_soc)
-    used = {name: seen[name] for name in names if seen.get(name) is not None and getattr(given, name) is None}
     air = "ambient_temperature_degc"
+    used = {n: seen[n] for n in ("soc", air) if seen.get(n) is not None and getattr(given, n) is None}
     flags = [Flag("of_last_message", air, used[air], "degc")] if air in used else []
     flags += [undescribed(seen["undescribed"], vehicle)] if seen.get("undescribed") else []
     return known.merge(Departure(**used)), tuple(flags)
