@@ -387,10 +387,18 @@ def test_9_two_cars_are_two_devices_with_figures_of_their_own(hass: HomeAssistan
         eventually(lambda: hass.figures("zoe")["soc"], "35.0")
         assert hass.figures("leaf")["soc"] == "60.0"
         told = {
-            car: hass.action("tripwatt", "advise", device_id=devices[car], links=LINKS)["soc_arrival"]
+            car: hass.action("tripwatt", "advise", device_id=devices[car], links=LINKS, temperature=20)[
+                "soc_arrival"
+            ]
             for car in devices
         }
         assert told["leaf"] - told["zoe"] == pytest.approx(0.25, abs=0.02)
+        # without a temperature, that of the last message counts: 2 °C
+        cold = hass.action("tripwatt", "advise", device_id=devices["leaf"], links=LINKS)["soc_arrival"]
+        asked = {"links": LINKS, "soc": 0.6, "ambient_temperature_degc": 2.0}
+        road = served.service.client.post("/v1/advice", json=asked).json()
+        assert cold == pytest.approx(road["soc_arrival"])
+        assert cold < told["leaf"]
 
 
 def calendar_of(hass: HomeAssistant) -> str:
