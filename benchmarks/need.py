@@ -130,7 +130,7 @@ def outcomes(name: str, trips: Sequence[Trip], car: Vehicle) -> dict[str, list[t
             departure = Departure(ambient_temperature_degc=trip.departure.ambient_temperature_degc)
             for what, rows in found.items():
                 shares = rounded_shares(classes_of(trip)[0]) if what == "kind" else prior.usual
-                asked = KindForecaster(model, departure, shares, what == "kind", prior)
+                asked = KindForecaster(model, departure, shares, what == "kind", prior, what != "kind")
                 energy, _, _ = asked.at(trip.distance_m, (QUANTILE, 0.5))
                 observed = float(trip.observed_energy_wh or np.nan)
                 shown = trip.array("displayed_soc") if "displayed_soc" in trip else np.empty(0)

@@ -31,7 +31,7 @@ from tripwatt.advice.preheating import (
     need_before_departure,
     preheating,
 )
-from tripwatt.journey.kinds import road_prior, shares_of
+from tripwatt.journey.kinds import typical_road
 from tripwatt.physics import DriveConditions, simulate, simulate_trip
 from tripwatt.physics.cabin import CabinStart, CabinTask, condition_cabins
 from tripwatt.trips import Departure, Plan
@@ -230,7 +230,7 @@ def test_charge_time_and_start_are_handed_over() -> None:
     same = tw.need(60.0, "mixed", known, vehicle=CAR, quantile=0.95, reserve=0.1)
     assert needed.to_dict() == same.to_dict()
     assert until["target_soc"] == same.soc_needed
-    plan = road_prior().plan(60_000.0, shares_of("mixed"))
+    plan = typical_road(60_000.0, "mixed")
     per_display = tw.for_car(None, CAR).forecast(plan, known).charge.wh_per_display
     assert until["charge_wh"] == pytest.approx((same.soc_needed - 0.3) * per_display)
     assert until["wall_wh"] == pytest.approx(until["charge_wh"] / CHARGER)

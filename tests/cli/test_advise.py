@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 
 import pytest
@@ -38,6 +39,22 @@ def test_the_table_has_units_and_words(run: Run, route: Path) -> None:
     assert "take off the roof box" in shown
     assert "saves kWh" in shown
     assert "°C" in shown
+
+
+@pytest.mark.parametrize(
+    ("length_m", "says"), [(70_000.0, "Charge to"), (180_000.0, "plan a stop to charge")]
+)
+def test_what_no_action_mends_is_charged_for_or_needs_a_stop(
+    run: Run, tmp_path: Path, length_m: float, says: str
+) -> None:
+    path = tmp_path / "far.json"
+    path.write_text(json.dumps([{"length_m": length_m, "speed_m_s": 25.0, "grade": 0.0}]), "utf-8")
+    shown = run("advise", path, "--soc", 0.1, "--ambient", 5).out
+    advice = tw.advise(tw.read_route(path), tw.Departure(soc=0.1, ambient_temperature_degc=5.0))
+    assert (advice.charge_to > 1.0) == ("plan a stop" in says)
+    assert says in shown
+    if advice.charge_to <= 1.0:
+        assert f"Charge to {math.ceil(100.0 * advice.charge_to)} %" in shown
 
 
 def test_every_action_has_words() -> None:

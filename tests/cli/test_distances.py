@@ -26,6 +26,22 @@ def test_need_has_the_numbers_of_python(run: Run) -> None:
     assert same.out == printed.out
 
 
+def test_the_reserve_is_part_of_the_charge_and_few_notes_follow(run: Run) -> None:
+    asked = ("need", "60", "--ambient", -5, "--soc", 0.8)
+    kept = json.loads(run(*asked, "--reserve", 0.1, "--json").out)
+    without = json.loads(run(*asked, "--json").out)
+    assert kept["soc_needed"] == pytest.approx(without["soc_needed"] + 0.1)
+    assert kept["reserve"] == 0.1
+    printed = run(*asked, "--reserve", 0.1)
+    assert kept["message"] in printed.out
+    assert "arrive with 10 % or more" in kept["message"]
+    assert "soc_assumed" not in [flag["code"] for flag in kept["flags"]]
+    few = printed.err.count("note:") + printed.err.count("warning:")
+    assert 1 < few < len(kept["flags"])
+    assert f"{len(kept['flags']) - few + 1} more" in printed.err
+    assert "Range from 80% down to 10%" in run("range", "--soc", 0.8, "--reserve", 0.1).out
+
+
 def test_range_has_the_numbers_of_python(run: Run) -> None:
     printed = run("range", "--soc", 0.35, "--ambient", -5, "--reserve", 0.1, "--vehicle", "vw_id3", "--json")
     same = range_km(0.35, departure=COLD, reserve=0.1, vehicle="vw_id3")

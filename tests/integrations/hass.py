@@ -33,6 +33,17 @@ http:
 api:
 config:
 diagnostics:
+weather:
+  - platform: template
+    name: Frost
+    unique_id: frost
+    condition_template: cloudy
+    temperature_template: "{{{{ -4 }}}}"
+    humidity_template: "{{{{ 80 }}}}"
+    temperature_unit: "°C"
+    forecast_hourly_template: >-
+      {{{{ [{{"datetime": (now() + timedelta(hours=21)).isoformat(), "condition": "cloudy", "temperature": -7}},
+            {{"datetime": (now() + timedelta(hours=22)).isoformat(), "condition": "cloudy", "temperature": -9}}] }}}}
 logger:
   default: warning
   logs:

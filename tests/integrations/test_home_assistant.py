@@ -199,8 +199,8 @@ def test_2_a_wrong_address_is_refused_with_its_reason_and_may_be_mended(
 
     assert errors("somewhere") == {"url": "invalid_url"}
     assert errors(f"http://127.0.0.1:{free_port()}") == {"base": "cannot_connect"}
-    assert errors(hass.url) == {"base": "cannot_connect"}  # something else answers there
-    assert errors(f"{served.url}/elsewhere") == {"base": "cannot_connect"}
+    assert errors(hass.url) == {"base": "no_service"}  # something else answers there
+    assert errors(f"{served.url}/elsewhere") == {"base": "no_service"}
     with own_service(tmp_path) as without_cars:
         assert errors(without_cars.url) == {"base": "no_cars"}
     assert hass.entries() == []
@@ -211,7 +211,7 @@ def test_2_a_wrong_address_is_refused_with_its_reason_and_may_be_mended(
 def test_3_a_refused_token_is_asked_for_again(hass: HomeAssistant, served: Served) -> None:
     refused = hass.flow("tripwatt", {"url": served.url, "token": "a-wrong-token-of-some-length"})
     assert refused["errors"] == {"token": "invalid_auth"}
-    assert hass.flow("tripwatt", {"url": served.url})["errors"] == {"token": "invalid_auth"}
+    assert hass.flow("tripwatt", {"url": served.url})["errors"] == {"token": "token_needed"}
     added(hass, served)
     assert hass.figures("leaf")["soc"] == "60.0"
     served.stop()
@@ -247,8 +247,17 @@ def test_4_every_figure_of_a_car_is_an_entity_and_new_cars_come_by_themselves(
     need = served.ask("/v1/need", car="leaf", probability=0.9)
     assert float(figures["soc_needed"]) == pytest.approx(100.0 * need["soc_needed"])
     assert float(figures["need"]) == pytest.approx(need["energy_quantile_wh"] / 1000.0)
-    assert float(figures["range"]) == pytest.approx(served.ask("/v1/range", soc=0.6)["range_m"] / 1000.0)
-    assert hass.states("leaf")["soc_needed"]["attributes"]["message"] == need["message"]
+    reach = served.ask("/v1/range", car="leaf")
+    assert float(figures["range"]) == pytest.approx(reach["range_m"] / 1000.0)
+    cold = served.ask("/v1/range", soc=0.6, ambient_temperature_degc=2.0)  # what the car sent
+    assert reach["range_m"] == pytest.approx(cold["range_m"])
+    about = {key: state["attributes"] for key, state in hass.states("leaf").items()}
+    assert about["soc_needed"]["message"] == need["message"]
+    assert (about["range"]["soc"], about["range"]["reserve"]) == (0.6, 0.0)
+    for key, answer in (("range", reach), ("soc_needed", need)):
+        messages = [flag["message"] for flag in answer["flags"]]
+        assert about[key]["flags"] == messages
+        assert "leaf has no description" in messages[0 if key == "soc_needed" else 1]
     made = served.service.client.post("/v1/cars", json={"name": "zoe", "vehicle": "renault_zoe_ze50_r135"})
     assert made.status_code == 200, made.text
     served.tokens["zoe"] = served.service.client.post("/v1/cars/zoe/token", json={}).json()["token"]
@@ -378,10 +387,18 @@ def test_9_two_cars_are_two_devices_with_figures_of_their_own(hass: HomeAssistan
         eventually(lambda: hass.figures("zoe")["soc"], "35.0")
         assert hass.figures("leaf")["soc"] == "60.0"
         told = {
-            car: hass.action("tripwatt", "advise", device_id=devices[car], links=LINKS)["soc_arrival"]
+            car: hass.action("tripwatt", "advise", device_id=devices[car], links=LINKS, temperature=20)[
+                "soc_arrival"
+            ]
             for car in devices
         }
         assert told["leaf"] - told["zoe"] == pytest.approx(0.25, abs=0.02)
+        # without a temperature, that of the last message counts: 2 °C
+        cold = hass.action("tripwatt", "advise", device_id=devices["leaf"], links=LINKS)["soc_arrival"]
+        asked = {"links": LINKS, "soc": 0.6, "ambient_temperature_degc": 2.0}
+        road = served.service.client.post("/v1/advice", json=asked).json()
+        assert cold == pytest.approx(road["soc_arrival"])
+        assert cold < told["leaf"]
 
 
 def calendar_of(hass: HomeAssistant) -> str:
@@ -417,13 +434,17 @@ def test_10_the_next_trip_of_a_calendar_gives_the_need(hass: HomeAssistant, serv
     assert needed() == pytest.approx(of_plan["soc_needed"])
     far = event("Grandparents, 80 km", 2.0)
     eventually(departs, far)
-    by_distance = served.ask("/v1/need", distance_km=80, quantile=0.9, soc=0.6, departs_at=far.isoformat())
+    asked = {"car": "leaf", "distance_km": 80, "quantile": 0.9, "departs_at": far.isoformat()}
+    by_distance = served.ask("/v1/need", **asked)
+    attributes = hass.states("leaf")["soc_needed"]["attributes"]
+    assert (attributes["message"], attributes["temperature"]) == (by_distance["message"], 2.0)
     assert needed() == pytest.approx(by_distance["soc_needed"])
     assert float(hass.figures("leaf")["charge"]) == pytest.approx(by_distance["charge_wh"] / 1000.0)
     place = event("Concert", 1.0, location="Ostheim")
     eventually(departs, place)
     home = {"latitude_deg": 47.0, "longitude_deg": 9.0}
     body = {"stops": [home, "Ostheim"], "soc": 0.6, "departs_at": place.isoformat()}
+    body["ambient_temperature_degc"] = 2.0
     journey = served.service.client.post("/v1/journeys", json=body).json()
     assert needed() == pytest.approx(journey["soc_needed"])
     assert hass.states("leaf")["soc_needed"]["attributes"]["trip"] == "Concert"
@@ -441,13 +462,51 @@ def test_10_the_next_trip_of_a_calendar_gives_the_need(hass: HomeAssistant, serv
     assert hass(f"/states/{entity}")["attributes"]["message"] == shown[0]
 
 
+def test_a_weather_entity_gives_the_temperature_of_calendar_trips_and_of_the_need(
+    hass: HomeAssistant, served: Served
+) -> None:
+    served.plan("leaf", ambient_temperature_degc=None)
+    calendar = calendar_of(hass)
+    leaves = dt.datetime.now(dt.UTC).replace(microsecond=0) + dt.timedelta(hours=22)
+    entry = added(hass, served, leaf=calendar)
+
+    def temperature() -> Any:
+        return hass.states("leaf")["soc_needed"]["attributes"].get("temperature")
+
+    eventually(temperature, 2.0)  # of the last message
+    first = {"interval_s": EVERY_S, "probability": 90, "weather": "weather.frost"}
+    hass.flow(entry, first, {"leaf": calendar}, kind="options/flow")
+    eventually(temperature, -4.0)  # now
+    event = {"summary": "Grandparents, 80 km", "start_date_time": leaves.isoformat()}
+    event["end_date_time"] = (leaves + dt.timedelta(hours=1)).isoformat()
+    hass("/services/calendar/create_event", {"entity_id": calendar, **event})
+    eventually(temperature, -9.0)  # the forecast at departure
+    asked = {"distance_km": 80, "quantile": 0.9, "ambient_temperature_degc": -9.0}
+    need = served.ask("/v1/need", car="leaf", departs_at=leaves.isoformat(), **asked)
+    assert float(hass.figures("leaf")["soc_needed"]) == pytest.approx(100.0 * need["soc_needed"])
+    assert "last message" not in "".join(hass.states("leaf")["soc_needed"]["attributes"]["flags"])
+
+
+def test_a_plan_without_a_map_is_refused_with_its_reason(hass: HomeAssistant, tmp_path: Path) -> None:
+    with own_service(tmp_path, "leaf") as served:
+        served.parked("leaf", 0.6)
+        added(hass, served)
+        data = {"device_id": hass.devices()["leaf"]["id"], "stops": ["Ostheim"]}
+        answer = hass.asked(
+            "call_service", domain="tripwatt", service="plan", service_data=data, return_response=True
+        )
+    assert answer["error"]["code"] == "service_validation_error"
+    assert "start the service with --map" in answer["error"]["message"]
+
+
 def test_11_plan_and_advise_respond_with_the_answers_of_the_service(
     hass: HomeAssistant, served: Served
 ) -> None:
     added(hass, served)
     device = hass.devices()["leaf"]["id"]
     west, east = ({"latitude_deg": 47.0, "longitude_deg": longitude} for longitude in (9.0, 9.1))
-    asked = {"stops": [west, east], "soc": 0.6, "reserve": 0.15, "ambient_temperature_degc": -5.0}
+    asked: dict[str, Any] = {"stops": [west, east], "soc": 0.6, "reserve": 0.15}
+    asked["ambient_temperature_degc"] = -5.0
     plan = served.service.client.post("/v1/journeys", json=asked).json()
     told = hass.action("tripwatt", "plan", device_id=device, stops=["Ostheim"], reserve=15, temperature=-5)
     figures = ("p_arrive", "p_reserve", "soc_arrival", "driving_s", "energy_wh")

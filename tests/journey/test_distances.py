@@ -13,7 +13,16 @@ import tripwatt as tw
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import ForecastModel
 from tripwatt.journey.distances import NODES_M, KindForecaster, node_values
-from tripwatt.journey.kinds import KINDS, STUDIES, USUAL_KM_H, USUAL_M, road_prior, shares_of
+from tripwatt.journey.kinds import (
+    KINDS,
+    STUDIES,
+    TOWN_M,
+    USUAL_KM_H,
+    USUAL_M,
+    road_prior,
+    shares_of,
+    shares_over,
+)
 from tripwatt.trips import Departure
 
 COLD, MILD = Departure(ambient_temperature_degc=-5.0), Departure(ambient_temperature_degc=20.0)
@@ -56,6 +65,21 @@ def test_between_two_lengths_the_need_is_their_line(model: ForecastModel) -> Non
     ends = [node_values(asked, k, (0.9,))[0][0] for k in (1, 2)]
     middle = asked.at(0.5 * (NODES_M[1] + NODES_M[2]), (0.9,))[0][0]
     assert middle == pytest.approx(np.mean(ends), rel=1e-12)
+
+
+@pytest.mark.parametrize(("kind", "slowest_km_h"), [("mixed", 50.0), ("country", 45.0), ("motorway", 85.0)])
+def test_the_town_of_a_kind_does_not_grow_with_the_distance(
+    model: ForecastModel, kind: str, slowest_km_h: float
+) -> None:
+    far = tw.need(180, kind, MILD, model=model)
+    assert 3.6 * far.distance_m / far.duration_s > slowest_km_h
+    town_m = [shares_over(shares_of(kind), d)[0] * d for d in (TOWN_M, 40_000.0, 180_000.0)]
+    assert town_m == pytest.approx([shares_of(kind)[0] * TOWN_M] * 3)
+    assert (
+        tw.need(180, shares_of(kind), MILD, model=model).duration_s > 1.3 * far.duration_s
+    )  # shares as they are given
+    slow = tw.need(180, "city", MILD, model=model)
+    assert 3.6 * slow.distance_m / slow.duration_s < 25.0
 
 
 def test_errors_of_several_trips_are_shared(model: ForecastModel) -> None:
@@ -105,7 +129,8 @@ def test_shares_are_rounded_to_quarters() -> None:
 def test_what_a_distance_takes_does_not_depend_on_the_charge(model: ForecastModel) -> None:
     shown = [model.forecast(tw.synthetic_fleet(1).trips[0], replace(COLD, soc=soc)) for soc in (0.3, 0.9)]
     assert shown[0].energy_wh == pytest.approx(shown[1].energy_wh, rel=1e-9)
-    per_charge = [tw.range_km(soc, departure=COLD, model=model).range_m for soc in (0.4, 0.8)]
+    road = shares_of("mixed")  # as shares: the same road at any distance
+    per_charge = [tw.range_km(soc, road, COLD, model=model).range_m for soc in (0.4, 0.8)]
     assert 1.9 < per_charge[1] / per_charge[0] < 2.1
 
 

@@ -294,6 +294,10 @@ def test_the_commands_are_the_library(base: Path, logs: tuple[Log, ...], tmp_pat
 def test_a_trip_without_measured_energy_is_kept_and_told(
     logs: tuple[Log, ...], base: Path, tmp_path: Path
 ) -> None:
+    from typer.testing import CliRunner
+
+    from tripwatt.cli import app
+
     bare = logs[1].samples.drop(columns=["voltage_v", "current_a"])
     silent = Log.from_samples(logs[1].trip_id, bare, logs[1].context)
     car = create_car(tmp_path / "leaf", "nissan_leaf_24", base=base)
@@ -304,6 +308,13 @@ def test_a_trip_without_measured_energy_is_kept_and_told(
     assert car.diary.trip_ids == {logs[0].trip_id}
     assert car.add([silent]).left_out == done.left_out
     assert car.add([logs[0]]).left_out == ()
+    # the reason is kept with the car, and is shown
+    why = reason.partition(": ")[2]
+    assert open_car(car.folder).left_out == car.about()["left_out"] == {logs[1].trip_id: why}
+    shown = CliRunner().invoke(app, ["car", "show", str(car.folder)]).output
+    assert f"not in the diary: {logs[1].trip_id}: {why}" in " ".join(shown.split())
+    forget_car(car.folder)
+    assert not car.folder.exists()
 
 
 def test_a_log_that_was_added_before_with_other_samples_costs_no_other_log(

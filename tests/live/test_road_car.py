@@ -26,6 +26,7 @@ from tripwatt.live import folder as folder_module
 from tripwatt.live import recording as module
 from tripwatt.live.live_trip import SILENCE_S
 from tripwatt.live.ordering import LATE_S
+from tripwatt.live.road_car import AIR_S
 from tripwatt.routes import links_of_trip, plan_from_links
 from tripwatt.synthetic import example_trip
 from tripwatt.trips import plan_from_samples
@@ -477,3 +478,18 @@ def test_trips_of_the_tum_set_end_with_the_forecast_of_update(data_dir: Path, tm
             fed(car, samples_of(table, NOON_S + float(table["time_s"].iloc[0])))
             car.set_plan({}, NOON_S)
             same(car.update(at_departure), at_departure.update_since_departure(table))
+
+
+def test_the_outside_temperature_stays_after_a_trip_and_a_restart_for_a_day(folder: Path) -> None:
+    air = {"ambient_temperature_degc": -3.0}
+    with RoadCar(folder) as car:
+        for k in range(400):
+            car.add(Sample(NOON_S + k, {"speed_m_s": 10.0, **(air if k < 100 else {})}), now_s=NOON_S + k)
+        car.add(Sample(NOON_S + 401.0, {"speed_m_s": 0.0}), now_s=NOON_S + 401.0)
+        car.end_when_silent(NOON_S + 401.0 + 1200.0)
+        assert len(car.logs()) == 1
+        assert car.last_air_degc(car.received_s or 0.0) == -3.0
+    with RoadCar(folder) as again:
+        again.add(Sample(NOON_S + 2000.0, {"speed_m_s": 0.0}), now_s=NOON_S + 2000.0)
+        assert again.last_air_degc(NOON_S + 2000.0) == -3.0
+        assert again.last_air_degc(NOON_S + AIR_S + 3000.0) is None

@@ -301,7 +301,7 @@ def test_verdict_list_and_chart_speak_of_the_journey_with_its_charging_stop(page
     number = page.locator(".verdict .number")
     assert number.inner_text().startswith("42")
     assert "97 in 100" in page.locator(".chance").inner_text()
-    assert "17\u00a0min of it charging" in page.locator(".whole").inner_text()
+    assert "17\u00a0min of it at stations, plugging in included" in page.locator(".whole").inner_text()
     stops = page.locator(".stops li")
     assert stops.count() == 1
     for part in ("Halbweg", "13\u00a0% to 45\u00a0% in 12\u00a0min", "98 in 100", "If it is full: Beiweg"):

@@ -45,6 +45,7 @@ def answered(served: Served) -> dict[str, Any]:
 def test_the_answer_of_the_page_is_that_of_the_service(served: Served) -> None:
     (shown,) = map(json.loads, blocks("json"))
     found = answered(served)
+    assert {"code", "message"} <= set(found.pop("flags")[0])  # the page names them below
     assert list(shown) == list(found)
     shown |= {f"preheat.{name}": value for name, value in shown.pop("preheat").items()}
     found |= {f"preheat.{name}": value for name, value in found.pop("preheat").items()}
@@ -83,7 +84,9 @@ def test_the_sensors_and_automations_of_the_page_take_the_answer(served: Served)
     found = answered(served)
     rest, automations, _, evcc, emhass = configurations()
     (source,) = rest["rest"]
-    assert "departure_utc=2026-01-05T07:00:00Z" in filled(source["resource_template"])
+    assert "ambient_temperature_degc=-3.5&departure_utc=2026-01-05T07:00:00Z" in filled(
+        source["resource_template"], sensors={"weather.home": ("cloudy", {"temperature": -3.5})}
+    )
     sensors: dict[str, tuple[str, dict[str, Any]]] = {}
     for sensor in source["sensor"]:
         value = filled(sensor["value_template"], value_json=found)
@@ -156,13 +159,13 @@ def test_the_filter_of_the_shell_makes_the_address_of_evcc(served: Served) -> No
 
 
 def test_every_request_of_the_page_asks_what_the_service_takes(served: Served) -> None:
-    asked = re.findall(r"/v1/need\?(car[^\s'\"{]+)", PAGE.read_text("utf-8"))
-    assert len(asked) == 3
+    asked = re.findall(r"/v1/need\?(car[^\s'\"`{]+)", PAGE.read_text("utf-8"))
+    assert len(asked) == 4
     answered(served)
     for query in asked:
-        given = query.replace("my-leaf", "leaf").removesuffix("&departure_utc=")
+        given = re.sub(r"&\w+=$", "", query.replace("my-leaf", "leaf"))
         parameters = {name: values[0] for name, values in parse_qs(given).items()}
-        assert set(parameters) <= {"car", "probability", "reserve", "plug_w", "departure_utc"}
+        assert set(parameters) <= {"car", "probability", "reserve", "plug_w", "departure_utc", "distance_km"}
         found = served("/v1/need", params=parameters)
         assert (found.status_code, "deprecation" in found.headers) == (200, False)
 

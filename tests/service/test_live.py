@@ -24,14 +24,16 @@ import tripwatt as tw
 from tripwatt.advice.preheating import CHARGER, preheating
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import Forecast, ForecastModel
-from tripwatt.live import RoadCar, Sample, issue_token
+from tripwatt.live import Broker, MqttSettings, RoadCar, Sample, create_car, has_token, issue_token
 from tripwatt.live.live_trip import SILENCE_S
 from tripwatt.routes import links_of_trip, plan_from_links
 from tripwatt.service import app as room
 from tripwatt.service import live as module
 from tripwatt.service.app import create_app
+from tripwatt.service.car_jobs import CarJobs
 from tripwatt.service.jobs import Jobs
 from tripwatt.service.live import LiveCars
+from tripwatt.service.over_mqtt import OverMqtt
 from tripwatt.service.pool import JobResult
 from tripwatt.service.settings import Limits, Settings
 from tripwatt.service.worker import run_job
@@ -121,7 +123,8 @@ class Served:
 
 @pytest.fixture
 def served(tmp_path: Path, jobs: Jobs, monkeypatch: pytest.MonkeyPatch) -> Served:
-    monkeypatch.setattr(Pool, "jobs", jobs, raising=False)
+    with_cars = dataclasses.replace(jobs, cars=CarJobs(tmp_path))
+    monkeypatch.setattr(Pool, "jobs", with_cars, raising=False)
     monkeypatch.setattr(Pool, "kinds", [], raising=False)
     monkeypatch.setattr(room, "WorkerPool", Pool)
     return Served(tmp_path)
@@ -234,6 +237,8 @@ def test_the_need_of_a_plan_is_a_quantile_and_the_charge_to_leave_with(served: S
     own = tw.forecast(LINKS, tw.Departure(soc=0.8, ambient_temperature_degc=-5.0))
     found = need(served, probability=0.95, departure_utc=NOON_S, plug_w=3700.0).json()
     until = {name: found.pop(name) for name in ("wall_wh", "charging_s", "preheat")}
+    codes = [flag["code"] for flag in found.pop("flags")]
+    assert codes == ["no_description", *(flag.code for flag in own.flags)]
     assert until["wall_wh"] == pytest.approx(found["charge_wh"] / CHARGER)
     assert until["charging_s"] == pytest.approx(until["wall_wh"] / 3700.0 * 3600.0)
     heat = preheating(own.vehicle, own.plan, plug_w=3700.0)
@@ -267,6 +272,69 @@ def test_the_need_of_a_plan_is_a_quantile_and_the_charge_to_leave_with(served: S
     assert need(served).json()["charge_wh"] == 0.0
 
 
+def codes_of(document: dict[str, Any]) -> dict[str, Any]:
+    return {flag["code"]: flag["value"] for flag in document["flags"]}
+
+
+@pytest.mark.parametrize("path", ["/v1/range", "/v1/need"])
+def test_what_is_asked_of_a_car_takes_the_temperature_and_the_charge_of_its_last_message(
+    served: Served, path: str
+) -> None:
+    asked = {"distance_km": 50} if path == "/v1/need" else {}
+    served.send(message(0.0, speed=0, soc=40.0, ext_temp=-3.0))
+    served.send(message(1.0, speed=0, soc=40.0))  # without a temperature: the last one counts
+    found = served(path, params={"car": "leaf", **asked}).json()
+    given = served(path, params={**asked, "soc": 0.4, "ambient_temperature_degc": -3.0}).json()
+    codes = codes_of(found)
+    assert (codes.pop("of_last_message"), codes.pop("no_description")) == (-3.0, "leaf")
+    assert codes == codes_of(given)
+    assert {**found, "flags": []} == {**given, "flags": []}
+    assert found["soc"] == 0.4
+    warm = served(path, params={"car": "leaf", "ambient_temperature_degc": 20.0, **asked}).json()
+    assert "of_last_message" not in codes_of(warm)
+    name = "energy_wh" if asked else "range_m"
+    assert warm[name] != found[name]
+
+
+def test_the_range_over_mqtt_and_over_http_is_one(served: Served) -> None:
+    served.send(message(0.0, speed=0, soc=40.0, ext_temp=-3.0))
+    served.put({"links": LINKS, "vehicle": "vw_id3", "reserve": 0.2})
+    over = OverMqtt(_cars(served), MqttSettings(Broker("192.0.2.7", 1883)))
+    published = asyncio.run(over.documents())["leaf"]
+    assert published["range"] == served("/v1/range", params={"car": "leaf"}).json()
+    assert (published["range"]["soc"], published["range"]["reserve"]) == (0.4, 0.0)
+    assert published["ambient_temperature_degc"] == -3.0
+    kept = served("/v1/range", params={"car": "leaf", "reserve": 0.2}).json()
+    assert kept["reserve"] == 0.2
+    assert kept["range_m"] < published["range"]["range_m"]
+
+
+def test_the_need_of_the_next_trip_takes_the_temperature_of_the_last_message(served: Served) -> None:
+    served.send(message(0.0, speed=0, soc=40.0, ext_temp=-3.0))
+    served.put({"links": LINKS})
+    own = tw.forecast(LINKS, tw.Departure(ambient_temperature_degc=-3.0))
+    found = need(served).json()
+    assert found["expected_wh"] == pytest.approx(own.energy_wh, rel=1e-6)
+    assert codes_of(found)["of_last_message"] == -3.0
+    served.put({"links": LINKS, "ambient_temperature_degc": 20.0})
+    assert "of_last_message" not in codes_of(need(served).json())
+
+
+def test_a_car_without_a_description_is_flagged_until_it_has_one(served: Served, tmp_path: Path) -> None:
+    served.send(message(0.0, speed=0, soc=40.0))
+    (flag,) = served("/v1/live/leaf").json()["flags"]
+    assert flag["message"] == (
+        "leaf has no description: BMW i3 60 Ah assumed; describe it: tripwatt car new cars/leaf --vehicle NAME"
+    )
+    assert flag["code"] in codes_of(served("/v1/range", params={"car": "leaf"}).json())
+    made = create_car(tmp_path / "leaf", "hyundai_ioniq_5_lr_rwd")  # the folder has `live` and a token
+    assert (made.vehicle.name, has_token(made.folder)) == ("hyundai_ioniq_5_lr_rwd", True)
+    assert served("/v1/live/leaf").json()["flags"] == []
+    assert flag["code"] not in codes_of(served("/v1/range", params={"car": "leaf"}).json())
+    served.put({"links": LINKS, "vehicle": "vw_id3"}, "zoe")
+    assert served("/v1/live/zoe").json()["flags"] == []  # its plan names a car
+
+
 def test_a_plan_that_is_taken_is_answered_with_the_state_of_the_car(served: Served) -> None:
     found = served.put({"links": LINKS, "soc": 0.5})
     assert (found.status_code, found.json()) == (200, served("/v1/live/leaf").json())
@@ -288,7 +356,9 @@ def test_the_need_without_a_plan_is_that_of_the_usual_trip(served: Served, drive
     car.end_when_silent(car.received_s + SILENCE_S)
     (log,) = car.logs()
     found = need(served, departure_utc=NOON_S + 86_400.0 + 1800.0).json()
-    own = tw.load_model().forecast(plan_from_links(links_of_trip(log)))
+    air = tw.Departure(ambient_temperature_degc=car.last_air_degc(car.now_s()))
+    assert air.ambient_temperature_degc == pytest.approx(drive["ambient_temperature_degc"].iloc[-1])
+    own = tw.load_model().forecast(plan_from_links(links_of_trip(log)), air)
     shown = float(drive["displayed_soc"].iloc[-1])
     assert (found["plan"], found["usual_trip"], found["soc"]) == ("usual", log.trip_id, pytest.approx(shown))
     assert found["energy_wh"] == pytest.approx(own.quantile(0.9), abs=1e-6)

@@ -84,7 +84,12 @@ def test_the_need_and_the_range_of_a_parked_car_are_those_of_the_library(publish
     charging_s = (needed - 0.12) * own.charge.wh_per_display / CHARGER / PLUG_W * 3600.0
     assert found["need"]["charging_s"] == pytest.approx(charging_s, rel=1e-3)
     known = tw.Departure(soc=0.12, ambient_temperature_degc=-5.0)
-    assert found["range"] == tw.range_km(departure=known, vehicle="vw_id3").to_dict()
+    of_message, *flags = found["range"].pop("flags")
+    expected = tw.range_km(departure=known, vehicle="vw_id3").to_dict()
+    assert flags == expected.pop("flags")
+    assert (of_message["code"], of_message["value"]) == ("of_last_message", -5.0)
+    assert found["range"] == expected
+    assert (expected["soc"], expected["reserve"]) == (0.12, 0.0)  # down to an empty display
     assert (found["car"], found["soc"]) == ("leaf", 0.12)
 
 

@@ -172,6 +172,13 @@ def test_words_find_cars(words: str, first: str) -> None:
     assert find_vehicles(words)[0] == first
 
 
+def test_years_of_a_title_do_not_order_what_is_found() -> None:
+    found = find_vehicles("ioniq")
+    fives = [found.index(f"hyundai_ioniq_5_{version}") for version in ("lr_awd", "lr_rwd", "sr_rwd")]
+    assert fives == [*range(fives[0], fives[0] + 3)]
+    assert max(fives) < min(found.index(name) for name in found if "ioniq_6" in name)
+
+
 def test_a_search_holds_every_word_and_a_year_has_to_be_one_of_the_car() -> None:
     assert find_vehicles("van") == ()  # "GV60 Advanced" has the letters alone
     assert find_vehicles("") == find_vehicles(" - ") == find_vehicles("kona tesla") == ()

@@ -1,10 +1,11 @@
-"""Write web/src/api/flags.ts and one for each other language, the words of flags on the page, as a part of `make types`."""
+"""Write web/src/api/flags.ts and one for each other language, the words of flags on the page, and roads.ts, the kinds of road, as a part of `make types`."""
 
 import json
 from collections.abc import Mapping
 from typing import Any, Final
 
 from tools import ROOT
+from tripwatt.journey.kinds import KINDS, TOWN_M, UNKNOWN, road_prior, shares_of
 from tripwatt.trips.messages import catalogue
 
 FOLDER: Final = ROOT / "web" / "src" / "api"
@@ -12,6 +13,7 @@ LANGUAGES: Final = ("en", "de")
 """The first one is in the file that the page always loads."""
 
 HEAD: Final = "/** Words of flags, written by `tools/docs/write_page_flags.py` from `trips/flags.toml`. Do not edit. */\n"
+ROADS: Final = "/** Kinds of road, written by `tools/docs/write_page_flags.py` from `journey/kinds.py`. Do not edit. */\n"
 TYPES: Final = """
 import type { FieldName } from "../model/fields";
 
@@ -47,7 +49,21 @@ def render(known: Mapping[str, Any]) -> dict[str, str]:
                 f"export const NAMES: NamesOfFields = {_text(names)};\n",
             ]
         )
-    return {name: "\n".join([HEAD.rstrip("\n"), *texts]) for name, texts in parts.items()}
+    return {name: "\n".join([HEAD.rstrip("\n"), *texts]) for name, texts in parts.items()} | {
+        "roads.ts": roads()
+    }
+
+
+def roads() -> str:
+    """The module of the kinds of road: shares of the distance, mean speeds, and the distance up to which town grows."""
+    types, prior = ("town", "country", "motorway"), road_prior()
+    shares = {"town" if kind == "city" else kind: shares_of(kind) for kind in (*KINDS, UNKNOWN)}
+    table = {
+        "speeds_m_s": dict(zip(types, prior.speed_m_s, strict=True)),
+        "shares": {kind: dict(zip(types, values, strict=True)) for kind, values in shares.items()},
+        "town_m": TOWN_M,
+    }
+    return f"{ROADS}\nexport const ROADS = {_text(table)};\n"
 
 
 def _text(table: Mapping[str, Any]) -> str:

@@ -26,7 +26,8 @@ import { energySoFarWh, naiveArrival, samplesUntil } from "../src/model/gauge";
 import { interpolate } from "../src/model/interpolate";
 import { atMotorwaySpeed, hasMotorway } from "../src/model/links";
 import { climbsOf, profileFromSamples, withElevationOf } from "../src/model/profile";
-import { linksOfDistance, KINDS, SHARES } from "../src/model/distance";
+import { ROADS } from "../src/api/roads";
+import { linksOfDistance, KINDS, type RoadType, sharesOver, sufficing } from "../src/model/distance";
 import { EMPTY_ROW, linksOfRows, rowsOfLinks } from "../src/model/link-rows";
 import { sampleLinks } from "../src/model/sample-links";
 import { ENERGY, PERCENT, type System, type Units, systemOf, unitsOf } from "../src/model/units";
@@ -37,6 +38,19 @@ const UNNAMED = { trip: "", given: "", battery_loss_wh: 0, flags: [] };
 function forecastFrom(vector: { forecast: object }): Forecast {
   return { ...UNNAMED, ...vector.forecast } as unknown as Forecast;
 }
+
+describe("a charge beside the one that is needed", () => {
+  test("counts the reserve in the verdict and in what is missing", () => {
+    // 60 % are needed, of which 10 % are the reserve
+    const [full, short, empty] = [0.68, 0.55, 0.45].map((soc) => sufficing(soc, 0.6, 0.1));
+    assert.deepEqual(
+      [full, short, empty].map((one) => one?.verdict),
+      ["good", "open", "bad"],
+    );
+    near(full?.left ?? 0, 0.18);
+    near(short?.lacking ?? 0, 0.05);
+  });
+});
 
 describe("units", () => {
   for (const { system, quantity, si, shown } of units) {
@@ -231,25 +245,26 @@ describe("a trip by distance and kind of road", () => {
 
   test("the shares of a kind add up, and so do its links", () => {
     for (const kind of KINDS) {
-      const { town, country, motorway } = SHARES[kind];
+      const { town, country, motorway } = sharesOver(12345, kind);
       near(town + country + motorway, 1);
       near(metres(linksOfDistance(12345, kind)), 12345);
     }
   });
 
-  test("180 km, mostly motorway: 9 km in towns, 18 km on country roads, 153 km on the motorway", () => {
+  test("180 km, mostly motorway: town as of 15 km, and the rest as the kind has it", () => {
     const links = linksOfDistance(180_000, "motorway");
-    const at = (kmH: number) =>
-      links.filter(({ speed_m_s }) => Math.abs((speed_m_s ?? 0) - kmH / 3.6) < 1e-9);
-    near(metres(at(30)), 9000);
-    near(metres(at(70)), 18_000);
-    near(metres(at(115)), 153_000);
+    const at = (type: RoadType) =>
+      links.filter(({ speed_m_s }) => Math.abs((speed_m_s ?? 0) - ROADS.speeds_m_s[type]) < 1e-9);
+    const { town, country, motorway } = ROADS.shares.motorway;
+    near(metres(at("town")), town * ROADS.town_m);
+    near(metres(at("country")) / metres(at("motorway")), country / motorway);
+    near(metres(links), 180_000);
     assert.ok(links.every(({ length_m }) => length_m > 500 && length_m <= 1000));
     assert.deepEqual(
       [links[0], links.at(-1)].map((link) => link?.stop_s),
       [undefined, undefined],
     );
-    assert.ok([...at(70), ...at(115)].every(({ stop_s }) => stop_s === 0));
+    assert.ok([...at("country"), ...at("motorway")].every(({ stop_s }) => stop_s === 0));
     const speeds = links.map(({ speed_m_s }) => speed_m_s);
     assert.deepEqual(speeds, [...speeds].reverse());
   });

@@ -13,11 +13,12 @@ import numpy as np
 from tripwatt.arrays import FloatArray
 from tripwatt.forecasting import Forecast
 from tripwatt.journey import Need, need
-from tripwatt.journey.kinds import road_prior, shares_of
+from tripwatt.journey.kinds import typical_road
 from tripwatt.physics import DriveConditions, conditions_at_departure, simulate_trip
 from tripwatt.physics.cabin import CONTROL_STEP_S, CabinTask, condition_cabins
 from tripwatt.population import for_car
 from tripwatt.trips import Departure, Plan, Trip
+from tripwatt.trips.messages import leave_in_words
 from tripwatt.units import SECONDS_PER_HOUR, WH_PER_J
 from tripwatt.vehicles import Vehicle
 
@@ -283,6 +284,7 @@ def need_before_departure(
     """
     own = for_car(asked.pop("model", None), asked.pop("vehicle", None))
     needed = need(ahead, kind, departure, model=own, **asked)
-    trip = ahead if isinstance(ahead, Plan | Trip) else road_prior().plan(1000.0 * ahead, shares_of(kind))
+    trip = ahead if isinstance(ahead, Plan | Trip) else typical_road(1000.0 * ahead, kind)
     forecast, known = own.forecast(trip, departure), (departure.soc, departure.departs_at)
-    return needed, before_departure(forecast, needed.soc_needed, plug_w, *known)
+    words = leave_in_words(needed.soc_needed, needed.reserve, needed.quantile)
+    return needed, {"message": words, **before_departure(forecast, needed.soc_needed, plug_w, *known)}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime as dt
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
@@ -12,7 +13,7 @@ import typer
 from tripwatt.cli.departing import DepartureOf, departure_options
 from tripwatt.cli.forecast import model_and_trip
 from tripwatt.cli.options import JsonOption, argument, model_of, option, options_named
-from tripwatt.cli.printing import print_json, print_notes, print_table
+from tripwatt.cli.printing import print_few_notes, print_json, print_table
 from tripwatt.cli.sentences import begins, chance
 from tripwatt.errors import Check
 
@@ -92,8 +93,9 @@ def _show(advice: Advice) -> None:
             typer.echo(f"{words[0].upper()}{words[1:]}: {chance(advised.p_arrive)}{_longer(advised)}.")
         if not advice.least:
             typer.echo("No three actions suffice.")
-        if advice.charge_to <= 1.0:
-            typer.echo(f"Charge to {100.0 * advice.charge_to:.0f} %: {advice.chance:.0%}.")
+        full = "A full battery does not suffice: plan a stop to charge with `tripwatt plan`."
+        to = f"Charge to {math.ceil(100.0 * advice.charge_to - 1e-6)} %: {advice.chance:.0%}."
+        typer.echo(to if advice.charge_to <= 1.0 else full)
     typer.echo("")
     rows = [
         (
@@ -113,7 +115,7 @@ def _show(advice: Advice) -> None:
     pace = advice.pace()
     if pace is not None:
         _show_pace(pace)
-    print_notes(advice.forecast.flags)
+    print_few_notes(advice.forecast.flags)
 
 
 def _show_pace(pace: Pace) -> None:

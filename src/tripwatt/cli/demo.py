@@ -50,5 +50,9 @@ def demo(
         def show(url: str) -> None:
             threading.Thread(target=send, args=(samples, url, token), daemon=True).start()
             typer.echo(f"tripwatt: {url}")
+            typer.echo("The diary of the Example car: Your cars, at the top of the page.")
+            typer.echo(
+                "Its drive of this moment, with a forecast that follows it: On the road, at the top of the page."
+            )
 
         serve(replace(settings, port=port), show)

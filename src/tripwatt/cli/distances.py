@@ -5,10 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any
 
+import typer
+
 from tripwatt.cli.departing import DepartureOf, departure_options
 from tripwatt.cli.journey import CarOption, ModelOption
 from tripwatt.cli.options import JsonOption, argument, option, options_named
-from tripwatt.cli.printing import print_json, print_notes, print_table
+from tripwatt.cli.printing import print_few_notes, print_json, print_table
 from tripwatt.cli.sentences import begins
 from tripwatt.errors import InvalidInput
 
@@ -16,6 +18,7 @@ KindOption = Annotated[
     str, option("KIND", "city, country, motorway, or mixed: nothing is known of the road.", "--kind")
 ]
 OwnCarOption = Annotated[Path | None, option("FOLDER", "Your own car, made by `tripwatt car new`.", "--car")]
+ReserveOption = Annotated[float, option("0..1", "State of charge to keep.")]
 
 
 @departure_options()
@@ -32,6 +35,7 @@ def need(
     plug: Annotated[
         float, option("W", "Power of the plug at home; 0: the car is not plugged in.", min=0.0)
     ] = 7400.0,
+    reserve: ReserveOption = 0.0,
     vehicle: CarOption = None,
     model: ModelOption = None,
     as_json: JsonOption = False,
@@ -47,7 +51,7 @@ def need(
       # by when to charge, and when to preheat
       tripwatt need 50 km --ambient -5 --soc 0.3 --depart 07:30 --plug 3700 --json
       # a usual trip of your own car
-      tripwatt need --car my-leaf --trip 2026-01-12T07-30 --ambient -5
+      tripwatt need --car cars/my-leaf --trip 2026-01-12T07-30 --ambient -5
     """
     from tripwatt.advice.preheating import need_before_departure
 
@@ -61,8 +65,8 @@ def need(
         own = _own(car, vehicle, model)
         again = own.pop("plan", None)
         ahead: Any = again(trip) if trip else _kilometres(distance or [])
-        known = departure()
-        found, until = need_before_departure(ahead, kind, known, plug, quantile=quantile, trips=trips, **own)
+        known, more = departure(), {"quantile": quantile, "trips": trips, "reserve": reserve}
+        found, until = need_before_departure(ahead, kind, known, plug, **more, **own)
     if as_json:
         print_json(found.to_dict() | until)
         return
@@ -79,14 +83,15 @@ def need(
     if until["preheat"]:
         rows.append(("preheat", begins(until["preheat"]["before_s"], known.departs_at)))
     print_table(f"{found.distance_m / 1000.0:.1f} km, {found.kind}, {found.car}", ("what", "value"), rows)
-    print_notes(found.flags)
+    typer.echo(until["message"])
+    print_few_notes(found.flags)
 
 
 @departure_options()
 def range_(
     departure: DepartureOf,
     kind: KindOption = "mixed",
-    reserve: Annotated[float, option("0..1", "State of charge to keep.")] = 0.0,
+    reserve: ReserveOption = 0.0,
     car: OwnCarOption = None,
     vehicle: CarOption = None,
     model: ModelOption = None,
@@ -114,8 +119,9 @@ def range_(
         (name, f"{middle / 1000.0:.0f} km", f"{ends[0] / 1000.0:.0f} to {ends[1] / 1000.0:.0f} km")
         for name, (middle, ends) in found.by_kind.items()
     ]
-    print_table("Range", ("kind of road", "median", "9 in 10"), rows, numbers=("median",))
-    print_notes(found.flags)
+    title = f"Range from {found.soc:.0%} down to {found.reserve:.0%}"
+    print_table(title, ("kind of road", "median", "9 in 10"), rows, numbers=("median",))
+    print_few_notes(found.flags)
 
 
 def _own(car: Path | None, vehicle: str | None, model: Path | None) -> dict[str, Any]:

@@ -68,9 +68,9 @@ def new(
     For example:
 
       # a car of the library
-      tripwatt car new my-leaf --vehicle nissan_leaf_40
+      tripwatt car new cars/my-leaf --vehicle nissan_leaf_40
       # a car of `tripwatt vehicles new`
-      tripwatt car new my-car --vehicle my-car.toml
+      tripwatt car new cars/my-car --vehicle my-car.toml
     """
     from tripwatt.live import create_car
 
@@ -100,11 +100,11 @@ def add(
     For example:
 
       # add the files of a logger
-      tripwatt car add my-leaf exports
+      tripwatt car add cars/my-leaf exports
       # by a mapping of your own, and with every fault one by one
-      tripwatt car add my-leaf exports --mapping my.toml --notes
+      tripwatt car add cars/my-leaf exports --mapping my.toml --notes
       # add one trip
-      tripwatt car add my-leaf drive.csv
+      tripwatt car add cars/my-leaf drive.csv
     """
     from tripwatt.auditing import audit
     from tripwatt.live import open_car
@@ -146,9 +146,9 @@ def show(
     For example:
 
       # what it learned, its errors, the last trips
-      tripwatt car show my-leaf
+      tripwatt car show cars/my-leaf
       # forecast with what it learned
-      tripwatt forecast my-leaf route.gpx --soc 0.8
+      tripwatt forecast cars/my-leaf route.gpx --soc 0.8
     """
     from tripwatt.live import open_car
 
@@ -161,6 +161,7 @@ def show(
     typer.echo(
         f"{printable(about['label'])}: {printable(about['title'])}, {about['trips']} trips, {about['in_diary']} in the diary"
     )
+    print_notes(f"not in the diary: {trip}: {why}" for trip, why in about["left_out"].items())
     if not about["in_diary"]:
         typer.echo("Add trips with `tripwatt car add`.")
         return
@@ -211,7 +212,7 @@ def forget(car: CarArgument, as_json: JsonOption = False) -> None:
     For example:
 
       # erase everything of it
-      tripwatt car forget my-leaf
+      tripwatt car forget cars/my-leaf
     """
     from tripwatt.live import forget_car
 

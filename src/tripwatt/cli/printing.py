@@ -136,6 +136,15 @@ def print_notes(notes: Iterable[str | Flag]) -> None:
         console().print("\n".join(map(printable, text.splitlines())))
 
 
+def print_few_notes(flags: Sequence[Flag]) -> None:
+    """Notes of a short answer: what is serious, and an outside temperature that counts."""
+    from tripwatt.trips.messages import severity_of
+
+    few = [f for f in flags if severity_of(f) != "note" or f.subject == "ambient_temperature_degc"]
+    rest = len(flags) - len(few)
+    print_notes([*few, f"{rest} more, such as values that are assumed: --json has all"] if rest else few)
+
+
 PROGRESS_EVERY_S: Final = 5.0
 """Least time [s] between two lines of progress where there is no terminal."""
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from tripwatt.arrays import FloatArray
 from tripwatt.forecasting import Forecast, ForecastModel
-from tripwatt.journey.kinds import KINDS, UNKNOWN, RoadPrior, Shares, road_prior, shares_of
+from tripwatt.journey.kinds import KINDS, UNKNOWN, RoadPrior, Shares, road_prior, shares_of, shares_over
 from tripwatt.population import for_car
 from tripwatt.trips import Departure, Flag, Plan, Trip
 from tripwatt.trips.columns import require_fraction, require_number
@@ -24,8 +24,8 @@ NODES_M: Final = (2_000.0, 5_000.0, 15_000.0, 40_000.0, 100_000.0)
 DISTANCES_KM: Final = (0.5, 2000.0)
 MOST_TRIPS: Final = 100
 BAND: Final = (0.05, 0.95)
-OF_CHARGE: Final = frozenset({"battery_empty", "battery_full", "no_elevation"})
-"""Flags of the roads that are forecast, which are not the trip that is asked for."""
+OF_CHARGE: Final = frozenset({"battery_empty", "battery_full", "no_elevation", "soc_assumed"})
+"""Flags of the roads that are forecast, which are not the trip that is asked for; nor is the charge that they start with."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +45,9 @@ class Need:
     interval_wh : tuple of float
         Ends of the central 90 % [Wh].
     soc_needed : float
-        Displayed charge that is not exceeded with the probability `quantile`; above 1 where a full battery does not suffice.
+        Displayed charge that suffices with the probability `quantile`, `reserve` left; above 1 where a full battery does not suffice.
+    reserve : float
+        Displayed charge to arrive with.
     duration_s : float
         Expected [s].
     flags : tuple of Flag
@@ -69,6 +71,7 @@ class Need:
     quantile: float
     interval_wh: tuple[float, float]
     soc_needed: float
+    reserve: float
     duration_s: float
     flags: tuple[Flag, ...]
     car: str
@@ -108,6 +111,8 @@ class Range:
         The same by kind of road.
     flags : tuple of Flag
         Assumptions, and what lies outside of the model's range.
+    soc, reserve : float
+        Displayed charge at departure, and the one that is kept.
 
     Examples
     --------
@@ -121,6 +126,8 @@ class Range:
     interval_m: tuple[float, float]
     by_kind: dict[str, tuple[float, tuple[float, float]]]
     flags: tuple[Flag, ...]
+    soc: float
+    reserve: float
 
     def to_dict(self) -> dict[str, Any]:
         """Convert to plain values.
@@ -140,8 +147,9 @@ class Range:
             {"kind": kind, "range_m": middle, "interval_m": list(ends)}
             for kind, (middle, ends) in self.by_kind.items()
         ]
+        values = {name: getattr(self, name) for name in ("range_m", "soc", "reserve")}
         flags = [flag_to_dict(flag) for flag in self.flags]
-        return {"range_m": self.range_m, "interval_m": list(self.interval_m), "by_kind": rows, "flags": flags}
+        return {**values, "interval_m": list(self.interval_m), "by_kind": rows, "flags": flags}
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,6 +165,8 @@ class KindForecaster:
     known : bool
         Whether the shares are known; else they are those of an unknown road.
     prior : RoadPrior
+    named : bool
+        Whether they are those of a named kind, whose town does not grow with the distance.
     """
 
     model: ForecastModel
@@ -164,13 +174,15 @@ class KindForecaster:
     shares: Shares
     known: bool
     prior: RoadPrior
+    named: bool = False
 
     @classmethod
     def from_kind(
         cls, model: ForecastModel, departure: Departure, kind: str | Sequence[float]
     ) -> KindForecaster:
         """For a kind of road. What a distance takes does not depend on the charge that the display shows at departure."""
-        return cls(model, replace(departure, soc=None), shares_of(kind), kind != UNKNOWN, road_prior())
+        known, named = replace(departure, soc=None), isinstance(kind, str)
+        return cls(model, known, shares_of(kind), kind != UNKNOWN, road_prior(), named)
 
     def at(self, distance_m: float, levels: Sequence[float]) -> tuple[FloatArray, FloatArray, float]:
         """Quantiles of energy [Wh] and displayed charge [1], shape (levels,), and the duration [s]. Two forecasts at most."""
@@ -202,7 +214,8 @@ class KindForecaster:
 
     def forecast(self, length_m: float) -> Forecast:
         """The forecast of a typical road of a length [m], with what its kind leaves open."""
-        plan = replace(self.prior.plan(length_m, self.shares), link_m=None)
+        shares = shares_over(self.shares, length_m) if self.named else self.shares
+        plan = replace(self.prior.plan(length_m, shares), link_m=None)
         forecast = self.model.forecast(plan, self.departure)
         share = self.prior.share(length_m, self.known)
         return replace(forecast, route_sd_wh=share * abs(forecast.energy_wh))
@@ -302,7 +315,8 @@ def need(
     low, middle, high, most = (number * energy).tolist()
     needed = require_fraction("reserve", reserve) + number * max(float(charge[-1]), 0.0)
     whole_m, whole_s, ends = number * distance_m, number * duration_s, (low, high)
-    return Need(whole_m, named, middle, most, quantile, ends, needed, whole_s, flags, own.vehicle.title)
+    title = own.vehicle.title
+    return Need(whole_m, named, middle, most, quantile, ends, needed, reserve, whole_s, flags, title)
 
 
 def range_km(
@@ -363,4 +377,5 @@ def range_km(
 
     middle, ends = far(asker(kind))
     by_kind = {name: far(asker(name)) for name in (*KINDS, UNKNOWN)}
-    return Range(middle, ends, by_kind, asker(kind).flags(max(middle, NODES_M[0])))
+    flags = asker(kind).flags(max(middle, NODES_M[0]))
+    return Range(middle, ends, by_kind, flags, start, reserve)

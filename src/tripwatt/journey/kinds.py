@@ -45,6 +45,9 @@ USUAL_SHARES: Final[Shares] = (1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0)
 """Of city, country and motorway before any log."""
 USUAL_M: Final = 20_000.0
 """A data set with so much road of a class counts half as much there as the choice; with any more, at most as much: it is one region."""
+TOWN_M: Final = 15_000.0
+"""A named kind has its share of town up to this distance, and no more town beyond: the logs of the TUM show 3 to 5 km of it on
+trips of any length. A trip between two places does not pass more of them because it is longer."""
 PATTERN_M: Final = 10_000.0
 """Length over which the classes of a road repeat."""
 
@@ -168,6 +171,27 @@ def road_prior(without: str | None = None) -> RoadPrior:
         tuple(known.tolist()),
         tuple(unknown.tolist()),
     )
+
+
+def shares_over(shares: Shares, distance_m: float) -> Shares:
+    """The shares of a named kind over a distance [m]: beyond `TOWN_M` the rest of the road is country and motorway. All of a town stays town.
+
+    Examples
+    --------
+    >>> city, country, motorway = shares_over(KINDS["country"], 150_000.0)
+    >>> round(city, 9), round(country, 9), motorway
+    (0.025, 0.975, 0.0)
+    """
+    city, *others = shares
+    town = city if city == 1.0 else city * min(TOWN_M / distance_m, 1.0)
+    country, motorway = (share * (1.0 - town) / max(1.0 - city, 1e-9) for share in others)
+    return town, country, motorway
+
+
+def typical_road(distance_m: float, kind: str | Sequence[float]) -> Plan:
+    """A typical drive of a kind, or of shares, over a distance [m]."""
+    shares = shares_of(kind)
+    return road_prior().plan(distance_m, shares_over(shares, distance_m) if isinstance(kind, str) else shares)
 
 
 def shares_of(kind: str | Sequence[float]) -> Shares:

@@ -84,6 +84,8 @@ class LiveDocument(TypedDict):
     """displayed state of charge by the latest message that has a charge; of a charge of the battery management, what the display shows by the model of the car"""
     soc_source: Literal["soc", "bms_soc"] | None
     """whether that message has the displayed charge (`soc`) or that of the battery management; null before the first one"""
+    ambient_temperature_degc: float | None
+    """outside temperature by the latest message that has one, in the last 24 h [°C]"""
     trip: LiveTripDocument | None
     """null while the car is on no trip"""
     plan: Literal["given", "usual"] | None
@@ -92,6 +94,8 @@ class LiveDocument(TypedDict):
     """name of that trip"""
     forecast: LiveForecastDocument | None
     """null without a plan"""
+    flags: list[FlagDocument]
+    """what is assumed of the car: another one where nothing describes it"""
     faults: list[dict[str, str]]
     """why the last messages are not in the forecast; empty when they are"""
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Final, cast
 
 from tripwatt.auditing import Audit, audit
 from tripwatt.errors import InvalidInput, damage, system_errors
-from tripwatt.files import folder_lock, read_text_file, replace_folder, restore_folder
+from tripwatt.files import folder_lock, read_text_file, replace_folder, restore_folder, write_text
 from tripwatt.forecasting import ForecastModel, load_metadata, load_model, save_model
 from tripwatt.forecasting.fitting import held_out_figures, provenance_of
 from tripwatt.live.diary import Diary, entry
@@ -37,6 +37,12 @@ if TYPE_CHECKING:
 FORMAT: Final = 1
 ABOUT: Final = "car.json"
 LIVE: Final = "live"
+LEFT_OUT: Final = "left-out.json"
+MOST_LEFT_OUT: Final = 100
+"""Trips that are in no diary whose reasons are kept; the latest ones stay."""
+JOURNAL: Final = "journal.ndjson"
+TOKEN: Final = "token.json"
+"""Files in `LIVE` of a car on the road, which may have no description."""
 """Folder of what the car sends while it drives."""
 UPLOADS: Final = "uploads"
 """Folder of logs that were sent and are not learned yet."""
@@ -175,9 +181,20 @@ class Car:
             alone = [log for log in alone if log.trip_id not in ids]
             done = self.store.add(alone, car_model=self.vehicle.name, vehicle_id=self.name)
             given = frozenset(log.trip_id for log in alone)
-            entries, left_out = self._learn(given, progress or (lambda done, total: None))
-        changed = [f"{log.trip_id}: another log of this name was added before" for log in other]
-        return Learned(done.added, done.known, entries, (*left_out, *changed))
+            entries, refused = self._learn(given, progress or (lambda done, total: None))
+            changed = [f"{log.trip_id}: another log of this name was added before" for log in other]
+            left_out = (*refused, *changed)
+            if left_out:
+                reasons = {**self.left_out, **dict(text.partition(": ")[::2] for text in left_out)}
+                kept = dict([*reasons.items()][-MOST_LEFT_OUT:])
+                write_text(self.folder / LEFT_OUT, json.dumps(kept, indent=2) + "\n")
+        return Learned(done.added, done.known, entries, left_out)
+
+    @property
+    def left_out(self) -> dict[str, str]:
+        """Trips that did not enter the diary, and why: the audit set them aside, or they cannot be forecast."""
+        path = self.folder / LEFT_OUT
+        return dict(json.loads(read_text_file(path, MOST_ABOUT_BYTES))) if path.is_file() else {}
 
     def state(self) -> tuple[int, ...]:
         """Identify what the car has learned: the value changes whenever it learns.
@@ -214,6 +231,7 @@ class Car:
             "title": self.vehicle.title,
             "trips": self.store.about()["trips"],
             "in_diary": len(diary),
+            "left_out": self.left_out,
             "learned": {
                 name: {**value, "seen_degc": diary.seen_degc(name)}
                 for name, value in adapted.get("parameters", {}).items()
@@ -332,7 +350,7 @@ def create_car(
     Parameters
     ----------
     folder : path
-        New or empty. A name that cannot be part of a URL, such as "My Model 3", becomes the label of the car, and the folder is
+        New or empty, or that of a car on the road, which gets a description so. A name that cannot be part of a URL, such as "My Model 3", becomes the label of the car, and the folder is
         called after it: "My-Model-3".
     vehicle : Vehicle, str or path
         A car, the name of one of the library, or a TOML file.
@@ -359,8 +377,10 @@ def create_car(
     wanted = Path(folder)
     place = _place(wanted)
     car = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
-    if place.exists() and (not place.is_dir() or any(place.iterdir())):
-        raise InvalidInput.of("folder in use", f"{place}", "not empty", "a new or empty folder")
+    there = {entry.name for entry in place.iterdir()} if place.is_dir() else set[str]()
+    if there - {LIVE} or (place.exists() and not place.is_dir()):
+        got, allowed = "not empty", "a new or empty folder, or that of a car on the road"
+        raise InvalidInput.of("folder in use", f"{place}", got, allowed)
     root = None if base is None else Path(base).resolve()
     for_car(root, car)
 
@@ -376,7 +396,8 @@ def create_car(
         (made / ABOUT).write_text(json.dumps(about, indent=2) + "\n", encoding="utf-8")
 
     with system_errors("cannot write the folder", f"{place}", "a writable folder"):
-        replace_folder(place, write)
+        # what follows the car on the road has its folder open: it stays where it is
+        write(place) if there else replace_folder(place, write)
     return open_car(place)
 
 
@@ -458,7 +479,7 @@ def forget_car(folder: Path | str) -> None:
     Raises
     ------
     InvalidInput
-        When it is no car.
+        When it is no car, and none on the road.
 
     Examples
     --------
@@ -469,11 +490,13 @@ def forget_car(folder: Path | str) -> None:
     ...     print(place.exists())
     False
     """
-    car = open_car(folder)
-    with folder_lock(car.folder):
+    place = _place(Path(folder))
+    if not any((place / LIVE / name).is_file() for name in (JOURNAL, TOKEN)):
+        place = open_car(folder).folder
+    with folder_lock(place):
         for name in (STORE, LEARNED, LIVE, UPLOADS):
-            shutil.rmtree(car.folder / name, ignore_errors=True)
-        for name in (VEHICLE, ABOUT):
-            (car.folder / name).unlink(missing_ok=True)
-        if not any(car.folder.iterdir()):
-            car.folder.rmdir()
+            shutil.rmtree(place / name, ignore_errors=True)
+        for name in (VEHICLE, ABOUT, LEFT_OUT):
+            (place / name).unlink(missing_ok=True)
+        if not any(place.iterdir()):
+            place.rmdir()

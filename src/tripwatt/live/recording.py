@@ -28,7 +28,7 @@ from tripwatt.live.journal import Charge, Journal, charge_of
 from tripwatt.live.live_trip import LEAST_M, SILENCE_S, LiveTrip, TripFinder
 from tripwatt.live.on_the_way import OnTheWay
 from tripwatt.live.ordering import Arrival, OrderedSamples, Place
-from tripwatt.live.own_car import LIVE
+from tripwatt.live.own_car import JOURNAL, LIVE
 from tripwatt.live.plan import PLAN, LivePlan
 from tripwatt.live.sender import Sender, steady_clock
 from tripwatt.live.telemetry import CHARGES, Sample, number_of
@@ -38,13 +38,13 @@ from tripwatt.trips.departure import FIRST_S
 from tripwatt.trips.samples import Sampled
 from tripwatt.units import SECONDS_PER_DAY
 
-JOURNAL: Final = "journal.ndjson"
-
 FAR_S: Final = 366.0 * SECONDS_PER_DAY
 """No clock of ours is slow by more [s]."""
 
 LEAST_ROWS: Final = 3
 """Fewest samples of a table that can be read again."""
+
+AIR: Final = ("air_s", "air_degc")
 
 ERASE_EVERY_S: Final = 3600.0
 
@@ -112,6 +112,8 @@ class Recorder:
             offset_s = number_of(self._journal.more.get("offset_s"))
             self._sender = Sender(None if math.isnan(offset_s) else offset_s)
             self._soc, self._parked = charge_of(self._journal.more.get("charge"))
+            # time and value of the latest outside temperature
+            self._air = tuple(number_of(self._journal.more.get(name)) for name in AIR)
             self.plan = LivePlan.read(live)
             self._on_the_way = OnTheWay(live / FORECASTS)
             for sample in self._journal.read():
@@ -209,6 +211,7 @@ class Recorder:
         if trip is not None and before_s is not None:
             self._on_the_way.move(before_s, trip.start_s)
         self._soc, self._parked = (one and (one[0] + by_s, *one[1:]) for one in (self._soc, self._parked))
+        self._air = self._air[0] + by_s, self._air[1]
         self._usual = self._first = None
 
     def _count(self, sample: Sample, arrival: Place) -> None:
@@ -219,6 +222,9 @@ class Recorder:
         if field is not None and (self._soc is None or sample.time_s >= self._soc[0]):
             self._soc = sample.time_s, field, sample.values[CHARGES[field]]
             self._parked = self._soc if self.trip is None else self._parked
+        air_degc = sample.values.get("ambient_temperature_degc")
+        if air_degc is not None and not sample.time_s < self._air[0]:
+            self._air = sample.time_s, air_degc
         self._ordered.insert(sample)
         self._follow(self._ordered.ready())
 
@@ -306,7 +312,8 @@ class Recorder:
 
     def _rewrite(self, samples: list[Sample], after_s: float) -> None:
         charge = None if self._soc is None else [*self._soc, self._parked is not None]
-        self._journal.rewrite(samples, after_s, {"offset_s": self._sender.offset_s, "charge": charge})
+        more = {"offset_s": self._sender.offset_s, "charge": charge, **dict(zip(AIR, self._air, strict=True))}
+        self._journal.rewrite(samples, after_s, more)
 
     def _keep(self, trip: LiveTrip) -> None:
         table = trip.table(until_s=trip.moved_s)

@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, Final, cast
 
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import Forecast, ForecastModel
@@ -20,6 +20,10 @@ from tripwatt.live.plan import LivePlan
 from tripwatt.live.recording import Recorder
 from tripwatt.trips import Departure
 from tripwatt.trips.columns import require_fraction
+from tripwatt.units import SECONDS_PER_DAY
+
+AIR_S: Final = SECONDS_PER_DAY
+"""An outside temperature of a message counts for so long."""
 
 ModelOf = Callable[[Mapping[str, Any]], ForecastModel]
 """The request of a plan -> the model of its forecast; the same object for as long as the model is the same."""
@@ -164,6 +168,32 @@ class RoadCar(Recorder):
         shown = scale.displayed if scale is not None else model.vehicle.battery.displayed_from_soc
         return min(max(float(shown(self._soc[2])), 0.0), 1.0)
 
+    def last_air_degc(self, now_s: float) -> float | None:
+        """Return the outside temperature by the latest message that has one.
+
+        Parameters
+        ----------
+        now_s : float
+            The time by our clock [s since 1970].
+
+        Returns
+        -------
+        float or None
+            [°C]; None without one, and where it is older than `AIR_S`.
+
+        Examples
+        --------
+        >>> import tempfile
+        >>> from tripwatt.live import Sample
+        >>> with tempfile.TemporaryDirectory() as folder, RoadCar(f"{folder}/leaf") as car:
+        ...     car.add(Sample(1.7e9, {"ambient_temperature_degc": -3.0}))
+        ...     print(car.last_air_degc(car.now_s()), car.last_air_degc(car.now_s() + 2.0 * AIR_S))
+        'new'
+        -3.0 None
+        """
+        age_s = now_s - (self.received_s or 0.0) + self._ordered.newest_s - self._air[0]
+        return self._air[1] if age_s <= AIR_S else None
+
     @property
     def state(self) -> tuple[int, int, float | None]:
         """What a forecast depends on: numbers of samples and of plans, and the start of the trip."""
@@ -192,9 +222,11 @@ class RoadCar(Recorder):
         document = {
             **self.about(now_s),
             "soc": self.shown_soc(),
+            "ambient_temperature_degc": self.last_air_degc(now_s),
             "plan": "given" if self.plan is not None else None if usual is None else "usual",
             "usual_trip": usual,
             "forecast": self._forecast,
+            "flags": [],
             "faults": [*self._faults, *self.mixed(now_s)],
         }
         return cast(LiveDocument, document)

@@ -11,9 +11,8 @@ from typing import Final
 from tripwatt.errors import damage
 from tripwatt.files import read_text_file, write_text
 from tripwatt.live.folder import live_folder
-from tripwatt.live.own_car import LIVE
+from tripwatt.live.own_car import LIVE, TOKEN
 
-TOKEN: Final = "token.json"
 MOST_BYTES: Final = 1 << 12
 
 

@@ -318,14 +318,12 @@ class Api:
             if query.car is None:
                 mark_old_names(request, b"", "vehicle")
             return await self.live.next_need(request, query)
-        return await self.answering.job(
-            request, "distance", query.model_dump_json(exclude_unset=True).encode()
-        )
+        return await self.answering.job(request, "distance", **await self.live.job_of(query))
 
     @operation("GET /v1/range", "journeys", RangeResponse)
     async def get_range(self, request: Request, query: Annotated[RangeQuery, Query()]) -> Response:
         """Return how far a charge carries, without a road."""
-        return await self.answering.job(request, "range", query.model_dump_json(exclude_unset=True).encode())
+        return await self.answering.job(request, "range", **await self.live.job_of(query))
 
     @operation("GET /v1/places", "journeys", PlacesResponse)
     async def get_places(

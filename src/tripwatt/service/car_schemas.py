@@ -267,6 +267,8 @@ class CarSummary(ResponseModel):
     trips: int
     """logs in its store"""
     in_diary: int
+    left_out: dict[str, str]
+    """trips that did not enter the diary -> why"""
     has_token: bool
     """whether it can send messages"""
 

@@ -53,10 +53,11 @@ from tripwatt.service.schemas import (
     parse_observed,
     parse_samples,
 )
+from tripwatt.service.seen import with_seen
 from tripwatt.service.settings import Limits
 from tripwatt.synthetic import example_trip
 from tripwatt.trips import Plan, plan_from_samples
-from tripwatt.trips.messages import leave_in_words
+from tripwatt.trips.messages import flag_to_dict, leave_in_words
 from tripwatt.vehicles import Vehicle, find_vehicles, require_vehicle, vehicle_names
 
 Forecasting = TypeVar("Forecasting", bound=ForecastRequest)
@@ -189,7 +190,7 @@ class Jobs:
 
     def need(self, body: bytes, job: Mapping[str, Any]) -> dict[str, Any]:
         """Return what a `ForecastRequest` needs with the probability of the job: energy, charge, and what to do until then."""
-        request, forecast = self._forecast(body, ForecastRequest)
+        request, forecast = self._forecast(body, ForecastRequest, job)
         quantile_wh = forecast.quantile(job["probability"])
         needed = {
             "expected_wh": forecast.energy_wh,
@@ -203,7 +204,8 @@ class Jobs:
         leave = leave_in_words(needed["soc_needed"], request.reserve, job["probability"])
         leaves = dt.datetime.fromtimestamp(job["departure_s"], dt.UTC)
         until = before_departure(forecast, needed["soc_needed"], job["plug_w"], job["soc"], leaves)
-        return {"reserve": request.reserve, **needed, "message": leave, **until}
+        flags = [flag_to_dict(flag) for flag in forecast.flags]
+        return {"reserve": request.reserve, **needed, "message": leave, **until, "flags": flags}
 
     def plan(self, body: bytes) -> dict[str, Any]:
         """Return the response to a `PlanRequest`."""
@@ -220,7 +222,7 @@ class Jobs:
         """Return the response to a `ReachRequest`."""
         return self.journeys.reach(*self._journey(body, ReachRequest))
 
-    def distance(self, body: bytes) -> dict[str, Any]:
+    def distance(self, body: bytes, job: Mapping[str, Any] | None = None) -> dict[str, Any]:
         """Return the response to a `NeedQuery`."""
         request = check_request(parse_json(body), NeedQuery)
         if (request.distance_km is None) == (request.trip is None):
@@ -235,25 +237,27 @@ class Jobs:
                     "car is missing", "car", "a trip without its car", "the car that drove the trip"
                 )
             ahead = usual_plan(self.cars.car(request.car), request.trip)
+        model = self._model_asked(request)
+        known, flags = with_seen(departure_of(request), job, model.vehicle)
         needed, until = need_before_departure(
             ahead,
             request.kind,
-            departure_of(request),
+            known,
             request.plug_w,
-            model=self._model_asked(request),
+            model=model,
             quantile=request.quantile,
             trips=request.trips,
             reserve=request.reserve or 0.0,
         )
-        return needed.to_dict() | until
+        return replace(needed, flags=(*flags, *needed.flags)).to_dict() | until
 
-    def range(self, body: bytes) -> dict[str, Any]:
+    def range(self, body: bytes, job: Mapping[str, Any] | None = None) -> dict[str, Any]:
         """Return the response to a `RangeQuery`."""
         request = check_request(parse_json(body), RangeQuery)
         model = self._model_asked(request)
-        return range_km(
-            None, request.kind, departure_of(request), reserve=request.reserve or 0.0, model=model
-        ).to_dict()
+        known, flags = with_seen(departure_of(request), job, model.vehicle)
+        far = range_km(None, request.kind, known, reserve=request.reserve or 0.0, model=model)
+        return replace(far, flags=(*flags, *far.flags)).to_dict()
 
     def _model_asked(self, request: RangeQuery) -> ForecastModel:
         given = request.vehicle_figures
@@ -278,7 +282,9 @@ class Jobs:
             model = check(self._model, document if isinstance(document, dict) else {})
         return request, model()
 
-    def _forecast(self, body: bytes, kind: type[Forecasting]) -> tuple[Forecasting, Forecast]:
+    def _forecast(
+        self, body: bytes, kind: type[Forecasting], job: Mapping[str, Any] | None = None
+    ) -> tuple[Forecasting, Forecast]:
         """The request of a body and its forecast, updated with the samples that the request observed.
 
         Trip, model and car are checked whatever else is wrong with the request.
@@ -294,7 +300,10 @@ class Jobs:
                     observed = check(parse_observed, document["observed"], self.limits)
         assert plan is not None
         assert model is not None
-        forecast = model().forecast(replace(plan, trip_id=request.trip), departure_of(request))
+        own = model()
+        known, flags = with_seen(plan.departure.merge(departure_of(request)), job, own.vehicle)
+        forecast = own.forecast(replace(plan, trip_id=request.trip), known)
+        forecast = replace(forecast, flags=(*flags, *forecast.flags))
         return request, forecast if observed is None else forecast.update(observed)
 
     def model_of(self, document: Mapping[str, Any]) -> ForecastModel:
@@ -424,8 +433,8 @@ JOB_KINDS: Final[Mapping[str, Callable[[Jobs, Mapping[str, Any], bytes], dict[st
     "journey difference": lambda jobs, job, body: jobs.journey_difference(body),
     "journey advice": lambda jobs, job, body: jobs.journey_advice(body),
     "reach": lambda jobs, job, body: jobs.reach(body),
-    "distance": lambda jobs, job, body: jobs.distance(body),
-    "range": lambda jobs, job, body: jobs.range(body),
+    "distance": lambda jobs, job, body: jobs.distance(body, job),
+    "range": lambda jobs, job, body: jobs.range(body, job),
     "places": lambda jobs, job, body: jobs.journeys.places(job["text"], job["limit"]),
     "map": lambda jobs, job, body: jobs.journeys.describe(),
     "tile": lambda jobs, job, body: jobs.journeys.tile(job["zoom"], job["column"], job["row"]),

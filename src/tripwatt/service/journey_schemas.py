@@ -119,7 +119,7 @@ class RangeQuery(_DepartureQuery):
     vehicle_figures: str | None = Field(None, max_length=1000)
     """a car of your own in place of `vehicle`: figures as in POST /v1/vehicles, as JSON"""
     reserve: float | None = Field(None, ge=0.0, le=1.0)
-    """displayed state of charge to keep; default: 0, or that of the plan of a car on the road"""
+    """displayed state of charge to keep; default: 0; of the next trip of a car on the road, that of its plan"""
 
 
 class NeedQuery(RangeQuery):
@@ -153,11 +153,15 @@ class DistanceNeed(UntilDeparture):
     interval_wh: tuple[float, float]
     """ends of the central 90 % [Wh]"""
     soc_needed: float
-    """displayed state of charge that suffices with that probability; above 1: a full battery does not suffice"""
+    """displayed state of charge that suffices with that probability, `reserve` left; above 1: a full battery does not suffice"""
+    reserve: float
+    """displayed state of charge to arrive with"""
     duration_s: float
     flags: list[FlagDocument]
     car: str
     """title of the car"""
+    message: str
+    """`soc_needed` as an English sentence"""
 
 
 class NeedAnswer(RootModel[DistanceNeed | NeedResponse]):
@@ -179,6 +183,10 @@ class RangeResponse(ResponseModel):
 
     range_m: float
     """median [m]"""
+    soc: float
+    """displayed state of charge at departure"""
+    reserve: float
+    """displayed state of charge that is kept; 0: down to an empty display"""
     interval_m: tuple[float, float]
     """ends of the central 90 % [m]"""
     by_kind: list[KindRange]

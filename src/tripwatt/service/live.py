@@ -28,7 +28,9 @@ from tripwatt.service.car_jobs import CarJobs
 from tripwatt.service.jobs import Jobs
 from tripwatt.service.pool import JobResult, WorkerPool, cancel
 from tripwatt.service.problems import Problem, fault_document
+from tripwatt.service.seen import undescribed
 from tripwatt.service.settings import Settings
+from tripwatt.trips.messages import flag_to_dict
 
 SILENCE_CHECK_S: Final = 30.0
 """Time between two looks for cars that became silent."""
@@ -211,7 +213,10 @@ class LiveCars:
     def _document(self, car: RoadCar) -> dict[str, Any]:
         document = car.document(car.now_s())
         message = None if document["faults"] else or_none(self._told, car)
-        return {**document, "message": None if message is None else message.to_dict()}
+        told = None if message is None else message.to_dict()
+        named = _names_car(self.by_own_model(car.name, {} if car.plan is None else car.plan.request))
+        flags = [] if named else [flag_to_dict(undescribed(car.name, self._model(car.name, {}).vehicle))]
+        return {**document, "flags": flags, "message": told}
 
     def _told(self, car: RoadCar) -> Message | None:
         """The latest message on the trip of a car; its companion goes with the forecast at departure."""
@@ -231,8 +236,8 @@ class LiveCars:
 
     def by_own_model(self, name: str, request: Mapping[str, Any]) -> dict[str, Any]:
         """A request with the model of a car's own trips, unless the request names a car or a model."""
-        named = any(request.get(field) is not None for field in CAR_FIELDS)
-        own = not named and self.settings.cars is not None and is_car(self.settings.cars / name)
+        cars = self.settings.cars
+        own = not _names_car(request) and cars is not None and is_car(cars / name)
         return {**request, "model": name} if own else dict(request)
 
     def _model(self, name: str, request: Mapping[str, Any]) -> ForecastModel:
@@ -266,8 +271,9 @@ class LiveCars:
         if plan is None:
             raise Problem("no-plan", "no plan, and no earlier trip at this time of day")
         soc = await self.run(car.shown_soc) if car.trip is None else None
-        request = self.by_own_model(car.name, {**plan.request, **known})
-        result = await self.pool.run({"kind": "need", "soc": soc, **how}, orjson.dumps(request))
+        asked = await self.job_of(car, {**plan.request, **known})
+        seen = {**asked["seen"], "soc": None}  # that of the plan counts
+        result = await self.pool.run({"kind": "need", "soc": soc, **how, "seen": seen}, asked["body"])
         if result.status != 200:
             return result
         return {
@@ -278,6 +284,23 @@ class LiveCars:
             "probability": how["probability"],
             **orjson.loads(result.content),
         }
+
+    async def job_of(self, car: RoadCar, request: Mapping[str, Any]) -> dict[str, Any]:
+        """A job about a car: its body, which names the own model, and what its last messages show where the request leaves it out."""
+        asked = self.by_own_model(car.name, request)
+        seen = {
+            "soc": await self.run(car.shown_soc),
+            "ambient_temperature_degc": car.last_air_degc(car.now_s()),
+            "undescribed": None if _names_car(asked) else car.name,
+        }
+        return {"body": orjson.dumps(asked), "seen": seen}
+
+    async def job_without_road(self, car: RoadCar, known: Mapping[str, Any]) -> dict[str, Any]:
+        """`job_of` for the range of a car or the need of a distance; a car that its plan names counts before its own model."""
+        asked = {} if car.plan is None else {name: car.plan.request.get(name) for name in CAR_FIELDS}
+        if asked.get("vehicle_figures") is not None:
+            asked["vehicle_figures"] = orjson.dumps(asked["vehicle_figures"]).decode()
+        return await self.job_of(car, {**asked, **known})
 
     def summary(self) -> dict[str, Any]:
         """The cars, as `LiveCarsResponse`."""
@@ -364,3 +387,7 @@ class LiveCars:
         self._thread.shutdown()
         for car in self.cars.values():
             car.close()
+
+
+def _names_car(request: Mapping[str, Any]) -> bool:
+    return any(request.get(field) is not None for field in (*CAR_FIELDS, "car"))

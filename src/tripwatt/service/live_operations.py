@@ -9,6 +9,7 @@ from contextlib import AbstractAsyncContextManager
 from typing import Annotated, Any, Final
 from urllib.parse import parse_qsl
 
+import orjson
 from fastapi import Path as PathValue
 from fastapi import Query
 from starlette.requests import Request
@@ -18,8 +19,8 @@ from tripwatt.errors import Fault, excerpt
 from tripwatt.live import sample_from_abrp
 from tripwatt.live.own_car import VALID_NAME
 from tripwatt.service.answering import json_response
-from tripwatt.service.journey_schemas import NeedQuery
-from tripwatt.service.live import LiveCars
+from tripwatt.service.journey_schemas import NeedQuery, RangeQuery
+from tripwatt.service.live import CAR_FIELDS, LiveCars
 from tripwatt.service.live_schemas import (
     LiveCarsResponse,
     LiveDeparture,
@@ -145,6 +146,15 @@ class LiveOperations:
         if result.status == 200:
             return json_response(await self.cars.document(followed))
         return refusal(result.status, result.content, request_id(request))
+
+    async def job_of(self, query: RangeQuery) -> dict[str, Any]:
+        """The job of a query: `body`, and `seen` where it asks of a car on the road."""
+        given = query.model_dump(mode="json", exclude_unset=True)
+        if self._cars is None or query.car not in self._cars.cars or any(map(given.get, CAR_FIELDS)):
+            return {"body": orjson.dumps(given)}
+        if given.get("trip") is None:  # else the car is that of the trip
+            del given["car"]
+        return await self._cars.job_without_road(self._cars.cars[query.car], given)
 
     async def next_need(self, request: Request, query: NeedQuery) -> Response:
         """Return what the next trip of a car needs: energy at a quantile, charge to leave with, energy to charge."""

@@ -6,6 +6,7 @@ from typing import Any, Literal, get_type_hints
 
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, TypeAdapter, create_model
 
+from tripwatt.forecasting.document import FlagDocument
 from tripwatt.live.documents import (
     LiveDocument,
     LiveForecastDocument,
@@ -84,6 +85,8 @@ class NeedResponse(UntilDeparture):
     """`soc_needed` as an English sentence"""
     wh_per_display: float
     """energy of a whole display [Wh]"""
+    flags: list[FlagDocument]
+    """what was assumed, such as an outside temperature of the car's last message"""
 
 
 class MessageDocument(ResponseModel):

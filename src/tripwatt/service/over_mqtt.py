@@ -11,7 +11,7 @@ import orjson
 from tripwatt.advice.preheating import PLUG_W
 from tripwatt.errors import InvalidInput
 from tripwatt.live import Follower, MqttSettings, RoadCar, Sample
-from tripwatt.service.live import CAR_FIELDS, LiveCars
+from tripwatt.service.live import LiveCars
 from tripwatt.service.problems import Problem
 
 NEED_S: Final = 600.0
@@ -89,12 +89,8 @@ class OverMqtt:
         """How far the charge of a car carries, as `RangeResponse`; None where it is unknown."""
         if soc is None:
             return None
-        asked = {} if car.plan is None else {name: car.plan.request.get(name) for name in CAR_FIELDS}
-        if asked.get("vehicle_figures") is not None:
-            asked["vehicle_figures"] = orjson.dumps(asked["vehicle_figures"]).decode()
-        known = {"ambient_temperature_degc": (await self.cars.run(car.departure)).ambient_temperature_degc}
-        request = self.cars.by_own_model(car.name, {**asked, **known, "soc": soc})
+        asked = await self.cars.job_without_road(car, {})
         with contextlib.suppress(Problem):
-            result = await self.cars.pool.run({"kind": "range"}, orjson.dumps(request))
+            result = await self.cars.pool.run({"kind": "range", "seen": asked["seen"]}, asked["body"])
             return orjson.loads(result.content) if result.status == 200 else None
         return None

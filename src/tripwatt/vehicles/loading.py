@@ -150,7 +150,7 @@ def find_vehicles(words: str) -> tuple[str, ...]:
     Returns
     -------
     tuple of str
-        Names of cars, those with the shortest titles first; empty for no words.
+        Names of cars: those first that have the words as whole words, then the shortest titles without their years, then by title; empty for no words.
 
     Examples
     --------
@@ -170,8 +170,9 @@ def find_vehicles(words: str) -> tuple[str, ...]:
             or _is_year_in(word, years)
             for word in wanted
         ):
-            matching.append((len(title), name))
-    return tuple(name for _, name in sorted(matching))
+            parts = sum(word not in texts for word in wanted)
+            matching.append((parts, len(title.partition(" (")[0]), title, name))
+    return tuple(name for *_, name in sorted(matching))
 
 
 def _plain(text: str) -> str:

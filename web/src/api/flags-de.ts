@@ -22,6 +22,13 @@ export const WORDS: WordsOfFlags = {
     "part": "{name} ({temperature})",
     "effect": "Das Intervall ist deshalb breiter."
   },
+  "of_last_message": {
+    "text": "Aus der letzten Nachricht des Autos: {parts}.",
+    "part": "{name} ({temperature})"
+  },
+  "no_description": {
+    "text": "Dieses Auto ist nicht beschrieben: Angenommen wird {subject}. Beschreiben Sie es mit „Auto hinzufügen“."
+  },
   "soc_assumed": {
     "text": "Der Ladestand bei Abfahrt ist nicht angegeben; angenommen werden {percent}."
   },

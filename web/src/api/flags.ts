@@ -26,6 +26,10 @@ export const FLAGS: Readonly<Record<string, Rule>> = {
     }
   },
   "usual_value_assumed": {},
+  "of_last_message": {},
+  "no_description": {
+    "severity": "caution"
+  },
   "soc_assumed": {},
   "no_trips_of_car": {
     "severity": "caution"
@@ -107,6 +111,13 @@ export const WORDS: WordsOfFlags = {
     "text": "Not given, and assumed: {parts}.",
     "part": "{name} ({temperature})",
     "effect": "The interval is wider as a result."
+  },
+  "of_last_message": {
+    "text": "Taken from the car's last message: {parts}.",
+    "part": "{name} ({temperature})"
+  },
+  "no_description": {
+    "text": "This car has no description: {subject} is assumed. Describe it with “Add a car”."
   },
   "soc_assumed": {
     "text": "The battery charge at departure is not given; {percent} is assumed."

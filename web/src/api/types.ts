@@ -696,6 +696,9 @@ export interface components {
             title: string;
             trips: number;
             in_diary: number;
+            left_out: {
+                [key: string]: string;
+            };
             has_token: boolean;
             learned: {
                 [key: string]: components["schemas"]["LearnedParameter"];
@@ -725,6 +728,9 @@ export interface components {
             title: string;
             trips: number;
             in_diary: number;
+            left_out: {
+                [key: string]: string;
+            };
             has_token: boolean;
         };
         CarsResponse: {
@@ -837,9 +843,11 @@ export interface components {
                 number
             ];
             soc_needed: number;
+            reserve: number;
             duration_s: number;
             flags: components["schemas"]["FlagDocument"][];
             car: string;
+            message: string;
         };
         Elevation: {
             position_m: number[];
@@ -1224,10 +1232,12 @@ export interface components {
             held: number;
             soc: number | null;
             soc_source: ("soc" | "bms_soc") | null;
+            ambient_temperature_degc: number | null;
             trip: components["schemas"]["LiveTripDocument"] | null;
             plan: ("given" | "usual") | null;
             usual_trip: string | null;
             forecast: components["schemas"]["LiveForecastDocument"] | null;
+            flags: components["schemas"]["FlagDocument"][];
             faults: components["schemas"]["ProblemFault"][];
             message: components["schemas"]["MessageDocument"] | null;
         };
@@ -1340,6 +1350,7 @@ export interface components {
             soc_needed: number;
             message: string;
             wh_per_display: number;
+            flags: components["schemas"]["FlagDocument"][];
         };
         NewCarRequest: {
             name: string;
@@ -1525,6 +1536,8 @@ export interface components {
         };
         RangeResponse: {
             range_m: number;
+            soc: number;
+            reserve: number;
             interval_m: [
                 number,
                 number

@@ -1,33 +1,41 @@
 /** A trip of which only distance and kind of road are known, as links: assumed shares of town, country roads and motorway. */
 
 import type { Link } from "../api/documents";
+import { ROADS } from "../api/roads";
 
 export type Kind = "town" | "country" | "mixed" | "motorway";
 export type RoadType = "town" | "country" | "motorway";
 
-/** Mean speed of each type of road [m/s]; in towns with standstill at signals. */
-export const SPEEDS_M_S: Record<RoadType, number> = {
-  town: 30 / 3.6,
-  country: 70 / 3.6,
-  motorway: 115 / 3.6,
-};
+/** Share of the distance on each type of road, of a trip of up to `ROADS.town_m`. */
+const SHARES: Record<Kind, Record<RoadType, number>> = ROADS.shares;
 
-/** Share of the distance on each type of road. */
-export const SHARES: Record<Kind, Record<RoadType, number>> = {
-  town: { town: 1, country: 0, motorway: 0 },
-  country: { town: 0.15, country: 0.85, motorway: 0 },
-  mixed: { town: 0.15, country: 0.45, motorway: 0.4 },
-  motorway: { town: 0.05, country: 0.1, motorway: 0.85 },
-};
+export const KINDS: Kind[] = ["town", "country", "mixed", "motorway"];
 
-export const KINDS = Object.keys(SHARES) as Kind[];
+/** Share of a distance on each type of road: a longer trip has no more town, unless it is all town. */
+export function sharesOver(distanceM: number, kind: Kind): Record<RoadType, number> {
+  const { town: most, country, motorway } = SHARES[kind];
+  if (most === 1) return SHARES[kind];
+  const town = most * Math.min(ROADS.town_m / distanceM, 1);
+  const rest = (1 - town) / (1 - most);
+  return { town, country: country * rest, motorway: motorway * rest };
+}
 
 /** Longest link [m]. */
 const LINK_M = 1000;
 
+/** A charge beside the one that is needed, a reserve included: what is missing, what is left at arrival, and the verdict. */
+export function sufficing(
+  soc: number,
+  needed: number,
+  reserve: number,
+): { lacking: number; left: number; verdict: "good" | "open" | "bad" } {
+  const left = soc - needed + reserve;
+  return { lacking: needed - soc, left, verdict: soc >= needed ? "good" : left >= 0 ? "open" : "bad" };
+}
+
 /** Links of a trip from town to town: town, country road, motorway, country road, town, of unknown heights. */
 export function linksOfDistance(distanceM: number, kind: Kind): Link[] {
-  const { town, country, motorway } = SHARES[kind];
+  const { town, country, motorway } = sharesOver(distanceM, kind);
   const stretches: [RoadType, number][] = [
     ["town", town / 2],
     ["country", country / 2],
@@ -42,7 +50,7 @@ function cut(type: RoadType, lengthM: number): Link[] {
   const count = Math.ceil(lengthM / LINK_M);
   const link: Link = {
     length_m: lengthM / count,
-    speed_m_s: SPEEDS_M_S[type],
+    speed_m_s: ROADS.speeds_m_s[type],
     ...(type !== "town" && { stop_s: 0 }),
   };
   return Array.from({ length: count }, () => ({ ...link }));

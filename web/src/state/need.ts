@@ -46,7 +46,7 @@ const runner = new Latest<NeedJob>(async ({ distanceM, kind, at, car: by }, sign
   try {
     const [needed, far] = await Promise.all([
       findNeed(
-        { ...common, distance_km: distanceM / 1000, kind: KIND_NAMES[kind], quantile: QUANTILE },
+        { ...common, distance_km: distanceM / 1000, kind: KIND_NAMES[kind], quantile: QUANTILE, reserve },
         signal,
       ),
       findRange({ ...common, kind: KIND_NAMES[kind], reserve }, signal),

@@ -1,5 +1,5 @@
 import { useEffect, useState } from "preact/hooks";
-import { type Kind, KINDS, type RoadType, SHARES } from "../model/distance";
+import { type Kind, KINDS, type RoadType, sharesOver } from "../model/distance";
 import { PERCENT } from "../model/units";
 import { chooseDistance } from "../state/catalogue";
 import { format, text, units } from "../state/preferences";
@@ -11,11 +11,12 @@ const START_M = 50_000;
 const TYPES: RoadType[] = ["town", "country", "motorway"];
 
 /** The shares that a kind of road stands for. */
-function sharesText(kind: Kind): string {
+function sharesText(distanceM: number, kind: Kind): string {
   const { distanceForm: words } = text.value;
   const { list, shown } = format.value;
-  const parts = TYPES.filter((type) => SHARES[kind][type] > 0).map((type) =>
-    words.part(shown(SHARES[kind][type], PERCENT), words.types[type]),
+  const shares = sharesOver(distanceM, kind);
+  const parts = TYPES.filter((type) => shares[type] > 0).map((type) =>
+    words.part(shown(shares[type], PERCENT), words.types[type]),
   );
   return words.assumed(list(parts));
 }
@@ -56,7 +57,7 @@ export function DistanceForm() {
           ask(distanceM, next);
         }}
       />
-      <p class="note">{sharesText(kind)}</p>
+      <p class="note">{sharesText(distanceM ?? START_M, kind)}</p>
     </div>
   );
 }

@@ -26,6 +26,7 @@ import { Icon } from "./icons";
 import { openOwnCars } from "./own-cars-dialog";
 import { chanceInFigures, tripTitle } from "./wording";
 import { Said } from "./said";
+import { Warnings } from "./warnings";
 
 /** A car that sent nothing for so long may have lost its connection [s]. */
 const OLD_S = 120;
@@ -144,6 +145,7 @@ function Car({ of }: { of: LiveCar }) {
           </Figure>
         )}
       </dl>
+      {of.flags.length > 0 && <Warnings flags={of.flags} others={[]} serious={null} />}
       {of.plan !== "given" && <PlanButton />}
       {of.plan === "usual" && <p class="note">{words.usual}</p>}
       {of.faults.length > 0 && (

@@ -2,6 +2,7 @@
 
 import type { RangeOfKind } from "../api/documents";
 import type { Verdict } from "../model/arrival";
+import { sufficing } from "../model/distance";
 import { ENERGY, PERCENT } from "../model/units";
 import { conditions } from "../state/conditions";
 import { need, needIsOld, QUANTILE, range } from "../state/need";
@@ -36,27 +37,23 @@ function Kinds({ rows }: { rows: RangeOfKind[] }) {
   );
 }
 
-/** Charge that is left where the energy suffices; null while nothing is known. */
-function left(): number | null {
-  return need.value && conditions.value.soc - need.value.soc_needed;
+function answer() {
+  return need.value && sufficing(conditions.value.soc, need.value.soc_needed, need.value.reserve);
 }
 
 export function needVerdict(): Verdict | null {
-  const rest = left();
-  if (rest === null) return null;
-  if (rest >= conditions.value.reserve) return "good";
-  return rest >= 0 ? "open" : "bad";
+  return answer()?.verdict ?? null;
 }
 
 /** Whether the charge suffices, in a sentence. */
 export function needSentence(): string {
   const { need: words } = text.value;
-  const rest = left();
-  if (!need.value || rest === null) return words.title;
+  const found = answer();
+  if (!need.value || !found) return words.title;
   const { shown } = format.value;
   const soc = shown(conditions.value.soc, PERCENT);
   const far = shown(need.value.distance_m, units.value.distance, 0);
-  return rest < 0 ? words.notEnough(soc, far) : words.suffices(soc, far);
+  return found.lacking > 0 ? words.notEnough(soc, far) : words.suffices(soc, far);
 }
 
 export function NeedAnswer() {
@@ -66,8 +63,7 @@ export function NeedAnswer() {
   const { need: words, result, verdict: others } = text.value;
   const { duration, figure, shown } = format.value;
   const { soc, reserve } = conditions.value;
-  const verdict = needVerdict() ?? "open";
-  const rest = soc - needed.soc_needed;
+  const { lacking, left, verdict } = sufficing(soc, needed.soc_needed, needed.reserve);
   const [low = 0, high = 0] = needed.interval_wh.map(ENERGY.from);
   const flags = [...needed.flags, ...far.flags].filter(
     (flag, k, all) => all.findIndex(({ message }) => message === flag.message) === k,
@@ -102,7 +98,13 @@ export function NeedAnswer() {
         </dl>
         <p class={`chance chance-${verdict}`}>
           <Icon name={verdict === "good" ? "check" : "warning"} />
-          <span>{rest < 0 ? words.lacking(shown(-rest, PERCENT)) : words.leaves(shown(rest, PERCENT))}</span>
+          <span>
+            {lacking <= 0
+              ? words.leaves(shown(left, PERCENT))
+              : needed.soc_needed > 1
+                ? words.full
+                : words.lacking(shown(lacking, PERCENT), shown(needed.soc_needed, PERCENT))}
+          </span>
         </p>
       </div>
       <div class="far">

@@ -10,6 +10,7 @@ import { said } from "../state/messages";
 
 /** Factors below this share of their standard deviation are not shown by the trips. */
 const LEAST_SHOWN = 0.5;
+const SHOWN_REASONS = 5;
 
 function percent(share: number | null, digits = 1): string {
   return share === null ? "–" : `${format.value.figure(PERCENT.from(share), digits)}\u00a0%`;
@@ -261,12 +262,6 @@ function Progress({ of }: { of: OwnCar }) {
   return (
     <p class="note" role="status">
       {words.learnedNow(learning.entries ?? 0, learning.known ?? 0)}
-      {learning.left_out.length > 0 && (
-        <span>
-          {" "}
-          {words.leftOut(format.value.list(learning.left_out.slice(0, 5).map((why) => said(why).text)))}
-        </span>
-      )}
     </p>
   );
 }
@@ -274,9 +269,13 @@ function Progress({ of }: { of: OwnCar }) {
 export function OwnCarDiary({ of }: { of: OwnCar }) {
   const { ownCars: words } = text.value;
   const { latest, latest_by_book: book, score } = of;
+  const reasons = Object.entries(of.left_out).map(([trip, why]) => said(`${trip}: ${why}`).text);
   return (
     <section aria-labelledby="own-car-diary">
       <Progress of={of} />
+      {reasons.length > 0 && (
+        <p class="note">{words.leftOut(format.value.list(reasons.slice(-SHOWN_REASONS)))}</p>
+      )}
       {of.in_diary === 0 ? (
         <p>{words.nothingYet}</p>
       ) : (

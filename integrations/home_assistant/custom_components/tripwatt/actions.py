@@ -15,7 +15,7 @@ from homeassistant.util import dt as dt_util
 
 from .client import ServiceAwayError, ServiceProblemError, TokenRefusedError
 from .const import DOMAIN
-from .coordinator import CarState, TripwattCoordinator
+from .coordinator import AIR, CarState, TripwattCoordinator
 from .entity import device_of
 
 PLAN: Final = "plan"
@@ -109,7 +109,9 @@ def _stop(hass: HomeAssistant, stop: Any) -> Any:
 def _request(call: ServiceCall, coordinator: TripwattCoordinator, car: CarState) -> dict[str, Any]:
     """The fields of a request, in units of the service; one stop alone is where to go from home."""
     data = call.data
-    request = {**car.known, "ambient_temperature_degc": data.get("temperature")}
+    request = dict(car.known)
+    if "temperature" in data or coordinator.has_weather:
+        request[AIR] = data.get("temperature")  # else that of the car
     for ours, theirs in (("soc", "soc"), ("reserve", "reserve"), ("chance", "chance")):
         if ours in data:
             request[theirs] = data[ours] / 100.0

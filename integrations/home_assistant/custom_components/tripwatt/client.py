@@ -13,7 +13,11 @@ TIMEOUT: Final = ClientTimeout(total=60)
 
 
 class ServiceAwayError(Exception):
-    """The service does not answer, or what answers is no tripwatt."""
+    """The service does not answer."""
+
+
+class NoServiceError(ServiceAwayError):
+    """What answers is no tripwatt."""
 
 
 class TokenRefusedError(Exception):
@@ -97,12 +101,17 @@ class ServiceClient:
                 method, url, headers=self._headers, timeout=TIMEOUT, allow_redirects=False, **more
             ) as answer:
                 document = await answer.json(content_type=None)
-        except (ClientError, TimeoutError, ValueError) as error:
+        except ValueError as error:
+            raise NoServiceError(f"{self._url}: no answer of tripwatt") from error
+        except (ClientError, TimeoutError) as error:
             raise ServiceAwayError(f"{self._url}: {error!r}") from error
         if answer.status == 200 and isinstance(document, dict):
             return document
         if not isinstance(document, dict) or not str(document.get("type", "")).startswith("/problems/"):
-            raise ServiceAwayError(f"{self._url}: status {answer.status}, no answer of tripwatt")
+            kind = (
+                ServiceAwayError if answer.status >= 500 else NoServiceError
+            )  # a proxy whose service is away
+            raise kind(f"{self._url}: status {answer.status}, no answer of tripwatt")
         if answer.status == 401:
             raise TokenRefusedError(str(document.get("detail", "")))
         if answer.status in (429, 502, 503, 504):

@@ -12,13 +12,21 @@ from homeassistant.core import callback
 from homeassistant.helpers import selector
 from homeassistant.helpers.aiohttp_client import async_get_clientsession
 
-from .client import ServiceAwayError, ServiceClient, ServiceProblemError, TokenRefusedError, service_url
+from .client import (
+    NoServiceError,
+    ServiceAwayError,
+    ServiceClient,
+    ServiceProblemError,
+    TokenRefusedError,
+    service_url,
+)
 from .const import (
     CONF_CALENDARS,
     CONF_INTERVAL,
     CONF_PLUG,
     CONF_PROBABILITY,
     CONF_RESERVE,
+    CONF_WEATHER,
     DOMAIN,
     INTERVAL_S,
     PROBABILITY,
@@ -50,12 +58,14 @@ class TripwattConfigFlow(ConfigFlow, domain=DOMAIN):
             await client.get("/v1/live")
         except ValueError:
             return {CONF_URL: "invalid_url"}
+        except NoServiceError:
+            return {"base": "no_service"}
         except ServiceAwayError:
             return {"base": "cannot_connect"}
         except TokenRefusedError:
-            return {CONF_TOKEN: "invalid_auth"}
+            return {CONF_TOKEN: "invalid_auth" if token else "token_needed"}
         except ServiceProblemError as problem:
-            return {"base": "no_cars" if problem.kind == "no-live" else "cannot_connect"}
+            return {"base": "no_cars" if problem.kind == "no-live" else "no_service"}
         return {}
 
     async def async_step_user(self, user_input: dict[str, Any] | None = None) -> ConfigFlowResult:
@@ -126,6 +136,9 @@ class TripwattOptionsFlow(OptionsFlow):
                 vol.Required(CONF_PROBABILITY, default=PROBABILITY): _number(50, 99, "%"),
                 vol.Optional(CONF_RESERVE): _number(0, 100, "%"),
                 vol.Optional(CONF_PLUG): _number(0, 400_000, "W"),
+                vol.Optional(CONF_WEATHER): selector.EntitySelector(
+                    selector.EntitySelectorConfig(domain="weather")
+                ),
             }
         )
         shown = self.add_suggested_values_to_schema(schema, self.config_entry.options)

@@ -12,6 +12,7 @@ CONF_INTERVAL: Final = "interval_s"
 CONF_PLUG: Final = "plug_w"
 CONF_PROBABILITY: Final = "probability"
 CONF_RESERVE: Final = "reserve"
+CONF_WEATHER: Final = "weather"
 
 INTERVAL_S: Final = 30
 """Time between two questions to the service [s]; cars send more often, and a forecast changes slowly."""

@@ -24,16 +24,20 @@ from .const import (
     CONF_PLUG,
     CONF_PROBABILITY,
     CONF_RESERVE,
+    CONF_WEATHER,
     DOMAIN,
     INTERVAL_S,
     PROBABILITY,
 )
 from .trips import CalendarTrip, next_trip
+from .weather import temperature_degc
 
 _LOGGER = logging.getLogger(__name__)
 
-JOURNEY_FIELDS = "soc_needed,leave,verdict,p_arrive"
+JOURNEY_FIELDS = "soc_needed,leave,verdict,p_arrive,flags"
 """What is read of a journey; without its roads it is short."""
+
+AIR = "ambient_temperature_degc"
 
 TripwattEntry: TypeAlias = "ConfigEntry[TripwattCoordinator]"
 
@@ -59,9 +63,9 @@ class CarState:
 
     @property
     def known(self) -> dict[str, Any]:
-        """What a request has of the car: its charge, and its own model where there is one."""
+        """What a journey has of the car: its charge, the outside temperature, and its own model where there is one."""
         named = {"model": self.live["car"]} if self.described else {}
-        return {"soc": self.live["soc"], **named}
+        return {"soc": self.live["soc"], AIR: self.live[AIR], **named}
 
 
 class TripwattCoordinator(DataUpdateCoordinator[dict[str, CarState]]):
@@ -81,6 +85,7 @@ class TripwattCoordinator(DataUpdateCoordinator[dict[str, CarState]]):
         session = async_get_clientsession(hass)
         self.client = ServiceClient(session, entry.data[CONF_URL], entry.data.get(CONF_TOKEN, ""))
         self._has_map: bool | None = None
+        self.has_weather = False
 
     async def _async_update_data(self) -> dict[str, CarState]:
         try:
@@ -98,7 +103,8 @@ class TripwattCoordinator(DataUpdateCoordinator[dict[str, CarState]]):
         names = [row["car"] for row in (await self.client.get("/v1/live"))["cars"]]
         described = {row["name"] for row in (await self.client.get("/v1/cars"))["cars"] or ()}
         if self._has_map is None:
-            self._has_map = (await self.client.get("/v1/map"))["roads"]
+            known = await self.client.get("/v1/map")
+            self._has_map, self.has_weather = known["roads"], known["weather"]
         cars = {}
         for name in names:
             live = await self.client.get(f"/v1/live/{name}")
@@ -109,13 +115,16 @@ class TripwattCoordinator(DataUpdateCoordinator[dict[str, CarState]]):
     async def _car(self, live: dict[str, Any], described: bool, before: Ahead | None) -> CarState:
         source = self.config_entry.options.get(CONF_CALENDARS, {}).get(live["car"])
         trip = None if source is None else await next_trip(self.hass, source)
+        air_degc = await self.air_degc(trip)
         made_of = (
             live["messages"]["new"],
             live["soc"],
             live["trip"] is None,
             live["plan"],
             live["usual_trip"],
+            live[AIR],
             trip,
+            air_degc,
             time.time() // AHEAD_EVERY_S,
         )
         if before is not None and before.made_of == made_of:
@@ -125,10 +134,7 @@ class TripwattCoordinator(DataUpdateCoordinator[dict[str, CarState]]):
             if live["trip"] is None:
                 state.ahead.need = await self.need(state, trip)
             if live["soc"] is not None:
-                car = live["car"] if described else None
-                state.ahead.reach = await self._or_none(
-                    "/v1/range", ("invalid-input",), soc=live["soc"], car=car
-                )
+                state.ahead.reach = await self._or_none("/v1/range", ("invalid-input",), car=live["car"])
         except (
             ServiceAwayError
         ) as error:  # too busy for a forecast: the state of the cars counts all the same
@@ -147,32 +153,51 @@ class TripwattCoordinator(DataUpdateCoordinator[dict[str, CarState]]):
             return None
         return answer
 
+    async def air_degc(self, trip: CalendarTrip | None) -> float | None:
+        """The outside temperature of the weather entity at the departure of a trip, or now; None without an entity that has one."""
+        entity = self.config_entry.options.get(CONF_WEATHER)
+        if entity is None:
+            return None
+        return await temperature_degc(self.hass, entity, None if trip is None else trip.starts_at)
+
     async def need(self, car: CarState, trip: CalendarTrip | None) -> dict[str, Any] | None:
         """What the next trip needs, with the fields of `GET /v1/need`; those that are not known are missing.
 
         A trip with a place that the map has is a journey from home, one with kilometres is a distance, and any other is
-        the plan of the car or the trip that it usually drives at that time of day.
+        the plan of the car or the trip that it usually drives at that time of day. The answer has the outside temperature that counts as
+        `temperature`.
         """
+        air_degc = await self.air_degc(trip)
+        need = await self._need(car, trip, air_degc)
+        if need is None:
+            return None
+        assumed = [
+            flag["value"] for flag in need["flags"] if flag["subject"] == AIR and flag["unit"] == "degc"
+        ]
+        return {"temperature": air_degc if air_degc is not None else next(iter(assumed), None), **need}
+
+    async def _need(
+        self, car: CarState, trip: CalendarTrip | None, air_degc: float | None
+    ) -> dict[str, Any] | None:
+        """`need` with an outside temperature; None for that of the car, or the weather of the service."""
         options = self.config_entry.options
         chance = options.get(CONF_PROBABILITY, PROBABILITY) / 100.0
         reserve = options.get(CONF_RESERVE)
-        kept = {"reserve": None if reserve is None else reserve / 100.0, "plug_w": options.get(CONF_PLUG)}
+        share = None if reserve is None else reserve / 100.0
+        kept = {"reserve": share, "plug_w": options.get(CONF_PLUG), AIR: air_degc}
         name, leaves = car.live["car"], None if trip is None else trip.starts_at.isoformat()
         if trip is not None and trip.place and self._has_map:
-            journey = await self._journey(car, trip, kept["reserve"])
+            journey = await self._journey(car, trip, share, air_degc)
             if journey is not None:
                 return journey
         if trip is not None and trip.distance_km is not None:
-            own = name if car.described else None
-            soc = car.live["soc"]
             return await self._or_none(
                 "/v1/need",
                 ("invalid-input",),
                 distance_km=trip.distance_km,
                 quantile=chance,
                 departs_at=leaves,
-                soc=soc,
-                car=own,
+                car=name,
                 **kept,
             )
         return await self._or_none(
@@ -185,7 +210,7 @@ class TripwattCoordinator(DataUpdateCoordinator[dict[str, CarState]]):
         )
 
     async def _journey(
-        self, car: CarState, trip: CalendarTrip, reserve: float | None
+        self, car: CarState, trip: CalendarTrip, reserve: float | None, air_degc: float | None
     ) -> dict[str, Any] | None:
         """The need of a trip from home to its place; None where the map has no such place."""
         body = {
@@ -194,6 +219,8 @@ class TripwattCoordinator(DataUpdateCoordinator[dict[str, CarState]]):
             "departs_at": trip.starts_at.isoformat(),
             "reserve": reserve,
         }
+        if air_degc is not None or self.has_weather:
+            body[AIR] = air_degc  # else that of the car
         try:
             journey = await self.client.post("/v1/journeys", body, fields=JOURNEY_FIELDS)
         except ServiceProblemError as problem:
@@ -207,6 +234,7 @@ class TripwattCoordinator(DataUpdateCoordinator[dict[str, CarState]]):
             "message": journey["leave"],
             "departs_at": trip.starts_at.isoformat(),
             "p_arrive": journey["p_arrive"],
+            "flags": journey["flags"],
         }
 
     @property

@@ -46,6 +46,16 @@ def _of_need(name: str, factor: float = 1.0) -> Callable[[CarState], float | Non
     return lambda car: _figure(_at(car.ahead.need, name), factor)
 
 
+def _messages(answer: Mapping[str, Any] | None) -> list[str]:
+    return [flag["message"] for flag in (answer or {}).get("flags", ())]
+
+
+def _of_range(car: CarState) -> dict[str, Any]:
+    """What the range counts from and down to, and what was assumed."""
+    reach = car.ahead.reach or {}
+    return {name: reach[name] for name in ("soc", "reserve") if name in reach} | {"flags": _messages(reach)}
+
+
 def _need_in_words(car: CarState) -> dict[str, Any]:
     need = car.ahead.need or {}
     names = (
@@ -58,8 +68,10 @@ def _need_in_words(car: CarState) -> dict[str, Any]:
         "charging_s",
         "wall_wh",
         "preheat",
+        "temperature",
     )
     about = {name: need[name] for name in names if name in need}
+    about["flags"] = _messages(need)
     return about if car.ahead.trip is None else about | {"trip": car.ahead.trip.title}
 
 
@@ -123,6 +135,7 @@ SENSORS: Final = (
         key="range",
         translation_key="range",
         value=lambda car: _figure(_at(car.ahead.reach, "range_m"), 0.001),
+        more=_of_range,
         device_class=SensorDeviceClass.DISTANCE,
         native_unit_of_measurement=UnitOfLength.KILOMETERS,
         suggested_display_precision=0,

@@ -1,0 +1,31 @@
+"""What the last messages of a car on the road show, for a job about it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+from tripwatt.trips import Departure, Flag
+from tripwatt.vehicles import Vehicle
+
+
+def with_seen(
+    known: Departure, job: Mapping[str, Any] | None, vehicle: Vehicle
+) -> tuple[Departure, tuple[Flag, ...]]:
+    """A departure with temperature and charge of the car's last messages in place of those that it leaves out, and flags of what was taken.
+
+    A charge is in the answer, and a charge of the battery management is no gap.
+    """
+    seen = (job or {}).get("seen") or {}
+    given = known if known.bms_soc is None else replace(known, soc=known.bms_soc)
+    air = "ambient_temperature_degc"
+    used = {n: seen[n] for n in ("soc", air) if seen.get(n) is not None and getattr(given, n) is None}
+    flags = [Flag("of_last_message", air, used[air], "degc")] if air in used else []
+    flags += [undescribed(seen["undescribed"], vehicle)] if seen.get("undescribed") else []
+    return known.merge(Departure(**used)), tuple(flags)
+
+
+def undescribed(car: str, assumed: Vehicle) -> Flag:
+    """The flag of a car on the road that nothing describes."""
+    return Flag("no_description", assumed.title, car)
