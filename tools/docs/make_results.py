@@ -162,6 +162,16 @@ RESULTS: Final = (
         other_cars=True,
     ),
     part(
+        "own-logs",
+        "own_logs",
+        "explanation/uncertainty.md#own-logs",
+        "tum",
+        "ved",
+        "twizy",
+        "sedan",
+        minutes=1.5,
+    ),
+    part(
         "unknown-climb",
         "unknown_climb",
         "explanation/uncertainty.md#climb",

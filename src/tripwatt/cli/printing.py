@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 import sys
 import time
@@ -147,7 +148,7 @@ def progress_lines(
     every_s: float = PROGRESS_EVERY_S,
     clock: Callable[[], float] = time.monotonic,
 ) -> Callable[[int, int], None]:
-    """A function of (finished, all) that writes plain lines: the first, the last, and few between.
+    """A function of (finished, all) that writes plain lines: the first, the last, and few between, with the time left.
 
     Parameters
     ----------
@@ -162,13 +163,19 @@ def progress_lines(
     """
     started = clock()
     last: list[float] = []
+    first: list[int] = []  # finished before: of an earlier run
 
     def advance(finished: int, total: int) -> None:
         now = clock()
+        first[:] = first or [finished]
         if last and finished < total and now - last[0] < every_s:
             return
         last[:] = [now]
-        write(f"{finished} of {total} {what} finished after {now - started:.0f} s")
+        done, left_s = finished - first[0], 0.0
+        if done:
+            left_s = (now - started) / done * (total - finished)
+        left = f", about {math.ceil(left_s / 60.0)} min left" if left_s else ""
+        write(f"{finished} of {total} {what} finished after {now - started:.0f} s{left}")
 
     return advance
 
