@@ -232,3 +232,19 @@ def test_time_of_day_and_elapsed_milliseconds_win_over_a_temperature(tmp_path: P
         found = {guess.ours: guess.column for guess in suggest_mapping(file).guesses}
         assert found["time_s"] == name
         assert found["ambient_temperature_degc"] == "T aussen"
+
+
+def test_the_column_of_the_vehicle_is_proposed_with_that_of_the_trip(tmp_path: Path) -> None:
+    parts = []
+    for car in (10, 541):
+        d = drive()
+        signals = {"Speed [km/h]": d.v * 3.6, "Current [A]": d.i, "Voltage [V]": d.u + (car == 10)}
+        parts.append(pd.DataFrame({"VehId": car, "Trip": 7, "Time [s]": d.t, **signals}))
+    file = tmp_path / "two.csv"
+    pd.concat(parts).to_csv(file, index=False)
+    found = suggest_mapping(file)
+    assert "VehId" not in found.unused
+    assert '[trip]\ncolumn = "Trip"\nvehicle = "VehId"  # 2 in this file' in found.toml
+    fleet = read_table(file, parse_mapping(found.toml, "m"))
+    assert [trip.trip_id for trip in fleet.trips] == ["10-7", "541-7"]
+    assert [len(trip) for trip in fleet.trips] == [len(d), len(d)]
