@@ -86,7 +86,7 @@ def shown(every: Sequence[dict[str, Any]], blocks: int) -> str:
 
 def main(blocks: int = 3, write: bool = False) -> None:
     """Print the table; `--write` renews the page."""
-    every = []
+    every: list[dict[str, Any]] = []
     for car in cars():
         if len(car.trips) >= LEAST_TRIPS:
             score = held_blocks(car.trips, car.vehicle, blocks)

@@ -133,9 +133,9 @@ def coverage_rows(text: str, inside: Sequence[bool], bound: bool = True) -> Iter
         yield Row(f"{text}: 90 % interval covers, of {n}", hits / n, "", *(COVERS if bound else ()))
         return
     low, high = binomtest(hits, n).proportion_ci(0.95, "exact")
-    below, above = ({"most": LEVEL}, {"least": LEVEL}) if bound else ({}, {})
-    yield Row(f"{text}: covers {hits} of {n}; lower end of Clopper-Pearson's interval", low, **below)
-    yield Row(f"{text}: upper end of it", high, **above)
+    most, least = (LEVEL, LEVEL) if bound else (np.inf, -np.inf)
+    yield Row(f"{text}: covers {hits} of {n}; lower end of Clopper-Pearson's interval", low, most=most)
+    yield Row(f"{text}: upper end of it", high, least=least)
 
 
 def width(forecast: Forecast) -> float:

@@ -204,7 +204,11 @@ def test_output_without_permission_is_refused_before_any_work(
 def evaluated(tables: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Answer]:
     """One run to its end, drawn, in a folder that does not exist yet."""
     out = tmp_path_factory.mktemp("evaluated") / "new" / "out"
-    models = "constant,linear4,physics-paper", "--models", "physics"  # an option that is given twice counts twice
+    models = (
+        "constant,linear4,physics-paper",
+        "--models",
+        "physics",
+    )  # an option that is given twice counts twice
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("tripwatt.report.html.PNG_DPI", 40)
         patch.setattr("matplotlib.layout_engine.ConstrainedLayoutEngine.execute", lambda self, figure: None)

@@ -289,6 +289,8 @@ def test_groups_without_dates_are_noted(fleet):
 def test_the_car_is_the_second_argument_as_of_a_fit(fleet):
     heavy = tw.load_vehicle("bmw_i3_60ah", overrides={"mass": 2000.0})
     given = {"models": ["physics"], "hold_outs": ONE, "execution": HERE}
-    one, two = (tw.evaluate(fleet, car, **given).folds["predicted_energy_wh"] for car in (heavy, "bmw_i3_60ah"))
+    one, two = (
+        tw.evaluate(fleet, car, **given).folds["predicted_energy_wh"] for car in (heavy, "bmw_i3_60ah")
+    )
     assert (one > two).all()
     assert tw.fit(fleet.trips, heavy, corrector="linear").vehicle.body == heavy.body

@@ -215,6 +215,7 @@ PAGES: Final = (
     "-m tools.docs.publish_results docs/results/links.json",
     "-m tools.docs.write_parameters",
     "-m tools.docs.write_cli",
+    "-m tools.docs.write_citation",
     "-m tools.docs.write_figures",
     "-m tools.docs.render_pages --write",
     "tests/vectors/write.py",

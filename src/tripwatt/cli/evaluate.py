@@ -91,8 +91,8 @@ def evaluate(
       tripwatt evaluate data/tum --protocol forecast
       # forecast each car of a file as one that nobody has seen, from all others
       tripwatt evaluate cars.toml --protocol cars
-      # one model on one hold-out
-      tripwatt evaluate data/tum --models boosting --hold-outs leave_one_trip_out:reference
+      # the paper's Table 3 alone
+      tripwatt evaluate data/tum --models physics-paper,gamm,forest,boosting --hold-outs leave_one_trip_out:reference
       # continue an interrupted run
       tripwatt evaluate data/tum --resume
     """

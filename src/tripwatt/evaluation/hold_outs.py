@@ -35,7 +35,9 @@ MIN_DAYS: Final = 3
 """Fewest days of which one is left out at a time."""
 
 WITHOUT_DAYS: Final = "leave-one-day-out left out: the dates of the trips are unknown or fewer than three"
-WITHOUT_GROUPS: Final = "the dates of the trips are unknown or fewer than three, so each trip is a group of its own"
+WITHOUT_GROUPS: Final = (
+    "the dates of the trips are unknown or fewer than three, so each trip is a group of its own"
+)
 
 D = TypeVar("D")
 """What the models of a protocol need of trips."""
