@@ -279,7 +279,7 @@ def test_groups_without_dates_are_noted(fleet):
         run = tw.evaluate(trips, "bmw_i3_60ah", hold_outs=splitter, **given)
         return [note for note in map(str, run.results["notes"]) if "a group of its own" in note]
 
-    said = "GroupKFold: the dates of the trips are unknown or fewer than three, so each trip is a group of its own"
+    said = "GroupKFold: fewer than three dates of trips are known: each trip is a group of its own"
     assert notes(undated, GroupKFold(9)) == [said]
     assert notes(undated, GroupKFold(9), protocol="forecast") == [said]
     assert notes(undated, KFold(3)) == []

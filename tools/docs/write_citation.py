@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Final
 
-import yaml
+import yaml  # type: ignore[import-untyped]  # its stubs are no dependency
 
 from tools import ROOT
 from tools.docs import pages

@@ -177,9 +177,8 @@ def progress_lines(
         if last and finished < total and now - last[0] < every_s:
             return
         last[:] = [now]
-        done, left_s = finished - first[0], 0.0
-        if done:
-            left_s = (now - started) / done * (total - finished)
+        done = finished - first[0]
+        left_s = (now - started) / done * (total - finished) if done else 0.0
         left = f", about {math.ceil(left_s / 60.0)} min left" if left_s else ""
         write(f"{finished} of {total} {what} finished after {now - started:.0f} s{left}")
 

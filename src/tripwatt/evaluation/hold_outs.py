@@ -35,9 +35,7 @@ MIN_DAYS: Final = 3
 """Fewest days of which one is left out at a time."""
 
 WITHOUT_DAYS: Final = "leave-one-day-out left out: the dates of the trips are unknown or fewer than three"
-WITHOUT_GROUPS: Final = (
-    "the dates of the trips are unknown or fewer than three, so each trip is a group of its own"
-)
+WITHOUT_GROUPS: Final = "fewer than three dates of trips are known: each trip is a group of its own"
 
 D = TypeVar("D")
 """What the models of a protocol need of trips."""
@@ -467,8 +465,7 @@ class HoldOutChoice:
         >>> HoldOutChoice(("reference",)).notes([])
         []
         """
-        days = days_of(trips)
-        grouped = [label for label in self.labels if "Group" in label and days is None]
+        grouped = [label for label in self.labels if "Group" in label and days_of(trips) is None]
         return [f"{label}: {WITHOUT_GROUPS}" for label in grouped]
 
     def split(self, trips: str, table: TripTable, data: D, recorded: Sequence[Trip]) -> Iterator[HoldOut[D]]:

@@ -70,9 +70,7 @@ AS_SHIPPED: Final = "as in the shipped mapping"
 _TRIP_NAME: Final = re.compile(
     r"^(trip|drive|journey|fahrt|ride|route|session|segment|track)( ?(id|no|nr|num|number|name|uid|uuid|index|idx))?$"
 )
-_VEHICLE_NAME: Final = re.compile(
-    r"^(vin|(vehicle|veh|car|fahrzeug)( ?(id|no|nr|num|number|name|uid|uuid|index|idx|vin))?)$"
-)
+_VEHICLE_NAME: Final = re.compile(r"^(vin|(vehicle|veh|car|fahrzeug)( ?(id|no|nr|num|name|uid|vin))?)$")
 SPELLED: Final[Mapping[str, str]] = {
     unit.lower(): unit
     for unit in ("V", "mV", "kV", "A", "mA", "dA", "W", "kW", "PS", "degC", "degF", "K", "Nm")
@@ -175,8 +173,7 @@ def suggest_mapping(path: Path | str, names: Sequence[str] = (), beside: Sequenc
     settings = _file_settings(decimal, guesses, columns)
     trips = [f"column = {_quote(trip)}"] if trip else []
     if vehicle:
-        cars = len(set(table.texts(vehicle)) - {""})
-        trips.append(f"vehicle = {_quote(vehicle)}  # {cars} in this file; each vehicle has its own trips")
+        trips.append(f"vehicle = {_quote(vehicle)}  # {len(set(table.texts(vehicle)) - {''})} in this file")
     toml = _render(path, guesses, flow, trips, missing, shipped, unused, settings)
     return Suggestion(toml, tuple(guesses.values()), missing, shipped, unused)
 
