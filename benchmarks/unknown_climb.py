@@ -133,9 +133,9 @@ def coverage_rows(text: str, inside: Sequence[bool], bound: bool = True) -> Iter
         yield Row(f"{text}: 90 % interval covers, of {n}", hits / n, "", *(COVERS if bound else ()))
         return
     low, high = binomtest(hits, n).proportion_ci(0.95, "exact")
-    bounds = (0.0, LEVEL, LEVEL, 1.0) if bound else (0.0, 1.0, 0.0, 1.0)
-    yield Row(f"{text}: covers {hits} of {n}; lower end of Clopper-Pearson's interval", low, "", *bounds[:2])
-    yield Row(f"{text}: upper end of it", high, "", *bounds[2:])
+    most, least = (LEVEL, LEVEL) if bound else (np.inf, -np.inf)
+    yield Row(f"{text}: covers {hits} of {n}; lower end of Clopper-Pearson's interval", low, most=most)
+    yield Row(f"{text}: upper end of it", high, least=least)
 
 
 def width(forecast: Forecast) -> float:
@@ -231,13 +231,30 @@ def bounds(only: str | None = None) -> Iterator[Row]:
                 yield from part()
 
 
+def shown(rows: Sequence[Row]) -> str:
+    """The table as Markdown, and each missed bound in words.
+
+    Examples
+    --------
+    >>> print(shown([Row("sedan: 90 % interval covers, of 104", 1.0, most=0.97)]).splitlines()[-1])
+    Too wide: sedan: 90 % interval covers, of 104 (1, where ≤ 0.97 is the bound).
+    """
+    said = []
+    for row in rows:
+        if row.met is False:
+            # of a coverage and of a width alike, more than the bound is an interval that is too wide
+            fault = "Too wide" if row.value > row.most else "Too narrow"
+            said.append(f"{fault}: {row.name} ({row.value:.3g}, where {row.bounds} is the bound).")
+    head = "| What | Figure | Bound | Met |\n|:--|--:|--:|:--|"
+    return "\n".join([head, *(row.cells for row in rows), "", " ".join(said) or "Every bound is met."])
+
+
 def main(only: Literal["regions", "logs", "routes"] | None = None, write: bool = False) -> int:
     """Print the rows; 1 when a bound is missed. `--write` renews the table of docs/explanation/uncertainty.md."""
     rows = list(bounds(only))
     missed = report(rows)
     if write:
-        head = "| What | Figure | Bound | Met |\n|:--|--:|--:|:--|"
-        pages.renew("explanation/uncertainty.md", "climb", "\n".join([head, *(row.cells for row in rows)]))
+        pages.renew("explanation/uncertainty.md", "climb", shown(rows))
     return int(missed and not write)
 
 

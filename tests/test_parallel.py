@@ -6,6 +6,8 @@ import pytest
 import scipy.linalg  # noqa: F401 -- its library is limited too
 from threadpoolctl import threadpool_info, threadpool_limits
 
+from tripwatt.evaluation import Execution, evaluate
+from tripwatt.evaluation.tasks import Task
 from tripwatt.forecasting import ForecastModel
 from tripwatt.parallel import one_blas_thread
 from tripwatt.synthetic import synthetic_fleet
@@ -67,4 +69,14 @@ def test_a_forecast_and_its_update_calculate_with_one(monkeypatch: pytest.Monkey
     found.update_since_departure(samples)
     assert {name for name, _ in seen} == {"segment_table", "held_out_residual", "updated_power"}
     assert all(threads == {1} for _, threads in seen)
+    assert blas_threads() == {2}
+
+
+def test_a_fold_of_an_evaluation_calculates_with_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    seen = []
+    original = Task.run
+    monkeypatch.setattr(Task, "run", lambda self: (seen.append(blas_threads()), original(self))[1])
+    evaluate(synthetic_fleet(3), models=["constant"], execution=Execution(n_jobs=1))
+    assert seen
+    assert all(threads == {1} for threads in seen)
     assert blas_threads() == {2}

@@ -445,10 +445,10 @@ def told(result):
 def test_a_drive_has_a_kilometre_and_two_minutes():
     assert len(audit([log(jagged(121))]).trips) == 1
     short = audit([log(jagged(120))])
-    assert told(short) == [("Log", 0.0, 119.0, "set aside", "1190 m in 119 s: shorter than 1000 m or 120 s")]
+    assert told(short) == [("Log", 0.0, 119.0, "set aside", "1190 m in 119 s: shorter than 120 s")]
     assert len(audit([log(jagged(201, 5.0))]).trips) == 1
     slow = audit([log(jagged(200, 5.0))])
-    assert slow.set_aside == {"Log": "995 m in 199 s: shorter than 1000 m or 120 s"}
+    assert slow.set_aside == {"Log": "995 m in 199 s: shorter than 1000 m"}
     assert str(slow) == "0 drives out of 1 logs are used, 1 are not"
 
 
@@ -491,7 +491,7 @@ def test_fifty_metres_beside_a_cut_are_a_drive():
     ]
     assert [(t.trip_id, len(t), t.context.follows_trip) for t in result.trips] == [("Log", 301, False)]
     result = audit([log(gapped(6, 301))])
-    assert result.set_aside == {"Log-1": "50 m in 5 s: shorter than 1000 m or 120 s"}
+    assert result.set_aside == {"Log-1": "50 m in 5 s: shorter than 1000 m, 120 s"}
     assert [(t.trip_id, t.context.follows_trip) for t in result.trips] == [("Log-2", True)]
     behind = audit([log(gapped(301, 5))])
     assert [f[3] for f in told(behind)] == ["trimmed", "trimmed"]

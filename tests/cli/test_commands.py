@@ -204,13 +204,17 @@ def test_output_without_permission_is_refused_before_any_work(
 def evaluated(tables: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Answer]:
     """One run to its end, drawn, in a folder that does not exist yet."""
     out = tmp_path_factory.mktemp("evaluated") / "new" / "out"
-    models = "constant,linear4,physics-paper,physics"
+    models = (
+        "constant,linear4,physics-paper",
+        "--models",
+        "physics",
+    )  # an option that is given twice counts twice
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("tripwatt.report.html.PNG_DPI", 40)
         patch.setattr("matplotlib.layout_engine.ConstrainedLayoutEngine.execute", lambda self, figure: None)
         answer = answered(
             "evaluate", tables, "--dataset", "table", "--vehicle", "bmw_i3_94ah", "--set", "mass=1250",
-            "--models", models, "--out", out, "--json", "--jobs", 1,
+            "--models", *models, "--out", out, "--json", "--jobs", 1,
         )  # fmt: skip
     return out, answer
 

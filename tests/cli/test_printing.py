@@ -7,6 +7,7 @@ import pytest
 from rich.console import Console
 
 from tripwatt.cli import printing
+from tripwatt.trips import Flag
 
 
 @pytest.mark.parametrize("width", [20, 40, 200])
@@ -26,3 +27,12 @@ def test_a_narrow_terminal_cuts_no_number(monkeypatch: pytest.MonkeyPatch, width
 def test_a_space_that_does_not_break_is_a_space(capsys: pytest.CaptureFixture[str]) -> None:
     printing.print_table("Changes", ("cause",), [("road load (100\u00a0%)",)])
     assert "road load (100 %)" in capsys.readouterr().out
+
+
+def test_notes_of_one_kind_are_one_line() -> None:
+    many = [Flag("speed_rebuilt", f"drive{number}", 1.0, "s") for number in range(58)]
+    other = Flag("battery_empty", "battery", 120.0, "wh")
+    first, second = printing.grouped([*many, other])
+    assert first.startswith("drive0")
+    assert first.endswith(" (and 57 more like it)")
+    assert "more like it" not in second

@@ -97,9 +97,10 @@ def test_progress_without_a_terminal_is_few_plain_lines() -> None:
         advance(finished, 100)
     assert lines[0] == "0 of 100 folds finished after 0 s"
     assert lines[-1] == "100 of 100 folds finished after 20 s"
-    times = [int(line.split()[-2]) for line in lines]
+    times = [int(line.partition(" after ")[2].split()[0]) for line in lines]
     assert all(b - a >= 5 for a, b in itertools.pairwise(times[:-1]))
     assert 4 <= len(lines) <= 6
+    assert all(line.endswith(" s, about 1 min left") for line in lines[1:-1])
     stream = io.StringIO()
     with progress(Console(file=stream)) as report:
         report(0, 7)
@@ -107,6 +108,19 @@ def test_progress_without_a_terminal_is_few_plain_lines() -> None:
     assert stream.getvalue().splitlines() == [
         "0 of 7 folds finished after 0 s",
         "7 of 7 folds finished after 0 s",
+    ]
+
+
+def test_the_time_left_follows_from_the_folds_of_this_run_alone() -> None:
+    now = [0.0]
+    lines: list[str] = []
+    advance = progress_lines(lines.append, clock=lambda: now[0])
+    advance(900, 1000)  # of an earlier run
+    now[0] = 120.0
+    advance(920, 1000)
+    assert lines == [
+        "900 of 1000 folds finished after 0 s",
+        "920 of 1000 folds finished after 120 s, about 8 min left",
     ]
 
 

@@ -1,5 +1,7 @@
 """Evaluations with trips, cars, models and splits of one's own."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
@@ -267,3 +269,28 @@ def test_finished_folds_of_an_equal_model_from_outside_are_used_again(fleet, tmp
     assert folds(HistGradientBoostingRegressor(max_iter=3), resume=False) == (0, 9)
     assert folds(HistGradientBoostingRegressor(max_iter=3), resume=True) == (9, 9)
     assert folds(HistGradientBoostingRegressor(max_iter=4), resume=True) == (0, 9)
+
+
+def test_groups_without_dates_are_noted(fleet):
+    undated = [replace(trip, context=replace(trip.context, started_at=None)) for trip in fleet.trips]
+
+    def notes(trips, splitter, **more):
+        given = {"models": ["constant"], "execution": HERE} | more
+        run = tw.evaluate(trips, "bmw_i3_60ah", hold_outs=splitter, **given)
+        return [note for note in map(str, run.results["notes"]) if "a group of its own" in note]
+
+    said = "GroupKFold: fewer than three dates of trips are known: each trip is a group of its own"
+    assert notes(undated, GroupKFold(9)) == [said]
+    assert notes(undated, GroupKFold(9), protocol="forecast") == [said]
+    assert notes(undated, KFold(3)) == []
+    assert notes(fleet.trips, GroupKFold(3)) == []
+
+
+def test_the_car_is_the_second_argument_as_of_a_fit(fleet):
+    heavy = tw.load_vehicle("bmw_i3_60ah", overrides={"mass": 2000.0})
+    given = {"models": ["physics"], "hold_outs": ONE, "execution": HERE}
+    one, two = (
+        tw.evaluate(fleet, car, **given).folds["predicted_energy_wh"] for car in (heavy, "bmw_i3_60ah")
+    )
+    assert (one > two).all()
+    assert tw.fit(fleet.trips, heavy, corrector="linear").vehicle.body == heavy.body

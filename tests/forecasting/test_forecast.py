@@ -557,6 +557,26 @@ def test_intervals_quantiles_and_probabilities(forecast):
     assert forecast.quantile(0.5) == pytest.approx(TOTAL_WH, **EXACT)
 
 
+@pytest.mark.parametrize("kind", ["interval", "soc_interval"])
+def test_no_interval_holds_every_trip(forecast, kind):
+    interval = getattr(forecast, kind)
+    low, high = interval(0.999)
+    assert low < high
+    for level in (1, 1.0):
+        with pytest.raises(InvalidInput, match="no interval holds every trip: level"):
+            interval(level)
+
+
+def test_the_least_of_a_road_of_unknown_heights_is_that_of_a_descent():
+    link = {"length_m": 20_000.0, "speed_m_s": 15.0}
+    known = tw.Departure(soc=0.8, ambient_temperature_degc=5.0)
+    unknown, level = (tw.forecast(tw.read_route([road]), known) for road in (link, link | {"grade": 0.0}))
+    assert unknown.interval(0.9999)[0] < 0.0 < level.interval(0.9999)[0]
+    assert f"{level!r}".endswith(f", {len(level.flags)} flags>")
+    assert repr(dataclasses.replace(level, flags=())).endswith("%>")
+    assert repr(dataclasses.replace(level, flags=level.flags[:1])).endswith(", 1 flag>")
+
+
 def test_a_low_energy_stays_above_the_least_of_the_road(forecast):
     least = LEAST_WH.sum()
     straight, rest = 0.75 * (TOTAL_WH - least), 0.25 * (TOTAL_WH - least)

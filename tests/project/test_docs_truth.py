@@ -14,6 +14,9 @@ from typing import Any
 import pytest
 import typer.main
 from tests.support import ROOT
+from tools import DOCS
+from tools.docs import make_results, write_citation
+from tools.docs.pages import of_page
 
 from tripwatt.cli import app
 
@@ -200,3 +203,22 @@ def test_every_kind_of_dead_name_is_found(tmp_path: Path) -> None:
         "tripwatt mapping guess",
         "tripwatt nothing",
     ]
+
+
+def test_the_times_of_whole_runs_are_those_of_the_list_of_results() -> None:
+    minutes = {result.name: result.minutes for result in make_results.RESULTS}
+    page = " ".join((DOCS / "explanation" / "evaluation.md").read_text("utf-8").split())
+    said = f"`paper` takes about {minutes['paper']:g} min and all of `forecast` about {minutes['forecast']:g} min"
+    assert said in page
+
+
+def test_the_entries_to_cite_are_those_of_the_citation_file() -> None:
+    shown = of_page("reference/citing.md", "bibtex")
+    assert shown == write_citation.bibtex(), "python -m tools.docs.write_citation"
+    assert [line.split("{")[0] for line in shown.splitlines() if line.startswith("@")] == [
+        "@software",
+        "@article",
+        "@dataset",
+    ]
+    assert "10.21227/6jr9-5235" in shown
+    assert "arXiv:2405.10984" in shown

@@ -54,6 +54,7 @@ FOLLOWS = {
     "docs/index.md": {"results"},
     "docs/explanation/results.md": {"paper", "forecast", "links"},
     "docs/explanation/paper.md": {"paper-page"},
+    "docs/reference/citing.md": {"bibtex"},
     "docs/explanation/evaluation.md": {"coverage"},
     "docs/explanation/uncertainty.md": {"coverage"},
     "docs/explanation/car-model.md": {"parameters"},

@@ -342,3 +342,25 @@ def test_table_cells_are_those_of_the_results(view: View) -> None:
     assert row["The paper [%]"] == "10.3"
     for other in (table, trips.trips_table(view), paired.paired_table(view), results_table.sets_table(view)):
         assert {len(cells) for cells in other.rows} == {len(other.columns)}
+
+
+def test_one_model_is_compared_with_nothing() -> None:
+    def shown(*names: str) -> View:
+        score = {"mape": 0.1, "mape_ci95": [0.08, 0.12], "rmse_wh": 500.0}
+        models = {name: score | {"mape": 0.1 + 0.01 * place} for place, name in enumerate(names)}
+        main = {"scheme": "leave_one_trip_out", "trips": "audited", "n_trips": 9, "models": models}
+        return View({"protocol": "paper", "models": dict.fromkeys(names, ""), "evaluations": [main]})
+
+    for name in ("boosting", "constant"):
+        one = shown(name)
+        legend = results_table.legend.content(one)
+        assert legend is not None
+        said = [mean_errors.on_intervals(one), results_table.on_lowest(one), legend.sentence]
+        assert not re.search(r"of the other|hybrids|lowest|1 models", " ".join(said)), said
+    two = shown("boosting", "forest")
+    assert "1 of the other 1 intervals" in mean_errors.on_intervals(two)
+    assert results_table.on_lowest(two).startswith("Of the hybrids, Hybrid boosting has the lowest")
+    assert results_table.on_lowest(shown("boosting", "constant")).startswith(
+        "The mean error of Hybrid boosting is 10"
+    )
+    assert results_table.on_lowest(shown("constant", "linear4")).startswith("Constant Wh/km has the lowest")

@@ -238,7 +238,7 @@ def test_a_column_of_the_vehicle_is_proposed(tmp_path: Path) -> None:
     table = pd.DataFrame({**HEADERS["letters"](drive()), "VIN": "W1V44781313000001", "driver": "anna"})
     table.to_csv(tmp_path / "log.csv", index=False)
     proposal = suggest_mapping(tmp_path / "log.csv")
-    assert '[trip]\nvehicle = "VIN"\n' in proposal.toml
+    assert '[trip]\nvehicle = "VIN"  # 1 in this file\n' in proposal.toml
     assert "VIN" not in proposal.unused
     mapping = parse_mapping(proposal.toml.replace("[trip]\n", '[trip]\ndriver = "driver"\n'), "proposed")
     (log,) = read_table(tmp_path / "log.csv", mapping).logs
@@ -249,3 +249,19 @@ def test_a_column_of_the_vehicle_is_proposed(tmp_path: Path) -> None:
     table.to_csv(tmp_path / "log.csv", index=False)
     (both,) = read_table(tmp_path / "log.csv", mapping).logs
     assert both.context.driver is None
+
+
+def test_the_column_of_the_vehicle_is_proposed_with_that_of_the_trip(tmp_path: Path) -> None:
+    parts = []
+    for car in (10, 541):
+        d = drive()
+        signals = {"Speed [km/h]": d.v * 3.6, "Current [A]": d.i, "Voltage [V]": d.u + (car == 10)}
+        parts.append(pd.DataFrame({"VehId": car, "Trip": 7, "Time [s]": d.t, **signals}))
+    file = tmp_path / "two.csv"
+    pd.concat(parts).to_csv(file, index=False)
+    found = suggest_mapping(file)
+    assert "VehId" not in found.unused
+    assert '[trip]\ncolumn = "Trip"\nvehicle = "VehId"  # 2 in this file' in found.toml
+    fleet = read_table(file, parse_mapping(found.toml, "m"))
+    assert [trip.trip_id for trip in fleet.trips] == ["10-7", "541-7"]
+    assert [len(trip) for trip in fleet.trips] == [len(d), len(d)]

@@ -27,7 +27,7 @@ SENTENCES: Final = (
         "## Install from a clone\n\nYou need Python 3.11 or newer and `make`.\n",
         "## Install\n\n`pip install tripwatt`, with Python 3.11 or newer. In a clone, with `make`:\n",
     ),
-    ("(`pip install .` in a clone)", "(`pip install tripwatt`)"),
+    ("(`pip install -e .` in a clone)", "(`pip install tripwatt`)"),
 )
 """Sentences about a clone, and those about an index in their place."""
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, Final
 
-from tools.docs.tables import markdown
+from tools.docs.tables import markdown, on_names
 from tripwatt.evaluation.paper_studies import CURVE_MODELS
 from tripwatt.paper.correctors import SIMULATION
 from tripwatt.report.covariates import term_in_words
@@ -59,6 +59,12 @@ VARIABLES: Final = (
     ("Battery voltage", "`voltage_v` [V]"),
 )
 """The paper's Table 1, and where each variable is here."""
+
+MACHINE: Final = (
+    "The times here are wall times on a machine of two cores with a process on each. Linear algebra has one thread in each, to which `evaluate` limits it: "
+    "several threads wait for each other on matrices of this size."
+)
+"""What the times of a published run stand for (`tools.docs.make_results`)."""
 
 PAPER_TRIP_DF: Final = 57
 """Reference df of s(Trip.id) in the paper's Table 2."""
@@ -183,14 +189,14 @@ def _panel(spec: PanelSpec) -> Callable[[View, Cars], str]:
 
 
 def _table3(view: View, cars: Cars) -> str:
-    return "\n\n".join([markdown(results_table(view, view.main)), on_physics_gap(view)])
+    parts = [markdown(results_table(view, view.main)), on_physics_gap(view), on_names(view)]
+    return "\n\n".join(filter(None, parts))
 
 
 def _times(view: View, cars: Cars) -> str:
     said = [f"{label(name)}: {words}." for name, words in PAPER_SAYS.items()]
-    return "\n\n".join(
-        [f"The paper prints no time. Its words on the {' '.join(said)}", markdown(running_time_table(view))]
-    )
+    words = f"The paper prints no time. Its words on the {' '.join(said)} {MACHINE}"
+    return "\n\n".join([words, markdown(running_time_table(view))])
 
 
 def _trips(view: View, cars: Cars) -> str:

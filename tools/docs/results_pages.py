@@ -13,7 +13,7 @@ from typing import Any, Final
 
 from tools.docs.links_page import render_links
 from tools.docs.paper_page import render_paper_page
-from tools.docs.tables import markdown
+from tools.docs.tables import markdown, on_names
 from tripwatt.errors import InvalidInput
 from tripwatt.evaluation import DEFAULT_PROTOCOL
 from tripwatt.files import write_bytes
@@ -32,6 +32,7 @@ from tripwatt.report.panels.updates import on_updates, updates_table
 from tripwatt.report.short_table import short_table
 from tripwatt.report.tables import number
 from tripwatt.report.view import View
+from tripwatt.vehicles import load_vehicle
 
 _SYNTHETIC: Final = (
     "**These trips are synthetic: they show that the pipeline works, not how good it is on a road.**"
@@ -53,12 +54,12 @@ def render_short(results: Mapping[str, Any]) -> str:
         filter(
             None,
             [
-                "The best model of each kind and the forecast, on trips that they were not fitted on",
+                "The best model of each kind and, in bold, the forecast that tripwatt gives, on trips that they were not fitted on",
                 view.given,
             ],
         )
     )
-    return "\n\n".join([*parts, " ".join(filter(None, [f"{given}.", on_parts(view)]))])
+    return "\n\n".join([*parts, " ".join(filter(None, [f"{given}.", on_parts(view), on_names(view)]))])
 
 
 def render_paper(results: Mapping[str, Any]) -> str:
@@ -70,7 +71,7 @@ def render_paper(results: Mapping[str, Any]) -> str:
         The contract of `results.json`.
     """
     view = View(results)
-    said = [on_lowest(view), on_paper(view)]
+    said = [on_lowest(view), on_paper(view), on_names(view)]
     if view.synthetic:
         said.insert(0, _SYNTHETIC)
     parts = [" ".join(said), markdown(results_table(view, view.main)), markdown(sets_table(view))]
@@ -106,7 +107,7 @@ def forecast_sentences(view: View) -> list[str]:
         return []
     width = view.focus["interval_width_wh"].get("0.9")
     mean = "" if width is None else f" The mean width of the 90 % interval is {number(width, 1e-3)} kWh."
-    return [on_table(view), f"{on_coverage(view)}{mean}", on_updates(view)]
+    return [on_table(view), f"{on_coverage(view)}{mean}", on_updates(view), on_names(view)]
 
 
 def _origin(results: Mapping[str, Any]) -> str:
@@ -166,8 +167,12 @@ def update_results_page(results: Mapping[str, Any], page_path: Path) -> None:
 
 
 def update_coverage(results: Mapping[str, Any], page_path: Path) -> None:
-    """Replace what stands between the markers `coverage` of a page by what the intervals of the forecast held."""
-    _between(page_path, "coverage", on_sets(View(results)))
+    """Replace what stands between the markers `coverage` of a page by what the intervals of the forecast held, and of which car."""
+    car, sets = load_vehicle(results["vehicle"]).title, len(results["evaluations"])
+    cut = (
+        f"All sets are cut from the trips of one car, a {car}: they are {sets} ways to divide the same trips."
+    )
+    _between(page_path, "coverage", f"{on_sets(View(results))} {cut}")
 
 
 def update_paper_page(

@@ -2,9 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Final
 
 from tripwatt.report.tables import Table
+from tripwatt.report.view import View
+from tripwatt.report.words import label
+
+SHARED: Final = ("boosting-only", "linear4", "linear6")
+"""Models of both protocols that take something else in each."""
+DIFFERS: Final[Mapping[str, str]] = {
+    "forecast": "the protocol `paper` has other models of the same name. Here the boosting learns the power of segments, and the linear models take the "
+    "temperature at departure; there it learns the energy since departure, and they take the mean temperature of the trip",
+    "paper": "the protocol `forecast` has other models of the same name. Here the boosting learns the energy since departure, and the linear models take "
+    "the mean temperature of the trip; there it learns the power of segments, and they take the temperature at departure",
+}
+
+
+def on_names(view: View) -> str:
+    """Which models of the run share their name with another model, and how they differ; empty where none does."""
+    names = [label(name) for name in SHARED if name in view.scores]
+    differs = DIFFERS.get(view.protocol.name)
+    return f"*{'*, *'.join(names)}*: {differs}." if names and differs else ""
 
 
 def markdown(table: Table) -> str:

@@ -269,9 +269,11 @@ def _judge_leg(leg: Recorded) -> tuple[Recorded, list[Finding]]:
     mended = leg.with_samples(samples)
     for rule in (consistency.unit_findings, consistency.offset_findings, consistency.energy_error_findings):
         findings += rule(mended)
-    if mended.distance_m < SHORTEST_LEG_M or mended.duration_s < SHORTEST_LEG_S:
-        what = f"{mended.distance_m:.0f} m in {mended.duration_s:.0f} s: shorter than "
-        what += f"{SHORTEST_LEG_M:g} m or {SHORTEST_LEG_S:g} s"
+    short = [f"{SHORTEST_LEG_M:g} m"] * (mended.distance_m < SHORTEST_LEG_M)
+    short += [f"{SHORTEST_LEG_S:g} s"] * (mended.duration_s < SHORTEST_LEG_S)
+    if short:
+        least = ", ".join(short)
+        what = f"{mended.distance_m:.0f} m in {mended.duration_s:.0f} s: shorter than {least}"
         findings.append(whole(samples, name, what, "set aside"))
     faults = (*structure_faults(samples, name), *value_faults(samples, name))
     findings += [whole(samples, name, f"{f.what}: {f.got}", "set aside") for f in faults]

@@ -52,10 +52,10 @@ def evaluate(
         Path | None, option("DATA", "Fit on DATA and score on these trips. Only with --protocol forecast.")
     ] = None,
     models: Annotated[
-        str | None, option("NAME,NAME", "Models to evaluate. Default: all models of the protocol.")
+        list[str] | None, option("NAME,NAME", "Models to evaluate. Default: all models of the protocol.")
     ] = None,
     hold_outs: Annotated[
-        str | None,
+        list[str] | None,
         option(
             "NAME,NAME",
             "Hold-outs to run, for example leave_one_trip_out:reference. Default: all of the protocol, and the studies beside it.",
@@ -91,8 +91,8 @@ def evaluate(
       tripwatt evaluate data/tum --protocol forecast
       # forecast each car of a file as one that nobody has seen, from all others
       tripwatt evaluate cars.toml --protocol cars
-      # one model on one hold-out
-      tripwatt evaluate data/tum --models boosting --hold-outs leave_one_trip_out:reference
+      # the paper's Table 3 alone
+      tripwatt evaluate data/tum --models physics-paper,gamm,forest,boosting --hold-outs leave_one_trip_out:reference
       # continue an interrupted run
       tripwatt evaluate data/tum --resume
     """
@@ -102,8 +102,8 @@ def evaluate(
             "--dataset": dataset,
             "--mapping": mapping,
             "--test": test,
-            "--models": models,
-            "--hold-outs": hold_outs,
+            "--models": models and ",".join(models),
+            "--hold-outs": hold_outs and ",".join(hold_outs),
             "--vehicle": vehicle,
         }
         _without_effect({**others, "--set": overrides, "--resume": resume or None})
@@ -135,8 +135,9 @@ def evaluate(
     _show(run, out, lead, as_json=as_json)
 
 
-def _names(option: str | None) -> list[str] | None:
-    return None if option is None else [name.strip() for name in option.split(",") if name.strip()]
+def _names(options: list[str] | None) -> list[str] | None:
+    """Names of an option that may be given several times, each with several names."""
+    return [name.strip() for name in ",".join(options).split(",") if name.strip()] if options else None
 
 
 def _without_effect(given: dict[str, Any]) -> None:

@@ -21,7 +21,7 @@ from tripwatt.cli.options import (
     option,
     read_logs,
 )
-from tripwatt.cli.printing import console, print_json, print_notes, progress
+from tripwatt.cli.printing import console, grouped, print_json, print_notes, progress
 from tripwatt.errors import Check, Fault, InvalidInput
 
 if TYPE_CHECKING:
@@ -163,4 +163,4 @@ def _show_fit(
         f"held-out trips: mean error {figures['mape']:.1%}, RMSE {figures['rmse_wh'] / 1000.0:.3f} kWh, "
         f"{figures['given']}"
     )
-    print_notes(notes)
+    print_notes([*grouped(fleet.notes), *notes[len(fleet.notes) :]])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 import sys
 import time
@@ -99,10 +100,18 @@ MOST_GROUPS: Final = 12
 """Kinds of faults and notes that are listed."""
 
 
+def grouped(flags: Iterable[Flag]) -> list[str]:
+    """Sentences of flags, one for each kind, with the number of those like it."""
+    from tripwatt.trips.messages import message
+    from tripwatt.trips.reading import alike
+
+    kinds = alike((flag.code, flag.subject, 1, message(flag)) for flag in flags)
+    return [f"{k.example} (and {k.count - 1} more like it)" if k.count > 1 else k.example for k in kinds]
+
+
 def print_reading(fleet: Fleet, result: Audit, *, every: bool = False) -> None:
     """What was read and what was left out, a line for each kind, on standard error; with `every`, one by one."""
-    from tripwatt.trips.messages import message
-    from tripwatt.trips.reading import ReadingReport, alike
+    from tripwatt.trips.reading import ReadingReport
 
     shown, report = console(), fleet.report or ReadingReport(())
     if report.files:
@@ -122,9 +131,7 @@ def print_reading(fleet: Fleet, result: Audit, *, every: bool = False) -> None:
         *report.groups(),
         *(group for consequence, group in result.groups() if consequence == "set aside"),
     ]
-    flags = alike((flag.code, flag.subject, 1, message(flag)) for flag in fleet.notes)
-    likes = (f" (and {flag.count - 1} more like it)" if flag.count > 1 else "" for flag in flags)
-    lines = [*map(str, groups), *(flag.example + like for flag, like in zip(flags, likes, strict=True))]
+    lines = [*map(str, groups), *grouped(fleet.notes)]
     more = [f"{len(lines) - MOST_GROUPS} more kinds (--notes lists all)"] if len(lines) > MOST_GROUPS else []
     print_notes([*lines[:MOST_GROUPS], *more])
 
@@ -156,7 +163,7 @@ def progress_lines(
     every_s: float = PROGRESS_EVERY_S,
     clock: Callable[[], float] = time.monotonic,
 ) -> Callable[[int, int], None]:
-    """A function of (finished, all) that writes plain lines: the first, the last, and few between.
+    """A function of (finished, all) that writes plain lines: the first, the last, and few between, with the time left.
 
     Parameters
     ----------
@@ -171,13 +178,18 @@ def progress_lines(
     """
     started = clock()
     last: list[float] = []
+    first: list[int] = []  # finished before: of an earlier run
 
     def advance(finished: int, total: int) -> None:
         now = clock()
+        first[:] = first or [finished]
         if last and finished < total and now - last[0] < every_s:
             return
         last[:] = [now]
-        write(f"{finished} of {total} {what} finished after {now - started:.0f} s")
+        done = finished - first[0]
+        left_s = (now - started) / done * (total - finished) if done else 0.0
+        left = f", about {math.ceil(left_s / 60.0)} min left" if left_s else ""
+        write(f"{finished} of {total} {what} finished after {now - started:.0f} s{left}")
 
     return advance
 

@@ -17,7 +17,7 @@ from tripwatt.evaluation.comparison import Comparison
 from tripwatt.evaluation.held_out_forecasts import HeldOutForecasts
 from tripwatt.evaluation.hold_outs import Split
 from tripwatt.evaluation.tasks import FoldResult, Task
-from tripwatt.parallel import map_unordered
+from tripwatt.parallel import map_unordered, one_blas_thread
 
 Progress = Callable[[int, int], None]
 """Called with (finished splits, all splits)."""
@@ -92,8 +92,9 @@ def run_folds(
     ]
 
 
+@one_blas_thread
 def _run(task: Task) -> list[FoldResult]:
-    """Importable by name, for other processes."""
+    """Importable by name, for other processes. Threads of BLAS wait for each other longer than they calculate."""
     return task.run()
 
 

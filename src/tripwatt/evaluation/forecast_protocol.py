@@ -246,7 +246,7 @@ def _held_out(
         splits = list(wanted.split(main, data.table, data, sets[main]))
         _require(min(len(split.train) for hold_out in splits for split in hold_out.splits), fleet)
         hold_outs += splits
-    return wanted.in_order(hold_outs), [*notes, *more] if wanted.chosen is None else []
+    return wanted.in_order(hold_outs), [*notes, *more] if wanted.chosen is None else wanted.notes(sets[main])
 
 
 def _hold_out(

@@ -35,6 +35,7 @@ MIN_DAYS: Final = 3
 """Fewest days of which one is left out at a time."""
 
 WITHOUT_DAYS: Final = "leave-one-day-out left out: the dates of the trips are unknown or fewer than three"
+WITHOUT_GROUPS: Final = "fewer than three dates of trips are known: each trip is a group of its own"
 
 D = TypeVar("D")
 """What the models of a protocol need of trips."""
@@ -445,6 +446,27 @@ class HoldOutChoice:
             if not any(name in each for each in spelt.values())
         )
         return [pair for pair in known if spelt[pair] & set(names)]
+
+    def notes(self, trips: Sequence[Trip]) -> list[str]:
+        """Name the splitters of groups that get no days, because the trips have none.
+
+        Parameters
+        ----------
+        trips : sequence of Trip
+            Those that are split.
+
+        Returns
+        -------
+        list of str
+            A note for each.
+
+        Examples
+        --------
+        >>> HoldOutChoice(("reference",)).notes([])
+        []
+        """
+        grouped = [label for label in self.labels if "Group" in label and days_of(trips) is None]
+        return [f"{label}: {WITHOUT_GROUPS}" for label in grouped]
 
     def split(self, trips: str, table: TripTable, data: D, recorded: Sequence[Trip]) -> Iterator[HoldOut[D]]:
         """Make a hold-out for each splitter, over the trips of a set.

@@ -216,7 +216,7 @@ def _hold_outs(
         hold_outs.append(HoldOut.from_folds(scheme, name, tables[name], None, folds))
     if wanted.splits:
         hold_outs += wanted.split(main, tables[main], None, sets[main])
-    notes.extend(hold_outs[0].table.notes)
+    notes += [*hold_outs[0].table.notes, *wanted.notes(sets[main])]
     return wanted.in_order(hold_outs), notes
 
 

@@ -60,10 +60,10 @@ def find_protocol(name: str) -> EvaluationProtocol:
 
 def evaluate(
     trips: Fleet | Sequence[Trip] | Path | str,
+    vehicle: Vehicle | CarChoice | Path | str = "bmw_i3_60ah",
     *,
     protocol: str | EvaluationProtocol = DEFAULT_PROTOCOL,
     models: Sequence[AnyModel] | Mapping[str, AnyModel] | None = None,
-    vehicle: Vehicle | CarChoice | Path | str = "bmw_i3_60ah",
     hold_outs: HoldOuts | None = None,
     seed: int = 0,
     test_fleet: Fleet | None = None,
@@ -76,15 +76,15 @@ def evaluate(
     trips : Fleet, sequence of Trip, or path
         Trips of one car as they were recorded. A path is read as by `read_logs`, strictly; read other kinds of logs than
         those of TUM with `read_logs` first.
+    vehicle : Vehicle, str or path, or CarChoice
+        The car, its name, or the path of its TOML. A `CarChoice` has values that replace those of the car, also under a preset of
+        the protocol; the notes of the run name them.
     protocol : {"paper", "forecast"} or EvaluationProtocol
         Which models, which trips are held out, and what is scored.
     models : sequence, or mapping of str to model, optional
         Names of some of the protocol's models, and models from outside: a regressor of scikit-learn's kind as a corrector, an
         object with ``fit(table)`` and ``predict(table)`` as a corrector on segments (protocol "forecast"), or one with
         ``fit(trips)`` and ``predict(trip)`` as a whole model. A mapping names their rows. All of the protocol by default.
-    vehicle : Vehicle, str or path, or CarChoice
-        The car, its name, or the path of its TOML. A `CarChoice` has values that replace those of the car, also under a preset of
-        the protocol; the notes of the run name them.
     hold_outs : str, splitter, or sequence of them, optional
         Which hold-outs run: a scheme ("leave_one_trip_out"), a set of trips ("reference"), both ("leave_one_trip_out:reference"),
         or a splitter of scikit-learn's kind over the trips of the main set, with their days as groups. The studies beside the

@@ -212,7 +212,8 @@ class Forecast:
         Parameters
         ----------
         level : float
-            Probability of the interval, 0 to 1.
+            Probability of the interval, 0 to less than 1. The `n` scores of held-out trips support up to ``n / (n + 1)``; beyond it
+            the interval grows as that of a t distribution.
 
         Returns
         -------
@@ -228,8 +229,7 @@ class Forecast:
         >>> round(low, 3) == round(forecast.quantile(0.05), 3), round(high, 3) == round(forecast.quantile(0.95), 3)
         (True, True)
         """
-        half = 0.5 * require_fraction("level", level)
-        low, high = quantiles(self, [0.5 - half, 0.5 + half])[0].tolist()
+        low, high = quantiles(self, _ends(level))[0].tolist()
         return low, high
 
     def probability_below(self, energy_wh: float) -> float:
@@ -300,7 +300,8 @@ class Forecast:
         Parameters
         ----------
         level : float
-            Probability of the interval, 0 to 1.
+            Probability of the interval, 0 to less than 1. The `n` scores of held-out trips support up to ``n / (n + 1)``; beyond it
+            the interval grows as that of a t distribution.
 
         Returns
         -------
@@ -316,8 +317,7 @@ class Forecast:
         >>> round(low, 6) == round(forecast.soc_quantile(0.05), 6), round(high, 6) == round(forecast.soc_quantile(0.95), 6)
         (True, True)
         """
-        half = 0.5 * require_fraction("level", level)
-        low, high = quantiles(self, [0.5 - half, 0.5 + half])[1].tolist()
+        low, high = quantiles(self, _ends(level))[1].tolist()
         return low, high
 
     def p_arrive(self, reserve: float = 0.0) -> float:
@@ -773,9 +773,11 @@ class Forecast:
 
     def __repr__(self) -> str:
         low, high = self.interval(BAND)
+        n = len(self.flags)
+        flags = f", {n} flag{'s' * (n > 1)}" if n else ""
         return (
             f"<Forecast {self.plan.trip_id}: {self.energy_wh / 1000.0:.2f} kWh, {BAND:.0%} interval "
-            f"{low / 1000.0:.2f} to {high / 1000.0:.2f} kWh, arrival with {self.soc_arrival:.0%}>"
+            f"{low / 1000.0:.2f} to {high / 1000.0:.2f} kWh, arrival with {self.soc_arrival:.0%}{flags}>"
         )
 
     def _repr_html_(self) -> str:
@@ -858,6 +860,20 @@ class Forecast:
 
     def _energy_at(self, time_s: float) -> float:
         return float(np.interp(time_s, self._ends_s, self.energy_along_wh))
+
+
+def _ends(level: float) -> tuple[float, float]:
+    """Probabilities below the ends of a central interval.
+
+    Raises
+    ------
+    InvalidInput
+        For a level that is no fraction, and for 1: errors have no bound.
+    """
+    half = 0.5 * require_fraction("level", level)
+    if half == 0.5:
+        raise InvalidInput.of("no interval holds every trip", "level", f"{level}", "0 to less than 1")
+    return 0.5 - half, 0.5 + half
 
 
 def quantiles(forecast: Forecast, p: Sequence[float]) -> tuple[FloatArray, FloatArray]:

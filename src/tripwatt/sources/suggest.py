@@ -70,7 +70,7 @@ AS_SHIPPED: Final = "as in the shipped mapping"
 _TRIP_NAME: Final = re.compile(
     r"^(trip|drive|journey|fahrt|ride|route|session|segment|track)( ?(id|no|nr|num|number|name|uid|uuid|index|idx))?$"
 )
-_VEHICLE_NAME: Final = re.compile(r"^(vin|(vehicle|car|fahrzeug)( ?(id|no|nr|name|vin))?)$")
+_VEHICLE_NAME: Final = re.compile(r"^(vin|(vehicle|veh|car|fahrzeug)( ?(id|no|nr|num|name|uid|vin))?)$")
 SPELLED: Final[Mapping[str, str]] = {
     unit.lower(): unit
     for unit in ("V", "mV", "kV", "A", "mA", "dA", "W", "kW", "PS", "degC", "degF", "K", "Nm")
@@ -153,7 +153,8 @@ def suggest_mapping(path: Path | str, names: Sequence[str] = (), beside: Sequenc
     if shipped is not None:
         guesses = _as_shipped(guesses, load_mapping(shipped), table, columns)
     vehicle = next((name for name in table.names if _VEHICLE_NAME.match(words(name))), None)
-    taken = {g.column for g in guesses.values()} | {trip or "", vehicle or ""}
+    keys = {trip or "", vehicle or ""}
+    taken = {g.column for g in guesses.values()} | keys
     flow = best_flow(
         _clock(guesses, columns, len(groups)),
         _drive_by_drive(guesses, columns, groups),
@@ -167,12 +168,13 @@ def suggest_mapping(path: Path | str, names: Sequence[str] = (), beside: Sequenc
     guesses = {ours: guesses[ours] for ours in column_names() if ours in guesses}
     guesses = _with_american_check(_with_speed_unit(guesses, flow))
     missing = tuple(_missing(guesses))
-    used = {g.column for g in guesses.values()} | {trip or "", vehicle or ""}
+    used = {g.column for g in guesses.values()} | keys
     unused = tuple(n for n in dict.fromkeys(table.names) if n and n not in used)
     settings = _file_settings(decimal, guesses, columns)
-    toml = _render(
-        path, guesses, flow, {"column": trip, "vehicle": vehicle}, missing, shipped, unused, settings
-    )
+    trips = [f"column = {_quote(trip)}"] if trip else []
+    if vehicle:
+        trips.append(f"vehicle = {_quote(vehicle)}  # {len(set(table.texts(vehicle)) - {''})} in this file")
+    toml = _render(path, guesses, flow, trips, missing, shipped, unused, settings)
     return Suggestion(toml, tuple(guesses.values()), missing, shipped, unused)
 
 
@@ -490,7 +492,7 @@ def _render(
     path: Path,
     guesses: Mapping[str, Guess],
     flow: Flow,
-    trip: Mapping[str, str | None],
+    trips: Sequence[str],
     missing: Sequence[str],
     shipped: str | None,
     unused: Sequence[str],
@@ -511,8 +513,8 @@ def _render(
         lines.append(f'{guess.ours} = {{ column = {name}, unit = "{unit}"{stamp} }}  # {_comment(guess.why)}')
     if flow.sign and {"current_a", POWER} & guesses.keys():
         lines += ["", "[current]", f'positive = "{flow.sign}"  # {flow.why_sign}']
-    if any(trip.values()):
-        lines += ["", "[trip]", *(f"{key} = {_quote(name)}" for key, name in trip.items() if name)]
+    if trips:
+        lines += ["", "[trip]", *trips]
     if POWER in guesses and "voltage_v" not in guesses:
         note = "assumed, because no voltage is logged; only the power is measured"
         lines += ["", "[battery]", f"nominal_voltage_v = {STAND_IN_V:g}  # {note}"]

@@ -27,6 +27,8 @@ def on_intervals(view: View) -> str:
     bounds = {m: models[m]["mape_ci95"] for m in view.models if models[m].get("mape_ci95")}
     if best not in bounds:
         return "No interval is known."
+    if len(bounds) == 1:
+        return f"The 95 % interval is that of {label(str(best))}, the only model of this run."
     top = bounds[best][1]
     above = [label(m) for m in bounds if m != best and bounds[m][0] > top]
     rest = len(bounds) - 1 - len(above)

@@ -34,7 +34,8 @@ def legend(view: View) -> Content | None:
         in_words("Name in the files", str),
         in_words("What it is", lambda name: model_style(name).meaning),
     )
-    return Content(f"{len(view.models)} models, the same trips for each.", tables=(table,))
+    n = len(view.models)
+    return Content("One model." if n == 1 else f"{n} models, the same trips for each.", tables=(table,))
 
 
 @panel("sets", "Other trips, other folds", wide=True)
@@ -66,10 +67,11 @@ def on_lowest(view: View) -> str:
     if best is None:
         return "No model was evaluated."
     models = view.scores
-    text = "Of the hybrids, " if model_style(best).kind == "hybrid" else ""
-    text += (
-        f"{label(best)} has the lowest mean error: {percent(models[best]['mape'])}{interval(models[best])}"
-    )
+    hybrid = model_style(best).kind == "hybrid"
+    rivals = [m for m in models if m != best and (model_style(m).kind == "hybrid" or not hybrid)]
+    text = f"{'Of the hybrids, ' if hybrid else ''}{label(best)} has the lowest mean error: "
+    text = text if rivals else f"The mean error of {label(best)} is "
+    text += f"{percent(models[best]['mape'])}{interval(models[best])}"
     if view.physics and view.physics != best:
         text += f". The mean error of {label(view.physics)} alone is {percent(models[view.physics]['mape'])}"
     lower = [m for m in view.models if m != best and (models[m].get("mape") or np.inf) < models[best]["mape"]]
