@@ -28,9 +28,11 @@ def test_without_a_folder_there_are_no_cars() -> None:
 
 
 def test_an_upload_is_named_by_letters_and_digits(tmp_path: Path) -> None:
-    (tmp_path / "uploads" / "good0001" / "tables").mkdir(parents=True)
+    for name in ("good0001", "empty001"):
+        (tmp_path / "uploads" / name / "tables").mkdir(parents=True)
+    (tmp_path / "uploads" / "good0001" / "tables" / "t00.csv").write_text("a\n1\n")
     assert uploaded(tmp_path, "good0001").name == "tables"
-    for name in ("..", "", "missing1", "../uploads/good0001"):
+    for name in ("..", "", "missing1", "empty001", "../uploads/good0001"):
         with pytest.raises(Problem):
             uploaded(tmp_path, name)
 
