@@ -11,11 +11,12 @@ from tripwatt.units import GRAVITY_M_S2
 from tripwatt.vehicles import load_vehicle
 
 CAR = load_vehicle("bmw_i3_60ah")
+MILD = Departure(ambient_temperature_degc=20.0)
 
 
 @pytest.fixture(scope="module")
 def mild():
-    return consumption_curve(CAR)
+    return consumption_curve(CAR, MILD)
 
 
 @pytest.fixture(scope="module")
@@ -86,7 +87,7 @@ def test_limits_of_tomtom(mild, cold):
 
 def test_correction_and_payload_count(mild):
     more = consumption_curve(
-        CAR, correction=lambda trip: 10.0 * trip.distance_m / 1000.0 + trip.duration_s / 36.0
+        CAR, MILD, correction=lambda trip: 10.0 * trip.distance_m / 1000.0 + trip.duration_s / 36.0
     )
 
     def whole(curve):

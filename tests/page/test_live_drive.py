@@ -153,6 +153,8 @@ def test_an_old_message_a_lost_stream_and_a_deleted_car_are_said(
         "plan": None,
         "usual_trip": None,
         "forecast": None,
+        "ambient_temperature_degc": None,
+        "flags": [],
         "faults": [{"what": "a charge that rises", "where": "soc"}],
     }
     new_car(keeper, cars, "old")

@@ -299,7 +299,7 @@ class Front:
     >>> of_road = front(problem, 10)
     >>> fastest, knee = of_road.cruises[0], of_road.knee
     >>> round(knee.duration_s / fastest.duration_s, 2), round(knee.energy_wh / fastest.energy_wh, 2)
-    (1.14, 0.8)
+    (1.14, 0.81)
     """
 
     cruises: tuple[Cruise, ...]

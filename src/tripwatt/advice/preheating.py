@@ -156,7 +156,8 @@ def preheating(
     >>> import tripwatt as tw
     >>> car, road = tw.load_vehicle("vw_id3"), tw.read_route([{"length_m": 30_000.0, "speed_m_s": 20.0}])
     >>> cold = road.with_departure(tw.Departure(ambient_temperature_degc=-5.0))
-    >>> preheating(car, cold, plug_w=0.0) is preheating(car, road) is None
+    >>> mild = road.with_departure(tw.Departure(ambient_temperature_degc=20.0))
+    >>> preheating(car, cold, plug_w=0.0) is preheating(car, mild) is None
     True
     """
     conditions = conditions_at_departure(vehicle, plan.departure, plan.air)

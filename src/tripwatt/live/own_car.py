@@ -36,14 +36,14 @@ if TYPE_CHECKING:
 
 FORMAT: Final = 1
 ABOUT: Final = "car.json"
-LIVE: Final = "live"
 LEFT_OUT: Final = "left-out.json"
 MOST_LEFT_OUT: Final = 100
 """Trips that are in no diary whose reasons are kept; the latest ones stay."""
+LIVE: Final = "live"
+"""Folder of what the car sends while it drives."""
 JOURNAL: Final = "journal.ndjson"
 TOKEN: Final = "token.json"
 """Files in `LIVE` of a car on the road, which may have no description."""
-"""Folder of what the car sends while it drives."""
 UPLOADS: Final = "uploads"
 """Folder of logs that were sent and are not learned yet."""
 VEHICLE: Final = "car.toml"
