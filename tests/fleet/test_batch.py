@@ -153,6 +153,18 @@ def test_a_batch_that_cannot_be_read_is_one_error(fleet, tmp_path):
     ]
 
 
+def test_a_column_whose_name_is_no_text_is_a_fault(tmp_path):
+    table = pa.table({"trip": ["a"], "vehicle_id": ["v"], "length_m": [1.0], "note": [1]})
+    pq.write_table(table, tmp_path / "in.parquet")
+    broken = (tmp_path / "in.parquet").read_bytes().replace(b"note", b"no\xffe")
+    (tmp_path / "in.parquet").write_bytes(broken)
+    with (
+        pytest.raises(InvalidInput, match="unreadable Parquet file"),
+        _opened(tmp_path / "in.parquet") as file,
+    ):
+        list(_batches(file, "in.parquet"))
+
+
 def test_what_was_read_of_the_input_is_not_kept(tmp_path):
     rows = 200_000
     pq.write_table(

@@ -12,6 +12,8 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 from tests.support.hostile_files import TARGETS, forged_models, fuzz
 from tests.support.service_fuzz import mutant
@@ -420,3 +422,10 @@ def test_damaged_statistics_of_a_column_do_not_end_the_interpreter(tmp_path: Pat
     assert body != example
     with contextlib.suppress(InvalidInput):
         target.read(body, tmp_path)
+
+
+def test_a_column_of_broken_text_is_a_fault(tmp_path: Path) -> None:
+    texts = pa.array([b"2026-01-12T0\xff:30", b"2026"], pa.binary()).view(pa.string())
+    pq.write_table(pa.table({"t": texts}), tmp_path / "a.parquet")
+    with pytest.raises(InvalidInput, match="unreadable Parquet file"):
+        open_table(tmp_path / "a.parquet").texts("t")

@@ -180,7 +180,7 @@ def _damage_told(where: str) -> Iterator[None]:
     """Errors of the reader as faults."""
     try:
         yield
-    except (OSError, pa.ArrowException) as error:
+    except (OSError, UnicodeDecodeError, pa.ArrowException) as error:
         got = (str(error).splitlines() or [type(error).__name__])[0][:160]
         raise InvalidInput.of(
             "unreadable Parquet file", where, got, "a Parquet file of links", WRITE_IT

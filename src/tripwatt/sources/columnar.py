@@ -171,7 +171,13 @@ class ParquetTable:
         return column
 
     def _column(self, name: str) -> pd.Series:
-        return pd.Series(self.read(name).to_pandas())
+        import pyarrow as pa
+
+        column = self.read(name)
+        try:
+            return pd.Series(column.to_pandas())
+        except (ValueError, pa.ArrowException) as error:  # a text that is no UTF-8
+            raise InvalidInput(_unreadable(self.path, error)) from error
 
     def numbers(self, names: Sequence[str]) -> list[FloatArray]:
         """Columns as float64, with every one that holds no numbers named."""
