@@ -37,6 +37,7 @@ from tripwatt.forecasting.storage import model_folder
 from tripwatt.journey.nights import read_planned
 from tripwatt.live import RoadCar, Sample, TopicJoiner, sample_from_abrp
 from tripwatt.live.journal import line_of
+from tripwatt.live.own_car import JOURNAL, LIVE
 from tripwatt.live.tokens import token_digest
 from tripwatt.routes import parse_route
 from tripwatt.routes.maps.folder import INDEX_NAME, INFO_NAME, open_map
@@ -261,8 +262,14 @@ def _message(example: bytes) -> tuple[str, bytes]:
     return topic.decode(), payload
 
 
+LONG_JOURNAL_BYTES: Final = 20_000
+
+
 def _kept_once(place: Path, sample: Sample) -> None:
-    """A sample that a car took is there after it was opened again, and counts once."""
+    """A sample that a car took is there after it was opened again, and counts once. A long journal is put away: each opening reads it."""
+    journal = place / LIVE / JOURNAL
+    if journal.is_file() and journal.stat().st_size > LONG_JOURNAL_BYTES:
+        shutil.rmtree(place)
     with RoadCar(place) as car:
         taken = car.add(sample, now_s=sample.time_s) == "new"
     with RoadCar(place) as car:
