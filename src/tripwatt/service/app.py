@@ -261,7 +261,7 @@ class Api:
             request, BATCH_TYPES, limits.batch_bytes, limits.body_timeout_s, splitter.take
         )
         lines = splitter.lines()
-        mark_old_names(request, lines[0])
+        mark_old_names(request, lines[0][: limits.body_bytes])  # a longer line is refused
         self._require_place_for_batch()  # another body may have been faster
         self.running_batches += 1
         return BatchResponse(forecast_lines(lines, self.pool, self.metrics, fields), self._end_batch)
