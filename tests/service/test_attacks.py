@@ -1,7 +1,6 @@
 """Clients that try to stall or exhaust the service: each is bounded, and others are served meanwhile."""
 
 import asyncio
-import resource
 import socket
 import time
 from pathlib import Path
@@ -298,23 +297,15 @@ def test_another_client_is_served_under_an_attack(service: Service, name: str) -
     assert seen.median_s < 1.0
 
 
-def test_idle_connections_beyond_the_limit_of_files_give_way(
-    tmp_path: Path,
-) -> None:
+def test_idle_connections_beyond_the_limit_of_files_give_way(tmp_path: Path) -> None:
     """The service may open 256 files; 400 connections send nothing, and others are answered."""
-    limits = resource.getrlimit(resource.RLIMIT_NOFILE)
-    resource.setrlimit(resource.RLIMIT_NOFILE, (256, limits[1]))
-    try:
-        with serving(tmp_path, "--workers", "1") as service:
-            resource.setrlimit(resource.RLIMIT_NOFILE, limits)
-            held = [socket.create_connection(("127.0.0.1", service.port), timeout=10) for _ in range(400)]
-            try:
-                seen = seen_by_another(service, 2.0)
-            finally:
-                for connection in held:
-                    connection.close()
-    finally:
-        resource.setrlimit(resource.RLIMIT_NOFILE, limits)
+    with serving(tmp_path, "--workers", "1", files=256) as service:
+        held = [socket.create_connection(("127.0.0.1", service.port), timeout=10) for _ in range(400)]
+        try:
+            seen = seen_by_another(service, 2.0)
+        finally:
+            for connection in held:
+                connection.close()
     assert seen.wrong == []
     assert seen.quantile_s(0.99) < 1.0
 

@@ -65,12 +65,14 @@ def free_port() -> int:
 
 
 @contextmanager
-def serving(folder: Path, *arguments: str, token: str = "") -> Iterator[Service]:
-    """`tripwatt serve` on a free port, ended when the block is left."""
+def serving(folder: Path, *arguments: str, token: str = "", files: int | None = None) -> Iterator[Service]:
+    """`tripwatt serve` on a free port, ended when the block is left; it may open so many `files`."""
     log = folder / f"log-{len(list(folder.iterdir()))}"
     environment = {k: v for k, v in os.environ.items() if k != "TRIPWATT_TOKEN"}
     environment |= {"TRIPWATT_TOKEN": token} if token else {}
     command = [sys.executable, "-m", "tripwatt.cli", "serve", "--port", "0", *arguments]
+    if files is not None:
+        command = ["sh", "-c", f'ulimit -n {files}; exec "$@"', "sh", *command]
     with log.open("wb") as error:
         process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=error, text=True, env=environment)
         try:
