@@ -122,12 +122,14 @@ class Served:
 
 
 @pytest.fixture
-def served(tmp_path: Path, jobs: Jobs, monkeypatch: pytest.MonkeyPatch) -> Served:
+def served(tmp_path: Path, jobs: Jobs, monkeypatch: pytest.MonkeyPatch) -> Iterator[Served]:
     with_cars = dataclasses.replace(jobs, cars=CarJobs(tmp_path))
     monkeypatch.setattr(Pool, "jobs", with_cars, raising=False)
     monkeypatch.setattr(Pool, "kinds", [], raising=False)
     monkeypatch.setattr(room, "WorkerPool", Pool)
-    return Served(tmp_path)
+    found = Served(tmp_path)
+    yield found
+    _cars(found).close()
 
 
 def _cars(served: Served) -> LiveCars:
