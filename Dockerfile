@@ -20,19 +20,23 @@ RUN python -m venv --without-pip /opt/tripwatt \
         --only-binary :all: --require-hashes -r "constraints/${PACKAGES}.txt"
 COPY pyproject.toml README.md LICENSE NOTICE ./
 COPY src ./src
-# what a server never imports is left out: figures, clusters, what built the package, tests, symbols, sources in C, Arrow's Flight and S3
+# what a server never imports is left out: figures, clusters, what built the package, tests, symbols, sources in C, types of others, Arrow's Flight and S3; bytecode is made of what it imports
 RUN /opt/pip/bin/pip --python /opt/tripwatt/bin/python install --no-cache-dir --disable-pip-version-check --no-deps --no-compile \
         --no-build-isolation . \
     && /opt/pip/bin/pip --python /opt/tripwatt/bin/python check \
     && /opt/pip/bin/pip --python /opt/tripwatt/bin/python uninstall --yes --quiet \
-        matplotlib contourpy cycler fonttools kiwisolver pillow dask distributed zict tornado \
+        matplotlib contourpy cycler fonttools kiwisolver pillow pyparsing \
+        dask distributed fsspec locket msgpack partd sortedcontainers tblib toolz tornado zict \
         hatchling editables pathspec pluggy trove-classifiers \
     && find /opt/tripwatt/lib -path '*/site-packages/*' -type d -name tests -prune -exec rm -rf {} + \
     && find /opt/tripwatt/lib -path '*/pyarrow/*' \( -name '*flight*' -o -name '*_s3*' -o -name 'libarrow_python.so' -o -name 'libarrow_python.so.*.*' \
         -o -name include \) -prune -exec rm -rf {} + \
     && find /opt/tripwatt/lib \( -name '*.pyx' -o -name '*.pxd' -o -name '*.pxi' -o -name '*.[ch]' -o -name '*.[ch]pp' \) -delete \
+    && find /opt/tripwatt/lib -name '*.pyi' -not -path '*/site-packages/tripwatt/*' -delete \
     && find /opt/tripwatt/lib -name '*.so*' -not -path '*.libs/*' -exec strip --strip-unneeded {} + \
-    && /opt/tripwatt/bin/python -m compileall -q /opt/tripwatt/lib
+    && /opt/tripwatt/bin/tripwatt serve --help >/dev/null \
+    && /opt/tripwatt/bin/python -c "import deltalake, lightgbm, uvicorn; from tripwatt.service import app, serving, settings, worker; app.create_app(settings.Settings())" \
+    && /opt/tripwatt/bin/python -m compileall -q "$(/opt/tripwatt/bin/python -c 'import tripwatt; print(tripwatt.__path__[0])')"
 
 FROM ${BASE} AS service
 # LightGBM's runtime, and a folder that the user may write to
