@@ -2,8 +2,8 @@
 
 Each TUM trip is forecast by a model of other trips and updated after 70 % of its time: from the display, from the battery management's charge with
 the display at departure, and from that charge alone. Printed are how far the charge at arrival is from the one that the display gives, how far from
-what the display shows at arrival, and how many 90 % intervals hold it; with the relation of both charges fitted to the other trips, and with a
-window of the display that knows nothing of the set.
+what the display shows at arrival, and how many 90 % intervals hold it; with the relation of both charges fitted to the other trips, with the
+window of the data sheet of a like car, and with none: the last two know nothing of the set.
 """
 
 from __future__ import annotations
@@ -31,13 +31,17 @@ NEAR = 0.5
 MEASURED = ["time_s", "speed_m_s", "voltage_v", "current_a"]
 SENT = {"display": True, "the display at departure": True, "no display": False}
 """What a sender has beside the battery management's charge -> whether the display at departure is known."""
-SCALES = ("fitted to other trips", "window without the set")
+SISTER = "bmw_i3_94ah"
+"""A car whose window is from the maker's data sheet, for one whose window was never compared with logs."""
+SCALES = ("fitted to other trips", "window of a data sheet", "no window")
 CHARGES = ("soc", "displayed_soc")
 
 
 def arrivals(forecast: Forecast, trip: Trip) -> FloatArray:
     """Charge at arrival and its 90 % interval, by what was sent, shape (3, 3)."""
-    samples = trip.samples[trip.samples["time_s"] - trip.samples["time_s"].iloc[0] <= DRIVEN * trip.duration_s]
+    samples = trip.samples[
+        trip.samples["time_s"] - trip.samples["time_s"].iloc[0] <= DRIVEN * trip.duration_s
+    ]
     rows = []
     for what, known in SENT.items():
         column = "displayed_soc" if what == "display" else "soc"
@@ -66,13 +70,13 @@ def rows(data: Path) -> Iterator[Row]:
     """All figures."""
     trips, car = trips_and_car("tum", data)
     trips = [t for t in trips if all(np.isfinite(t.samples[name]).any() for name in CHARGES)]
-    blind = without_data(car, "tum").battery
+    windows = tw.load_vehicle(SISTER).battery, without_data(car, "tum").battery
     found, shown = {fitted: list[FloatArray]() for fitted in SCALES}, list[float]()
     for members, model in models("tum", trips, car):
         for trip in (trips[k] for k in members):
             forecast = model.forecast(trip)
-            scales = forecast.charge, ChargeScale.from_published(blind, forecast.drive.wh_per_soc)
-            for name, scale in zip(SCALES, scales, strict=True):
+            published = [ChargeScale.from_published(w, forecast.drive.wh_per_soc) for w in windows]
+            for name, scale in zip(SCALES, (forecast.charge, *published), strict=True):
                 uncertainty = replace(forecast.uncertainty, charge=scale)
                 found[name].append(arrivals(replace(forecast, uncertainty=uncertainty), trip))
             shown.append(float(trip.samples["displayed_soc"].dropna().iloc[-1]))

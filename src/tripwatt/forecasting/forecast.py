@@ -65,8 +65,8 @@ SOC_PRECISION: Final = 1e-7
 """Of the charge to leave with."""
 MOST_SECANTS: Final = 8
 """Steps to it, after which the interval is halved."""
-MOST_SCALES: Final = 3.0
-"""Scales of its error by which a converted charge may differ from the display: 96 in 100 are within."""
+MOST_OFFSET: Final = 0.15
+"""A display at departure that differs by more from the converted charge was planned, not read: a battery keeps at most 0.09 at an end."""
 OF_CHARGE: Final = frozenset({"soc_assumed", "battery_empty", "battery_full", "battery_over_voltage"})
 """Flags that depend on the charge at departure."""
 
@@ -839,17 +839,16 @@ class Forecast:
 
     @cached_property
     def _display_offset(self) -> float | None:
-        """What the display showed at departure beyond the conversion of the battery management's charge; None where unknown.
+        """What the display showed at departure beyond the converted charge of the battery management; None where unknown.
 
-        It differs from trip to trip by more than the change of the charge does. A display that the conversion contradicts was
-        planned, not read.
+        It holds on the way: the level of the conversion has a larger error than its change.
         """
         anchor, shown = self.measured.anchor, self.plan.departure.soc
         first = None if anchor is None or anchor.displayed else anchor.first
         if first is None or shown is None or first.time_s > FIRST_S:
             return None
         offset = self.charge.left(shown, self._energy_at(first.time_s)) - self.charge.displayed(first.value)
-        return float(offset) if abs(offset) <= MOST_SCALES * self.charge.managed_sd else None
+        return float(offset) if abs(offset) <= MOST_OFFSET else None
 
     @cached_property
     def _charge_band(self) -> tuple[FloatArray, FloatArray]:

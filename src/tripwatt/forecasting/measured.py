@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -60,7 +60,7 @@ class ChargeReading:
     value: float
     displayed: bool
     charged: bool = False
-    first: ChargeReading | None = None
+    first: ChargeReading | None = field(default=None, compare=False)
 
 
 @dataclass(frozen=True, eq=False)
