@@ -829,7 +829,7 @@ class Forecast:
         if anchor is not None and read and min(anchor.value, departure.soc or 0.0) >= FULL:
             anchor = None  # still full: what it hid at departure is known better than what it hides now
         if anchor is not None:
-            converted = float(self.charge.displayed(anchor.value)) + (self._display_offset or 0.0)
+            converted = float(self.charge.displayed(anchor.value)) + (display_offset(self) or 0.0)
             return anchor.time_s, anchor.value if anchor.displayed else converted, anchor.displayed
         if departure.soc is not None:
             return 0.0, departure.soc, True
@@ -838,25 +838,12 @@ class Forecast:
         return 0.0, float(self.vehicle.battery.displayed_from_soc(self.drive.departure_soc)), True
 
     @cached_property
-    def _display_offset(self) -> float | None:
-        """What the display showed at departure beyond the converted charge of the battery management; None where unknown.
-
-        It holds on the way: the level of the conversion has a larger error than its change.
-        """
-        anchor, shown = self.measured.anchor, self.plan.departure.soc
-        first = None if anchor is None or anchor.displayed else anchor.first
-        if first is None or shown is None or first.time_s > FIRST_S:
-            return None
-        offset = self.charge.left(shown, self._energy_at(first.time_s)) - self.charge.displayed(first.value)
-        return float(offset) if abs(offset) <= MOST_OFFSET else None
-
-    @cached_property
     def _charge_band(self) -> tuple[FloatArray, FloatArray]:
         """Displayed charge at each edge of the segments and its standard deviation; not held in 0..1."""
         time, start, displayed = self._charge_start
         taken = self.energy_along_wh - self._energy_at(time)
         energy_sd = self.energy_sd_wh / self.charge.wh_per_display
-        by_change = not displayed and self._display_offset is not None
+        by_change = not displayed and display_offset(self) is not None
         error = self.charge.sd(self.energy_along_wh if by_change else taken, displayed or by_change)
         own_sd = np.where((self._ends_s > time) | (not displayed), error, 0.0)
         return np.asarray(self.charge.left(start, taken, displayed)), np.asarray(np.hypot(energy_sd, own_sd))
@@ -878,6 +865,19 @@ class Forecast:
 
     def _energy_at(self, time_s: float) -> float:
         return float(np.interp(time_s, self._ends_s, self.energy_along_wh))
+
+
+def display_offset(forecast: Forecast) -> float | None:
+    """What the display showed at departure beyond the converted charge of the battery management; None where unknown.
+
+    It holds on the way: the level of the conversion has a larger error than its change.
+    """
+    anchor, shown, charge = forecast.measured.anchor, forecast.plan.departure.soc, forecast.charge
+    first = None if anchor is None or anchor.displayed else anchor.first
+    if first is None or shown is None or first.time_s > FIRST_S:
+        return None
+    offset = charge.left(shown, forecast._energy_at(first.time_s)) - charge.displayed(first.value)
+    return float(offset) if abs(offset) <= MOST_OFFSET else None
 
 
 def _ends(level: float) -> tuple[float, float]:
