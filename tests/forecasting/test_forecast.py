@@ -18,7 +18,7 @@ from tripwatt.forecasting.measured import ChargeReading
 from tripwatt.hybrid import SegmentTable
 from tripwatt.synthetic import synthetic_fleet
 from tripwatt.trips import Departure, Plan, Trip
-from tripwatt.uncertainty import RouteUncertainty, UncertaintyModel
+from tripwatt.uncertainty import ChargeScale, RouteUncertainty, UncertaintyModel
 from tripwatt.uncertainty.conformal import ConformalScores
 from tripwatt.uncertainty.process import (
     ComponentProcess,
@@ -816,7 +816,7 @@ def test_an_update_by_charge():
     # arrival counts from the last reading, not from the first
     left = (0.47 - ZERO) / (FULL - ZERO) - energy[1:].sum() / WH_PER_DISPLAY
     assert updated.soc_arrival == pytest.approx(left, rel=1e-9)
-    sd = charge_sd(updated.sd_wh, energy[1:].sum(), 0.02)
+    sd = charge_sd(updated.sd_wh, energy.sum())  # the display at departure was known
     assert updated.p_arrive(left - 1.5 * sd) == pytest.approx(0.8, rel=1e-9)
 
 
@@ -828,6 +828,41 @@ def test_displayed_charge_is_converted_before_it_counts():
     assert shown.soc_arrival == pytest.approx(managed.soc_arrival, rel=1e-9)
     assert shown.measured.anchor == ChargeReading(60.0, 0.44, True)
     assert managed.measured.anchor == ChargeReading(60.0, 0.452, False)
+
+
+@pytest.mark.parametrize(
+    ("shown", "at_s", "counts"),
+    [(0.55, 0.0, True), (0.66, 0.0, False), (0.55, 61.0, False), (None, 0.0, False)],
+)
+def test_a_charge_of_the_battery_management_counts_from_the_display_at_departure(shown, at_s, counts):
+    expected = departing()
+    plan = dataclasses.replace(expected.plan, departure=Departure(soc=shown, bms_soc=0.5))
+    readings = pd.DataFrame(
+        {"time_s": at_s + np.array([0.0, 20.0, 40.0, 60.0]), "soc": [0.500, 0.484, 0.468, 0.452]}
+    )
+    updated = dataclasses.replace(expected, drive=dataclasses.replace(expected.drive, plan=plan)).update(
+        readings
+    )
+    before, after = np.interp([at_s + 60.0, 360.0], [0.0, 60.0, 180.0, 360.0], updated.energy_along_wh)
+    base, taken = (0.01, after) if counts else (0.02, after - before)
+    start = shown - 0.048 / (FULL - ZERO) if counts else (0.452 - ZERO) / (FULL - ZERO)
+    left = start - (after - before) / WH_PER_DISPLAY
+    assert updated.soc_arrival == pytest.approx(left, rel=1e-9)
+    sd = charge_sd(updated.sd_wh, taken, base)
+    assert updated.p_arrive(left - 1.5 * sd) == pytest.approx(0.8, rel=1e-9)
+
+
+def test_a_full_display_gives_what_it_hides_before_the_battery_managements_charge_counts():
+    known = dataclasses.replace(
+        uncertainty(), charge=ChargeScale(ZERO, FULL, WH_PER_DISPLAY, 0.01, 0.02, hidden=0.02)
+    )
+    expected = dataclasses.replace(departing(), uncertainty=known)
+    plan = dataclasses.replace(expected.plan, departure=Departure(soc=1.0))
+    full = dataclasses.replace(expected, drive=dataclasses.replace(expected.drive, plan=plan))
+    updated = full.update(pd.DataFrame({"time_s": [0.0, 60.0], "soc": [0.90, 0.86]}))
+    rest = updated.energy_along_wh[-1] - updated.energy_along_wh[1]
+    left = 1.02 - 0.04 / (FULL - ZERO) - rest / WH_PER_DISPLAY
+    assert updated.soc_arrival == pytest.approx(left, rel=1e-9)
 
 
 def test_what_is_unknown_of_route_and_state_counts_from_the_last_reading_of_the_charge(forecast):

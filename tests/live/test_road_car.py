@@ -398,6 +398,23 @@ def test_a_charge_of_the_battery_management_is_shown_as_the_display_shows_it(fol
         assert (found["soc"], found["soc_source"]) == (None, "bms_soc"), "without a model"
 
 
+@pytest.mark.parametrize(("beyond", "counts"), [(0.05, True), (0.2, False)])
+def test_a_charge_of_the_battery_management_counts_from_the_display_of_the_plan(
+    beyond: float, counts: bool, folder: Path
+) -> None:
+    arrivals = []
+    for more in (0.0, beyond):
+        with RoadCar(folder / f"{more}", lambda _: MODEL) as car:
+            charge = MODEL.forecast(tw.read_route(LINKS)).charge
+            car.set_plan({"links": LINKS, "soc": float(charge.displayed(0.6)) + more})
+            values = {"speed_m_s": 15.0, "voltage_v": 360.0, "current_a": 30.0}
+            fed(car, [Sample(NOON_S + k, {**values, "soc": 0.6 - 5e-5 * k}) for k in range(200)])
+            departing = car.at_departure()
+            assert departing is not None
+            arrivals.append(car.update(departing).soc_arrival)
+    assert arrivals[1] - arrivals[0] == pytest.approx(beyond if counts else 0.0, abs=0.004)
+
+
 def test_without_a_plan_the_road_is_that_of_the_usual_trip(drive: pd.DataFrame, folder: Path) -> None:
     with RoadCar(folder, lambda _: MODEL) as car:
         fed(car, samples_of(drive))

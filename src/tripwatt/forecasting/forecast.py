@@ -38,6 +38,7 @@ from tripwatt.parallel import one_blas_thread
 from tripwatt.routes.links import FLAT_ROAD
 from tripwatt.trips import Departure, Flag, Plan, raise_faults
 from tripwatt.trips.columns import require_fraction, require_number
+from tripwatt.trips.departure import FIRST_S
 from tripwatt.trips.messages import flag_to_dict, leave_in_words, message
 from tripwatt.trips.showing import html_table
 from tripwatt.uncertainty import ChargeScale, ResidualPower, RouteUncertainty, UncertaintyModel
@@ -64,6 +65,8 @@ SOC_PRECISION: Final = 1e-7
 """Of the charge to leave with."""
 MOST_SECANTS: Final = 8
 """Steps to it, after which the interval is halved."""
+MOST_OFFSET: Final = 0.15
+"""A display at departure that differs by more from the converted charge was planned, not read: a battery keeps at most 0.09 at an end."""
 OF_CHARGE: Final = frozenset({"soc_assumed", "battery_empty", "battery_full", "battery_over_voltage"})
 """Flags that depend on the charge at departure."""
 
@@ -826,8 +829,8 @@ class Forecast:
         if anchor is not None and read and min(anchor.value, departure.soc or 0.0) >= FULL:
             anchor = None  # still full: what it hid at departure is known better than what it hides now
         if anchor is not None:
-            shown = anchor.value if anchor.displayed else float(self.charge.displayed(anchor.value))
-            return anchor.time_s, shown, anchor.displayed
+            converted = float(self.charge.displayed(anchor.value)) + (display_offset(self) or 0.0)
+            return anchor.time_s, anchor.value if anchor.displayed else converted, anchor.displayed
         if departure.soc is not None:
             return 0.0, departure.soc, True
         if departure.bms_soc is not None:
@@ -840,7 +843,9 @@ class Forecast:
         time, start, displayed = self._charge_start
         taken = self.energy_along_wh - self._energy_at(time)
         energy_sd = self.energy_sd_wh / self.charge.wh_per_display
-        own_sd = np.where((self._ends_s > time) | (not displayed), self.charge.sd(taken, displayed), 0.0)
+        by_change = not displayed and display_offset(self) is not None
+        error = self.charge.sd(self.energy_along_wh if by_change else taken, displayed or by_change)
+        own_sd = np.where((self._ends_s > time) | (not displayed), error, 0.0)
         return np.asarray(self.charge.left(start, taken, displayed)), np.asarray(np.hypot(energy_sd, own_sd))
 
     @cached_property
@@ -860,6 +865,19 @@ class Forecast:
 
     def _energy_at(self, time_s: float) -> float:
         return float(np.interp(time_s, self._ends_s, self.energy_along_wh))
+
+
+def display_offset(forecast: Forecast) -> float | None:
+    """What the display showed at departure beyond the converted charge of the battery management; None where unknown.
+
+    It holds on the way: the level of the conversion has a larger error than its change.
+    """
+    anchor, shown, charge = forecast.measured.anchor, forecast.plan.departure.soc, forecast.charge
+    first = None if anchor is None or anchor.displayed else anchor.first
+    if first is None or shown is None or first.time_s > FIRST_S:
+        return None
+    offset = charge.left(shown, forecast._energy_at(first.time_s)) - charge.displayed(first.value)
+    return float(offset) if abs(offset) <= MOST_OFFSET else None
 
 
 def _ends(level: float) -> tuple[float, float]:

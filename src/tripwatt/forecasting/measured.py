@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -52,13 +52,15 @@ DRIVEN_S: Final = "driven_s"
 class ChargeReading:
     """A state of charge that was read on the way: time [s since departure], value, and whether the display was read.
 
-    `charged` is whether the battery was charged up to it, so that nothing was taken of it before.
+    `charged` is whether the battery was charged up to it, so that nothing was taken of it before; `first` is the first
+    reading of the same kind.
     """
 
     time_s: float
     value: float
     displayed: bool
     charged: bool = False
+    first: ChargeReading | None = field(default=None, compare=False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,8 +212,9 @@ def _last_reading(samples: Columns, time: FloatArray) -> ChargeReading | None:
     for name in ("displayed_soc", "soc"):
         known = np.flatnonzero(np.isfinite(samples[name])) if name in samples else np.empty(0, np.int64)
         if len(known):
-            last = int(known[-1])
-            return ChargeReading(float(time[last]), float(samples[name][last]), name == "displayed_soc")
+            ends = ((float(time[at]), float(samples[name][at])) for at in known[[0, -1]])
+            first, last = (ChargeReading(*end, displayed=name == "displayed_soc") for end in ends)
+            return replace(last, first=first)
     return None
 
 
