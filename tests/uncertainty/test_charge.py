@@ -24,7 +24,7 @@ def test_published_charge() -> None:
     assert published.displayed(0.3) == pytest.approx(0.25)
     assert published.left(0.8, 4000.0) == pytest.approx(0.55)
     assert published.sd(-8000.0, True) == pytest.approx(np.hypot(0.01, 0.015))
-    assert published.sd(8000.0, False) == pytest.approx(np.hypot(0.02, 0.015))
+    assert published.sd(8000.0, False) == pytest.approx(np.hypot(0.03, 0.015))
 
 
 def test_the_error_of_the_capacity_is_that_of_ageing():

@@ -65,8 +65,8 @@ SOC_PRECISION: Final = 1e-7
 """Of the charge to leave with."""
 MOST_SECANTS: Final = 8
 """Steps to it, after which the interval is halved."""
-MOST_OFFSET: Final = 0.15
-"""A display at departure that differs by more from the converted charge was planned, not read: a battery keeps at most 0.09 at an end."""
+MOST_OFFSET: Final = 5.0
+"""A display at departure that differs by more from the converted charge, in scales of the conversion's error, was planned and not read."""
 OF_CHARGE: Final = frozenset({"soc_assumed", "battery_empty", "battery_full", "battery_over_voltage"})
 """Flags that depend on the charge at departure."""
 
@@ -877,7 +877,7 @@ def display_offset(forecast: Forecast) -> float | None:
     if first is None or shown is None or first.time_s > FIRST_S:
         return None
     offset = charge.left(shown, forecast._energy_at(first.time_s)) - charge.displayed(first.value)
-    return float(offset) if abs(offset) <= MOST_OFFSET else None
+    return float(offset) if abs(offset) <= MOST_OFFSET * charge.managed_sd else None
 
 
 def _ends(level: float) -> tuple[float, float]:

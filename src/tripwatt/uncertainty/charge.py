@@ -19,8 +19,9 @@ CAPACITY_SD: Final = 0.03
 """Relative standard deviation of the energy of a unit of state of charge: ageing and temperature."""
 PUBLISHED_DISPLAY_SD: Final = 0.01
 """Scale of the error of a displayed charge without logs of it: displays step by 0.5 to 1 %, and lag behind."""
-PUBLISHED_MANAGED_SD: Final = 0.02
-"""The same for a display computed from the battery management's charge by published reserves, which makers change."""
+PUBLISHED_MANAGED_SD: Final = 0.03
+"""The same for a display computed from the battery management's charge by a published window: of a reserve of a tenth of the
+battery, the part at either end is not published, 0.1 / sqrt(12)."""
 RESOLUTION: Final = 0.005
 """Smallest step that a display is taken to have."""
 NORMAL_SCALE: Final = 0.7716
