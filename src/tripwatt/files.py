@@ -17,6 +17,7 @@ import sys
 import threading
 import tomllib
 from collections.abc import Callable, Iterator
+from importlib import resources
 from pathlib import Path
 from typing import IO, Any, Final
 
@@ -142,6 +143,17 @@ def parse_toml(text: str, where: str) -> dict[str, Any]:
         return tomllib.loads(text)
     except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise InvalidInput.of("not a TOML file", where, str(error)[:200], "TOML 1.0") from error
+
+
+def shipped_toml(place: str) -> dict[str, Any]:
+    """The document of a TOML file of the package, by its path below `tripwatt`.
+
+    Examples
+    --------
+    >>> sorted(shipped_toml("trips/flags.toml"))[:2]
+    ['flags', 'names']
+    """
+    return tomllib.loads((resources.files("tripwatt") / place).read_text("utf-8"))
 
 
 def write_file(path: Path, write: Callable[[Path], object]) -> None:
