@@ -17,7 +17,6 @@ import sys
 import threading
 import tomllib
 from collections.abc import Callable, Iterator
-from importlib import resources
 from pathlib import Path
 from typing import IO, Any, Final
 
@@ -153,7 +152,7 @@ def shipped_toml(place: str) -> dict[str, Any]:
     >>> sorted(shipped_toml("trips/flags.toml"))[:2]
     ['flags', 'names']
     """
-    return tomllib.loads((resources.files("tripwatt") / place).read_text("utf-8"))
+    return tomllib.loads((Path(__file__).parent / place).read_text("utf-8"))
 
 
 def write_file(path: Path, write: Callable[[Path], object]) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Mapping
+from dataclasses import asdict
 from fractions import Fraction
 from functools import cache
 from typing import Any, Final
@@ -158,13 +159,7 @@ def flag_to_dict(flag: Flag) -> dict[str, Any]:
     >>> flag_to_dict(Flag("links_too_long", "links", 6000.0, "m"))["code"]
     'links_too_long'
     """
-    return {
-        "code": flag.code,
-        "subject": flag.subject,
-        "value": flag.value,
-        "unit": flag.unit,
-        "message": message(flag),
-    }
+    return {**asdict(flag), "message": message(flag)}
 
 
 def _value(flag: Flag) -> tuple[Any, ...]:
