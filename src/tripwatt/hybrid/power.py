@@ -304,10 +304,7 @@ TREE_FEATURES: Final = (
     "speed_m_s",
     "speed_change_m_s2",
     "time_s",
-    _AMBIENT,
-    _CABIN,
-    _SETPOINT,
-    _BATTERY,
+    *TEMPERATURES,
     "payload_mass_kg",
 )
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import MISSING, dataclass, field
 from typing import Any, Final, TypeVar
 
 from tripwatt.arrays import FloatArray
@@ -11,13 +11,13 @@ from tripwatt.units import GRAVITY_M_S2
 Number = TypeVar("Number", float, FloatArray)
 
 
-def quantity(unit: str, minimum: float, maximum: float, *, scaled: bool = False, **default: Any) -> Any:
+def quantity(unit: str, minimum: float, maximum: float, *, default: Any = MISSING, **more: Any) -> Any:
     """A dataclass field that holds a quantity: its unit and its bounds.
 
-    `scaled` marks a quantity that is only clear with its state-of-charge scale, so the TOML must name it.
+    `scaled=True` marks a quantity that is only clear with its state-of-charge scale, so the TOML must name it; `lossless` is
+    the value with which an entry of a loss map loses least.
     """
-    metadata = {"unit": unit, "minimum": minimum, "maximum": maximum, "scaled": scaled}
-    return field(metadata=metadata, **default)
+    return field(metadata={"unit": unit, "minimum": minimum, "maximum": maximum, **more}, default=default)
 
 
 def choice(allowed: tuple[str, ...], **default: Any) -> Any:
@@ -265,20 +265,20 @@ class Drivetrain:
     motor_max_torque_nm: float = quantity("Nm", 1.0, 20_000.0)
     motor_max_power_w: float = quantity("W", 1e3, 2e6)
     motor_max_speed_rad_s: float = quantity("rad/s", 50.0, 4_000.0)
-    torque_constant_nm_a: float = quantity("Nm/A", 1e-3, 100.0)
-    phase_resistance_ohm: float = quantity("ohm", 0.0, 1.0)
-    field_weakening_speed_rad_s: float = quantity("rad/s", 1.0, 1e9)
-    characteristic_current_a: float = quantity("A", 0.0, 1e5)
-    iron_loss_linear: float = quantity("W s/(rad Nm^x)", -10.0, 10.0)
-    iron_loss_quadratic: float = quantity("W s2/(rad2 Nm^x)", 0.0, 1.0)
-    iron_loss_torque_exponent: float = quantity("1", 0.0, 3.0)
-    inverter_fixed_loss_w: float = quantity("W", 0.0, 5_000.0)
-    inverter_voltage_drop_v: float = quantity("V", 0.0, 50.0)
-    inverter_resistance_ohm: float = quantity("ohm", 0.0, 1.0)
-    motor_loss_factor: float = quantity("1", 0.0, 20.0, default=1.0)
-    flux_loss_w_s2_rad2: float = quantity("W s2/rad2", 0.0, 1.0, default=0.0)
+    torque_constant_nm_a: float = quantity("Nm/A", 1e-3, 100.0, lossless=100.0)
+    phase_resistance_ohm: float = quantity("ohm", 0.0, 1.0, lossless=0.0)
+    field_weakening_speed_rad_s: float = quantity("rad/s", 1.0, 1e9, lossless=1000000000.0)
+    characteristic_current_a: float = quantity("A", 0.0, 1e5, lossless=0.0)
+    iron_loss_linear: float = quantity("W s/(rad Nm^x)", -10.0, 10.0, lossless=0.0)
+    iron_loss_quadratic: float = quantity("W s2/(rad2 Nm^x)", 0.0, 1.0, lossless=0.0)
+    iron_loss_torque_exponent: float = quantity("1", 0.0, 3.0, lossless=0.0)
+    inverter_fixed_loss_w: float = quantity("W", 0.0, 5_000.0, lossless=0.0)
+    inverter_voltage_drop_v: float = quantity("V", 0.0, 50.0, lossless=0.0)
+    inverter_resistance_ohm: float = quantity("ohm", 0.0, 1.0, lossless=0.0)
+    motor_loss_factor: float = quantity("1", 0.0, 20.0, lossless=1.0, default=1.0)
+    flux_loss_w_s2_rad2: float = quantity("W s2/rad2", 0.0, 1.0, lossless=0.0, default=0.0)
     machine: str = choice(MACHINES, default="permanent_magnet")
-    field_loss_w: float = quantity("W", 0.0, 50_000.0, default=0.0)
+    field_loss_w: float = quantity("W", 0.0, 50_000.0, lossless=0.0, default=0.0)
 
 
 @dataclass(frozen=True, slots=True)
