@@ -34,21 +34,13 @@ from tripwatt.hybrid.groups import Sums
 from tripwatt.physics import simulate_trip
 from tripwatt.store import TripStore, read_file
 from tripwatt.store.delta import DeltaFolder
-from tripwatt.trips import Log, Trip, plan_from_trip, table_of
+from tripwatt.trips import REQUIRED_COLUMNS, Log, Trip, plan_from_trip, table_of
 from tripwatt.vehicles import Vehicle, load_vehicle
 
 VERSION: Final = 2
 """Changes whenever rows of the same trips change."""
 
-_MEASURED: Final = (
-    "time_s",
-    "speed_m_s",
-    "voltage_v",
-    "current_a",
-    "observed_energy_wh",
-    "soc",
-    "displayed_soc",
-)
+_MEASURED: Final = (*REQUIRED_COLUMNS, "voltage_v", "current_a", "observed_energy_wh", "soc", "displayed_soc")
 """Columns of a drive that its measured power and its charge need."""
 
 _ROW: Final = ("digest", "batch", "vehicle_id", "trip_id", "car_model", "driver", "started_at", "as_logged", "drives",

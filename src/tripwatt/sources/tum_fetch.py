@@ -7,13 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.sources.tum import (
-    ALL_TRIP_IDS,
-    OVERVIEW_NAME,
-    REFERENCE_TRIPS,
-    read_tum_file,
-    trip_files,
-)
+from tripwatt.sources.tum import ALL_TRIP_IDS, OVERVIEW_NAME, REFERENCE_TRIPS, read_tum_file, trip_files
 from tripwatt.sources.tum_overview import read_durations
 from tripwatt.trips.messages import message
 

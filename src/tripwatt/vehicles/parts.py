@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import MISSING, dataclass, field
+from dataclasses import MISSING, dataclass, field, fields
 from typing import Any, Final, TypeVar
 
 from tripwatt.arrays import FloatArray
@@ -18,6 +18,12 @@ def quantity(unit: str, minimum: float, maximum: float, *, default: Any = MISSIN
     the value with which an entry of a loss map loses least.
     """
     return field(metadata={"unit": unit, "minimum": minimum, "maximum": maximum, **more}, default=default)
+
+
+def given(value: float | None) -> float:
+    """A value that its method of the road load needs, so that it is there."""
+    assert value is not None
+    return value
 
 
 def choice(allowed: tuple[str, ...], **default: Any) -> Any:
@@ -106,25 +112,23 @@ class RoadLoad:
     def drag_area_m2(self) -> float:
         """Drag coefficient times frontal area [m²]."""
         if self.method == "coastdown":
-            assert self.coastdown_c_n_s2_m2 is not None
-            assert self.coastdown_air_density_kg_m3 is not None
-            return 2.0 * self.coastdown_c_n_s2_m2 / self.coastdown_air_density_kg_m3
-        assert self.drag_coefficient is not None
-        assert self.frontal_area_m2 is not None
-        return self.drag_coefficient * self.frontal_area_m2
+            return 2.0 * given(self.coastdown_c_n_s2_m2) / given(self.coastdown_air_density_kg_m3)
+        return given(self.drag_coefficient) * given(self.frontal_area_m2)
 
     @property
     def rolling_coefficients(self) -> tuple[float, float]:
         """Rolling resistance over weight: constant part [1] and part per speed [s/m]."""
         if self.method == "coastdown":
-            assert self.coastdown_a_n is not None
-            assert self.coastdown_b_n_s_m is not None
-            assert self.coastdown_mass_kg is not None
-            weight = self.coastdown_mass_kg * GRAVITY_M_S2
-            return self.coastdown_a_n / weight, self.coastdown_b_n_s_m / weight
-        assert self.rolling_resistance_coefficient is not None
-        return self.rolling_resistance_coefficient, 0.0
+            weight = given(self.coastdown_mass_kg) * GRAVITY_M_S2
+            return given(self.coastdown_a_n) / weight, given(self.coastdown_b_n_s_m) / weight
+        return given(self.rolling_resistance_coefficient), 0.0
 
+
+ROAD_LOADS: Final = {
+    "coastdown": tuple(f.name for f in fields(RoadLoad) if f.name.startswith("coastdown_")),
+    "coefficients": ("drag_coefficient", "frontal_area_m2", "rolling_resistance_coefficient"),
+}
+"""Method of a road load -> the entries that it needs."""
 
 WARM_COEFFICIENT_PER_K: Final = 0.0086
 """Largest relative fall of rolling drag for each kelvin of air above the reference [1/K], SAE J1263. A steeper rise in the cold has
