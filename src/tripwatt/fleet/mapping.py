@@ -22,7 +22,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from tripwatt.arrays import IntArray
+from tripwatt.arrays import IntArray, by_key
 from tripwatt.auditing import audit
 from tripwatt.errors import InvalidInput
 from tripwatt.fleet.executors import map_bounded
@@ -396,15 +396,10 @@ def sample_of(
     def rank(text: str) -> str:
         return hashlib.sha256(f"{seed}/{text}".encode()).hexdigest()
 
-    by_vehicle: dict[tuple[str, str], list[str]] = {}
-    for row in rows:
-        if row["drives"] and row["energy_wh"] is not None:
-            by_vehicle.setdefault((row["car_model"], row["vehicle_id"]), []).append(row["digest"])
-    by_model: dict[str, list[tuple[str, str]]] = {}
-    for key in by_vehicle:
-        by_model.setdefault(key[0], []).append(key)
+    usable = (row for row in rows if row["drives"] and row["energy_wh"] is not None)
+    by_vehicle = by_key(usable, lambda row: (row["car_model"], row["vehicle_id"]))
     chosen: list[str] = []
-    for keys in by_model.values():
+    for keys in by_key(by_vehicle, lambda key: key[0]).values():
         for key in sorted(keys, key=lambda k: rank(k[1]))[:vehicles]:
-            chosen += sorted(by_vehicle[key], key=rank)[:per_vehicle]
+            chosen += sorted((row["digest"] for row in by_vehicle[key]), key=rank)[:per_vehicle]
     return frozenset(chosen)

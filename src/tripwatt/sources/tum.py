@@ -14,6 +14,7 @@ from typing import Final
 
 import pandas as pd
 
+from tripwatt.arrays import by_key
 from tripwatt.errors import Fault, InvalidInput, system_errors
 from tripwatt.files import file_head
 from tripwatt.sources.columnar import read_folder, require_folder
@@ -191,9 +192,7 @@ def read_tum_file(
 
 def _choose(source: Delimited) -> dict[int, RawColumn]:
     """Which positions of the header to read, in the order of `COLUMNS`."""
-    positions: dict[str, list[int]] = {}
-    for position, name in enumerate(source.names):
-        positions.setdefault(column_key(name), []).append(position)
+    positions = by_key(range(len(source.names)), lambda position: column_key(source.names[position]))
     chosen: dict[str, tuple[int, RawColumn]] = {}
     faults: list[Fault] = []
     for raw in raw_columns("tum"):
