@@ -1,6 +1,6 @@
 """Synthetic cars for measurements of coverage: how far a true car is from its published values, by where that comes from.
 
-Intervals contain spreads of these values (`PARAMETERS`). Cars that are drawn from the same spreads show that the arithmetic is
+Intervals contain spreads of these values (`parameters`). Cars that are drawn from the same spreads show that the arithmetic is
 right, and nothing of cars on a road. The other worlds are not known to the intervals.
 """
 
@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 from tools import CATALOGUE
 
-from tripwatt.hybrid.parameters import PARAMETERS
+from tripwatt.hybrid.parameters import parameters
 from tripwatt.units import M_S_PER_KM_H
 
 World = Callable[[np.random.Generator], dict[str, float]]
@@ -41,13 +41,13 @@ def spread(scale: float = 1.0, shift: float = 0.0, heavy: bool = False) -> World
     """Log-normal changes by the published spreads, as they are or deliberately not."""
 
     def draw(rng: np.random.Generator) -> dict[str, float]:
-        number = len(PARAMETERS)
+        number = len(parameters())
         normal = (
             rng.standard_t(FREEDOM, number) / np.sqrt(FREEDOM / (FREEDOM - 2.0))
             if heavy
             else rng.standard_normal(number)
         )
-        pairs = zip(PARAMETERS, normal, strict=True)
+        pairs = zip(parameters(), normal, strict=True)
         return {p.name: relative(scale * p.width * (z + shift)) for p, z in pairs}
 
     return draw

@@ -7,7 +7,6 @@ import tracemalloc
 from pathlib import Path
 
 import pytest
-from tests.support.full_disk import full_disk
 
 from tripwatt import files
 from tripwatt.errors import InvalidInput
@@ -15,12 +14,12 @@ from tripwatt.files import (
     exchange,
     file_head,
     folder_lock,
+    move_new,
     read_file,
     read_text_file,
     replace_folder,
     restore_folder,
     write_file,
-    write_new,
 )
 
 
@@ -204,9 +203,10 @@ def test_a_new_file_takes_the_place_of_none(
 
     if not second_names:
         monkeypatch.setattr(os, "link", refused)
-    write_new(tmp_path / "a.csv", b"first")
+    for name in ("first", "second"):
+        (tmp_path / name).write_bytes(name.encode())
+    move_new(tmp_path / "first", tmp_path / "a.csv")
     with pytest.raises(FileExistsError):
-        write_new(tmp_path / "a.csv", b"second")
-    with full_disk(100), pytest.raises(OSError, match="too large"):
-        write_new(tmp_path / "b.csv", b"0" * 1000)
-    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {"a.csv": b"first"}
+        move_new(tmp_path / "second", tmp_path / "a.csv")
+    left = {path.name: path.read_bytes() for path in tmp_path.iterdir() if path.name != "first"}
+    assert left == {"a.csv": b"first", "second": b"second"}

@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
+from typing import TypeVar
+
 import numpy as np
 import numpy.typing as npt
+
+Item = TypeVar("Item")
+Key = TypeVar("Key")
 
 FloatArray = npt.NDArray[np.float64]
 """Numbers."""
@@ -71,3 +77,17 @@ def held(time: FloatArray, values: FloatArray, hold_s: float) -> FloatArray:
     last = np.maximum.accumulate(np.where(np.isfinite(values), np.arange(len(values)), -1))
     fresh = (last >= 0) & (time - time[np.maximum(last, 0)] <= hold_s)
     return np.where(fresh, values[np.maximum(last, 0)], np.nan)
+
+
+def by_key(items: Iterable[Item], key: Callable[[Item], Key]) -> dict[Key, list[Item]]:
+    """Items with the same key together: keys in the order in which they first occur, items in their own.
+
+    Examples
+    --------
+    >>> by_key(["one", "two", "three"], len)
+    {3: ['one', 'two'], 5: ['three']}
+    """
+    groups: dict[Key, list[Item]] = {}
+    for item in items:
+        groups.setdefault(key(item), []).append(item)
+    return groups

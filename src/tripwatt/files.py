@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import errno
+import json
 import os
 import shutil
 import stat
@@ -144,6 +145,37 @@ def parse_toml(text: str, where: str) -> dict[str, Any]:
         raise InvalidInput.of("not a TOML file", where, str(error)[:200], "TOML 1.0") from error
 
 
+def strict_json(data: bytes | str) -> Any:
+    """The value of a JSON text; NaN and the infinities are none.
+
+    Raises
+    ------
+    ValueError
+        When it is no JSON; RecursionError where it is nested too deeply.
+
+    Examples
+    --------
+    >>> strict_json("[1, null]")
+    [1, None]
+    """
+
+    def refuse(constant: str) -> float:
+        raise ValueError(f"{constant} is no JSON number")
+
+    return json.loads(data, parse_constant=refuse)
+
+
+def shipped_toml(place: str) -> dict[str, Any]:
+    """The document of a TOML file of the package, by its path below `tripwatt`.
+
+    Examples
+    --------
+    >>> sorted(shipped_toml("trips/flags.toml"))[:2]
+    ['flags', 'names']
+    """
+    return tomllib.loads((Path(__file__).parent / place).read_text("utf-8"))
+
+
 def write_file(path: Path, write: Callable[[Path], object]) -> None:
     """Write one file, whole or not at all: `write` fills another name beside it, which then takes its place.
 
@@ -163,21 +195,6 @@ def write_file(path: Path, write: Callable[[Path], object]) -> None:
 def write_bytes(path: Path, content: bytes) -> None:
     """Write a file, whole or not at all: see `write_file`."""
     write_file(path, lambda partial: partial.write_bytes(content))
-
-
-def write_new(path: Path, content: bytes) -> None:
-    """Write a file that is not there yet, whole or not at all: see `write_file`.
-
-    Raises
-    ------
-    FileExistsError
-        When there is one, which stays as it is.
-    OSError
-        When it cannot be written.
-    """
-    with _beside(path.absolute(), folder=False) as partial:
-        partial.write_bytes(content)
-        move_new(partial, path)
 
 
 def move_new(file: Path, path: Path) -> None:

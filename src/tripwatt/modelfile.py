@@ -24,7 +24,7 @@ import numpy.typing as npt
 
 from tripwatt.containers import INSIDE, Budget, open_archive
 from tripwatt.errors import Check, Fault, InvalidInput, excerpt, system_errors
-from tripwatt.files import read_file, replace_folder
+from tripwatt.files import read_file, replace_folder, strict_json
 
 Arrays = Mapping[str, npt.NDArray[Any]]
 Part = Arrays | Mapping[str, Any]
@@ -184,7 +184,7 @@ def _read_metadata(path: Path) -> dict[str, Any]:
         fix = "give the whole folder that `tripwatt fit` wrote"
         raise InvalidInput.of("no model", where, f"no {METADATA}", f"a folder with {METADATA}", fix)
     try:
-        document = _parse(raw)
+        document = strict_json(raw)
     except (ValueError, RecursionError) as error:
         raise InvalidInput(_damage_fault(path / METADATA, str(error)[:120], "JSON")) from error
     if not isinstance(document, dict) or document.get("format") != FORMAT:
@@ -217,13 +217,6 @@ def _require_list_of_parts(parts: object, where: Path) -> None:
         raise InvalidInput(
             _damage_fault(where, f"parts {excerpt(parts)}", "name, SHA-256 and bytes of each part")
         )
-
-
-def _parse(raw: bytes) -> Any:
-    def refuse(constant: str) -> float:
-        raise ValueError(f"{constant} is no JSON number")
-
-    return json.loads(raw, parse_constant=refuse)
 
 
 def require_place(folder: Path) -> None:
@@ -301,7 +294,7 @@ def _encode(name: str, part: Part) -> bytes:
 
 def _decode(place: Path, raw: bytes) -> Part:
     if place.suffix == ".json":
-        document = _parse(raw)
+        document = strict_json(raw)
         if not isinstance(document, dict):
             raise ValueError("not a JSON object")
         return document

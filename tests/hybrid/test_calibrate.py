@@ -11,7 +11,7 @@ from tests.hybrid.tables import EXACT, table
 from tripwatt.errors import InvalidInput
 from tripwatt.hybrid import calibrate as room
 from tripwatt.hybrid.calibrate import calibrate, most_probable
-from tripwatt.hybrid.parameters import PARAMETERS, Parameter, changed
+from tripwatt.hybrid.parameters import Parameter, changed, parameters
 from tripwatt.physics import simulate_trip
 from tripwatt.synthetic import synthetic_fleet
 from tripwatt.trips import Trip
@@ -38,7 +38,7 @@ def test_known_changes_are_found_and_the_rest_stays_with_the_book():
     assert found.changes["base_load"] == pytest.approx(0.3, abs=0.08)
     assert found.changes["air"] == pytest.approx(-0.15, abs=0.07)
     assert abs(found.changes["mass"]) < 0.03
-    for parameter in PARAMETERS:
+    for parameter in parameters():
         assert 0.0 < found.sd[parameter.name] < parameter.width
     car = found.applied(book)
     errors = [
@@ -61,7 +61,7 @@ def test_too_few_and_silent_trips_are_named_together():
 def test_a_few_trips_cannot_be_sure_of_six_values():
     book = load_vehicle("bmw_i3_60ah")
     found = calibrate(synthetic_fleet(3).trips, book)
-    for parameter in PARAMETERS:
+    for parameter in parameters():
         assert found.sd[parameter.name] > 0.2 * parameter.width
 
 
@@ -103,7 +103,7 @@ class TestCalibration:
         simulated, observed = [1000.0, 6000.0, -4000.0], [1100.0, 6000.0, -4000.0]
         own = table([1, 1, 1], [1.0, 0.5, 2.0], simulated=simulated, observed=observed)
         two = tuple(Parameter(name, width, "", (), ("climate",)) for name, width in (("a", 0.3), ("b", 0.1)))
-        monkeypatch.setattr(room, "PARAMETERS", two)
+        monkeypatch.setattr(room, "parameters", lambda: two)
         monkeypatch.setattr(room, "plan_from_trip", lambda trip: trip)
         monkeypatch.setattr(room, "segment_trips", lambda trips, car: own)
         slopes = np.array([[10.0, 1.0], [20.0, 2.0], [30.0, 3.0]])

@@ -24,7 +24,7 @@ def test_settings_that_stored_models_were_learned_with() -> None:
     lines = [t for t in power.LINES if t.kind == "line"]
     assert [(t.columns, t.sd) for t in lines] == [((name,), 0.1) for name in CAUSES_W]
     for terms, watts in (
-        (power._SMOOTH, 100.0),
+        (power.smooth_terms("joint"), 100.0),
         (CLIMATE_TERMS[1:], 200.0),
         (DRIVE_TERMS[len(CAUSES_W) - 1 :], 100.0),
     ):

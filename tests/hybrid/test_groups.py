@@ -16,9 +16,13 @@ from tripwatt.hybrid.groups import (
     Tree,
     fit_scales,
     group_posterior,
-    log_likelihood,
     log_likelihood_gradient,
 )
+
+
+def log_likelihood(sums: Sums, scales: Scales) -> float:
+    return log_likelihood_gradient(Tree.from_groups(sums.groups), sums, scales)[0]
+
 
 SPLIT = np.array([0, 0, 1])
 SCALES = Scales(((0.7, 0.4), (0.5, 0.9), (0.3, 0.2)), 1.7, (0, 0, 1))

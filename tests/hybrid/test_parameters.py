@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from tripwatt.hybrid import segments
-from tripwatt.hybrid.parameters import PARAMETERS, changed, sensitivities
+from tripwatt.hybrid.parameters import changed, parameters, sensitivities
 from tripwatt.hybrid.segments import LINE_CAUSES, segment_table
 from tripwatt.trips import Plan
 from tripwatt.vehicles import load_vehicle
@@ -31,7 +31,7 @@ class TestParameters:
         assert unnamed.source.startswith("published value times 1.100")
 
     def test_widths_are_those_of_their_sources(self) -> None:
-        widths = {p.name: p.width for p in PARAMETERS}
+        widths = {p.name: p.width for p in parameters()}
         assert widths == {
             "mass": 0.05,
             "rolling": 0.15,
@@ -53,8 +53,7 @@ class TestParameters:
 
         own = segment_table(plan, run(self.car, plan))
         monkeypatch.setattr(segments, "simulate_trips", lambda pairs: [run(*pair) for pair in pairs])
-        found = sensitivities([plan], self.car, own, PARAMETERS)
+        found = sensitivities([plan], self.car, own)
         assert found == pytest.approx(
             np.array([[2.0 * self.car.body.test_mass_kg, 0.0, 0.0, 7.0, 7.0, 30.0]]), rel=1e-6, abs=1e-6
         )
-        assert sensitivities([plan], self.car, own, ()).shape == (1, 0)

@@ -341,7 +341,7 @@ def test_sun_of_a_report(report, expected):
 
 
 def test_values_have_their_reasons():
-    sun = dict(SUN_W_M2)
+    sun = {word: sun_w_m2 for words, sun_w_m2 in SUN_W_M2 for word in words}
     # observers call three to seven eighths of cloud partly cloudy
     assert under_cloud(7 / 8) < sun["partly cloudy"] < under_cloud(3 / 8)
     assert sun["snow"] == sun["rain"] == sun["fog"] < under_cloud(1.0)

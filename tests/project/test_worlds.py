@@ -5,9 +5,9 @@ import pytest
 from benchmarks import worlds
 from tools import CATALOGUE
 
-from tripwatt.hybrid.parameters import PARAMETERS
+from tripwatt.hybrid.parameters import parameters
 
-NAMES = {p.name for p in PARAMETERS}
+NAMES = {p.name for p in parameters()}
 
 
 def drawn(name: str, number: int = 400) -> np.ndarray:
@@ -16,7 +16,7 @@ def drawn(name: str, number: int = 400) -> np.ndarray:
     draw = worlds.WORLDS[name][1]
     cars = [draw(np.random.default_rng(seed)) for seed in range(number)]
     assert all(set(car) == NAMES for car in cars)
-    return np.log1p([[car[p.name] for p in PARAMETERS] for car in cars])
+    return np.log1p([[car[p.name] for p in parameters()] for car in cars])
 
 
 @pytest.mark.parametrize("name", list(worlds.WORLDS))
@@ -27,7 +27,7 @@ def test_no_value_of_a_world_changes_its_sign_or_is_far_off(name: str) -> None:
 
 
 def test_worlds_are_as_wide_as_they_are_called() -> None:
-    width = np.array([p.width for p in PARAMETERS])
+    width = np.array([p.width for p in parameters()])
     scale = {name: np.std(drawn(name), axis=0) / width for name in ("published", "narrow", "wide")}
     assert scale["published"] == pytest.approx(np.ones(len(width)), rel=0.12)
     assert scale["narrow"] == pytest.approx(0.5 * scale["published"], rel=0.05)

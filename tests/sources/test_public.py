@@ -9,15 +9,13 @@ import pytest
 
 from tripwatt.errors import InvalidInput
 from tripwatt.sources import check_folder, where_to_get
-from tripwatt.sources.public import PUBLIC_SETS
-from tripwatt.sources.tum_fetch import where_to_get_tum
+from tripwatt.sources.public import public_sets
 
 NAMES = ("tum", "ved", "twizy", "sedan")
 
 
 def test_the_sets_are_those_of_the_population_and_one_for_research() -> None:
-    assert tuple(PUBLIC_SETS) == NAMES
-    assert where_to_get("tum") == where_to_get_tum()
+    assert tuple(public_sets()) == NAMES
 
 
 @pytest.mark.parametrize(

@@ -16,6 +16,7 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
+from tripwatt.arrays import by_key
 from tripwatt.auditing import consistency, ranges, road, signals, stamps
 from tripwatt.auditing.findings import Consequence, Cut, Finding, array, between, whole
 from tripwatt.errors import Fault, raise_faults
@@ -68,11 +69,9 @@ class Audit:
     @property
     def set_aside(self) -> dict[str, str]:
         """Drives that are not used, and why."""
-        reasons: dict[str, list[str]] = {}
-        for finding in self.findings:
-            if finding.consequence == "set aside":
-                reasons.setdefault(finding.trip, []).append(finding.what)
-        return {trip: "; ".join(what) for trip, what in reasons.items()}
+        aside = (finding for finding in self.findings if finding.consequence == "set aside")
+        by_trip = by_key(aside, lambda finding: finding.trip)
+        return {trip: "; ".join(finding.what for finding in its) for trip, its in by_trip.items()}
 
     def groups(self) -> tuple[tuple[Consequence, Alike], ...]:
         """Group the findings by consequence and kind.

@@ -22,6 +22,7 @@ from tripwatt.certification.consumption import (
 )
 from tripwatt.certification.schedules import schedule
 from tripwatt.errors import Fault, InvalidInput, raise_faults
+from tripwatt.files import shipped_toml
 from tripwatt.trips.columns import Column, number_faults, require_fraction
 from tripwatt.vehicles import Vehicle, vehicle_from_document
 from tripwatt.vehicles.anchors import CLASS, Anchor, anchors, with_anchor
@@ -59,16 +60,7 @@ TWIZY: Final = {"mass_kg": 474.0, "usable_battery_kwh": 6.1, "motor_power_kw": 1
 USUAL_PACK_V: Final = 360.0
 """Nominal voltage of a pack of 96 to 100 cells in series."""
 
-BODY_WORDS: Final = {
-    "estate": "sedan",
-    "saloon": "sedan",
-    "wagon": "sedan",
-    "compact": "hatchback",
-    "city": "small",
-    "l7e": "quadricycle",
-    "minivan": "van",
-    "truck": "pickup",
-}
+BODY_WORDS: Final = shipped_toml("vehicles/data/table/bodies.toml")["words"]
 """Other words for a kind of body."""
 
 LIMITS: Final = {
@@ -172,7 +164,7 @@ def described(
         kind = _nearest_body(given["mass_kg"], kind)
     usual = usual_figures(kind)
     filled = {key: usual[key] if given[key] is None else float(given[key]) for key in usual}  # type: ignore[arg-type]
-    figures = _figures(given, filled, kind, body, heat_pump, title or _title(given, kind, procedure))
+    figures = _figures(given, filled, kind, heat_pump, title or _title(given, kind, procedure))
     document = similar_document(figures, class_values(without))
     name = f"described_{zlib.crc32(repr((filled, given, kind, heat_pump, procedure)).encode()):08x}"
     try:
@@ -265,7 +257,6 @@ def _figures(
     given: Mapping[str, float | None],
     filled: Mapping[str, float],
     kind: str,
-    body: str | None,
     heat_pump: bool | None,
     title: str,
 ) -> Figures:

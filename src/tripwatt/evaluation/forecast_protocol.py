@@ -44,7 +44,7 @@ from tripwatt.evaluation.hold_outs import (
     random_draws,
 )
 from tripwatt.evaluation.outside import WholeMethod, WholeModel, is_whole, outside_spec
-from tripwatt.evaluation.protocol import AUDIT, DIFFERENCES, MODELS, RESULT, ReportSection
+from tripwatt.evaluation.protocol import sections_of
 from tripwatt.evaluation.results import EvaluationRun, about_run
 from tripwatt.evaluation.table_models import CONSTANT, LINEAR4, LINEAR6, PHYSICS, PHYSICS4
 from tripwatt.evaluation.tasks import ModelSpec
@@ -99,17 +99,7 @@ class ForecastProtocol:
 
     name = "forecast"
     title = "the forecast before departure and on the way, beside models of power"
-    sections: tuple[ReportSection, ...] = (
-        RESULT,
-        MODELS,
-        ReportSection("sure", "Uncertainty", ("coverage", "pit", "widths", "crps", "regimes")),
-        ReportSection("arrival", "State of charge at arrival", ("arrival",)),
-        ReportSection("during", "During the trip", ("updates",)),
-        ReportSection("learning", "Amount of training data, and kinds of trips", ("training-size", "strata")),
-        ReportSection("why", "Energy by cause", ("waterfall", "example")),
-        ReportSection("errors", "Errors of every model", ("error-distribution", "error-boxes")),
-        *(DIFFERENCES, AUDIT),
-    )
+    sections = sections_of("forecast")
     focus: str | None = FORECAST
     published: Mapping[str, float] = MappingProxyType({})
     given = GIVEN

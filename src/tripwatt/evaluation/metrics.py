@@ -175,12 +175,8 @@ def paired_difference(ape_a: FloatArray, ape_b: FloatArray, seed: int) -> Paired
     return PairedDifference(float(difference.mean()), interval, sure)
 
 
-def leaves_out_zero(
-    interval: tuple[float, float],
-    again: Callable[[int], tuple[float, float]],
-    seeds: int = SIGNIFICANCE_SEEDS,
-) -> bool:
-    """Whether a bootstrap interval leaves out 0 for each of some seeds.
+def leaves_out_zero(interval: tuple[float, float], again: Callable[[int], tuple[float, float]]) -> bool:
+    """Whether a bootstrap interval leaves out 0 for each of `SIGNIFICANCE_SEEDS` seeds.
 
     Parameters
     ----------
@@ -188,7 +184,6 @@ def leaves_out_zero(
         Of the first seed.
     again : callable
         Gives the interval of the seed that is so many further; asked only where the first one ends near 0.
-    seeds : int
 
     Examples
     --------
@@ -200,4 +195,4 @@ def leaves_out_zero(
         return False
     if min(abs(low), abs(high)) > NEAR * (high - low):
         return True
-    return not any(low <= 0.0 <= high for low, high in map(again, range(1, seeds)))
+    return not any(low <= 0.0 <= high for low, high in map(again, range(1, SIGNIFICANCE_SEEDS)))

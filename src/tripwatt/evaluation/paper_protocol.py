@@ -29,7 +29,7 @@ from tripwatt.evaluation.hold_outs import (
 )
 from tripwatt.evaluation.outside import WholeMethod, WholeModel, is_whole, outside_spec
 from tripwatt.evaluation.paper_studies import simulation_forms, studies, study_comparisons
-from tripwatt.evaluation.protocol import AUDIT, DIFFERENCES, MODELS, RESULT, ReportSection
+from tripwatt.evaluation.protocol import sections_of
 from tripwatt.evaluation.results import EvaluationRun, about_run
 from tripwatt.evaluation.table_models import (
     CONSTANT,
@@ -82,35 +82,7 @@ class PaperProtocol:
         table_model("boosting", "hybrid, clustered boosting", correctors.boosting, "physics-paper"),
         table_model("boosting-only", "boosting without physics", correctors.boosting_without_physics),
     )
-    sections: tuple[ReportSection, ...] = (
-        RESULT,
-        MODELS,
-        ReportSection(
-            "errors", "Errors of every model", ("error-distribution", "error-boxes", "benchmark-boxes")
-        ),
-        ReportSection(
-            "paper",
-            "Beside the paper",
-            ("simulation-forms", "working-correlations", "gamm-errors", "trips-needed"),
-        ),
-        *(DIFFERENCES, AUDIT),
-        ReportSection(
-            "gamm",
-            "The GAMM",
-            (
-                "gamm-summary",
-                "gamm-diagnosis",
-                "gamm-autocorrelation",
-                "gamm-extrapolation",
-                "gamm-smooths",
-                "gamm-surface",
-                "gamm-random",
-            ),
-        ),
-        ReportSection(
-            "inside", "Inside the models", ("importances", "learning-curve", "signals", "running-time")
-        ),
-    )
+    sections = sections_of("paper")
     focus: str | None = None
     published: Mapping[str, float] = PUBLISHED
     given = ""

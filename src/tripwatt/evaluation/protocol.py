@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final, Protocol
+from typing import Any, Protocol
 
 from tripwatt.errors import Fault, raise_faults
 from tripwatt.evaluation.comparison import Comparison
@@ -12,6 +12,7 @@ from tripwatt.evaluation.hold_outs import CarChoice, HoldOutChoice, Prepared
 from tripwatt.evaluation.outside import AnyModel, WholeModel, named_models
 from tripwatt.evaluation.results import EvaluationRun
 from tripwatt.evaluation.tasks import ModelSpec
+from tripwatt.files import shipped_toml
 from tripwatt.hybrid import Corrector
 from tripwatt.hybrid.outside import packaged_correctors
 from tripwatt.trips import Fleet
@@ -26,15 +27,20 @@ class ReportSection:
     panels: tuple[str, ...]
 
 
-RESULT: Final = ReportSection("result", "Three figures", ("trip-energy", "mean-errors", "trip-errors"))
-MODELS: Final = ReportSection(
-    "models", "Every model and every trip", ("table", "legend", "sets", "full-tables", "all-trips")
-)
-DIFFERENCES: Final = ReportSection("comparison", "Differences between the models", ("paired-differences",))
-AUDIT: Final = ReportSection(
-    "audit", "Trips that were used, and reasons why others were not", ("audit-findings", "trips-used")
-)
-"""Sections of every protocol's report; the page shows the first one and folds the others."""
+def sections_of(protocol: str) -> tuple[ReportSection, ...]:
+    """Sections of the report of a protocol, from `sections.toml`.
+
+    Examples
+    --------
+    >>> sections_of("forecast")[0]
+    ReportSection(key='result', title='Three figures', panels=('trip-energy', 'mean-errors', 'trip-errors'))
+    """
+    document = shipped_toml("evaluation/sections.toml")
+    sections = document["shared"] | document[protocol]
+    return tuple(
+        ReportSection(key, sections[key]["title"], tuple(sections[key]["panels"]))
+        for key in document["order"][protocol]
+    )
 
 
 class EvaluationProtocol(Protocol):

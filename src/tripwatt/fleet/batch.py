@@ -34,7 +34,7 @@ from tripwatt.fleet.storage import load_fleet
 from tripwatt.forecasting.forecast import quantiles as quantiles_of
 from tripwatt.modelfile import METADATA
 from tripwatt.routes import plan_from_route, route_from_links
-from tripwatt.trips import LINK_COLUMNS, Departure, Flag, raise_faults
+from tripwatt.trips import LINK_COLUMNS, TEMPERATURES, Departure, Flag, raise_faults
 from tripwatt.trips.columns import Column, number_faults, scalar_faults
 from tripwatt.trips.messages import message
 
@@ -51,14 +51,7 @@ ASSUMED: Final = frozenset({"usual_value_assumed", "soc_assumed"})
 """Codes of flags about a value of the departure that was not given."""
 
 NAMES: Final = ("trip", "vehicle_id", "car_model", "driver")
-KNOWN: Final = (
-    "soc",
-    "ambient_temperature_degc",
-    "cabin_setpoint_degc",
-    "cabin_temperature_degc",
-    "battery_temperature_degc",
-    "payload_mass_kg",
-)
+KNOWN: Final = ("soc", *TEMPERATURES, "payload_mass_kg")
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,26 +9,12 @@ from typing import Any, ClassVar, Final
 import numpy as np
 
 from tripwatt.arrays import FloatArray, IntArray, eigen
+from tripwatt.files import shipped_toml
 from tripwatt.fleet.features import segment_features
 from tripwatt.hybrid import SegmentTable
 from tripwatt.hybrid.power import TREE_FEATURES, PowerCorrector
 
-TREE_SETTINGS: Final = {
-    "objective": "regression",
-    "learning_rate": 0.05,
-    "num_leaves": 8,
-    "min_data_in_leaf": 100,
-    "feature_fraction": 0.7,
-    "bagging_fraction": 0.7,
-    "bagging_freq": 1,
-    "lambda_l2": 1.0,
-    "max_bin": 63,
-    "verbosity": -1,
-    "deterministic": True,
-    "force_row_wise": True,
-    "num_threads": 1,
-}
-
+TREE_SETTINGS: Final = shipped_toml("fleet/trees.toml")
 MOST_ROUNDS: Final = 120
 LEAST_GAIN: Final = 0.01
 """Trees are used where they lower the held-out error of trips by at least this share."""

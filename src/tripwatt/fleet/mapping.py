@@ -22,7 +22,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from tripwatt.arrays import IntArray
+from tripwatt.arrays import IntArray, by_key
 from tripwatt.auditing import audit
 from tripwatt.errors import InvalidInput
 from tripwatt.fleet.executors import map_bounded
@@ -34,21 +34,13 @@ from tripwatt.hybrid.groups import Sums
 from tripwatt.physics import simulate_trip
 from tripwatt.store import TripStore, read_file
 from tripwatt.store.delta import DeltaFolder
-from tripwatt.trips import Log, Trip, plan_from_trip, table_of
+from tripwatt.trips import REQUIRED_COLUMNS, Log, Trip, plan_from_trip, table_of
 from tripwatt.vehicles import Vehicle, load_vehicle
 
 VERSION: Final = 2
 """Changes whenever rows of the same trips change."""
 
-_MEASURED: Final = (
-    "time_s",
-    "speed_m_s",
-    "voltage_v",
-    "current_a",
-    "observed_energy_wh",
-    "soc",
-    "displayed_soc",
-)
+_MEASURED: Final = (*REQUIRED_COLUMNS, "voltage_v", "current_a", "observed_energy_wh", "soc", "displayed_soc")
 """Columns of a drive that its measured power and its charge need."""
 
 _ROW: Final = ("digest", "batch", "vehicle_id", "trip_id", "car_model", "driver", "started_at", "as_logged", "drives",
@@ -404,15 +396,10 @@ def sample_of(
     def rank(text: str) -> str:
         return hashlib.sha256(f"{seed}/{text}".encode()).hexdigest()
 
-    by_vehicle: dict[tuple[str, str], list[str]] = {}
-    for row in rows:
-        if row["drives"] and row["energy_wh"] is not None:
-            by_vehicle.setdefault((row["car_model"], row["vehicle_id"]), []).append(row["digest"])
-    by_model: dict[str, list[tuple[str, str]]] = {}
-    for key in by_vehicle:
-        by_model.setdefault(key[0], []).append(key)
+    usable = (row for row in rows if row["drives"] and row["energy_wh"] is not None)
+    by_vehicle = by_key(usable, lambda row: (row["car_model"], row["vehicle_id"]))
     chosen: list[str] = []
-    for keys in by_model.values():
+    for keys in by_key(by_vehicle, lambda key: key[0]).values():
         for key in sorted(keys, key=lambda k: rank(k[1]))[:vehicles]:
-            chosen += sorted(by_vehicle[key], key=rank)[:per_vehicle]
+            chosen += sorted((row["digest"] for row in by_vehicle[key]), key=rank)[:per_vehicle]
     return frozenset(chosen)

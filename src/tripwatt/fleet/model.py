@@ -16,7 +16,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from tripwatt.arrays import FloatArray, IntArray
+from tripwatt.arrays import FloatArray, IntArray, by_key
 from tripwatt.errors import InvalidInput
 from tripwatt.fleet.corrector import FleetCorrector, FleetTrees, choose_rounds
 from tripwatt.fleet.features import FEATURES, START
@@ -211,10 +211,8 @@ def predict_rows(posterior: GroupPosterior, rows: TripRows) -> tuple[FloatArray,
     X = rows.X
     energy = rows.numbers("simulated_wh").copy()
     sd = np.zeros(len(rows))
-    groups: dict[tuple[str, str, str], list[int]] = {}
-    for i, group in enumerate(rows.groups):
-        groups.setdefault(group, []).append(i)
-    for group, index in groups.items():
+    groups = rows.groups
+    for group, index in by_key(range(len(groups)), groups.__getitem__).items():
         mean, covariance = posterior.weights(*group)
         energy[index] += X[index] @ mean
         sd[index] = np.sqrt(np.einsum("ip,pq,iq->i", X[index], covariance, X[index]))

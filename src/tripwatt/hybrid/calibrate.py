@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from tripwatt.arrays import FloatArray
-from tripwatt.hybrid.parameters import PARAMETERS, changed, sensitivities
+from tripwatt.hybrid.parameters import changed, parameters, sensitivities
 from tripwatt.hybrid.segments import require_measured, segment_trips
 from tripwatt.trips import Trip, plan_from_trip
 from tripwatt.vehicles import Vehicle
@@ -30,7 +30,7 @@ class Calibration:
     Attributes
     ----------
     changes : dict of str to float
-        By name of `PARAMETERS`.
+        By name of `parameters`.
     sd : dict of str to float
         Standard deviation of each; its prior width where the trips carry no information.
     trips : int
@@ -73,7 +73,7 @@ def calibrate(trips: Sequence[Trip], vehicle: Vehicle) -> Calibration:
     >>> from tripwatt.synthetic import synthetic_fleet
     >>> from tripwatt.vehicles import load_vehicle
     >>> calibration = calibrate(synthetic_fleet(8).trips, load_vehicle("bmw_i3_60ah"))
-    >>> sorted(calibration.changes) == sorted(p.name for p in PARAMETERS)
+    >>> sorted(calibration.changes) == sorted(p.name for p in parameters())
     True
     """
     require_measured(trips, LEAST_TRIPS)
@@ -81,10 +81,10 @@ def calibrate(trips: Sequence[Trip], vehicle: Vehicle) -> Calibration:
     table = segment_trips(trips, vehicle)
     by_change = sensitivities(plans, vehicle, table)
     totals = np.column_stack([table.totals_wh(column) for column in by_change.T])
-    width = np.array([parameter.width for parameter in PARAMETERS])
+    width = np.array([parameter.width for parameter in parameters()])
     usual_wh = USUAL_ERROR * float(np.median(np.abs(table.totals_wh(table.simulated_w))))
     mean, covariance = most_probable(totals, table.totals_wh(table.residual_w), width, usual_wh)
-    names = [parameter.name for parameter in PARAMETERS]
+    names = [parameter.name for parameter in parameters()]
     sd = np.sqrt(np.diag(covariance))
     return Calibration(
         dict(zip(names, mean.tolist(), strict=True)), dict(zip(names, sd.tolist(), strict=True)), len(trips)

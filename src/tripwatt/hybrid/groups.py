@@ -338,11 +338,6 @@ def _from_root(
     return mean, 0.5 * (covariance + np.swapaxes(covariance, 1, 2)), square
 
 
-def log_likelihood(sums: Sums, scales: Scales) -> float:
-    """Logarithm of the marginal likelihood of all trips. O(groups x features^3)."""
-    return _to_root(Tree.from_groups(sums.groups), sums, scales)[2]
-
-
 def log_likelihood_gradient(tree: Tree, sums: Sums, scales: Scales) -> tuple[float, FloatArray]:
     """The marginal likelihood's logarithm, and its derivatives by those of the scales. O(groups x features^3).
 

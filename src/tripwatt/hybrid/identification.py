@@ -38,6 +38,7 @@ from tripwatt.physics.simulate import conditions_at_departure
 from tripwatt.trips import Trip, resample
 from tripwatt.units import GRAVITY_M_S2
 from tripwatt.vehicles import Vehicle
+from tripwatt.vehicles.parts import given
 
 STRETCH_S: Final = 30.0
 """Stretches over which work is summed, so that torque and speed need not belong to the same moment."""
@@ -485,17 +486,18 @@ def _road_values(records: Sequence[StageRecord], vehicle: Vehicle) -> _Values:
     if free and rolling > 0.0:
         identified["tyres.temperature_coefficient_per_k"] = min(colder / rolling, STEEPEST_PER_K)
     if load.method == "coastdown":
-        assert load.coastdown_mass_kg is not None
-        assert load.coastdown_air_density_kg_m3 is not None
-        identified["road_load.coastdown_a_n"] = rolling * load.coastdown_mass_kg / vehicle.body.test_mass_kg
+        identified["road_load.coastdown_a_n"] = (
+            rolling * given(load.coastdown_mass_kg) / vehicle.body.test_mass_kg
+        )
         identified["road_load.coastdown_b_n_s_m"] = 0.0
-        identified["road_load.coastdown_c_n_s2_m2"] = 0.5 * load.coastdown_air_density_kg_m3 * drag_area
+        identified["road_load.coastdown_c_n_s2_m2"] = (
+            0.5 * given(load.coastdown_air_density_kg_m3) * drag_area
+        )
     else:
-        assert load.frontal_area_m2 is not None
         identified["road_load.rolling_resistance_coefficient"] = rolling / (
             vehicle.body.test_mass_kg * GRAVITY_M_S2
         )
-        identified["road_load.drag_coefficient"] = drag_area / load.frontal_area_m2
+        identified["road_load.drag_coefficient"] = drag_area / given(load.frontal_area_m2)
     return identified
 
 

@@ -8,11 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from functools import cache
 from typing import Final, cast
 
 import numpy as np
 
 from tripwatt.arrays import FloatArray
+from tripwatt.files import shipped_toml
 from tripwatt.hybrid.segments import SegmentTable, resimulated
 from tripwatt.trips import Plan
 from tripwatt.vehicles import Vehicle
@@ -47,56 +49,19 @@ class Parameter:
     causes: tuple[str, ...]
 
 
-PARAMETERS: Final = (
-    Parameter(
-        "mass",
-        0.05,
-        "one more adult (75 kg, Directive 92/21/EEC) or the lightest against the heaviest trim: 3 to 6 % of a small car",
-        ("body.curb_mass_kg", "body.driver_mass_kg"),
-        ("rolling", "climb", "acceleration", "friction_brakes"),
-    ),
-    Parameter(
-        "rolling",
-        0.15,
-        "neighbouring classes of the EU tyre label lie 15 % apart (Regulation (EU) 2020/740, annex I: B to 7.7, C to 9.0, "
-        "D to 10.5 kg/t)",
-        (
-            "road_load.coastdown_a_n",
-            "road_load.coastdown_b_n_s_m",
-            "road_load.rolling_resistance_coefficient",
-        ),
-        ("rolling",),
-    ),
-    Parameter(
-        "air",
-        0.10,
-        "drag area of coast-downs against makers' figures, e.g. Nissan's 0.28 to 0.29 and 0.315 of a coast-down fit",
-        ("road_load.coastdown_c_n_s2_m2", "road_load.drag_coefficient"),
-        ("air",),
-    ),
-    Parameter(
-        "base_load",
-        0.40,
-        "0.2 to 0.4 kW of auxiliary load, about the 0.25 and 0.3 kW that FASTSim's database gives for electric cars",
-        ("auxiliaries.base_load_w", "auxiliaries.moving_load_w"),
-        ("base_load",),
-    ),
-    Parameter(
-        "drivetrain",
-        0.20,
-        "motor and inverter losses are scaled from another car's map where a car's own is not published",
-        (),
-        ("drivetrain",),
-    ),
-    Parameter(
-        "climate",
-        0.30,
-        "heat demand with and without recirculated air, and of settings 3 K apart at 20 K to the outside",
-        (),
-        ("climate",),
-    ),
-)
-"""What is calibrated, with its width and where that comes from."""
+@cache
+def parameters() -> tuple[Parameter, ...]:
+    """What is calibrated, from `parameters.toml`.
+
+    Examples
+    --------
+    >>> [parameter.name for parameter in parameters()]
+    ['mass', 'rolling', 'air', 'base_load', 'drivetrain', 'climate']
+    """
+    return tuple(
+        Parameter(name, about["width"], about["source"], tuple(about["keys"]), tuple(about["causes"]))
+        for name, about in shipped_toml("hybrid/parameters.toml").items()
+    )
 
 
 def on_road(vehicle: Vehicle) -> Vehicle:
@@ -134,7 +99,7 @@ def changed(vehicle: Vehicle, changes: Mapping[str, float], *, source: str = "")
     (450.0, 450.0)
     """
     values, sources = {}, {}
-    for parameter in PARAMETERS:
+    for parameter in parameters():
         factor = 1.0 + changes.get(parameter.name, 0.0)
         for key in parameter.keys if factor != 1.0 else ():
             value = cast(float | None, vehicle.value(key))
@@ -176,12 +141,7 @@ def with_values(vehicle: Vehicle, values: Mapping[str, Value], sources: Mapping[
     return vehicle.with_values(values, entries) if values else vehicle
 
 
-def sensitivities(
-    plans: Sequence[Plan],
-    vehicle: Vehicle,
-    table: SegmentTable,
-    parameters: Sequence[Parameter] = PARAMETERS,
-) -> FloatArray:
+def sensitivities(plans: Sequence[Plan], vehicle: Vehicle, table: SegmentTable) -> FloatArray:
     """Power of each segment by a relative change of 1 of each parameter [W], shape (rows, parameters).
 
     A parameter with entries of its own is changed by 2 % and the trip is simulated again; the others multiply a
@@ -196,7 +156,7 @@ def sensitivities(
         Their segments with the car as it is.
     """
     columns = []
-    for parameter in parameters:
+    for parameter in parameters():
         if parameter.keys and parameter.name != "base_load":
             other = changed(vehicle, {parameter.name: _STEP})
             (again,) = resimulated(table, plans, [other])
@@ -204,4 +164,4 @@ def sensitivities(
         else:
             causes = [f"{cause}_w" for cause in parameter.causes]
             columns.append(np.asarray(table.features[causes].to_numpy().sum(axis=1)))
-    return np.column_stack(columns) if columns else np.empty((len(table.hours), 0))
+    return np.column_stack(columns)

@@ -11,6 +11,7 @@ import pandas as pd
 
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import InvalidInput
+from tripwatt.files import shipped_toml
 from tripwatt.hybrid.familiarity import FADING, Familiarity
 from tripwatt.hybrid.segments import LINE_CAUSES, SegmentTable
 from tripwatt.learners.gp import AdditiveGP, KernelTerm
@@ -140,24 +141,19 @@ class PowerCorrector:
         return None
 
 
-_AMBIENT, _CABIN, _SETPOINT, _BATTERY = TEMPERATURES
-_SMOOTH_W: Final = 100.0
-_SMOOTH: Final = tuple(
-    KernelTerm(columns, "smooth", _SMOOTH_W, length)
-    for columns, length in (
-        ((_AMBIENT,), 1.0),
-        ((_CABIN,), 1.0),
-        ((_SETPOINT,), 1.0),
-        ((_BATTERY,), 1.0),
-        (("time_s",), 1.0),
-        (("speed_m_s",), 1.0),
-        (("speed_change_m_s2",), 1.0),
-        ((_AMBIENT, _CABIN, "time_s"), 1.0),
-        ((_AMBIENT, _SETPOINT), 1.0),
-        ((_AMBIENT, _BATTERY), 1.0),
-        ((_AMBIENT, _CABIN, _SETPOINT, _BATTERY, "trip_speed_m_s"), 1.5),
-    )
-)
+def smooth_terms(corrector: str) -> tuple[KernelTerm, ...]:
+    """The smooth terms of a corrector, from `kernels.toml`.
+
+    Examples
+    --------
+    >>> smooth_terms("climate")[0]
+    KernelTerm(columns=('ambient_temperature_degc',), kind='smooth', sd=200.0, length=1.0)
+    """
+    about = shipped_toml("hybrid/kernels.toml")[corrector]
+    terms = [(columns, 1.0) for columns in about["columns"]] + [(columns, 1.5) for columns in about["wide"]]
+    return tuple(KernelTerm(tuple(columns), "smooth", about["sd_w"], length) for columns, length in terms)
+
+
 LINES: Final = tuple(KernelTerm((f"{cause}_w",), "line", 0.1) for cause in LINE_CAUSES)
 """Each cause of the simulation may be off by about 10 %: a calibration of the physics that is shrunk to none."""
 
@@ -178,7 +174,9 @@ class GPCorrector(PowerCorrector):
     """
 
     def __init__(
-        self, terms: tuple[KernelTerm, ...] = (*LINES, *_SMOOTH), share_column: str = "simulated_w"
+        self,
+        terms: tuple[KernelTerm, ...] = (*LINES, *smooth_terms("joint")),
+        share_column: str = "simulated_w",
     ) -> None:
         self._set_terms(terms, share_column)
 
@@ -304,10 +302,7 @@ TREE_FEATURES: Final = (
     "speed_m_s",
     "speed_change_m_s2",
     "time_s",
-    _AMBIENT,
-    _CABIN,
-    _SETPOINT,
-    _BATTERY,
+    *TEMPERATURES,
     "payload_mass_kg",
 )
 

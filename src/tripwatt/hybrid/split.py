@@ -15,58 +15,31 @@ import numpy as np
 
 from tripwatt.arrays import FloatArray
 from tripwatt.hybrid.power import (
+    LINES,
     TREE_FEATURES,
     EnsembleCorrector,
     GPCorrector,
     PowerCorrector,
     boosting_corrector,
+    smooth_terms,
 )
-from tripwatt.hybrid.segments import LINE_CAUSES, SegmentTable
+from tripwatt.hybrid.segments import SegmentTable
 from tripwatt.learners.gp import KernelTerm
-from tripwatt.trips import TEMPERATURES
 
 LEAST_LOGGED: Final = 8
 """Fewest trips with logged climate control for a separate correction."""
 LEAST_LOGGED_SHARE: Final = 0.5
 """Their least share of all trips."""
 
-_AMBIENT, _CABIN, _SETPOINT, _BATTERY = TEMPERATURES
-CLIMATE_TERMS: Final = (
-    KernelTerm(("climate_w",), "line", 0.3),
-    *(
-        KernelTerm(columns, "smooth", 200.0, length)
-        for columns, length in (
-            ((_AMBIENT,), 1.0),
-            ((_CABIN,), 1.0),
-            ((_SETPOINT,), 1.0),
-            (("time_s",), 1.0),
-            ((_AMBIENT, _CABIN, "time_s"), 1.0),
-            ((_AMBIENT, _SETPOINT), 1.0),
-            ((_AMBIENT, _CABIN, _SETPOINT), 1.5),
-        )
-    ),
-)
+CLIMATE_TERMS: Final = (KernelTerm(("climate_w",), "line", 0.3), *smooth_terms("climate"))
 """Terms of the climate correction: a share of the simulated power (sd 30 %) and smooth functions of the state."""
 
-DRIVE_TERMS: Final = (
-    *(KernelTerm((f"{cause}_w",), "line", 0.1) for cause in LINE_CAUSES if cause != "climate"),
-    *(
-        KernelTerm(columns, "smooth", 100.0, length)
-        for columns, length in (
-            ((_AMBIENT,), 1.0),
-            ((_BATTERY,), 1.0),
-            (("time_s",), 1.0),
-            (("speed_m_s",), 1.0),
-            (("speed_change_m_s2",), 1.0),
-            ((_AMBIENT, _BATTERY), 1.0),
-            ((_AMBIENT, "time_s"), 1.0),
-            ((_AMBIENT, _BATTERY, "trip_speed_m_s"), 1.5),
-        )
-    ),
-)
+DRIVE_TERMS: Final = (*(term for term in LINES if term.columns != ("climate_w",)), *smooth_terms("drive"))
 """Terms of the driving correction: those of the joint corrector without the cabin's."""
 
-DRIVE_TREE_FEATURES: Final = tuple(n for n in TREE_FEATURES if n not in ("climate_w", _CABIN, _SETPOINT))
+DRIVE_TREE_FEATURES: Final = tuple(
+    n for n in TREE_FEATURES if n != "climate_w" and not n.startswith("cabin_")
+)
 
 
 class SplitCorrector(PowerCorrector):

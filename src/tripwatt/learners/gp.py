@@ -25,6 +25,7 @@ from tripwatt.errors import Fault, InvalidInput, raise_faults
 
 _JITTER: Final = 1e-8
 _T_PASSES: Final = 3
+_INDUCING: Final = 10  # most inducing points of a term of one column; terms of several get four times as many
 _LOG_SD: Final = 3.0  # of the log-normal prior of each variance around its start
 
 
@@ -65,8 +66,6 @@ class AdditiveGP:
     df : float or None
         Degrees of freedom of the group effects' t distribution: clusters that stand out count less. 4 is the value
         that Lange, Little and Taylor (1989, JASA 84) advise for few data; None takes them as Gaussian.
-    inducing : int
-        Most inducing points of a smooth term of one column; parts of several columns get four times as many.
 
     Attributes
     ----------
@@ -100,14 +99,12 @@ class AdditiveGP:
         share_column: str | None = None,
         share_sd: float = 0.05,
         df: float | None = 4.0,
-        inducing: int = 10,
     ) -> None:
         self.terms = tuple(terms)
         self.effect_sd = effect_sd
         self.share_column = share_column
         self.share_sd = share_sd
         self.df = df
-        self.inducing = inducing
 
     def fit(
         self,
@@ -257,7 +254,7 @@ class AdditiveGP:
                 continue
             held = {c: self._held(columns, c) for c in term.columns}
             z = np.unique(np.column_stack(self._standard(held, term)).round(3), axis=0)
-            most = self.inducing if len(term.columns) == 1 else 4 * self.inducing
+            most = _INDUCING if len(term.columns) == 1 else 4 * _INDUCING
             self.points_[i] = _inducing_points(z, most)
             gram = _squared_exponential(list(self.points_[i].T), self.points_[i])
             self.whiteners_[i] = np.linalg.inv(cholesky(gram + 1e-6 * np.eye(len(gram)))).T

@@ -27,19 +27,12 @@ UNKNOWN_SUN_W_M2: Final = 300.0
 """Irradiance when nothing is known: about the mean of a bright half-day in middle latitudes."""
 
 SUN_W_M2: Final = (
-    ("dark", 0.0),
-    ("night", 0.0),
-    ("sunrise", 50.0),
-    ("sunset", 50.0),
-    ("rain", 100.0),
-    ("snow", 100.0),
-    ("fog", 100.0),
-    ("slightly cloudy", 400.0),
-    ("partly cloudy", 400.0),
-    ("cloudy", 150.0),
-    ("overcast", 150.0),
-    ("sun", 600.0),
-    ("clear", 600.0),
+    (("dark", "night"), 0.0),
+    (("sunrise", "sunset"), 50.0),
+    (("rain", "snow", "fog"), 100.0),
+    (("slightly cloudy", "partly cloudy"), 400.0),
+    (("cloudy", "overcast"), 150.0),
+    (("sun", "clear"), 600.0),
 )
 """Global irradiance by day for words of a weather report in summer, the first that occurs.
 
@@ -63,7 +56,8 @@ def irradiance(weather: str | None, season: str | None = None) -> float:
     """
     if weather is None:
         return UNKNOWN_SUN_W_M2
-    sun_w_m2 = next((sun for word, sun in SUN_W_M2 if word in weather.lower()), UNKNOWN_SUN_W_M2)
+    told = weather.lower()
+    sun_w_m2 = next((sun for words, sun in SUN_W_M2 if any(w in told for w in words)), UNKNOWN_SUN_W_M2)
     return sun_w_m2 * (WINTER_SUN if season == "winter" else 1.0)
 
 

@@ -17,13 +17,7 @@ from tripwatt.forecasting.fitting import held_out_figures, provenance_of
 from tripwatt.forecasting.model import ForecastModel, HeldOut
 from tripwatt.forecasting.ranges import NEVER_KNOWN, training_ranges
 from tripwatt.hybrid import segment_trips
-from tripwatt.hybrid.factors import (
-    UNITS,
-    USUAL_SHARE,
-    USUAL_W,
-    USUAL_WH,
-    TripEvidence,
-)
+from tripwatt.hybrid.factors import UNITS, USUAL_SHARE, USUAL_W, USUAL_WH, TripEvidence
 from tripwatt.hybrid.familiarity import Range
 from tripwatt.hybrid.learning import KINDS, MEMORY, Experts, Innovations
 from tripwatt.hybrid.parameters import on_road

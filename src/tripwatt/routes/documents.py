@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +11,7 @@ import numpy as np
 
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import InvalidInput, excerpt
-from tripwatt.files import read_file
+from tripwatt.files import read_file, strict_json
 from tripwatt.routes.points import require_few_points, require_on_earth
 
 MOST_BYTES: Final = 64 * 1024 * 1024
@@ -45,12 +44,8 @@ def parse_json(data: bytes, where: str) -> Any:
     InvalidInput
         When it is not JSON.
     """
-
-    def refuse(constant: str) -> float:
-        raise ValueError(f"{constant} is no JSON number")
-
     try:
-        return json.loads(data, parse_constant=refuse)
+        return strict_json(data)
     except RecursionError as error:
         raise InvalidInput.of("not JSON", where, "nested too deeply", "a route") from error
     except ValueError as error:

@@ -12,6 +12,7 @@ import numpy as np
 
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import InvalidInput, excerpt
+from tripwatt.files import shipped_toml
 from tripwatt.routes.documents import Node, content, parse_json
 from tripwatt.routes.links import FASTEST_LINK_M_S
 from tripwatt.routes.points import require_on_earth
@@ -20,23 +21,7 @@ from tripwatt.trips import Flag
 from tripwatt.units import M_S_PER_KM_H
 
 ROAD_SPEED_M_S: Final[Mapping[str, float]] = {
-    road: kilometres_per_hour * M_S_PER_KM_H
-    for road, kilometres_per_hour in {
-        "motorway": 90.0,
-        "motorway_link": 45.0,
-        "trunk": 85.0,
-        "trunk_link": 40.0,
-        "primary": 65.0,
-        "primary_link": 30.0,
-        "secondary": 55.0,
-        "secondary_link": 25.0,
-        "tertiary": 40.0,
-        "tertiary_link": 20.0,
-        "unclassified": 25.0,
-        "residential": 25.0,
-        "living_street": 10.0,
-        "service": 15.0,
-    }.items()
+    road: km_h * M_S_PER_KM_H for road, km_h in shipped_toml("routes/road_speeds.toml").items()
 }
 """Mean speed [m/s] by OpenStreetMap's class of road where nothing better is known: the values of OSRM's car profile."""
 

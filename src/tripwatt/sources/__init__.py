@@ -94,11 +94,11 @@ def where_to_get(dataset: str) -> str:
     InvalidInput
         When nothing is known of such a data set.
     """
-    from tripwatt.sources.public import PUBLIC_SETS
+    from tripwatt.sources.public import public_sets
 
-    if dataset not in PUBLIC_SETS:
-        raise InvalidInput(Fault.unknown("unknown data set", "dataset", dataset, PUBLIC_SETS))
-    return PUBLIC_SETS[dataset]
+    if dataset not in public_sets():
+        raise InvalidInput(Fault.unknown("unknown data set", "dataset", dataset, public_sets()))
+    return public_sets()[dataset]
 
 
 def check_folder(path: Path | str, dataset: str = "tum") -> FolderReport:

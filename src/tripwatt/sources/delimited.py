@@ -12,6 +12,7 @@ import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import Any, Final
 
@@ -21,7 +22,7 @@ import pyarrow.csv as pa_csv
 
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import Fault, InvalidInput, and_more
-from tripwatt.files import read_file
+from tripwatt.files import read_file, shipped_toml
 from tripwatt.sources.mapping import UNITS
 from tripwatt.trips.headers import DELIMITERS
 
@@ -53,6 +54,21 @@ class RawColumn:
     name: str
     ours: str
     factor: float
+
+
+@cache
+def raw_columns(dataset: str) -> tuple[RawColumn, ...]:
+    """Columns of a public set with a reader of its own, from `public.toml`.
+
+    Examples
+    --------
+    >>> raw_columns("ved")[3]
+    RawColumn(name='HV Battery Voltage[V]', ours='voltage_v', factor=1.0)
+    """
+    return tuple(
+        RawColumn(name, about["ours"], about.get("sign", 1.0) * UNITS[about["ours"]][about["unit"]][0])
+        for name, about in shipped_toml("sources/public.toml")[dataset]["columns"].items()
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,6 +15,7 @@ import pandas as pd
 
 from tripwatt.arrays import FloatArray
 from tripwatt.sources.mapping import M_S_PER_MPH, POWER
+from tripwatt.sources.naming import vocabulary
 from tripwatt.trips import COLUMNS
 from tripwatt.trips.inertia import apparent_mass
 from tripwatt.units import M_S_PER_KM_H, SECONDS_PER_HOUR
@@ -40,27 +41,6 @@ PPM_FROM: Final = 1e4
 """No state of charge in percent is so large; Leaf Spy writes percent times 10,000."""
 
 SPEED_UNITS: Final = {"m/s": 1.0, "km/h": M_S_PER_KM_H, "mph": M_S_PER_MPH}
-
-STAMP_FORMATS: Final = (
-    "%d.%m.%Y %H:%M:%S",
-    "%d.%m.%Y %H:%M:%S.%f",
-    "%d.%m.%Y %H:%M:%S,%f",
-    "%d.%m.%y %H:%M:%S",
-    "%d-%b-%Y %H:%M:%S.%f",
-    "%d-%b-%Y %H:%M:%S",
-    "%Y/%m/%d %H:%M:%S",
-    "%Y/%m/%d %H:%M:%S.%f",
-    "%Y-%m-%d %H:%M:%S,%f",
-    "%m/%d/%Y %H:%M:%S",
-    "%d/%m/%Y %H:%M:%S",
-    "%m/%d/%Y %I:%M:%S %p",
-    "%d-%m-%Y %H:%M:%S",
-    "%d.%m.%Y %H:%M",
-    "%m/%d/%Y %H:%M",
-    "%d/%m/%Y %H:%M",
-    "%H:%M:%S",
-    "%H:%M:%S.%f",
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +76,7 @@ def stamp_format(texts: Sequence[str]) -> tuple[str, str] | None:
 
     if fits("ISO8601"):
         return "", "time stamps, ISO 8601"
-    fitting = [form for form in STAMP_FORMATS if fits(form)]
+    fitting = [form for form in vocabulary()["stamps"] if fits(form)]
     if not fitting:
         return None
     unclear = "" if len(fitting) == 1 else f"; CHECK: may be {' or '.join(fitting[1:3])}"

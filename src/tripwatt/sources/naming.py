@@ -3,33 +3,32 @@
 from __future__ import annotations
 
 import re
-import tomllib
 import unicodedata
 from collections.abc import Mapping, Sequence
 from functools import cache
-from importlib import resources
 from types import MappingProxyType
 from typing import Any, Final
 
+from tripwatt.files import shipped_toml
 from tripwatt.sources.mapping import UNITS
 
 _SHOWN: Final = re.compile(r"[(\[]\s*display(ed)?\s*[)\]]", re.IGNORECASE)
 
 
 @cache
-def _vocabulary() -> dict[str, Any]:
+def vocabulary() -> dict[str, Any]:
     """The tables of `names.toml`."""
-    return tomllib.loads((resources.files("tripwatt.sources") / "names.toml").read_text("utf-8"))
+    return shipped_toml("sources/names.toml")
 
 
 @cache
 def column_names() -> Mapping[str, tuple[str, ...]]:
     """Our columns in the order in which they are looked for, and what loggers call them, the likeliest first."""
-    pack = _vocabulary()["pack"]
+    pack = vocabulary()["pack"]
     return MappingProxyType(
         {
             ours: tuple(name.replace("PACK", pack) for name in about["names"])
-            for ours, about in _vocabulary()["columns"].items()
+            for ours, about in vocabulary()["columns"].items()
         }
     )
 
@@ -37,7 +36,7 @@ def column_names() -> Mapping[str, tuple[str, ...]]:
 @cache
 def _unit_words() -> Mapping[str, str]:
     """Other spelling -> unit."""
-    return {text: unit for unit, texts in _vocabulary()["spellings"].items() for text in texts}
+    return {text: unit for unit, texts in vocabulary()["spellings"].items() for text in texts}
 
 
 def words(name: str) -> str:
@@ -111,7 +110,7 @@ def is_something_else(name: str) -> bool:
     >>> is_something_else("ideal_battery_range_km"), is_something_else("odometer"), is_something_else("a4")
     (True, True, False)
     """
-    return re.search(_vocabulary()["other"], words(name)) is not None
+    return re.search(vocabulary()["other"], words(name)) is not None
 
 
 def candidates(ours: str, names: Sequence[str]) -> list[str]:
@@ -124,8 +123,8 @@ def candidates(ours: str, names: Sequence[str]) -> list[str]:
     """
     if ours in names:
         return [ours]
-    own = _vocabulary()["columns"][ours].get("not")
-    forbidden = re.compile("|".join(filter(None, (_vocabulary()["never"], own))))
+    own = vocabulary()["columns"][ours].get("not")
+    forbidden = re.compile("|".join(filter(None, (vocabulary()["never"], own))))
     likely: dict[str, None] = {}
     for pattern in column_names()[ours]:
         for name in names:

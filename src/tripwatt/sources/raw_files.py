@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
-from tripwatt.arrays import FloatArray, IntArray
+from tripwatt.arrays import FloatArray, IntArray, by_key
 from tripwatt.errors import Fault, InvalidInput, and_more, did_you_mean, raise_faults
 from tripwatt.sources.clocks import EARLIEST_YEAR, LATEST_YEAR, clock_only, seconds_of
 from tripwatt.sources.columnar import TableFile, open_table
@@ -159,9 +159,7 @@ def _entries(file: RawFile, table: TableFile) -> dict[str, MappedColumn]:
     own = [getattr(mapping, f"{name}_column") for name in ("trip", "vehicle", "driver")]
     own += [mapping.long_name, mapping.long_value]
     needed = [_missing(table, n, mapping) for n in own if n and n not in table.names]
-    keys: dict[str, list[str]] = {}
-    for name in table.names:
-        keys.setdefault(column_key(name), []).append(name)
+    keys = by_key(table.names, column_key)
 
     def spelled(column: str) -> str | None:
         alike = [column] if column in table.names else keys.get(column_key(column), [])

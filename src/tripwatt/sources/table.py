@@ -13,6 +13,7 @@ from typing import Final
 
 import numpy as np
 
+from tripwatt.arrays import by_key
 from tripwatt.errors import Fault, InvalidInput, raise_faults
 from tripwatt.sources.archives import unpacked
 from tripwatt.sources.clocks import decided_format
@@ -125,11 +126,7 @@ def read_kinds(
 
 def _merge_alike(path: Path, faults: Sequence[Fault]) -> Iterator[Fault]:
     """All faults of all files; of one that many files share in the same column the first ones and how many more."""
-    seen: dict[tuple[str, str, str], list[Fault]] = {}
-    for fault in faults:
-        column = fault.where.partition(" column ")[2]
-        seen.setdefault((fault.what, column, fault.allowed), []).append(fault)
-    for alike in seen.values():
+    for alike in by_key(faults, lambda f: (f.what, f.where.partition(" column ")[2], f.allowed)).values():
         if len(alike) <= SHOWN_ALIKE + 1:
             yield from alike
             continue

@@ -14,10 +14,18 @@ from typing import Final
 
 import pandas as pd
 
+from tripwatt.arrays import by_key
 from tripwatt.errors import Fault, InvalidInput, system_errors
 from tripwatt.files import file_head
 from tripwatt.sources.columnar import read_folder, require_folder
-from tripwatt.sources.delimited import Delimited, RawColumn, column_key, open_delimited, read_numbers
+from tripwatt.sources.delimited import (
+    Delimited,
+    RawColumn,
+    column_key,
+    open_delimited,
+    raw_columns,
+    read_numbers,
+)
 from tripwatt.sources.tum_overview import read_overview
 from tripwatt.trips import (
     COLUMNS,
@@ -31,7 +39,6 @@ from tripwatt.trips import (
 )
 from tripwatt.trips.elevation import elevation_over_distance
 from tripwatt.trips.reading import FileReading, ReadingReport
-from tripwatt.units import M_S_PER_KM_H
 
 CITATION: Final = (
     'M. Steinstraeter, J. Buberger, D. Trifonov, "Battery and Heating Data in Real Driving Cycles", '
@@ -39,27 +46,6 @@ CITATION: Final = (
 )
 OVERVIEW_NAME: Final = "Overview.xlsx"
 
-
-RAW_COLUMNS: Final = (
-    RawColumn("Time [s]", "time_s", 1.0),
-    RawColumn("Velocity [km/h]", "speed_m_s", M_S_PER_KM_H),
-    RawColumn("Elevation [m]", "elevation_m", 1.0),
-    RawColumn("Ambient Temperature [°C]", "ambient_temperature_degc", 1.0),
-    RawColumn("Cabin Temperature Sensor [°C]", "cabin_temperature_degc", 1.0),
-    RawColumn("Battery Temperature [°C]", "battery_temperature_degc", 1.0),
-    RawColumn("Battery Voltage [V]", "voltage_v", 1.0),
-    RawColumn("Battery Current [A]", "current_a", -1.0),  # the files count discharge as negative
-    RawColumn("SoC [%]", "soc", 0.01),
-    RawColumn("displayed SoC [%]", "displayed_soc", 0.01),
-    RawColumn("Motor Torque [Nm]", "motor_torque_nm", 1.0),
-    # The heater reports its own power on the LIN bus; the CAN message is frozen in some trips and jumps to 5.5 kW
-    # while the heater is off in others, so it only serves where the first is not in the file.
-    RawColumn("Heating Power LIN [W]", "heating_power_w", 1.0),
-    RawColumn("Heating Power CAN [kW]", "heating_power_w", 1000.0),
-    RawColumn("Requested Heating Power [W]", "requested_heating_power_w", 1.0),
-    RawColumn("AirCon Power [kW]", "aircon_power_w", 1000.0),
-)
-"""The whole reader's knowledge of columns. Of two sources for one column the first that a file has is read."""
 
 NEEDED_COLUMNS: Final = (*REQUIRED_COLUMNS, "voltage_v", "current_a")
 """Without these a file gives no observed energy and is refused."""
@@ -206,12 +192,10 @@ def read_tum_file(
 
 def _choose(source: Delimited) -> dict[int, RawColumn]:
     """Which positions of the header to read, in the order of `COLUMNS`."""
-    positions: dict[str, list[int]] = {}
-    for position, name in enumerate(source.names):
-        positions.setdefault(column_key(name), []).append(position)
+    positions = by_key(range(len(source.names)), lambda position: column_key(source.names[position]))
     chosen: dict[str, tuple[int, RawColumn]] = {}
     faults: list[Fault] = []
-    for raw in RAW_COLUMNS:
+    for raw in raw_columns("tum"):
         places = positions.get(column_key(raw.name), [])
         if not places or raw.ours in chosen:
             continue
@@ -225,7 +209,7 @@ def _choose(source: Delimited) -> dict[int, RawColumn]:
 
 
 def _missing_column(source: Delimited, ours: str) -> Fault:
-    names = " or ".join(repr(raw.name) for raw in RAW_COLUMNS if raw.ours == ours)
+    names = " or ".join(repr(raw.name) for raw in raw_columns("tum") if raw.ours == ours)
     shown = ", ".join(repr(name[:40]) for name in source.names[:6])
     more = f" and {len(source.names) - 6} more" if len(source.names) > 6 else ""
     got, where = f"{len(source.names)} columns: {shown}{more}", f"{source.path} row {source.header_line}"

@@ -7,32 +7,12 @@ from pathlib import Path
 from typing import Final
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.sources.tum import (
-    ALL_TRIP_IDS,
-    CITATION,
-    OVERVIEW_NAME,
-    REFERENCE_TRIPS,
-    read_tum_file,
-    trip_files,
-)
+from tripwatt.sources.tum import ALL_TRIP_IDS, OVERVIEW_NAME, REFERENCE_TRIPS, read_tum_file, trip_files
 from tripwatt.sources.tum_overview import read_durations
 from tripwatt.trips.messages import message
 
 _DURATION_TOLERANCE_S: Final = 5.0
 """The sheet's durations agree with whole logs within a second; re-saved copies may lose a block at the end."""
-
-_INSTRUCTIONS: Final = f"""\
-Battery and heating data of a BMW i3 in 70 real trips (TUM, 2019/20), about 120 MB.
-
-1. IEEE DataPort (a free account is needed): https://doi.org/10.21227/6jr9-5235
-2. Kaggle copy: https://www.kaggle.com/datasets/atechnohazard/battery-and-heating-data-in-real-driving-cycles
-
-Unpack everything into one folder: TripA01.csv ... TripB38.csv and {OVERVIEW_NAME}.
-Then `tripwatt fetch tum FOLDER` checks what you have.
-
-Licence: CC BY 4.0. Name the authors when you publish results:
-{CITATION}
-"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,17 +76,6 @@ class FolderReport:
         needed = len(REFERENCE_TRIPS)
         lines.append(f"reference trips: {needed - len(self.reference_missing)} of {needed}")
         return "\n".join(lines)
-
-
-def where_to_get_tum() -> str:
-    """Where the TUM set can be had, and under which licence.
-
-    Examples
-    --------
-    >>> "10.21227/6jr9-5235" in where_to_get_tum() and "CC BY 4.0" in where_to_get_tum()
-    True
-    """
-    return _INSTRUCTIONS
 
 
 def check_tum_folder(folder: Path | str) -> FolderReport:

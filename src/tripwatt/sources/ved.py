@@ -21,10 +21,9 @@ import pandas as pd
 from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.errors import Fault, InvalidInput, and_more
 from tripwatt.sources.columnar import read_folder, require_folder
-from tripwatt.sources.delimited import Delimited, RawColumn, column_key, open_delimited, read_numbers
+from tripwatt.sources.delimited import Delimited, column_key, open_delimited, raw_columns, read_numbers
 from tripwatt.trips import COLUMNS, Context, Flag, Fleet, Log, raise_faults
 from tripwatt.trips.reading import ReadingReport
-from tripwatt.units import M_S_PER_KM_H
 
 CITATION: Final = (
     'G. S. Oh, D. J. LeBlanc, H. Peng, "Vehicle Energy Dataset (VED), a Large-Scale Dataset for Vehicle Energy '
@@ -39,16 +38,6 @@ LARGEST_KEY: Final = 1e6
 """No car, trip or day of the set has a larger number."""
 
 
-RAW_COLUMNS: Final = (
-    RawColumn("Timestamp(ms)", "time_s", 1e-3),
-    RawColumn("Vehicle Speed[km/h]", "speed_m_s", M_S_PER_KM_H),
-    RawColumn("OAT[DegC]", "ambient_temperature_degc", 1.0),
-    RawColumn("HV Battery Voltage[V]", "voltage_v", 1.0),
-    RawColumn("HV Battery Current[A]", "current_a", -1.0),  # the files count discharge as negative
-    RawColumn("HV Battery SOC[%]", "soc", 0.01),
-    RawColumn("Heater Power[Watts]", "heating_power_w", 1.0),
-    RawColumn("Air Conditioning Power[Watts]", "aircon_power_w", 1.0),
-)
 _KEYS: Final = ("DayNum", "VehId", "Trip")
 _ENGINE: Final = ("Engine RPM[RPM]", "MAF[g/sec]", "Fuel Rate[L/hr]")
 """Signals of a combustion engine: a car that has a value of one of them, be it 0, is none of ours."""
@@ -131,7 +120,9 @@ def _read_week(name: str, path: Path, faults: list[Fault] | None) -> _Week:
         if name in values:
             has_engine |= np.isfinite(values[name])
     columns = {
-        raw.ours: values[raw.name][has_battery] * raw.factor for raw in RAW_COLUMNS if raw.name in values
+        raw.ours: values[raw.name][has_battery] * raw.factor
+        for raw in raw_columns("ved")
+        if raw.name in values
     }
     columns["day"] = values["DayNum"][has_battery]
     samples = pd.DataFrame({"car": keys[0][has_battery], "trip": keys[1][has_battery], **columns}, copy=False)
@@ -141,7 +132,7 @@ def _read_week(name: str, path: Path, faults: list[Fault] | None) -> _Week:
 
 def _positions(source: Delimited) -> Mapping[str, int]:
     there = {column_key(name): i for i, name in reversed(list(enumerate(source.names)))}
-    needed = (*_KEYS, *(raw.name for raw in RAW_COLUMNS))
+    needed = (*_KEYS, *(raw.name for raw in raw_columns("ved")))
     where = f"{source.path} row {source.header_line}"
     got = f"{len(source.names)} columns: {', '.join(repr(n[:40]) for n in source.names[:6])} ..."
     raise_faults(

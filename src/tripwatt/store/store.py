@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import pandas as pd
 
-from tripwatt.arrays import IntArray
+from tripwatt.arrays import IntArray, by_key
 from tripwatt.auditing import Finding, audit
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.store.delta import DataFile, DeltaFolder, joined, require_deltalake
@@ -394,9 +394,7 @@ class TripStore:
         list of FileTrips
             Data files without a wanted log are left out.
         """
-        by_place: dict[tuple[int, str], list[Mapping[str, Any]]] = {}
-        for row in rows:
-            by_place.setdefault((row["bucket"], row["month"]), []).append(row)
+        by_place = by_key(rows, lambda row: (row["bucket"], row["month"]))
         files = []
         for file in self.samples.data_files():
             wanted = tuple(

@@ -13,6 +13,7 @@ from typing import Any, Final
 
 from tripwatt.errors import Fault, excerpt
 from tripwatt.errors import raise_faults as raise_faults
+from tripwatt.files import shipped_toml
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,71 +54,30 @@ class Column:
         return f"{self.minimum:g} to {self.maximum:g}{unit}"
 
 
-COLUMNS: Final[Mapping[str, Column]] = {
-    "time_s": Column("s", -math.inf, math.inf, "time of the sample, increasing"),
-    "speed_m_s": Column("m/s", 0.0, 90.0, "vehicle speed"),
-    "elevation_m": Column("m", -500.0, 9000.0, "height above sea level, as logged"),
-    "grade": Column("1", -0.6, 0.6, "road inclination, rise over horizontal distance"),
-    "speed_limit_m_s": Column("m/s", 1.0, 70.0, "highest speed that is allowed on the road"),
-    "ambient_temperature_degc": Column("°C", -60.0, 70.0, "outside air temperature"),
-    "cabin_temperature_degc": Column("°C", -60.0, 100.0, "cabin air temperature"),
-    "cabin_setpoint_degc": Column("°C", 0.0, 50.0, "cabin temperature that the driver asked for"),
-    "battery_temperature_degc": Column("°C", -60.0, 100.0, "battery temperature"),
-    "voltage_v": Column("V", 30.0, 1200.0, "battery terminal voltage"),
-    "current_a": Column("A", -3000.0, 3000.0, "battery current, + discharges"),
-    "soc": Column("1", 0.0, 1.0, "state of charge, the battery management's value"),
-    "displayed_soc": Column("1", 0.0, 1.0, "state of charge that the driver sees"),
-    "motor_torque_nm": Column("Nm", -2000.0, 2000.0, "motor torque, + propels"),
-    "heating_power_w": Column("W", -500.0, 60_000.0, "electric power of the cabin heater"),
-    "requested_heating_power_w": Column(
-        "W", -500.0, 60_000.0, "heating power that the driver's setting requests"
-    ),
-    "aircon_power_w": Column("W", -500.0, 30_000.0, "electric power of the air conditioner"),
-    "climate_power_w": Column("W", -500.0, 60_000.0, "electric power of heater and air conditioner together"),
-}
+def _columns(table: str) -> Mapping[str, Column]:
+    """A table of `columns.toml`."""
+    return {name: Column(*about) for name, about in shipped_toml("trips/columns.toml")[table].items()}
+
+
+COLUMNS: Final = _columns("samples")
 """Canonical sample columns in SI units; temperatures in °C, `soc` as a fraction."""
 
 REQUIRED_COLUMNS: Final = ("time_s", "speed_m_s")
 
-QUANTITIES: Final[Mapping[str, Column]] = {
-    "payload_mass_kg": Column("kg", 0.0, 60_000.0, "load besides the driver"),
-    "solar_irradiance_w_m2": Column("W/m²", 0.0, 1500.0, "sunshine on a horizontal surface"),
-    "wind_speed_m_s": Column("m/s", 0.0, 60.0, "wind 10 m above the ground"),
-    "wind_from_deg": Column("°", 0.0, 360.0, "direction from which the wind blows, clockwise from north"),
-    "rain_mm_h": Column("mm/h", 0.0, 200.0, "rain"),
-    "pressure_pa": Column("Pa", 30_000.0, 110_000.0, "air pressure at the ground"),
-    "tyre_pressure": Column("1", 0.5, 1.5, "pressure of the cold tyres over the recommended one"),
-    "reserve": Column("1", 0.0, 1.0, "state of charge to arrive with, as the driver sees it"),
-}
+QUANTITIES: Final = _columns("quantities")
 """Single numbers that belong to a whole trip."""
 
-DEPARTURE_BOUNDS: Final[Mapping[str, Column]] = {
-    "ambient_temperature_degc": Column("°C", -60.0, 57.0, "outside air temperature")
-}
-"""Narrower bounds of what a person gives for a departure: the highest air temperature on record is 56.7 °C (WMO, Furnace
-Creek 1913), while the sensor of a parked car may show more."""
+DEPARTURE_BOUNDS: Final = _columns("departure")
+"""Narrower bounds of what a person gives for a departure."""
 
 BOUNDS: Final[Mapping[str, Column]] = {**QUANTITIES, **COLUMNS, **DEPARTURE_BOUNDS}
 """Of every value that a departure may have, by its name."""
 
-STEEPEST_GRADE: Final = 0.4
-"""Rise over length that no street exceeds: Baldwin Street in Dunedin, the steepest of Guinness World Records, has 0.35 over
-10 m, Canton Avenue in Pittsburgh 0.37 by its sign."""
-
-LINK_COLUMNS: Final[Mapping[str, Column]] = {
-    "length_m": Column("m", 0.01, 1e7, "length; shorter pieces are rounding"),
-    "travel_time_s": Column("s", 0.0, 48 * 3600.0, "time on the link, standstill included"),
-    "speed_m_s": Column(
-        "m/s", 0.0, 70.0, "mean speed, standstill included; 252 km/h leaves room for the peaks"
-    ),
-    "stop_s": Column("s", 0.0, 48 * 3600.0, "standstill at the end of the link, part of its travel time"),
-    "moving_speed_m_s": Column("m/s", 0.0, 70.0, "speed while the car moves freely"),
-    "speed_limit_m_s": Column("m/s", 0.0, 70.0, "highest speed that is allowed"),
-    "grade": Column("1", -STEEPEST_GRADE, STEEPEST_GRADE, "rise over length"),
-    "start_elevation_m": Column("m", -500.0, 9000.0, "height above sea level at the start"),
-    "end_elevation_m": Column("m", -500.0, 9000.0, "height above sea level at the end"),
-}
+LINK_COLUMNS: Final = _columns("links")
 """Fields of a link of a planned road."""
+
+STEEPEST_GRADE: Final = LINK_COLUMNS["grade"].maximum
+"""Rise over length that no street exceeds."""
 
 
 A_FRACTION: Final = "give a fraction, 0.9 for 90 %"

@@ -6,13 +6,14 @@ import datetime as dt
 import itertools
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, replace
 from functools import wraps
 from typing import TYPE_CHECKING, Any, Final
 
-from tripwatt.trips.columns import COLUMNS, DEPARTURE_BOUNDS, Column, raise_faults
+from tripwatt.files import shipped_toml
+from tripwatt.trips.columns import COLUMNS, DEPARTURE_BOUNDS, raise_faults
 from tripwatt.trips.context import Context
-from tripwatt.trips.fields import Field, entry
+from tripwatt.trips.fields import Field
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -64,99 +65,27 @@ class Departure:
     Departure(soc=0.8, ambient_temperature_degc=-5)
     """
 
-    soc: float | None = entry(
-        "Displayed state of charge at departure.",
-        label="state of charge at departure",
-        column=COLUMNS["displayed_soc"],
-        option="--soc",
-        metavar="0..1",
-        wire=("soc", "displayed_soc"),
-    )
-    ambient_temperature_degc: float | None = entry(
-        "Outside temperature.", label="outside temperature", option="--ambient"
-    )
-    cabin_setpoint_degc: float | None = entry(
-        "Set-point of the cabin temperature.", label="cabin set-point", option="--setpoint"
-    )
-    cabin_temperature_degc: float | None = entry(
-        "Cabin temperature at departure.",
-        label="cabin temperature at departure",
-        option="--cabin-temperature",
-    )
-    battery_temperature_degc: float | None = entry(
-        "Battery temperature at departure.",
-        label="battery temperature at departure",
-        option="--battery-temperature",
-    )
-    payload_mass_kg: float | None = entry(
-        "Mass of passengers and luggage, without the driver.", label="payload", option="--payload"
-    )
-    bms_soc: float | None = entry(
-        "State of charge of the battery management; it counts before `soc` where a log has both.",
-        column=COLUMNS["soc"],
-    )
-    season: str | None = entry("Season of the drive.", choices=("summer", "winter"))
-    weather: str | None = entry("Words of the data set for the weather, in lower case.", type="text")
-    follows_trip: bool | None = entry(
-        "Whether the car comes directly from another trip: tyres and driveline are warm.", type="truth"
-    )
-    departs_at: dt.datetime | None = entry(  # noqa: RUF009, `entry` makes a field
-        "Time of departure; it counts for the weather of a server. Default: now.",
-        label="departure",
-        type="time",
-        option="--depart",
-        metavar="[DATE ]HH:MM",
-        wire=("departure_utc", "depart"),
-    )
-    climate: str | None = entry(
-        "What climate control may do: auto, off, heat (no cooling) or cool (no heating).",
-        label="climate control",
-        choices=("auto", "off", "heat", "cool"),
-        option="--climate",
-        metavar="MODE",
-    )
-    extras: tuple[str, ...] | None = entry(
-        "What is fitted to the car or switched on: winter_tyres, roof_box, trailer, headlights or heated_seats.",
-        label="extras",
-        choices=("winter_tyres", "roof_box", "trailer", "headlights", "heated_seats"),
-        several=True,
-        option="--extra",
-        metavar="NAME",
-    )
-    terrain: str | None = entry(
-        "Country of a road whose heights are unknown: flat, hilly, mountains or unknown. It bounds the climb that the interval "
-        "allows for.",
-        label="country",
-        choices=("unknown", "flat", "hilly", "mountains"),
-        option="--terrain",
-        metavar="COUNTRY",
-    )
-    cabin_logged: bool | None = entry(
-        "Whether the cabin's temperature is a reading of the car's sensor, which shows nothing below the lower end of its range.",
-        type="truth",
-    )
-    warmth: float | None = entry(
-        "How warm tyres and driveline are, from 0 after a long stop to 1 after a long drive; else it follows from the cabin and the trip "
-        "before. A cabin that was warmed on the plug stands beside cold tyres.",
-        column=Column("1", 0.0, 1.0, "warmth of tyres and driveline"),
-    )
-    wind_speed_m_s: float | None = entry("Wind 10 m above the ground.", label="wind", option="--wind")
-    wind_from_deg: float | None = entry(
-        "Direction from which the wind blows, clockwise from north: 270 is the west. Where it is unknown, the interval has a head wind "
-        "and a tail wind.",
-        label="wind from",
-        option="--wind",
-        metavar="DEGREES",
-    )
-    rain_mm_h: float | None = entry("Rain.", label="rain", option="--rain")
-    pressure_pa: float | None = entry(
-        "Air pressure at the ground.", label="air pressure", option="--pressure"
-    )
-    tyre_pressure: float | None = entry(
-        "Pressure of the cold tyres over the recommended one: 1 is right.",
-        label="tyre pressure",
-        option="--tyre-pressure",
-    )
+    soc: float | None = None
+    ambient_temperature_degc: float | None = None
+    cabin_setpoint_degc: float | None = None
+    cabin_temperature_degc: float | None = None
+    battery_temperature_degc: float | None = None
+    payload_mass_kg: float | None = None
+    bms_soc: float | None = None
+    season: str | None = None
+    weather: str | None = None
+    follows_trip: bool | None = None
+    departs_at: dt.datetime | None = None
+    climate: str | None = None
+    extras: tuple[str, ...] | None = None
+    terrain: str | None = None
+    cabin_logged: bool | None = None
+    warmth: float | None = None
+    wind_speed_m_s: float | None = None
+    wind_from_deg: float | None = None
+    rain_mm_h: float | None = None
+    pressure_pa: float | None = None
+    tyre_pressure: float | None = None
 
     def __post_init__(self) -> None:
         raise_faults(
@@ -355,7 +284,9 @@ def _first_value(samples: Sampled, column: str) -> float | None:
     return next((float(value) for _, value in early if math.isfinite(value)), None)
 
 
-FIELDS: Final[Mapping[str, Field]] = {f.name: f.metadata["field"].of(f.name) for f in fields(Departure)}
+FIELDS: Final[Mapping[str, Field]] = {
+    name: Field.from_entry(name, entry) for name, entry in shipped_toml("trips/departure.toml").items()
+}
 """The table: name of a field of a departure -> what it holds and how it is given."""
 
 ASKED: Final[Mapping[str, Field]] = {name: field for name, field in FIELDS.items() if field.option}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import datetime as dt
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -68,28 +67,34 @@ class Field:
             return f"{'any' if self.several else 'one'} of {', '.join(self.choices)}"
         return KINDS[self.type]
 
-    def of(self, name: str) -> Field:
-        """With the bounds of its name in the tables of columns, where it has none of its own, and its unit as metavar.
+    @classmethod
+    def from_entry(cls, name: str, entry: Mapping[str, Any]) -> Field:
+        """A field of `departure.toml`, with the bounds of its name in the tables of columns and its unit as metavar.
 
         Parameters
         ----------
         name : str
             Of the field.
+        entry : mapping of str to object
+            Attributes; the column as the name of another one or as its values, where it is not that of the name.
 
         Returns
         -------
         Field
-            The same one where no table has the name.
 
         Examples
         --------
-        >>> Field("Rain.").of("rain_mm_h").allowed, Field("Rain.").of("rain_mm_h").metavar
+        >>> field = Field.from_entry("rain_mm_h", {"help": "Rain."})
+        >>> field.allowed, field.metavar
         ('0 to 200 mm/h', 'MM/H')
         """
-        column = self.column or BOUNDS.get(name)
-        if column is None:
-            return self
-        return dataclasses.replace(self, column=column, metavar=self.metavar or column.unit.upper())
+        about: dict[str, Any] = {
+            key: tuple(value) if isinstance(value, list) else value for key, value in entry.items()
+        }
+        column = about.get("column", name)
+        column = Column(*column) if isinstance(column, tuple) else BOUNDS.get(column)
+        about |= {"column": column, "metavar": about.get("metavar", column.unit.upper() if column else "")}
+        return cls(**about)
 
     def faults(self, name: str, value: Any) -> Iterator[Fault]:
         """The fault of a value; None is unknown and no fault.
@@ -159,21 +164,3 @@ def choice_faults(name: str, value: object, choices: tuple[str, ...]) -> Iterato
         return
     fix = did_you_mean(value, choices) if isinstance(value, str) else ""
     yield Fault("unknown choice", name, excerpt(value, 42), f"one of {', '.join(choices)}", fix)
-
-
-def entry(help: str, **how: Any) -> Any:
-    """A field of a dataclass, None by default, with its entry in the table as metadata.
-
-    Parameters
-    ----------
-    help : str
-        What it is.
-    **how : object
-        The other attributes of `Field`.
-
-    Returns
-    -------
-    dataclasses.Field
-        With a `Field` in its metadata under "field".
-    """
-    return dataclasses.field(default=None, metadata={"field": Field(help, **how)})

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 import re
-import tomllib
 from collections.abc import Callable, Mapping
+from dataclasses import asdict
 from fractions import Fraction
 from functools import cache
-from importlib.resources import files
 from typing import Any, Final
 
+from tripwatt.files import shipped_toml
 from tripwatt.trips.departure import ASKED
 from tripwatt.trips.flags import Flag
 from tripwatt.trips.showing import period
@@ -80,7 +80,7 @@ FORMS: Final[Mapping[str, Callable[[Flag], str]]] = {
 @cache
 def catalogue() -> Mapping[str, Any]:
     """The words of all flags as `flags.toml` has them: `shared`, `names`, `flags`."""
-    return tomllib.loads(files(__package__).joinpath("flags.toml").read_text("utf-8"))
+    return shipped_toml("trips/flags.toml")
 
 
 def _picked(words: str | Mapping[str, str], flag: Flag) -> str:
@@ -159,13 +159,7 @@ def flag_to_dict(flag: Flag) -> dict[str, Any]:
     >>> flag_to_dict(Flag("links_too_long", "links", 6000.0, "m"))["code"]
     'links_too_long'
     """
-    return {
-        "code": flag.code,
-        "subject": flag.subject,
-        "value": flag.value,
-        "unit": flag.unit,
-        "message": message(flag),
-    }
+    return {**asdict(flag), "message": message(flag)}
 
 
 def _value(flag: Flag) -> tuple[Any, ...]:

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final, Literal
 
+from tripwatt.arrays import by_key
 from tripwatt.errors import Fault
 
 _FIGURES: Final = re.compile(r"[-+]?\d[\d.,:]*")
@@ -60,9 +61,7 @@ def alike(things: Iterable[tuple[str, str, int, str]]) -> tuple[Alike, ...]:
     >>> [(a.what, a.count) for a in alike([("3 gaps", "A", 1, "A: 3 gaps"), ("5 gaps", "B", 1, "B: 5 gaps")])]
     [('3 gaps', 2)]
     """
-    groups: dict[str, list[tuple[str, str, int, str]]] = {}
-    for thing in things:
-        groups.setdefault(_FIGURES.sub("#", thing[0]), []).append(thing)
+    groups = by_key(things, lambda thing: _FIGURES.sub("#", thing[0]))
     made = [
         Alike(its[0][0], sum(n for _, _, n, _ in its), len({place for _, place, _, _ in its}), its[0][3])
         for its in groups.values()

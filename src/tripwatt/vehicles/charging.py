@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from functools import cache
 from typing import Any, Final
 
+from tripwatt.arrays import by_key
 from tripwatt.vehicles.catalogue import records
 
 LISTED: Final = "simplified by its authors from public charts"
@@ -42,9 +43,7 @@ def charging_section(name: str) -> dict[str, Any]:
 @cache
 def _sections() -> Mapping[str, Mapping[str, Any]]:
     sources = {row["source"]: row for row in records("sources.csv")}
-    rows: dict[str, list[dict[str, str]]] = {}
-    for row in records("charging.csv"):
-        rows.setdefault(row["car"], []).append(row)
+    rows = by_key(records("charging.csv"), lambda row: row["car"])
     return {car: _section(points, sources[points[0]["source"]]) for car, points in rows.items()}
 
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, Final
 
 from tripwatt.errors import or_none
 from tripwatt.vehicles.loading import load_vehicle, vehicle_names
+from tripwatt.vehicles.parts import ROAD_LOADS
 from tripwatt.vehicles.vehicle import SECTIONS, Value, Vehicle
 
 ROUNDING: Final = 1e-9
@@ -24,18 +25,6 @@ CHANGED_BY_TRIPS: Final = (
     "from the test to the road",
 )
 """How the source of a value starts that is no longer the published one."""
-
-_OTHER_METHOD: Final[Mapping[str, tuple[str, ...]]] = {
-    "coastdown": ("drag_coefficient", "frontal_area_m2", "rolling_resistance_coefficient"),
-    "coefficients": (
-        "coastdown_a_n",
-        "coastdown_b_n_s_m",
-        "coastdown_c_n_s2_m2",
-        "coastdown_mass_kg",
-        "coastdown_air_density_kg_m3",
-    ),
-}
-"""Values of a road load that nothing is computed from, by its method."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +91,8 @@ def differences(vehicle: Vehicle, other: Vehicle) -> tuple[Difference, ...]:
                 shown = ["none" if part is None else "given" for part in (one, two)]
                 different.append(Difference(section, shown[0], shown[1], ""))
             continue
-        unused = _OTHER_METHOD.get(one.method, ()) if section == "road_load" else ()
+        others = ROAD_LOADS.keys() - {one.method} if section == "road_load" else ()
+        unused = {name for method in others for name in ROAD_LOADS[method]}
         for field in dataclasses.fields(kind):
             key = f"{section}.{field.name}"
             value, known = getattr(one, field.name), getattr(two, field.name)

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from types import MappingProxyType
 from typing import Final
 
+from tripwatt.files import shipped_toml
 from tripwatt.trips import EXTRAS
 from tripwatt.vehicles.catalogue import ROAD_LOAD_DENSITY_KG_M3
-from tripwatt.vehicles.inheriting import data_folder
 from tripwatt.vehicles.vehicle import Vehicle
 
 
@@ -41,8 +40,8 @@ class Extra:
 @cache
 def effects() -> Mapping[str, Extra]:
     """Effect of each extra, from `data/table/extras.toml`."""
-    text = (data_folder() / "table" / "extras.toml").read_text("utf-8")
-    return MappingProxyType({name: Extra(**effect) for name, effect in tomllib.loads(text).items()})
+    extras = shipped_toml("vehicles/data/table/extras.toml")
+    return MappingProxyType({name: Extra(**effect) for name, effect in extras.items()})
 
 
 TYRE_PRESSURE_EXPONENT: Final = -0.4

@@ -16,22 +16,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 
 from tripwatt.errors import Fault
+from tripwatt.files import shipped_toml
 
-LICENCES: Final[Mapping[str, str]] = {
-    "facts": "single published figures, each cited; figures alone are not protected by copyright",
-    "estimate": "estimate of the tripwatt authors, under the licence of tripwatt (Apache-2.0)",
-    "US-public-domain": "work of the US federal government, in the public domain in the United States",
-    "user": "given by the user, not part of tripwatt",
-    "as-source-file": "the terms of the imported file apply; tripwatt has not checked them",
-    "not-stated": "stored before licences were recorded",
-    "Apache-2.0": "Apache License 2.0",
-    "CC0-1.0": "Creative Commons Zero 1.0",
-    "CC-BY-4.0": "Creative Commons Attribution 4.0; the authors have to be named",
-    "CDLA-Permissive-2.0": "Community Data License Agreement, Permissive 2.0",
-    "MIT": "MIT License",
-    "OGL-Canada-2.0": "Open Government Licence, Canada 2.0; the source has to be named",
-    "etalab-2.0": "Licence Ouverte 2.0; the source has to be named",
-}
+LICENCES: Final[Mapping[str, str]] = shipped_toml("vehicles/data/table/licences.toml")
 """Licences that a car's TOML may name, SPDX identifiers where there is one."""
 
 JOINT: Final = " AND "

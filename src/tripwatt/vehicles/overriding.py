@@ -6,23 +6,9 @@ from collections.abc import Iterable, Mapping
 from typing import Final
 
 from tripwatt.errors import Fault, did_you_mean, raise_faults
+from tripwatt.files import shipped_toml
 
-ALIASES: Final[Mapping[str, str]] = {
-    "mass": "body.curb_mass_kg",
-    "payload": "body.driver_mass_kg",
-    "c_d": "road_load.drag_coefficient",
-    "area": "road_load.frontal_area_m2",
-    "c_rr": "road_load.rolling_resistance_coefficient",
-    "road_load": "road_load.method",
-    "capacity": "battery.capacity_ah",
-    "base_load": "auxiliaries.base_load_w",
-    "setpoint": "climate.setpoint_degc",
-    "regeneration": "regeneration.fraction",
-    "gear_ratio": "drivetrain.gear_ratio",
-    "wheel_radius": "drivetrain.wheel_radius_m",
-    "motor_power": "drivetrain.motor_max_power_w",
-    "motor_torque": "drivetrain.motor_max_torque_nm",
-}
+ALIASES: Final[Mapping[str, str]] = shipped_toml("vehicles/data/table/aliases.toml")
 """Short names of overrides. `payload` is all that is aboard, the driver included."""
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import MISSING, dataclass, field, fields
 from typing import Any, Final, TypeVar
 
 from tripwatt.arrays import FloatArray
@@ -11,13 +11,19 @@ from tripwatt.units import GRAVITY_M_S2
 Number = TypeVar("Number", float, FloatArray)
 
 
-def quantity(unit: str, minimum: float, maximum: float, *, scaled: bool = False, **default: Any) -> Any:
+def quantity(unit: str, minimum: float, maximum: float, *, default: Any = MISSING, **more: Any) -> Any:
     """A dataclass field that holds a quantity: its unit and its bounds.
 
-    `scaled` marks a quantity that is only clear with its state-of-charge scale, so the TOML must name it.
+    `scaled=True` marks a quantity that is only clear with its state-of-charge scale, so the TOML must name it; `lossless` is
+    the value with which an entry of a loss map loses least.
     """
-    metadata = {"unit": unit, "minimum": minimum, "maximum": maximum, "scaled": scaled}
-    return field(metadata=metadata, **default)
+    return field(metadata={"unit": unit, "minimum": minimum, "maximum": maximum, **more}, default=default)
+
+
+def given(value: float | None) -> float:
+    """A value that its method of the road load needs, so that it is there."""
+    assert value is not None
+    return value
 
 
 def choice(allowed: tuple[str, ...], **default: Any) -> Any:
@@ -106,25 +112,23 @@ class RoadLoad:
     def drag_area_m2(self) -> float:
         """Drag coefficient times frontal area [m²]."""
         if self.method == "coastdown":
-            assert self.coastdown_c_n_s2_m2 is not None
-            assert self.coastdown_air_density_kg_m3 is not None
-            return 2.0 * self.coastdown_c_n_s2_m2 / self.coastdown_air_density_kg_m3
-        assert self.drag_coefficient is not None
-        assert self.frontal_area_m2 is not None
-        return self.drag_coefficient * self.frontal_area_m2
+            return 2.0 * given(self.coastdown_c_n_s2_m2) / given(self.coastdown_air_density_kg_m3)
+        return given(self.drag_coefficient) * given(self.frontal_area_m2)
 
     @property
     def rolling_coefficients(self) -> tuple[float, float]:
         """Rolling resistance over weight: constant part [1] and part per speed [s/m]."""
         if self.method == "coastdown":
-            assert self.coastdown_a_n is not None
-            assert self.coastdown_b_n_s_m is not None
-            assert self.coastdown_mass_kg is not None
-            weight = self.coastdown_mass_kg * GRAVITY_M_S2
-            return self.coastdown_a_n / weight, self.coastdown_b_n_s_m / weight
-        assert self.rolling_resistance_coefficient is not None
-        return self.rolling_resistance_coefficient, 0.0
+            weight = given(self.coastdown_mass_kg) * GRAVITY_M_S2
+            return given(self.coastdown_a_n) / weight, given(self.coastdown_b_n_s_m) / weight
+        return given(self.rolling_resistance_coefficient), 0.0
 
+
+ROAD_LOADS: Final = {
+    "coastdown": tuple(f.name for f in fields(RoadLoad) if f.name.startswith("coastdown_")),
+    "coefficients": ("drag_coefficient", "frontal_area_m2", "rolling_resistance_coefficient"),
+}
+"""Method of a road load -> the entries that it needs."""
 
 WARM_COEFFICIENT_PER_K: Final = 0.0086
 """Largest relative fall of rolling drag for each kelvin of air above the reference [1/K], SAE J1263. A steeper rise in the cold has
@@ -265,20 +269,20 @@ class Drivetrain:
     motor_max_torque_nm: float = quantity("Nm", 1.0, 20_000.0)
     motor_max_power_w: float = quantity("W", 1e3, 2e6)
     motor_max_speed_rad_s: float = quantity("rad/s", 50.0, 4_000.0)
-    torque_constant_nm_a: float = quantity("Nm/A", 1e-3, 100.0)
-    phase_resistance_ohm: float = quantity("ohm", 0.0, 1.0)
-    field_weakening_speed_rad_s: float = quantity("rad/s", 1.0, 1e9)
-    characteristic_current_a: float = quantity("A", 0.0, 1e5)
-    iron_loss_linear: float = quantity("W s/(rad Nm^x)", -10.0, 10.0)
-    iron_loss_quadratic: float = quantity("W s2/(rad2 Nm^x)", 0.0, 1.0)
-    iron_loss_torque_exponent: float = quantity("1", 0.0, 3.0)
-    inverter_fixed_loss_w: float = quantity("W", 0.0, 5_000.0)
-    inverter_voltage_drop_v: float = quantity("V", 0.0, 50.0)
-    inverter_resistance_ohm: float = quantity("ohm", 0.0, 1.0)
-    motor_loss_factor: float = quantity("1", 0.0, 20.0, default=1.0)
-    flux_loss_w_s2_rad2: float = quantity("W s2/rad2", 0.0, 1.0, default=0.0)
+    torque_constant_nm_a: float = quantity("Nm/A", 1e-3, 100.0, lossless=100.0)
+    phase_resistance_ohm: float = quantity("ohm", 0.0, 1.0, lossless=0.0)
+    field_weakening_speed_rad_s: float = quantity("rad/s", 1.0, 1e9, lossless=1000000000.0)
+    characteristic_current_a: float = quantity("A", 0.0, 1e5, lossless=0.0)
+    iron_loss_linear: float = quantity("W s/(rad Nm^x)", -10.0, 10.0, lossless=0.0)
+    iron_loss_quadratic: float = quantity("W s2/(rad2 Nm^x)", 0.0, 1.0, lossless=0.0)
+    iron_loss_torque_exponent: float = quantity("1", 0.0, 3.0, lossless=0.0)
+    inverter_fixed_loss_w: float = quantity("W", 0.0, 5_000.0, lossless=0.0)
+    inverter_voltage_drop_v: float = quantity("V", 0.0, 50.0, lossless=0.0)
+    inverter_resistance_ohm: float = quantity("ohm", 0.0, 1.0, lossless=0.0)
+    motor_loss_factor: float = quantity("1", 0.0, 20.0, lossless=1.0, default=1.0)
+    flux_loss_w_s2_rad2: float = quantity("W s2/rad2", 0.0, 1.0, lossless=0.0, default=0.0)
     machine: str = choice(MACHINES, default="permanent_magnet")
-    field_loss_w: float = quantity("W", 0.0, 50_000.0, default=0.0)
+    field_loss_w: float = quantity("W", 0.0, 50_000.0, lossless=0.0, default=0.0)
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,7 +20,7 @@ from tripwatt.errors import Fault, did_you_mean, excerpt, raise_faults
 from tripwatt.vehicles.inheriting import data_folder, inherit
 from tripwatt.vehicles.licences import licence_faults, with_licences
 from tripwatt.vehicles.overriding import spelled_out
-from tripwatt.vehicles.parts import Battery, RoadLoad
+from tripwatt.vehicles.parts import ROAD_LOADS, Battery, RoadLoad
 from tripwatt.vehicles.relations import relation_faults, table_faults
 from tripwatt.vehicles.vehicle import ANCHORS, OPTIONAL_SECTIONS, SECTIONS, Entry, Value, Vehicle
 
@@ -303,18 +303,14 @@ def _useless_overrides(road_load: RoadLoad, overrides: Mapping[str, float | str]
 
 def _with_method(road_load: RoadLoad, where: str, faults: list[Fault]) -> RoadLoad:
     """The road load with its method settled: the one whose values are all there."""
-    names = {
-        "coastdown": [f.name for f in dataclasses.fields(RoadLoad) if f.name.startswith("coastdown_")],
-        "coefficients": ["drag_coefficient", "frontal_area_m2", "rolling_resistance_coefficient"],
-    }
-    complete = [m for m, keys in names.items() if all(getattr(road_load, k) is not None for k in keys)]
+    complete = [m for m, keys in ROAD_LOADS.items() if all(getattr(road_load, k) is not None for k in keys)]
     place = f"{where}, [road_load]"
     if road_load.method and road_load.method not in complete:
-        lacking = [k for k in names[road_load.method] if getattr(road_load, k) is None]
+        lacking = [k for k in ROAD_LOADS[road_load.method] if getattr(road_load, k) is None]
         fix = "; ".join(_entry_line("road_load", key) for key in lacking)
         faults.append(Fault("missing entry", place, "nothing", f"entries {', '.join(lacking)}", fix))
     elif not road_load.method and len(complete) != 1:
-        allowed = "either all of " + " or all of ".join(", ".join(keys) for keys in names.values())
+        allowed = "either all of " + " or all of ".join(", ".join(keys) for keys in ROAD_LOADS.values())
         got = "both descriptions and no method" if complete else "no complete description"
         faults.append(
             Fault("road load is incomplete or ambiguous", place, got, allowed, "choose one with `method`")

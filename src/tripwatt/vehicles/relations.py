@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any, Final
 
 import numpy as np
@@ -360,30 +360,16 @@ def _loss(shaft_w: float, speed_rad_s: float, drivetrain: Drivetrain) -> float:
     return float(motor_loss(np.array([shaft_w / speed_rad_s]), np.array([speed_rad_s]), drivetrain)[0])
 
 
-_LOSSES: Final = {
-    "torque_constant_nm_a": 100.0,
-    "phase_resistance_ohm": 0.0,
-    "field_weakening_speed_rad_s": 1e9,
-    "characteristic_current_a": 0.0,
-    "iron_loss_linear": 0.0,
-    "iron_loss_quadratic": 0.0,
-    "iron_loss_torque_exponent": 0.0,
-    "inverter_fixed_loss_w": 0.0,
-    "inverter_voltage_drop_v": 0.0,
-    "inverter_resistance_ohm": 0.0,
-    "motor_loss_factor": 1.0,
-    "flux_loss_w_s2_rad2": 0.0,
-    "field_loss_w": 0.0,
-}
+_LOSSES: Final = {f.name: f.metadata["lossless"] for f in fields(Drivetrain) if "lossless" in f.metadata}
 """Entries of the loss map, and the value with which each loses least."""
 
 
 def _loss_fields(shaft_w: float, speed_rad_s: float, drivetrain: Drivetrain) -> tuple[str, ...]:
     """Entries without which the loss would be at least a fifth smaller."""
     whole = _loss(shaft_w, speed_rad_s, drivetrain)
-    fields = []
+    names = []
     for name, value in _LOSSES.items():
         changed: dict[str, Any] = {name: value}
         if _loss(shaft_w, speed_rad_s, replace(drivetrain, **changed)) < 0.8 * whole:
-            fields.append(name)
-    return tuple(f"drivetrain.{name}" for name in fields) or ("drivetrain.motor_loss_factor",)
+            names.append(name)
+    return tuple(f"drivetrain.{name}" for name in names) or ("drivetrain.motor_loss_factor",)

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
+from tripwatt.files import shipped_toml
 from tripwatt.units import GRAVITY_M_S2, KG_PER_LB
 from tripwatt.vehicles.catalogue import (
     DRIVER_KG,
@@ -22,16 +23,8 @@ from tripwatt.vehicles.catalogue import (
     Row,
 )
 
-WHEEL_RADIUS_M: Final = {
-    "quadricycle": 0.265,
-    "small": 0.295,
-    "hatchback": 0.315,
-    "sedan": 0.335,
-    "suv": 0.345,
-    "van": 0.345,
-    "pickup": 0.390,
-}
-"""Rolling radius of usual tyres of a kind of body: 125/80 R13, 185/55 R16, 205/55 R17, 235/45 R19, 235/50 R19, 235/50 R19, 275/60 R20."""
+WHEEL_RADIUS_M: Final = shipped_toml("vehicles/data/table/bodies.toml")["wheel_radius_m"]
+"""Rolling radius of usual tyres of a kind of body."""
 
 GEAR_RATIO: Final = 9.5
 """Motor over wheel speed. The cars with a file of their own have 7.05 to 11.5, their mean is 9.3."""

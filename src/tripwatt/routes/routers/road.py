@@ -29,8 +29,6 @@ LEAST_SIGNAL_STOP_S: Final = 2.0
 MOST_ROUTES: Final = 4
 """Alternatives of one question."""
 
-MOTORWAY: Final = "motorway"
-
 KEY: Final = "TRIPWATT_ROUTER_KEY"
 """Environment variable of the key that a router's server expects."""
 
