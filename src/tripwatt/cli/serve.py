@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
-from tripwatt.cli.journey import MapOption, PlacesOption, StationsOption, WeatherOption
+from tripwatt.cli.journey import OnMap
 from tripwatt.cli.options import argument, option, require_extras
 from tripwatt.errors import Check, Fault, InvalidInput, excerpt, raise_faults, system_errors
 
@@ -45,10 +45,7 @@ def serve(
         int, option("PORT", "Port to listen on; 0 selects a free port.", "--port", min=0, max=65535)
     ] = 8000,
     workers: Annotated[int, option("N", "Number of worker processes.", min=1)] = 2,
-    map_: MapOption = "",
-    places: PlacesOption = "",
-    weather: WeatherOption = "",
-    stations: StationsOption = None,
+    on_map: OnMap = OnMap(),  # noqa: B008, it is frozen
     cars: Annotated[
         Path | None,
         option(
@@ -133,17 +130,17 @@ def serve(
       # serve other machines; they need the token
       TRIPWATT_TOKEN=... tripwatt serve --host 0.0.0.0
     """
-    from tripwatt.journey import AtlasSettings, open_atlas
+    from tripwatt.journey import open_atlas
 
     needed = {"service": "tripwatt serve"}
     if cars is not None:
         needed["fleet"] = "--cars"
     if mqtt:
         needed["live"] = "--mqtt"
-    atlas = AtlasSettings(map_, places, weather, "" if stations is None else str(stations))
+    atlas = on_map.settings()
     with Check() as check:
         check(require_extras, needed)
-        if map_:
+        if atlas.map:
             check(open_atlas, atlas)
     from tripwatt.service.serving import require_safe
     from tripwatt.service.serving import serve as run
