@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Mapping
+from importlib import resources
 from typing import Final
 
 import numpy as np
@@ -28,25 +30,9 @@ from tripwatt.units import SECONDS_PER_MINUTE
 PAPER_TABLE2_SOURCE: Final = "arXiv:2405.10984, Table 2"
 
 
-PAPER_TABLE2: Final[Mapping[str, str]] = {
-    "(Intercept)": "1537.44 (938.99)",
-    "weather: cloudy": "796.09 (649.09)",
-    "weather: dark": "1430.53 (723.35)*",
-    "weather: dark, little rainy": "0.00 (0.00)",
-    "weather: rainy": "0.00 (0.00)",
-    "weather: slightly cloudy": "386.27 (582.56)",
-    "weather: sunny": "457.96 (573.88)",
-    "weather: sunrise": "754.49 (751.99)",
-    "weather: sunset": "2322.86 (998.28)*",
-    "s(time)": "6.25 (7.06)***",
-    "s(ambient temperature)": "1.00 (1.00)",
-    "s(speed)": "7.67 (8.54)***",
-    "s(elevation difference)": "2.59 (3.35)***",
-    "s(time):winter": "7.01 (7.92)***",
-    "s(ambient temperature):winter": "1.00 (1.00)",
-    "s(ambient temperature, elevation difference)": "4.86 (27.00)",
-    "s(trip)": "44.40 (57.00)***",
-}
+PAPER_TABLE2: Final[Mapping[str, str]] = tomllib.loads(
+    (resources.files("tripwatt.report") / "paper_table2.toml").read_text("utf-8")
+)
 """What the paper prints for its GAMM (`PAPER_TABLE2_SOURCE`), by our names of the terms."""
 
 
