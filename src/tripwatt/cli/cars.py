@@ -11,10 +11,19 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
-from tripwatt.cli.options import Answer, Logs, SetOption, TripOption, VehicleOption, argument, option
+from tripwatt.cli.options import (
+    Answer,
+    Logs,
+    SetOption,
+    TripOption,
+    VehicleOption,
+    argument,
+    option,
+    require_effect,
+)
 from tripwatt.cli.output import write_text
 from tripwatt.cli.printing import console, print_notes, print_table
-from tripwatt.errors import Fault, InvalidInput, places_named, raise_faults
+from tripwatt.errors import Check, Fault, InvalidInput, places_named, raise_faults
 
 if TYPE_CHECKING:
     from tripwatt.trips import Fleet, Trip
@@ -89,7 +98,7 @@ def vehicles(
     name = " ".join(words or []) or None
     given = (mass, battery, consumption, power, body, heat_pump, procedure)
     figures = dict(zip(FIGURES, given, strict=True))
-    _require_sense(name, import_file, {"--row": row, "--out": out}, figures)
+    _require_sense(name, import_file, row, out, figures)
     if import_file is not None:
         return _import(import_file, row, out)
     if name == "new":
@@ -98,19 +107,18 @@ def vehicles(
 
 
 def _require_sense(
-    name: str | None, import_file: Path | None, only_import: dict[str, Any], only_new: dict[str, Any]
+    name: str | None, import_file: Path | None, row: str | None, out: Path | None, figures: dict[str, Any]
 ) -> None:
-    faults = []
-    if name is not None and import_file is not None:
-        faults.append(Fault("conflicting arguments", "NAME and --import", name, "one of the two"))
-    allowed = {"--row": (import_file is not None, "--import")}
-    allowed["--out"] = (import_file is not None or name == "new", "--import or new")
-    allowed |= dict.fromkeys(only_new, (name == "new", "new"))
-    for given, value in (only_import | only_new).items():
-        sensible, partner = allowed[given]
-        if value is not None and not sensible:
-            faults.append(Fault("option has no effect", given, str(value), f"only together with {partner}"))
-    raise_faults(faults)
+    with Check() as check:
+        if name is not None and import_file is not None:
+            both = Fault("conflicting arguments", "NAME and --import", name, "one of the two")
+            check(raise_faults, [both])
+        if import_file is None:
+            check(require_effect, {"--row": row}, "only together with --import")
+        if import_file is None and name != "new":
+            check(require_effect, {"--out": out}, "only together with --import or new")
+        if name != "new":
+            check(require_effect, figures, "only together with new")
 
 
 FIGURES: Final = {

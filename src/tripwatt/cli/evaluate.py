@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tripwatt.cli.options import Answer, Logs, SetOption, VehicleOption, option
+from tripwatt.cli.options import Answer, Logs, SetOption, VehicleOption, option, require_effect
 from tripwatt.cli.output import check_writable, finished_folds, unfinished_folder, write_whole
 from tripwatt.cli.printing import console, print_notes, print_table, progress
 from tripwatt.errors import Check, Fault, InvalidInput, raise_faults
@@ -84,7 +84,7 @@ def evaluate(
     """
     shown = console()
     if protocol == CARS:
-        others = {
+        others: dict[str, Any] = {
             "--dataset": logs.dataset,
             "--mapping": logs.mapping,
             "--test": test,
@@ -92,7 +92,8 @@ def evaluate(
             "--hold-outs": hold_outs and ",".join(hold_outs),
             "--vehicle": vehicle,
         }
-        _without_effect({**others, "--set": overrides, "--resume": resume or None})
+        others |= {"--set": overrides, "--resume": resume or None}
+        require_effect(others, "only with another --protocol: the file names data and cars")
         return _evaluate_cars(logs.data, out, seed)
     car, note = logs.car(vehicle)
     options: dict[str, Any] = {
@@ -123,12 +124,6 @@ def evaluate(
 def _names(options: list[str] | None) -> list[str] | None:
     """Names of an option that may be given several times, each with several names."""
     return [name.strip() for name in ",".join(options).split(",") if name.strip()] if options else None
-
-
-def _without_effect(given: dict[str, Any]) -> None:
-    """Raise `InvalidInput` for options that the protocol of cars has no use for."""
-    allowed = "only with another --protocol: the file names data and cars"
-    raise_faults(Fault("option has no effect", k, f"{v}", allowed) for k, v in given.items() if v is not None)
 
 
 def _evaluate_cars(data: Path | None, out: Path, seed: int) -> Answer:
@@ -164,9 +159,8 @@ def _check(options: dict[str, Any], overrides: list[str], n_jobs: int) -> None:
     with Check() as check:
         check(lambda: choose_models(find_protocol(options["protocol"]), options["models"]))
         if options["models"] == []:
-            check(
-                raise_faults, [Fault("no models", "--models", "an empty list", "names separated by commas")]
-            )
+            allowed = "names separated by commas"
+            check(raise_faults, [Fault("no models", "--models", "an empty list", allowed)])
         changes = check(parse_overrides, overrides)
         options["vehicle"] = CarChoice(options["vehicle"], changes)
         check(options["vehicle"].load)

@@ -31,10 +31,7 @@ MAPPINGS = (
 LOGS = "Files of loggers: take out of them what tells whose they are."
 
 
-def audit(
-    logs: Logs,
-    notes: NotesOption = False,
-) -> Answer:
+def audit(logs: Logs, notes: NotesOption = False) -> Answer:
     """List the faults of logged trips and their consequences.
 
     No file is changed. Each finding gives the trip, the time span, the fault, and the consequence: trimmed, split, set

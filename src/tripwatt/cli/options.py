@@ -98,6 +98,12 @@ def require_extras(needed: Mapping[str, str]) -> None:
     raise_faults(extras_faults(needed))
 
 
+def require_effect(options: Mapping[str, Any], allowed: str) -> None:
+    """Raise `InvalidInput` for each of some options that is given, where they have no effect."""
+    given = {option: value for option, value in options.items() if value is not None}
+    raise_faults(Fault("option has no effect", name, f"{value}", allowed) for name, value in given.items())
+
+
 def read_logs(
     data: Path | None,
     dataset: str | None,
@@ -121,12 +127,7 @@ def read_logs(
     if data is None:
         from tripwatt.synthetic import synthetic_fleet
 
-        unused = {"--dataset": dataset, "--mapping": mapping}
-        raise_faults(
-            Fault("option has no effect", k, v, "only together with DATA")
-            for k, v in unused.items()
-            if v is not None
-        )
+        require_effect({"--dataset": dataset, "--mapping": mapping}, "only together with DATA")
         return synthetic_fleet(BUILT_IN_TRIPS, faults=True) if built_in_faults else synthetic_fleet()
     from tripwatt.sources import read_logs as read
 
@@ -159,29 +160,6 @@ def _single_tum_trip(path: Path) -> Fleet | None:
     return Fleet("tum", (trip,), tuple(notes), REFERENCE_TRIPS, CITATION)
 
 
-def car_of(
-    vehicle: str | None, data: Path | None, dataset: str | None, mapping: str | None
-) -> tuple[str, tuple[Flag, ...]]:
-    """The car's name, and a flag where neither the user nor the data set names it.
-
-    Examples
-    --------
-    >>> car_of(None, Path("logs"), "ved", None)
-    ('nissan_leaf_24', ())
-    """
-    if vehicle is not None:
-        return vehicle, ()
-    if data is None:
-        return CARS["synthetic"], ()
-    if dataset is not None and dataset in CARS:
-        return CARS[dataset], ()
-    if dataset is None and mapping is None and (not data.is_file() or data.name.lower().startswith("trip")):
-        return CARS["tum"], ()
-    from tripwatt.trips import Flag  # pandas is slow to import
-
-    return UNKNOWN_CAR, (Flag("car_assumed", UNKNOWN_CAR),)
-
-
 @dataclass(frozen=True)
 class Logs:
     """The logged trips that a command reads."""
@@ -196,8 +174,23 @@ class Logs:
         return read_logs(self.data, self.dataset, self.mapping, strict=self.strict, **more)
 
     def car(self, vehicle: str | None) -> tuple[str, tuple[Flag, ...]]:
-        """The car that drove them; see `car_of`."""
-        return car_of(vehicle, self.data, self.dataset, self.mapping)
+        """The car's name, and a flag where neither the user nor the data set names it.
+
+        Examples
+        --------
+        >>> Logs(Path("logs"), "ved").car(None)
+        ('nissan_leaf_24', ())
+        """
+        data, dataset = self.data, "synthetic" if self.data is None else self.dataset
+        if vehicle is not None:
+            return vehicle, ()
+        if data is not None and dataset is None and self.mapping is None:
+            dataset = "tum" if not data.is_file() or data.name.lower().startswith("trip") else None
+        if dataset is not None and dataset in CARS:
+            return CARS[dataset], ()
+        from tripwatt.trips import Flag  # pandas is slow to import
+
+        return UNKNOWN_CAR, (Flag("car_assumed", UNKNOWN_CAR),)
 
 
 @contextmanager

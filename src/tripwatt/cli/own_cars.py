@@ -131,8 +131,7 @@ def learn(car: CarArgument) -> Answer:
 
 
 def show(
-    car: CarArgument,
-    trips: Annotated[int, option("N", "Last trips of the diary to list.", min=0)] = 10,
+    car: CarArgument, trips: Annotated[int, option("N", "Last trips of the diary to list.", min=0)] = 10
 ) -> Answer:
     """Show what a car learned, how good its forecasts are, where its energy went, and the last trips of its diary.
 
@@ -178,9 +177,7 @@ def _show(about: Mapping[str, Any], table: pd.DataFrame) -> None:
     print_table(f"Last {len(listed)} trips", columns, listed, numbers=columns[2:])
 
 
-def token(
-    car: Annotated[Path, argument("CAR", "Folder of the car; made where it is missing.")],
-) -> Answer:
+def token(car: Annotated[Path, argument("CAR", "Folder of the car; made where it is missing.")]) -> Answer:
     """Print a new token with which a car sends its messages to `tripwatt serve --cars`.
 
     An earlier token of the car is no longer accepted once the service is started again. The folder holds a digest of the

@@ -31,7 +31,7 @@ from tripwatt.service.advice_schemas import AdviceResponse, DifferenceDocument
 from tripwatt.service.answering import Answering, json_response
 from tripwatt.service.batching import LineSplitter, forecast_lines
 from tripwatt.service.car_operations import CarOperations
-from tripwatt.service.contract import Fields, mark_old_names
+from tripwatt.service.contract import Fields, mark_old_names, only
 from tripwatt.service.example_requests import UPLOADS
 from tripwatt.service.fleet_operations import FleetOperations
 from tripwatt.service.jobs import Jobs
@@ -87,7 +87,18 @@ MAX_ZOOM: Final = 22
 
 Latitude = Annotated[float, Query(ge=-90.0, le=90.0, allow_inf_nan=False)]
 Longitude = Annotated[float, Query(ge=-180.0, le=180.0, allow_inf_nan=False)]
+Zoom = Annotated[int, PathValue(ge=0, le=MAX_ZOOM)]
 TileNumber = Annotated[int, PathValue(ge=0, lt=2**MAX_ZOOM)]
+MeanSpeed = Annotated[
+    float | None, Query(gt=0, le=70, description="mean speed [m/s] of a track without times and speeds")
+]
+Start = Annotated[str, Query(min_length=1, max_length=200, description="start of a name, a street, a house")]
+MostPlaces = Annotated[int, Query(ge=1, le=50, description="most places")]
+MostShown = Annotated[int, Query(ge=1, le=1000, description="most settlements, most stations")]
+CarWords = Annotated[
+    str | None, Query(min_length=1, max_length=100, description="words of the title or name, or a model year")
+]
+"""Parameters of operations."""
 
 Log = Callable[..., None]
 
@@ -214,12 +225,12 @@ class Api:
     @openapi.operation("POST /v1/forecast", "forecast", ForecastResponse, schemas.ForecastRequest)
     async def forecast(self, request: Request, fields: Fields = None) -> Response:
         """Forecast a trip from a speed trace or from the links of a planned route."""
-        return await self.answering.body_job(request, "forecast", fields=fields)
+        return await self.answering.body_job(request, "forecast", **only(fields))
 
     @openapi.operation("POST /v1/forecast/update", "forecast", ForecastResponse, schemas.UpdateRequest)
     async def update(self, request: Request, fields: Fields = None) -> Response:
         """Update the forecast of a trip with the samples measured so far."""
-        return await self.answering.body_job(request, "update", fields=fields)
+        return await self.answering.body_job(request, "update", **only(fields))
 
     @openapi.operation(
         "POST /v1/forecast/difference", "forecast", DifferenceDocument, schemas.DifferenceRequest
@@ -264,14 +275,7 @@ class Api:
         self.running_batches -= 1
 
     @openapi.operation("POST /v1/routes", "routes", schemas.RouteResponse, UPLOADS)
-    async def route(
-        self,
-        request: Request,
-        speed_m_s: Annotated[
-            float | None,
-            Query(gt=0, le=70, description="mean speed [m/s] of a track without times and speeds"),
-        ] = None,
-    ) -> Response:
+    async def route(self, request: Request, speed_m_s: MeanSpeed = None) -> Response:
         """Read a route or a trip: GPX, KML, GeoJSON, the response of a router, links, or samples as CSV."""
         body = await self.answering.read(request, tuple(UPLOADS))
         speed = speed_m_s if speed_m_s is not None and math.isfinite(speed_m_s) else None
@@ -281,7 +285,7 @@ class Api:
     async def plan(self, request: Request, fields: Fields = None) -> Response:
         """Plan a journey: roads, their forecasts, the charge to leave with, a charging stop."""
         self._require_map()
-        return await self.answering.body_job(request, "plan", fields=fields)
+        return await self.answering.body_job(request, "plan", **only(fields))
 
     @openapi.operation(
         "POST /v1/journeys/difference", "journeys", DifferenceDocument, JourneyDifferenceRequest
@@ -318,14 +322,7 @@ class Api:
         return await self.answering.job(request, "range", **await self.live.job_of(query))
 
     @openapi.operation("GET /v1/places", "journeys", PlacesResponse)
-    async def get_places(
-        self,
-        request: Request,
-        q: Annotated[
-            str, Query(min_length=1, max_length=200, description="start of a name, a street, a house")
-        ],
-        limit: Annotated[int, Query(ge=1, le=50, description="most places")] = 10,
-    ) -> Response:
+    async def get_places(self, request: Request, q: Start, limit: MostPlaces = 10) -> Response:
         """Find places by the start of their names."""
         self._require_map()
         return await self.answering.job(request, "places", text=q, limit=limit)
@@ -343,7 +340,7 @@ class Api:
         west: Longitude,
         north: Latitude,
         east: Longitude,
-        limit: Annotated[int, Query(ge=1, le=1000, description="most settlements, most stations")] = 200,
+        limit: MostShown = 200,
     ) -> Response:
         """Return settlements and charging stations inside of bounds."""
         self._require_map()
@@ -356,13 +353,7 @@ class Api:
         internal=True,
         description="The tile; empty without roads",
     )
-    async def get_tile(
-        self,
-        request: Request,
-        zoom: Annotated[int, PathValue(ge=0, le=MAX_ZOOM)],
-        column: TileNumber,
-        row: TileNumber,
-    ) -> Response:
+    async def get_tile(self, request: Request, zoom: Zoom, column: TileNumber, row: TileNumber) -> Response:
         """Return the roads of a part of the map as a vector tile."""
         self._require_map()
         response = await self.answering.job(
@@ -386,14 +377,7 @@ class Api:
         return await self.answering.body_job(request, "describe")
 
     @openapi.operation("GET /v1/vehicles", "library", schemas.VehiclesResponse, header=openapi.TAG)
-    async def get_vehicles(
-        self,
-        request: Request,
-        search: Annotated[
-            str | None,
-            Query(min_length=1, max_length=100, description="words of the title or name, or a model year"),
-        ] = None,
-    ) -> Response:
+    async def get_vehicles(self, request: Request, search: CarWords = None) -> Response:
         """List the cars of the library, or those that words find, and the models fitted on each."""
         if search is not None:
             return await self.answering.job(request, "vehicles", search=search)

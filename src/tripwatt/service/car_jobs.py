@@ -105,10 +105,7 @@ class CarJobs:
         diary = own.diary
         about = own.about(diary)
         rows = diary.table.tail(SHOWN_TRIPS).iloc[::-1].to_dict("records")
-        return {
-            **_summary(own, about, CarResponse),
-            "diary": [_entry(row, own.folder) for row in rows],
-        }
+        return {**_summary(own, about, CarResponse), "diary": [_entry(row, own.folder) for row in rows]}
 
     def create(self, name: str, vehicle: Vehicle | str) -> dict[str, Any]:
         """Make a car, and return it as `show`."""

@@ -171,10 +171,7 @@ class Jobs:
         )
 
     def _difference(
-        self,
-        body: bytes,
-        kind: type[RequestModel],
-        forecast: Callable[[bytes, RequestModel], Forecast],
+        self, body: bytes, kind: type[RequestModel], forecast: Callable[[bytes, RequestModel], Forecast]
     ) -> dict[str, Any]:
         document = parse_json(body)
         asked = check_request(document, kind)

@@ -202,11 +202,7 @@ def message_of(body: bytes, kind: str) -> dict[str, Any]:
 def given_token(message: Mapping[str, Any], request: Request, of_query: str | None) -> str:
     """The token of a request: a bearer token, a field of its message, or a parameter of its URL."""
     kind, _, bearer = request.headers.get("authorization", "").partition(" ")
-    candidates = (
-        bearer.strip() if kind.lower() == "bearer" else "",
-        message.get("token"),
-        of_query,
-    )
+    candidates = (bearer.strip() if kind.lower() == "bearer" else "", message.get("token"), of_query)
     return next((token for token in candidates if isinstance(token, str) and token), "")
 
 
