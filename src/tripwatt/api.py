@@ -93,11 +93,9 @@ def _planned(route: LinkRoute | Track, where: str, speed_m_s: float | None, trip
     if speed_m_s is not None and not routes.needs_speed(route):
         raise InvalidInput(_without_effect(where))
     if speed_m_s is None and routes.needs_speed(route):
-        got, fix = (
-            "points without times and speeds",
-            "give speed_m_s in Python, --speed KM/H on the command line",
-        )
-        raise InvalidInput.of("speed is missing", where, got, "a mean speed for the track", fix)
+        got, allowed = "points without times and speeds", "a mean speed for the track"
+        fix = "give speed_m_s in Python, --speed KM/H on the command line"
+        raise InvalidInput.of("speed is missing", where, got, allowed, fix)
     return routes.plan_from_route(route, speed_m_s=speed_m_s, trip_id=trip_id)
 
 

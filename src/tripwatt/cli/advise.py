@@ -13,6 +13,7 @@ import typer
 
 from tripwatt.cli.departing import Departing
 from tripwatt.cli.forecast import model_and_trip
+from tripwatt.cli.journey import CarOption
 from tripwatt.cli.options import Answer, argument, model_of, option, options_named
 from tripwatt.cli.printing import print_few_notes, print_table
 from tripwatt.cli.sentences import begins, chance
@@ -50,9 +51,7 @@ def advise(
         ),
     ],
     departure: Departing,
-    vehicle: Annotated[
-        str | None, option("NAME|FILE", "Another car: a name from `tripwatt vehicles`, or a TOML file.")
-    ] = None,
+    vehicle: CarOption = None,
     reserve: Annotated[float, option("0..1", "Required state of charge at arrival, as displayed.")] = 0.1,
     probability: Annotated[
         float, option("0.5..1", "Chance to arrive with the reserve that is asked for.", "--chance")

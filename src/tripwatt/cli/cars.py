@@ -294,12 +294,9 @@ def _show_simulation(answer: dict[str, Any]) -> None:
     columns = ("energy", "Wh", "%", "Wh/km")
     title = f"{answer['trip']}: {distance:.1f} km in {answer['duration_s'] / 60.0:.0f} min with {answer['vehicle']}, preset {answer['preset']}"
     print_table(title, columns, rows, numbers=columns[1:])
-    if answer["observed_energy_std_wh"] is not None:
-        console(sys.stdout).print(
-            f"measured: from the state of charge, standard error {answer['observed_energy_std_wh']:.0f} Wh"
-        )
-    departure, arrival = (100.0 * answer[f"soc_at_{end}"] for end in ("departure", "arrival"))
-    console(sys.stdout).print(
-        f"state of charge: {departure:.1f} % at departure, {arrival:.1f} % at arrival (simulated)"
-    )
+    shown, error_wh = console(sys.stdout), answer["observed_energy_std_wh"]
+    if error_wh is not None:
+        shown.print(f"measured: from the state of charge, standard error {error_wh:.0f} Wh")
+    ends = (f"{100.0 * answer[f'soc_at_{end}']:.1f} % at {end}" for end in ("departure", "arrival"))
+    shown.print(f"state of charge: {', '.join(ends)} (simulated)")
     print_notes(flag["message"] for flag in (*answer["flags"], *answer["notes"]))

@@ -21,7 +21,7 @@ from matplotlib.ticker import FuncFormatter
 from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.figures import ShownFigure
 from tripwatt.report.model_styles import model_style
-from tripwatt.report.view import View, plain
+from tripwatt.report.view import Record, View, plain
 
 STYLE: Final = matplotlib.rc_params_from_file(
     Path(__file__).with_name("report.mplstyle"), use_default_template=False
@@ -90,14 +90,20 @@ def diagonal(axes: Axes, low: float, inside: str, stated: str) -> None:
     axes.grid(axis="y")
 
 
-def size_axes(axes: Axes, sizes: Sequence[float]) -> None:
-    """Axes for an error against a number of training trips."""
+def plot_sizes(axes: Axes, curve: Sequence[Record], models: Sequence[str]) -> list[float]:
+    """Mean errors of two models against the number of training trips; returns these numbers."""
+    sizes = [float(row["n_trips"]) for row in curve]
+    for name, marker in zip(models, "so", strict=True):
+        means, style = [100.0 * float(row[name]) for row in curve], model_style(name)
+        look: dict[str, Any] = {"color": style.colour, "ms": 6, "lw": 2, "ls": "-"}
+        axes.plot(sizes, means, marker, label=style.label, gid=f"curve-{name}", **look)
     axes.set_xscale("log")
     axes.set_xticks(sizes, [f"{size:g}" for size in sizes])
     axes.minorticks_off()
     axes.set_ylim(bottom=0)
     axes.set(xlabel="training trips", ylabel="mean error [%]")
     axes.grid(axis="y")
+    return sizes
 
 
 def percent_axis(axes: Axes, label: str) -> None:

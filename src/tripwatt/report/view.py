@@ -7,7 +7,7 @@ import re
 import unicodedata
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, TypeGuard
 
 import numpy as np
 import pandas as pd
@@ -263,7 +263,7 @@ class View:
         """
         if self.protocol.focus in self.scores:
             return self.protocol.focus
-        errors = {m: float(v["mape"]) for m, v in self.scores.items() if _known(v, "mape")}
+        errors = {m: float(v["mape"]) for m, v in self.scores.items() if is_known(v.get("mape"))}
         hybrids = {m: e for m, e in errors.items() if model_style(m).kind == "hybrid"}
         pool = hybrids or errors
         return min(ordered(pool), key=lambda m: pool[m]) if pool else None
@@ -342,6 +342,6 @@ class View:
         return [(role, str(row["trip"]), float(row["ape"])) for role, row in chosen]
 
 
-def _known(record: Record, key: str) -> bool:
-    value = record.get(key)
+def is_known(value: object) -> TypeGuard[float]:
+    """Whether a value of the results is a finite number."""
     return isinstance(value, int | float) and bool(np.isfinite(value))

@@ -222,15 +222,13 @@ class Jobs:
         request = check_request(parse_json(body), journey_schemas.NeedQuery)
         if (request.distance_km is None) == (request.trip is None):
             got = "neither" if request.trip is None else "both a distance and a usual trip"
-            raise InvalidInput.of(
-                "one of them is needed", "distance_km, trip", got, "a distance, or a trip of a car"
-            )
+            allowed = "a distance, or a trip of a car"
+            raise InvalidInput.of("one of them is needed", "distance_km, trip", got, allowed)
         ahead: Any = request.distance_km
         if request.trip is not None:
             if request.car is None:
-                raise InvalidInput.of(
-                    "car is missing", "car", "a trip without its car", "the car that drove the trip"
-                )
+                got, allowed = "a trip without its car", "the car that drove the trip"
+                raise InvalidInput.of("car is missing", "car", got, allowed)
             ahead = usual_plan(self.cars.car(request.car), request.trip)
         model = self._model_asked(request)
         known, flags = with_seen(departure_of(request), job, model.vehicle)

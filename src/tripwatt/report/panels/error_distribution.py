@@ -119,8 +119,7 @@ def plot_error_distribution(view: View, folds: pd.DataFrame) -> Figure:
         rug.set(transform=axes.get_xaxis_transform(), clip_on=False, gid=f"rug-{models.index(model)}")
         axes.axvline(0.0, color=style.INK, lw=0.9)
         axes.axvline(float(np.median(values)), color=style.INK, lw=1.1, ls=(0, (2, 2)))
-        axes.set_xlim(-limit, limit)
-        axes.set_yticks([])
+        axes.set(xlim=(-limit, limit), yticks=[])
         axes.spines["left"].set_visible(False)
         outside = int((np.abs(values) > limit).sum())
         beyond = f"   ({outside} beyond the axis, drawn at its edge)" if outside else ""

@@ -220,8 +220,8 @@ def plot_diagnosis(view: View, diagnosis: Diagnosis) -> Figure:
     _dots(axes[0, 0], qq.theoretical, qq.residual, "qq")
     ends = qq.theoretical[[0, -1]]
     axes[0, 0].plot(ends, ends, color=RED, lw=1.4, gid="qq-line")
-    axes[0, 0].set_ylim(*padded(np.concatenate([qq.residual, ends])))
     axes[0, 0].set(title="Q-Q plot", xlabel=f"quantiles of {qq.distribution.name}", ylabel="residual")
+    axes[0, 0].set(ylim=padded(np.concatenate([qq.residual, ends])))
     scatter = diagnosis.predictor
     _dots(axes[0, 1], scatter.linear_predictor, scatter.residual, "predictor")
     axes[0, 1].axhline(0.0, color=RED, lw=1.4)

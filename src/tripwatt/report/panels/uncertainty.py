@@ -215,9 +215,8 @@ def plot_widths(view: View, trips: pd.DataFrame) -> Figure:
     axes.plot(km, half, "_", color=FORECAST_COLOUR, ms=9, mew=2.2, label="half width of the 90 % interval")
     axes.plot(km[~missed], error[~missed], "o", color=INK, ms=3.5, label="error, inside")
     axes.plot(km[missed], error[missed], "X", color=WARM_COLOUR, ms=6.5, label="error, outside")
-    axes.set(xlabel="trip [km]", ylabel="energy [kWh]")
-    axes.set_xlim(0, 1.03 * float(km.max()))
-    axes.set_ylim(0, 1.08 * float(max(half.max(), error.max())))
+    ends = {"xlim": (0, 1.03 * float(km.max())), "ylim": (0, 1.08 * float(max(half.max(), error.max())))}
+    axes.set(xlabel="trip [km]", ylabel="energy [kWh]", **ends)
     axes.grid(axis="y")
     return legend_below(figure, 2)
 
