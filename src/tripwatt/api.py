@@ -37,12 +37,7 @@ Cars = Vehicle | str | Sequence[Vehicle | str]
 """A car, or the name of one of the library; one or several."""
 
 
-def read_route(
-    source: Route,
-    *,
-    speed_m_s: float | None = None,
-    trip_id: str | None = None,
-) -> Plan:
+def read_route(source: Route, *, speed_m_s: float | None = None, trip_id: str | None = None) -> Plan:
     """Read the drive to come. O(bytes).
 
     Parameters

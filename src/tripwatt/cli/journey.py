@@ -224,16 +224,8 @@ def _show(journey: Journey) -> None:
         )
         for way, chances in zip(journey.to_frame().to_dict("records"), words, strict=True)
     ]
-    columns = (
-        "way",
-        "length",
-        "time",
-        "stops",
-        "energy",
-        "arrival with",
-        "arrives",
-        f"{100.0 * journey.reserve:g} % or more",
-    )
+    with_reserve = f"{100.0 * reserve:g} % or more"
+    columns = ("way", "length", "time", "stops", "energy", "arrival with", "arrives", with_reserve)
     print_table(f"Ways, given {journey.forecast.given}", columns, rows, numbers=columns[1:5])
     costs = [(name, f"{wh / 1000.0:+.2f} kWh") for name, wh in journey.costs_wh.items() if abs(wh) >= 1.0]
     if costs:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
-from importlib import resources
 from typing import Final
 
 import numpy as np
@@ -19,7 +17,7 @@ from tripwatt.gam.effects import Effect, FactorEffect
 from tripwatt.gam.figures import RED
 from tripwatt.paper.insight import GammInsight
 from tripwatt.report.covariates import term_in_words
-from tripwatt.report.model_styles import model_style
+from tripwatt.report.model_styles import model_style, tables_of
 from tripwatt.report.panel import Content, panel
 from tripwatt.report.style import INK, few_ticks, kept_points, new_figure, padded, plotted
 from tripwatt.report.tables import DASH, Column, Table, in_percent, in_words, tabulated
@@ -30,9 +28,7 @@ from tripwatt.units import SECONDS_PER_MINUTE
 PAPER_TABLE2_SOURCE: Final = "arXiv:2405.10984, Table 2"
 
 
-PAPER_TABLE2: Final[Mapping[str, str]] = tomllib.loads(
-    (resources.files("tripwatt.report") / "paper_table2.toml").read_text("utf-8")
-)
+PAPER_TABLE2: Final[Mapping[str, str]] = tables_of("paper_table2")
 """What the paper prints for its GAMM (`PAPER_TABLE2_SOURCE`), by our names of the terms."""
 
 
