@@ -181,10 +181,12 @@ class Logs:
         >>> Logs(Path("logs"), "ved").car(None)
         ('nissan_leaf_24', ())
         """
-        data, dataset = self.data, "synthetic" if self.data is None else self.dataset
+        data, dataset = self.data, self.dataset
         if vehicle is not None:
             return vehicle, ()
-        if data is not None and dataset is None and self.mapping is None:
+        if data is None:
+            dataset = "synthetic"
+        elif dataset is None and self.mapping is None:
             dataset = "tum" if not data.is_file() or data.name.lower().startswith("trip") else None
         if dataset is not None and dataset in CARS:
             return CARS[dataset], ()
@@ -229,7 +231,7 @@ class Answer(NamedTuple):
         else:
             typer.echo(self.shown)
         if self.code:
-            raise typer.Exit(self.code)
+            raise typer.Exit(int(self.code))
 
 
 class Options(NamedTuple):
