@@ -236,4 +236,4 @@ def test_the_command_names_what_is_missing(monkeypatch: pytest.MonkeyPatch) -> N
 
     monkeypatch.setattr("tripwatt.errors.find_spec", lambda name: None if name == "mcp" else object())
     with pytest.raises(tw.InvalidInput, match=r"missing package: tripwatt mcp: got no mcp.*\.\[mcp\]"):
-        mcp(map_="", places="", weather="")
+        mcp()

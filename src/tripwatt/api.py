@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from tripwatt import routes
 from tripwatt.auditing import audit
 from tripwatt.errors import Check, Fault, InvalidInput, raise_faults
 from tripwatt.forecasting.fitting import CarOfTrips
@@ -21,13 +22,6 @@ from tripwatt.hybrid import Corrector
 from tripwatt.physics import Simulation, simulate_trip
 from tripwatt.physics.batch import trip_totals
 from tripwatt.population import adaptation, for_car
-from tripwatt.routes import (
-    is_route,
-    needs_speed,
-    parse_route,
-    plan_from_route,
-    route_from_links,
-)
 from tripwatt.routes.links import LinkRoute
 from tripwatt.routes.tracks import Track
 from tripwatt.sources import read_logs
@@ -43,12 +37,7 @@ Cars = Vehicle | str | Sequence[Vehicle | str]
 """A car, or the name of one of the library; one or several."""
 
 
-def read_route(
-    source: Route,
-    *,
-    speed_m_s: float | None = None,
-    trip_id: str | None = None,
-) -> Plan:
+def read_route(source: Route, *, speed_m_s: float | None = None, trip_id: str | None = None) -> Plan:
     """Read the drive to come. O(bytes).
 
     Parameters
@@ -84,10 +73,10 @@ def read_route(
             raise InvalidInput(_without_effect("samples"))
         return plan_from_samples(canonical_samples(source), named)
     if not isinstance(source, str | Path | bytes):
-        return _planned(route_from_links(source), "links", speed_m_s, named)
-    if isinstance(source, bytes) or is_route(source):
+        return _planned(routes.route_from_links(source), "links", speed_m_s, named)
+    if isinstance(source, bytes) or routes.is_route(source):
         where = "route" if isinstance(source, bytes) else Path(source).name
-        return _planned(parse_route(source), where, speed_m_s, named)
+        return _planned(routes.parse_route(source), where, speed_m_s, named)
     if speed_m_s is not None:
         raise InvalidInput(_without_effect(Path(source).name))
     if is_tum_log(Path(source)):
@@ -96,15 +85,13 @@ def read_route(
 
 
 def _planned(route: LinkRoute | Track, where: str, speed_m_s: float | None, trip_id: str) -> Plan:
-    if speed_m_s is not None and not needs_speed(route):
+    if speed_m_s is not None and not routes.needs_speed(route):
         raise InvalidInput(_without_effect(where))
-    if speed_m_s is None and needs_speed(route):
-        got, fix = (
-            "points without times and speeds",
-            "give speed_m_s in Python, --speed KM/H on the command line",
-        )
-        raise InvalidInput.of("speed is missing", where, got, "a mean speed for the track", fix)
-    return plan_from_route(route, speed_m_s=speed_m_s, trip_id=trip_id)
+    if speed_m_s is None and routes.needs_speed(route):
+        got, allowed = "points without times and speeds", "a mean speed for the track"
+        fix = "give speed_m_s in Python, --speed KM/H on the command line"
+        raise InvalidInput.of("speed is missing", where, got, allowed, fix)
+    return routes.plan_from_route(route, speed_m_s=speed_m_s, trip_id=trip_id)
 
 
 def _without_effect(where: str) -> Fault:

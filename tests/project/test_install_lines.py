@@ -125,5 +125,5 @@ def test_serve_checks_what_its_options_need_before_it_starts(
 
     monkeypatch.setattr("tripwatt.errors.find_spec", lambda name: None if name == "deltalake" else object())
     with pytest.raises(InvalidInput, match=r"missing package: --cars: got no deltalake.*\.\[fleet\]"):
-        serve(cars=tmp_path / "cars", map_="", places="", weather="", stations=None)
+        serve(cars=tmp_path / "cars")
     assert not (tmp_path / "cars").exists()

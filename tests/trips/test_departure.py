@@ -7,6 +7,7 @@ import datetime as dt
 import subprocess
 import sys
 from dataclasses import replace
+from typing import Annotated
 
 import numpy as np
 import pandas as pd
@@ -17,6 +18,7 @@ from typer.testing import CliRunner
 
 import tripwatt as tw
 from tripwatt.cli import departing
+from tripwatt.cli.options import spread
 from tripwatt.routes import parse_route, plan_from_route
 from tripwatt.service.schemas import ForecastRequest, asked
 from tripwatt.trips import ASKED, COLUMNS, FIELDS, Departure, Field, Plan
@@ -53,11 +55,13 @@ def test_a_new_field_is_one_entry(monkeypatch):
     monkeypatch.setattr(departing, "Departure", lambda **known: made.append(known))
     app = typer.Typer(rich_markup_mode=None)
 
-    @app.command()
-    @departing.departure_options()
-    def command(departure: departing.DepartureOf) -> None:
+    asked_for = departing.departure_options()
+
+    def command(departure) -> None:
         departure()
 
+    command.__annotations__["departure"] = Annotated[departing.DepartureOf, asked_for]
+    app.command()(spread(command))
     helped = CliRunner().invoke(app, ["--help"]).output
     assert "--clouds" in helped
     assert "Share of the sky that clouds cover." in " ".join(helped.split())

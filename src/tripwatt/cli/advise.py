@@ -5,15 +5,17 @@ from __future__ import annotations
 import datetime as dt
 import math
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
-from tripwatt.cli.departing import DepartureOf, departure_options
+from tripwatt.cli.departing import Departing
 from tripwatt.cli.forecast import model_and_trip
-from tripwatt.cli.options import JsonOption, argument, model_of, option, options_named
-from tripwatt.cli.printing import print_few_notes, print_json, print_table
+from tripwatt.cli.journey import CarOption
+from tripwatt.cli.options import Answer, argument, model_of, option, options_named
+from tripwatt.cli.printing import print_few_notes, print_table
 from tripwatt.cli.sentences import begins, chance
 from tripwatt.errors import Check
 
@@ -40,7 +42,6 @@ WORDS: Final[Mapping[str, str]] = {
 """Actions in words, by code."""
 
 
-@departure_options()
 def advise(
     paths: Annotated[
         list[Path],
@@ -49,16 +50,13 @@ def advise(
             "Folder of a model (default: the bundled model), and a trip: a speed trace or a planned route, as for `tripwatt forecast`.",
         ),
     ],
-    departure: DepartureOf,
-    vehicle: Annotated[
-        str | None, option("NAME|FILE", "Another car: a name from `tripwatt vehicles`, or a TOML file.")
-    ] = None,
+    departure: Departing,
+    vehicle: CarOption = None,
     reserve: Annotated[float, option("0..1", "Required state of charge at arrival, as displayed.")] = 0.1,
     probability: Annotated[
         float, option("0.5..1", "Chance to arrive with the reserve that is asked for.", "--chance")
     ] = 0.95,
-    as_json: JsonOption = False,
-) -> None:
+) -> Answer:
     """Say what to do about a trip: the least that helps, and what each action saves.
 
     A saving has an interval of its own: what the trips with and without the action have in common cancels.
@@ -81,7 +79,7 @@ def advise(
             car = None if vehicle is None else check(load_vehicle, vehicle)
             known = check(departure)
         found = find_advice(plan, known, car, fitted, reserve=reserve, chance=probability)
-    print_json(found.to_dict()) if as_json else _show(found)
+    return Answer(found.to_dict, partial(_show, found))
 
 
 def _show(advice: Advice) -> None:

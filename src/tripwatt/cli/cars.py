@@ -5,28 +5,25 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
 from tripwatt.cli.options import (
-    DataArgument,
-    DatasetOption,
-    JsonOption,
-    MappingOption,
+    Answer,
+    Logs,
     SetOption,
-    StrictOption,
     TripOption,
     VehicleOption,
     argument,
-    car_of,
     option,
-    read_logs,
+    require_effect,
 )
 from tripwatt.cli.output import write_text
-from tripwatt.cli.printing import console, print_json, print_notes, print_table
-from tripwatt.errors import Fault, InvalidInput, places_named, raise_faults
+from tripwatt.cli.printing import console, print_notes, print_table
+from tripwatt.errors import Check, Fault, InvalidInput, places_named, raise_faults
 
 if TYPE_CHECKING:
     from tripwatt.trips import Fleet, Trip
@@ -80,8 +77,7 @@ def vehicles(
     out: Annotated[
         Path | None, option("FILE", "With --import or new: write the TOML to this file.", "--out", "-o")
     ] = None,
-    as_json: JsonOption = False,
-) -> None:
+) -> Answer:
     """List or search the cars of the library, show one with the source of every value, import or describe one.
 
     For example:
@@ -102,31 +98,27 @@ def vehicles(
     name = " ".join(words or []) or None
     given = (mass, battery, consumption, power, body, heat_pump, procedure)
     figures = dict(zip(FIGURES, given, strict=True))
-    _require_sense(name, import_file, {"--row": row, "--out": out}, figures)
+    _require_sense(name, import_file, row, out, figures)
     if import_file is not None:
-        _import(import_file, row, out, as_json)
-    elif name == "new":
-        _new(figures, out, as_json)
-    elif name is not None:
-        _find_or_describe(name, preset, overrides or [], as_json)
-    else:
-        _list(None, as_json)
+        return _import(import_file, row, out)
+    if name == "new":
+        return _new(figures, out)
+    return _list(None) if name is None else _find_or_describe(name, preset, overrides or [])
 
 
 def _require_sense(
-    name: str | None, import_file: Path | None, only_import: dict[str, Any], only_new: dict[str, Any]
+    name: str | None, import_file: Path | None, row: str | None, out: Path | None, figures: dict[str, Any]
 ) -> None:
-    faults = []
-    if name is not None and import_file is not None:
-        faults.append(Fault("conflicting arguments", "NAME and --import", name, "one of the two"))
-    allowed = {"--row": (import_file is not None, "--import")}
-    allowed["--out"] = (import_file is not None or name == "new", "--import or new")
-    allowed |= dict.fromkeys(only_new, (name == "new", "new"))
-    for given, value in (only_import | only_new).items():
-        sensible, partner = allowed[given]
-        if value is not None and not sensible:
-            faults.append(Fault("option has no effect", given, str(value), f"only together with {partner}"))
-    raise_faults(faults)
+    with Check() as check:
+        if name is not None and import_file is not None:
+            both = Fault("conflicting arguments", "NAME and --import", name, "one of the two")
+            check(raise_faults, [both])
+        if import_file is None:
+            check(require_effect, {"--row": row}, "only together with --import")
+        if import_file is None and name != "new":
+            check(require_effect, {"--out": out}, "only together with --import or new")
+        if name != "new":
+            check(require_effect, figures, "only together with new")
 
 
 FIGURES: Final = {
@@ -141,7 +133,7 @@ FIGURES: Final = {
 """Option -> argument of `describe_car`, in the order of the command's parameters."""
 
 
-def _new(figures: dict[str, Any], out: Path | None, as_json: bool) -> None:
+def _new(figures: dict[str, Any], out: Path | None) -> Answer:
     from tripwatt.certification import certified_interval, describe_car
     from tripwatt.vehicles import render_vehicle
 
@@ -151,44 +143,36 @@ def _new(figures: dict[str, Any], out: Path | None, as_json: bool) -> None:
     certified, text = certified_interval(car), render_vehicle(car)
     if out is not None:
         write_text(text, out)
-    if as_json:
-        wltp = {"middle": certified.middle, "low": certified.low, "high": certified.high}
-        print_json({"title": car.title, "anchor": car.anchor, "wltp_kwh_per_100km": wltp, "toml": text})
-        return
-    if out is None:
-        typer.echo(text, nl=False)
-        return
-    console().print(
+    wltp = {"middle": certified.middle, "low": certified.low, "high": certified.high}
+    done = (
         f"{out} is written: {car.title}. On the WLTP it would use {certified.middle:.1f} kWh/100 km; 9 in 10 such cars use "
         f"{certified.low:.1f} to {certified.high:.1f}. Forecast with `tripwatt forecast ROUTE --vehicle {out}`"
     )
+    return Answer(
+        {"title": car.title, "anchor": car.anchor, "wltp_kwh_per_100km": wltp, "toml": text},
+        partial(typer.echo, text, nl=False) if out is None else partial(console().print, done),
+    )
 
 
-def _import(file: Path, row: str | None, out: Path | None, as_json: bool) -> None:
+def _import(file: Path, row: str | None, out: Path | None) -> Answer:
     from tripwatt.vehicles import import_vehicle
 
     text = import_vehicle(file, row)
     if out is not None:
         write_text(text, out)
         console().print(f"{out} is written; show it with `tripwatt vehicles {out}`")
-    if as_json:
-        print_json({"toml": text})
-    elif out is None:
-        typer.echo(text, nl=False)
+    return Answer({"toml": text}, lambda: typer.echo(text, nl=False) if out is None else None)
 
 
-def _find_or_describe(name: str, preset: str, overrides: list[str], as_json: bool) -> None:
+def _find_or_describe(name: str, preset: str, overrides: list[str]) -> Answer:
     """Show the car of this name, or else list those that the words find."""
     from tripwatt.vehicles import find_vehicles, vehicle_names
 
     names = () if name in vehicle_names() or name.endswith(".toml") else find_vehicles(name)
-    if names:
-        _list(names, as_json)
-    else:
-        _describe(name, preset, overrides, as_json)
+    return _list(names) if names else _describe(name, preset, overrides)
 
 
-def _describe(name: str, preset: str, overrides: list[str], as_json: bool) -> None:
+def _describe(name: str, preset: str, overrides: list[str]) -> Answer:
     from rich.padding import Padding
 
     from tripwatt.vehicles import describe_vehicle, load_vehicle, parse_overrides
@@ -196,40 +180,35 @@ def _describe(name: str, preset: str, overrides: list[str], as_json: bool) -> No
     given = parse_overrides(overrides)
     car = load_vehicle(name, preset, given)
     rows = describe_vehicle(name, preset, given)
-    if as_json:
-        keys = ("key", "value", "unit", "source", "licence")
-        entries = [dict(zip(keys, row, strict=True)) for row in rows]
-        print_json({"name": car.name, "title": car.title, "preset": car.preset, "entries": entries})
-        return
-    shown = console(sys.stdout)
-    shown.print(f"{car.title} ({car.name}, preset {car.preset})")
-    for key, value, unit, source, licence in rows:
-        shown.print(f"{key} = {value} {'' if unit == '1' else unit}".rstrip())
-        shown.print(Padding(f"{source} (licence: {licence})", (0, 0, 0, 4), expand=False))
+    keys = ("key", "value", "unit", "source", "licence")
+    entries = [dict(zip(keys, row, strict=True)) for row in rows]
+
+    def shown() -> None:
+        out = console(sys.stdout)
+        out.print(f"{car.title} ({car.name}, preset {car.preset})")
+        for key, value, unit, source, licence in rows:
+            out.print(f"{key} = {value} {'' if unit == '1' else unit}".rstrip())
+            out.print(Padding(f"{source} (licence: {licence})", (0, 0, 0, 4), expand=False))
+
+    return Answer({"name": car.name, "title": car.title, "preset": car.preset, "entries": entries}, shown)
 
 
-def _list(names: Sequence[str] | None, as_json: bool) -> None:
+def _list(names: Sequence[str] | None) -> Answer:
     from tripwatt.vehicles import vehicle_titles
 
     titles = vehicle_titles()
     rows = [(name, titles[name]) for name in (titles if names is None else names)]
-    if as_json:
-        print_json([{"name": name, "title": title} for name, title in rows])
-        return
-    print_table("Cars for --vehicle NAME", ("name", "car"), rows)
+    document = [{"name": name, "title": title} for name, title in rows]
+    return Answer(document, partial(print_table, "Cars for --vehicle NAME", ("name", "car"), rows))
 
 
 def simulate(
-    data: DataArgument = None,
+    logs: Logs,
     trip: TripOption = None,
-    dataset: DatasetOption = None,
-    mapping: MappingOption = None,
-    strict: StrictOption = False,
     vehicle: VehicleOption = None,
     preset: PresetOption = "default",
     overrides: SetOption = None,
-    as_json: JsonOption = False,
-) -> None:
+) -> Answer:
     """Simulate one logged trip with a car and print the energy by cause beside the measured energy.
 
     The simulation uses physics only: speed, road, and the state at departure (temperatures, state of charge). The log is
@@ -251,10 +230,10 @@ def simulate(
     from tripwatt.trips.messages import flag_to_dict
     from tripwatt.vehicles import load_vehicle, parse_overrides
 
-    name, note = car_of(vehicle, data, dataset, mapping)
+    name, note = logs.car(vehicle)
     car = load_vehicle(name, preset, parse_overrides(overrides or []))
-    fleet = read_logs(data, dataset, mapping, strict=strict)
-    log = _chosen(fleet, trip, data)
+    fleet = logs.read()
+    log = _chosen(fleet, trip, logs.data)
     _require_clock(log)
     run = simulate_trip(car, resample(log))
     distance_km = log.distance_m / 1000.0
@@ -273,10 +252,7 @@ def simulate(
         "flags": [flag_to_dict(flag) for flag in run.flags],
         "notes": [flag_to_dict(flag) for flag in (*note, *fleet.notes)],
     }
-    if as_json:
-        print_json(answer)
-    else:
-        _show_simulation(answer)
+    return Answer(answer, partial(_show_simulation, answer))
 
 
 def _chosen(fleet: Fleet, trip: str | None, data: Path | None) -> Trip:
@@ -318,12 +294,9 @@ def _show_simulation(answer: dict[str, Any]) -> None:
     columns = ("energy", "Wh", "%", "Wh/km")
     title = f"{answer['trip']}: {distance:.1f} km in {answer['duration_s'] / 60.0:.0f} min with {answer['vehicle']}, preset {answer['preset']}"
     print_table(title, columns, rows, numbers=columns[1:])
-    if answer["observed_energy_std_wh"] is not None:
-        console(sys.stdout).print(
-            f"measured: from the state of charge, standard error {answer['observed_energy_std_wh']:.0f} Wh"
-        )
-    departure, arrival = (100.0 * answer[f"soc_at_{end}"] for end in ("departure", "arrival"))
-    console(sys.stdout).print(
-        f"state of charge: {departure:.1f} % at departure, {arrival:.1f} % at arrival (simulated)"
-    )
+    shown, error_wh = console(sys.stdout), answer["observed_energy_std_wh"]
+    if error_wh is not None:
+        shown.print(f"measured: from the state of charge, standard error {error_wh:.0f} Wh")
+    ends = (f"{100.0 * answer[f'soc_at_{end}']:.1f} % at {end}" for end in ("departure", "arrival"))
+    shown.print(f"state of charge: {', '.join(ends)} (simulated)")
     print_notes(flag["message"] for flag in (*answer["flags"], *answer["notes"]))

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import datetime as dt
-import functools
 import inspect
-import typing
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Annotated, Any
 
 import typer
 
+from tripwatt.cli.options import Options
 from tripwatt.errors import Check, InvalidInput
 from tripwatt.trips.departure import ASKED, Departure
 from tripwatt.trips.fields import Field
@@ -21,8 +21,8 @@ DepartureOf = Callable[[], Departure]
 
 def departure_options(
     *, without: tuple[str, ...] = (), default: Mapping[str, float] | None = None
-) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """A decorator: in place of the parameter `departure` the command has the options of a departure.
+) -> Options:
+    """The options of a departure, for the annotation of the parameter of a command, a `DepartureOf`.
 
     Parameters
     ----------
@@ -33,17 +33,16 @@ def departure_options(
 
     Returns
     -------
-    callable
-        Takes a command of typer with a parameter `departure`, a `DepartureOf`.
+    Options
+        One for each field, or for those that are given together.
 
     Examples
     --------
-    >>> @departure_options(without=("terrain",))
-    ... def command(departure: DepartureOf, verbose: bool = False) -> None:
-    ...     print(departure())
-    >>> "soc" in inspect.signature(command).parameters, "terrain" in inspect.signature(command).parameters
+    >>> options = departure_options(without=("terrain",))
+    >>> names = [parameter.name for parameter in options.parameters]
+    >>> "soc" in names, "terrain" in names
     (True, False)
-    >>> command(soc=0.8, wind="8@270")
+    >>> options.make(soc=0.8, wind="8@270")()
     Departure(soc=0.8, wind_speed_m_s=8.0, wind_from_deg=270.0)
     """
     grouped: dict[str, dict[str, Field]] = {}
@@ -51,33 +50,16 @@ def departure_options(
         if name not in without:
             grouped.setdefault(field.option.removeprefix("--").replace("-", "_"), {})[name] = field
     usual = default or {}
-
-    def decorate(command: Callable[..., None]) -> Callable[..., None]:
-        @functools.wraps(command)
-        def run(**given: Any) -> None:
-            asked = {option: given.pop(option, None) for option in grouped}
-            command(departure=lambda: _departure(grouped, asked), **given)
-
-        parameters: list[inspect.Parameter] = []
-        hints = typing.get_type_hints(command, include_extras=True)
-        for parameter in inspect.signature(command).parameters.values():
-            if parameter.name != "departure":
-                parameters.append(parameter.replace(annotation=hints[parameter.name]))
-                continue
-            parameters += [
-                inspect.Parameter(
-                    option,
-                    inspect.Parameter.POSITIONAL_OR_KEYWORD,
-                    default=usual.get(next(iter(fields))),
-                    annotation=_annotation(fields, shows_default=next(iter(fields)) in usual),
-                )
-                for option, fields in grouped.items()
-            ]
-        run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
-        run.__annotations__ = {p.name: p.annotation for p in parameters}
-        return run
-
-    return decorate
+    parameters = [
+        inspect.Parameter(
+            option,
+            inspect.Parameter.KEYWORD_ONLY,
+            default=usual.get(next(iter(fields))),
+            annotation=_annotation(fields, shows_default=next(iter(fields)) in usual),
+        )
+        for option, fields in grouped.items()
+    ]
+    return Options(lambda **asked: partial(_departure, grouped, asked), parameters)
 
 
 def _annotation(fields: Mapping[str, Field], *, shows_default: bool) -> Any:
@@ -102,7 +84,7 @@ def _departure(grouped: Mapping[str, Mapping[str, Field]], asked: Mapping[str, A
     known: dict[str, Any] = {}
     with Check() as check:
         for option, fields in grouped.items():
-            if asked[option] is not None:
+            if asked.get(option) is not None:
                 known |= check(_values, fields, asked[option]) or {}
         departure = check(lambda: Departure(**known))
     return departure
@@ -149,3 +131,8 @@ def time_of(text: str, option: str = "--depart") -> dt.datetime:
         return dt.datetime.fromisoformat(text).astimezone()
     except ValueError as error:
         raise InvalidInput.of("not a time", option, text[:40], "07:30, or 2026-02-01 07:30") from error
+
+
+Departing = Annotated[DepartureOf, departure_options()]
+DepartingNow = Annotated[DepartureOf, departure_options(without=("departs_at",))]
+"""The parameter of a command with all options of a departure, and of one that does not ask when."""

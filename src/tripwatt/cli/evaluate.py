@@ -5,25 +5,15 @@ from __future__ import annotations
 import shutil
 import sys
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tripwatt.cli.options import (
-    DataArgument,
-    DatasetOption,
-    JsonOption,
-    MappingOption,
-    SetOption,
-    StrictOption,
-    VehicleOption,
-    car_of,
-    option,
-    read_logs,
-)
+from tripwatt.cli.options import Answer, Logs, SetOption, VehicleOption, option, require_effect
 from tripwatt.cli.output import check_writable, finished_folds, unfinished_folder, write_whole
-from tripwatt.cli.printing import console, print_json, print_notes, print_table, progress
+from tripwatt.cli.printing import console, print_notes, print_table, progress
 from tripwatt.errors import Check, Fault, InvalidInput, raise_faults
 from tripwatt.files import folder_lock
 
@@ -39,14 +29,11 @@ INTERRUPTED = 130
 
 
 def evaluate(
-    data: DataArgument = None,
+    logs: Logs,
     out: Annotated[
         Path,
         option("FOLDER", "Folder for the results. It is created when the run is complete.", "--out", "-o"),
     ] = Path("out"),
-    dataset: DatasetOption = None,
-    mapping: MappingOption = None,
-    strict: StrictOption = False,
     protocol: Annotated[str, option("NAME", "Comparison: paper, forecast or cars.")] = "paper",
     test: Annotated[
         Path | None, option("DATA", "Fit on DATA and score on these trips. Only with --protocol forecast.")
@@ -70,8 +57,7 @@ def evaluate(
     resume: Annotated[
         bool, typer.Option("--resume", help="Continue an interrupted run; finished folds are reused.")
     ] = False,
-    as_json: JsonOption = False,
-) -> None:
+) -> Answer:
     """Train every model, score it on held-out trips, and write a report.
 
     The command reads and audits the trips, simulates the car, and trains each model with one trip (and with one day)
@@ -98,18 +84,18 @@ def evaluate(
     """
     shown = console()
     if protocol == CARS:
-        others = {
-            "--dataset": dataset,
-            "--mapping": mapping,
+        others: dict[str, Any] = {
+            "--dataset": logs.dataset,
+            "--mapping": logs.mapping,
             "--test": test,
             "--models": models and ",".join(models),
             "--hold-outs": hold_outs and ",".join(hold_outs),
             "--vehicle": vehicle,
         }
-        _without_effect({**others, "--set": overrides, "--resume": resume or None})
-        _evaluate_cars(data, out, seed, as_json)
-        return
-    car, note = car_of(vehicle, data, dataset, mapping)
+        others |= {"--set": overrides, "--resume": resume or None}
+        require_effect(others, "only with another --protocol: the file names data and cars")
+        return _evaluate_cars(logs.data, out, seed)
+    car, note = logs.car(vehicle)
     options: dict[str, Any] = {
         "protocol": protocol,
         "models": _names(models),
@@ -121,18 +107,18 @@ def evaluate(
         check(_check, options, overrides or [], jobs)
         check(check_writable, out)
         with shown.status("reading trips"):
-            fleet = check(read_logs, data, dataset, mapping, built_in_faults=True, strict=strict)
-            options["test_fleet"] = test and check(read_logs, test, dataset, mapping, strict=strict)
+            fleet = check(logs.read, built_in_faults=True)
+            options["test_fleet"] = test and check(replace(logs, data=test).read)
     trips = replace(fleet, notes=(*fleet.notes, *note))
     shown.print(f"{len(trips)} trips read ({trips.name})")
     print_notes(note)
     unfinished = unfinished_folder(out)
     with folder_lock(unfinished):
         run = _run(trips, options, jobs, unfinished, resume)
-        lead = _example_in_words() if data is None else _median_trip_in_words(run)
+        lead = _example_in_words() if logs.data is None else _median_trip_in_words(run)
         with shown.status("writing the report"):
             write_whole(lambda folder: _write(run, folder, lead), out, unfinished)
-    _show(run, out, lead, as_json=as_json)
+    return Answer(run.results, partial(_show, run, out, lead))
 
 
 def _names(options: list[str] | None) -> list[str] | None:
@@ -140,13 +126,7 @@ def _names(options: list[str] | None) -> list[str] | None:
     return [name.strip() for name in ",".join(options).split(",") if name.strip()] if options else None
 
 
-def _without_effect(given: dict[str, Any]) -> None:
-    """Raise `InvalidInput` for options that the protocol of cars has no use for."""
-    allowed = "only with another --protocol: the file names data and cars"
-    raise_faults(Fault("option has no effect", k, f"{v}", allowed) for k, v in given.items() if v is not None)
-
-
-def _evaluate_cars(data: Path | None, out: Path, seed: int, as_json: bool) -> None:
+def _evaluate_cars(data: Path | None, out: Path, seed: int) -> Answer:
     from tripwatt.evaluation.cars import evaluate_cars, read_cars
     from tripwatt.report.cars import cars_tables, write_cars
 
@@ -162,12 +142,13 @@ def _evaluate_cars(data: Path | None, out: Path, seed: int, as_json: bool) -> No
     with folder_lock(unfinished), progress(shown) as advance:
         run = evaluate_cars(cars, seed=seed, progress=advance)
         write_whole(lambda folder: write_cars(run, folder), out, unfinished)
-    if as_json:
-        print_json(run.results)
-        return
-    for table in cars_tables(run.results):
-        print_table(table.caption, table.columns, table.rows, numbers=table.columns[1:])
-    typer.echo(f"Report: {out / 'report.html'}")
+
+    def show() -> None:
+        for table in cars_tables(run.results):
+            print_table(table.caption, table.columns, table.rows, numbers=table.columns[1:])
+        typer.echo(f"Report: {out / 'report.html'}")
+
+    return Answer(run.results, show)
 
 
 def _check(options: dict[str, Any], overrides: list[str], n_jobs: int) -> None:
@@ -178,9 +159,8 @@ def _check(options: dict[str, Any], overrides: list[str], n_jobs: int) -> None:
     with Check() as check:
         check(lambda: choose_models(find_protocol(options["protocol"]), options["models"]))
         if options["models"] == []:
-            check(
-                raise_faults, [Fault("no models", "--models", "an empty list", "names separated by commas")]
-            )
+            allowed = "names separated by commas"
+            check(raise_faults, [Fault("no models", "--models", "an empty list", allowed)])
         changes = check(parse_overrides, overrides)
         options["vehicle"] = CarChoice(options["vehicle"], changes)
         check(options["vehicle"].load)
@@ -223,11 +203,8 @@ def _write(run: EvaluationRun, folder: Path, lead: str) -> None:
     write_report(run, folder, lead)
 
 
-def _show(run: EvaluationRun, out: Path, lead: str, *, as_json: bool) -> None:
+def _show(run: EvaluationRun, out: Path, lead: str) -> None:
     """A forecast in words, the short table, and where the report is, in this order; the rest is in the report."""
-    if as_json:
-        print_json(run.results)
-        return
     from tripwatt.report import render_table
 
     if lead:

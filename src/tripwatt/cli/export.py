@@ -44,6 +44,7 @@ GROUP: Final = "Print the consumption curve of a car as parameters of a routing 
 USUAL: Final = {"ambient_temperature_degc": 20.0, "payload_mass_kg": 0.0, "soc": 0.8}
 """What a curve is made for by default."""
 
+Asked = Annotated[DepartureOf, departure_options(without=("departs_at", "terrain"), default=USUAL)]
 SERVICES: Final = {
     "here": "HERE Routing v8: ev[freeFlowSpeedTable], ev[trafficSpeedTable], ascent, descent, auxiliaryConsumption.",
     "tomtom": "TomTom Routing: constantSpeedConsumptionInkWhPerHundredkm, auxiliaryPowerInkW, efficiencies.",
@@ -55,9 +56,8 @@ SERVICES: Final = {
 def command_of(service: str) -> Callable[..., None]:
     """The command of a service, under its name."""
 
-    @departure_options(without=("departs_at", "terrain"), default=USUAL)
     def command(
-        departure: DepartureOf,
+        departure: Asked,
         model: ModelOption = None,
         vehicle: CarOption = None,
         overrides: SetOption = None,

@@ -2,26 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tripwatt.cli.options import (
-    DataArgument,
-    DatasetOption,
-    JsonOption,
-    MappingOption,
-    SetOption,
-    StrictOption,
-    VehicleOption,
-    car_of,
-    option,
-    read_logs,
-)
-from tripwatt.cli.printing import console, grouped, print_json, print_notes, progress
+from tripwatt.cli.options import Answer, Logs, SetOption, VehicleOption, option
+from tripwatt.cli.printing import console, grouped, print_notes, progress
 from tripwatt.errors import Check, Fault, InvalidInput
 
 if TYPE_CHECKING:
@@ -30,13 +19,10 @@ if TYPE_CHECKING:
 
 
 def fit(
-    data: DataArgument = None,
+    logs: Logs,
     out: Annotated[
         Path, option("MODEL", "Folder of the model. It is created when the fit is complete.", "--out", "-o")
     ] = Path("model"),
-    dataset: DatasetOption = None,
-    mapping: MappingOption = None,
-    strict: StrictOption = False,
     vehicle: VehicleOption = None,
     overrides: SetOption = None,
     corrector: Annotated[
@@ -69,8 +55,7 @@ def fit(
     seed: Annotated[
         int, option("N", "Seed of the random numbers. The same seed gives the same model.", min=0)
     ] = 0,
-    as_json: JsonOption = False,
-) -> None:
+) -> Answer:
     """Fit a forecasting model on logged trips and write it as a folder.
 
     The command audits the trips, fits on the sound ones, and estimates the uncertainty of forecasts from held-out trips.
@@ -91,7 +76,7 @@ def fit(
     from tripwatt.vehicles import load_vehicle, parse_overrides
 
     shown = console()
-    car, note = car_of(vehicle, data, dataset, mapping)
+    car, note = logs.car(vehicle)
     with Check() as check:
         started = None if base is None else check(_stored, base)
         check(_require_storable, corrector)
@@ -99,7 +84,7 @@ def fit(
         own = check(lambda: load_vehicle(car, overrides=parse_overrides(overrides or [])))
         check(require_place, out)
         with shown.status("reading trips"):
-            fleet = check(read_logs, data, dataset, mapping, strict=strict)
+            fleet = check(logs.read)
     fleet = replace(fleet, notes=(*fleet.notes, *note))
     shown.print(f"{len(fleet.trips)} trips read ({fleet.name})")
     from tripwatt.forecasting.fitting import fit_with_provenance
@@ -122,7 +107,10 @@ def fit(
                 progress=advance,
             )
     save_model(model, out, provenance=provenance, evaluation=figures)
-    _show_fit(fleet, out, provenance, figures, as_json)
+    notes = provenance["data"]["notes"]
+    brief = {k: v for k, v in figures.items() if k != "by_trip"}
+    document = {"model": str(out), "data": fleet.name, "evaluation": brief, "notes": notes}
+    return Answer(document, partial(_show_fit, fleet, out, notes, figures))
 
 
 def _stored(folder: Path) -> tuple[ForecastModel, dict[str, Any]]:
@@ -145,16 +133,9 @@ def _require_one_way(base: Path | None, calibrate: bool) -> None:
         raise InvalidInput.of("conflicting options", "--calibrate", "with --base", "one of the two", fix)
 
 
-def _show_fit(
-    fleet: Fleet, out: Path, provenance: Mapping[str, Any], figures: dict[str, Any], as_json: bool
-) -> None:
+def _show_fit(fleet: Fleet, out: Path, notes: list[str], figures: dict[str, Any]) -> None:
     from tripwatt.population.adapting import PROTOCOL
 
-    notes = provenance["data"]["notes"]
-    if as_json:
-        brief = {k: v for k, v in figures.items() if k != "by_trip"}
-        print_json({"model": str(out), "data": fleet.name, "evaluation": brief, "notes": notes})
-        return
     how = "adapted to" if figures.get("protocol") == PROTOCOL else "fitted on"
     used, read = figures["trips"], len(fleet.trips)
     others = f" of {read} (`tripwatt audit` has the reasons)" if used < read else ""

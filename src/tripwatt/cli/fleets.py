@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import datetime as dt
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import asdict
+from collections.abc import Mapping
+from contextlib import AbstractContextManager
+from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tripwatt.cli.departing import DepartureOf, departure_options, time_of
+from tripwatt.cli.departing import DepartingNow, time_of
 from tripwatt.cli.forecast import forecast_rows
-from tripwatt.cli.options import JsonOption, argument, option, options_named
+from tripwatt.cli.options import Answer, argument, option, options_named
 from tripwatt.cli.output import write_text
-from tripwatt.cli.printing import console, print_json, print_notes, print_table, progress
-from tripwatt.cli.stores import SinceOption, StoreArgument, StoreOption, UntilOption, opened
+from tripwatt.cli.printing import console, print_notes, print_table, progress
+from tripwatt.cli.stores import SinceOption, Store, UntilOption
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -42,12 +43,31 @@ WorkOption = Annotated[
 ]
 
 
-@contextmanager
-def _running(jobs: int, cluster: str | None) -> Iterator[tuple[Executor, int]]:
-    from tripwatt.fleet.executors import executor_for
+@dataclass(frozen=True, kw_only=True)
+class Workers:
+    """What works on the trips of a fleet."""
 
-    with executor_for(jobs, cluster) as executor:
-        yield executor
+    jobs: JobsOption = 1
+    cluster: ClusterOption = None
+
+    def running(self) -> AbstractContextManager[tuple[Executor, int]]:
+        """Start processes or reach a cluster; gives the executor and the number of its workers."""
+        from tripwatt.fleet.executors import executor_for
+
+        return executor_for(self.jobs, self.cluster)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fleet(Store, Workers):
+    """A fleet: the store of its trips, the versions of its model, and what works on them."""
+
+    registry: RegistryArgument
+    work: WorkOption = None
+
+    @property
+    def place(self) -> Path:
+        """Folder of finished parts."""
+        return self.work or self.registry / "work"
 
 
 def _registry(folder: Path) -> Registry:
@@ -56,17 +76,7 @@ def _registry(folder: Path) -> Registry:
     return Registry(folder)
 
 
-def fit(
-    store: StoreArgument,
-    registry: RegistryArgument,
-    since: SinceOption = None,
-    until: UntilOption = None,
-    jobs: JobsOption = 1,
-    cluster: ClusterOption = None,
-    work: WorkOption = None,
-    options: StoreOption = None,
-    as_json: JsonOption = False,
-) -> None:
+def fit(fleet: Fleet, since: SinceOption = None, until: UntilOption = None) -> Answer:
     """Fit a model on the trips of a store, and promote it if the registry has no version in use yet.
 
     An interrupted fit goes on with its finished parts.
@@ -80,36 +90,20 @@ def fit(
     """
     from tripwatt.fleet.model import fit_fleet
 
-    source, target = opened(store, options), _registry(registry)
-    with progress(console()) as advance, _running(jobs, cluster) as (executor, workers):
-        model = fit_fleet(
-            source,
-            work or registry / "work",
-            executor,
-            workers,
-            which={"since": since, "until": until},
-            progress=advance,
-        )
+    source, target, which = fleet.opened(), _registry(fleet.registry), {"since": since, "until": until}
+    with progress(console()) as advance, fleet.running() as (executor, workers):
+        model = fit_fleet(source, fleet.place, executor, workers, which=which, progress=advance)
     version = target.add(model, f"fit on {model.trips} trips")
     first = not any(entry["action"] == "promote" for entry in target.history())
     if first:
         target.promote(version)
-    print_json(
-        {"version": version, "in_use": first, "trips": model.trips, "vehicles": len(model.vehicles())}
-    ) if as_json else typer.echo(
-        f"version {version}: {model!r}" + (", in use" if first else "; promote it to use it")
+    return Answer(
+        {"version": version, "in_use": first, "trips": model.trips, "vehicles": len(model.vehicles())},
+        f"version {version}: {model!r}" + (", in use" if first else "; promote it to use it"),
     )
 
 
-def update(
-    store: StoreArgument,
-    registry: RegistryArgument,
-    jobs: JobsOption = 1,
-    cluster: ClusterOption = None,
-    work: WorkOption = None,
-    options: StoreOption = None,
-    as_json: JsonOption = False,
-) -> None:
+def update(fleet: Fleet) -> Answer:
     """Take new trips of a store into the model in use, as a new version, and report how they were forecast.
 
     Only the new trips are read. The sums of the linear part are those of a fit on all trips; trees, residual process and
@@ -123,24 +117,25 @@ def update(
     from tripwatt.fleet.deviations import drift
     from tripwatt.fleet.model import update_fleet
 
-    source, target = opened(store, options), _registry(registry)
+    source, target = fleet.opened(), _registry(fleet.registry)
     before = target.load()
-    with _running(jobs, cluster) as (executor, workers):
-        model, rows = update_fleet(before, source, work or registry / "work", executor, workers)
+    with fleet.running() as (executor, workers):
+        model, rows = update_fleet(before, source, fleet.place, executor, workers)
     change: dict[str, Any] = {"trips": 0}
     version = target.current()
     if len(rows):
         change = drift(before.posterior, rows)
         version = target.add(model, f"update by {len(rows)} trips")
         target.promote(version)
-    if as_json:
-        print_json({"version": version, **change})
-        return
+    document = {"version": version, **change}
     if not len(rows):
-        typer.echo(f"version {version}: no new trips")
-        return
+        return Answer(document, f"version {version}: no new trips")
+    return Answer(document, partial(_show_update, f"version {version}: {model!r}", change))
+
+
+def _show_update(updated: str, change: Mapping[str, Any]) -> None:
     typer.echo(
-        f"version {version}: {model!r}; {change['trips']} new trips, mean error {change['bias']:+.1%}, "
+        f"{updated}; {change['trips']} new trips, mean error {change['bias']:+.1%}, "
         f"{change['coverage']:.0%} inside the 90 % interval"
     )
     drifting = [
@@ -153,15 +148,9 @@ def update(
 
 
 def refit(
-    store: StoreArgument,
-    registry: RegistryArgument,
+    fleet: Fleet,
     weeks: Annotated[float, option("N", "Newest weeks, on which the new model is compared.", min=0.1)] = 4.0,
-    jobs: JobsOption = 1,
-    cluster: ClusterOption = None,
-    work: WorkOption = None,
-    options: StoreOption = None,
-    as_json: JsonOption = False,
-) -> None:
+) -> Answer:
     """Fit anew on all but the newest weeks, compare with the model in use, and promote it unless it is worse.
 
     Worse is an error larger by more than a twentieth, beyond chance. The comparison is on trips of the newest weeks, paired by vehicle. Both models are taken without these trips. A
@@ -174,19 +163,19 @@ def refit(
     """
     from tripwatt.fleet.life import refit_fleet
 
-    source, target = opened(store, options), _registry(registry)
-    with progress(console()) as advance, _running(jobs, cluster) as (executor, workers):
+    source, target = fleet.opened(), _registry(fleet.registry)
+    with progress(console()) as advance, fleet.running() as (executor, workers):
         version, comparison, promoted = refit_fleet(
-            source, target, work or registry / "work", executor, workers, weeks=weeks, progress=advance
+            source, target, fleet.place, executor, workers, weeks=weeks, progress=advance
         )
-    print_json(
-        {"version": version, "in_use": promoted, "reason": f"{comparison}", "comparison": asdict(comparison)}
-    ) if as_json else typer.echo(f"version {version} is {'' if promoted else 'not '}in use: {comparison}")
-    if not promoted:
-        raise typer.Exit(1)
+    return Answer(
+        {"version": version, "in_use": promoted, "reason": f"{comparison}", "comparison": asdict(comparison)},
+        f"version {version} is {'' if promoted else 'not '}in use: {comparison}",
+        code=not promoted,
+    )
 
 
-def versions(registry: RegistryArgument, as_json: JsonOption = False) -> None:
+def versions(registry: RegistryArgument) -> Answer:
     """List the versions of a registry and what was done with them.
 
     For example:
@@ -196,19 +185,18 @@ def versions(registry: RegistryArgument, as_json: JsonOption = False) -> None:
     """
     target = _registry(registry)
     history = target.history()
-    if as_json:
-        print_json({"versions": list(target.versions()), "in_use": target.current(), "history": history})
-        return
     rows = [(h["time"], h["action"], h["version"], h["note"]) for h in history]
     title = f"{len(target.versions())} versions, {target.current()} in use"
-    print_table(title, ("time", "action", "version", "note"), rows, folding=("note",))
+    return Answer(
+        {"versions": list(target.versions()), "in_use": target.current(), "history": history},
+        partial(print_table, title, ("time", "action", "version", "note"), rows, folding=("note",)),
+    )
 
 
 def promote(
     registry: RegistryArgument,
     version: Annotated[str, argument("VERSION", "A version of `tripwatt fleet versions`.")],
-    as_json: JsonOption = False,
-) -> None:
+) -> Answer:
     """Use a version from now on. Programs that follow the registry change without losing a request.
 
     For example:
@@ -217,10 +205,10 @@ def promote(
       tripwatt fleet promote models 0003
     """
     _registry(registry).promote(version)
-    print_json({"in_use": version}) if as_json else typer.echo(f"version {version} is in use")
+    return Answer({"in_use": version}, f"version {version} is in use")
 
 
-def rollback(registry: RegistryArgument, as_json: JsonOption = False) -> None:
+def rollback(registry: RegistryArgument) -> Answer:
     """Use the version again that was in use before.
 
     For example:
@@ -229,20 +217,18 @@ def rollback(registry: RegistryArgument, as_json: JsonOption = False) -> None:
       tripwatt fleet rollback models
     """
     version = _registry(registry).roll_back()
-    print_json({"in_use": version}) if as_json else typer.echo(f"version {version} is in use")
+    return Answer({"in_use": version}, f"version {version} is in use")
 
 
-@departure_options(without=("departs_at",))
 def forecast(
     registry: RegistryArgument,
     trip: Annotated[Path, argument("TRIP", "A route or a speed trace, as for `tripwatt forecast`.")],
     vehicle_id: Annotated[str, option("ID", "The vehicle.")],
-    departure: DepartureOf,
+    departure: DepartingNow,
     car_model: Annotated[str | None, option("NAME", "The car model of a vehicle without trips.")] = None,
     driver: Annotated[str | None, option("NAME", "The driver, if trips of his were logged.")] = None,
     reserve: Annotated[float, option("X", "Charge to arrive with, 0 to 1.", min=0.0, max=1.0)] = 0.0,
-    as_json: JsonOption = False,
-) -> None:
+) -> Answer:
     """Forecast a trip of one vehicle with the version in use. A vehicle without trips starts from its --car-model.
 
     For example:
@@ -257,14 +243,16 @@ def forecast(
     with options_named():
         known = departure()
     expected = model.forecast(plan, known, vehicle_id=vehicle_id, car_model=car_model, driver=driver)
-    if as_json:
-        print_json({"vehicle_id": vehicle_id, **expected.to_dict(reserve)})
-        return
-    rows = [("vehicle", vehicle_id), *forecast_rows(expected, reserve)]
-    print_table("Forecast before departure", ("", "forecast"), rows)
+
+    def shown() -> None:
+        rows = [("vehicle", vehicle_id), *forecast_rows(expected, reserve)]
+        print_table("Forecast before departure", ("", "forecast"), rows)
+
+    return Answer(lambda: {"vehicle_id": vehicle_id, **expected.to_dict(reserve)}, shown)
 
 
 def batch(
+    workers: Workers,
     registry: RegistryArgument,
     trips: Annotated[Path, argument("TRIPS.parquet", "One row a link; see docs/howto/fleet.md.")],
     out: Annotated[Path, option("FILE", "Parquet file to write.", "--out", "-o")] = Path("forecasts.parquet"),
@@ -273,10 +261,7 @@ def batch(
         option("Q", "Quantile of the energy; you can repeat the option. Default: 0.05, 0.5, 0.95."),
     ] = None,
     reserve: Annotated[float, option("X", "Charge to arrive with, 0 to 1.")] = 0.0,
-    jobs: JobsOption = 1,
-    cluster: ClusterOption = None,
-    as_json: JsonOption = False,
-) -> None:
+) -> Answer:
     """Forecast many planned trips with the version in use, Parquet in and Parquet out.
 
     The exit code is 1 if a trip cannot be forecast; the column error of FILE has the reason. Repeat a batch that was stopped:
@@ -287,7 +272,7 @@ def batch(
       # forecast many planned trips
       tripwatt fleet batch models tomorrow.parquet --out forecasts.parquet
     """
-    with _running(jobs, cluster) as (executor, workers):  # its processes import while this one does
+    with workers.running() as (executor, count):  # its processes import while this one does
         import pyarrow.compute as pc
         import pyarrow.parquet as pq
 
@@ -295,24 +280,22 @@ def batch(
 
         target = _registry(registry)
         folder = target.path(target.current())
-        count = forecast_batch(
-            folder, trips, out, executor, workers, quantiles=quantile or QUANTILES, reserve=reserve
+        done = forecast_batch(
+            folder, trips, out, executor, count, quantiles=quantile or QUANTILES, reserve=reserve
         )
     table = pq.read_table(out, columns=["energy_wh", "error"])
-    failed = count - int(table["error"].null_count)
+    failed = done - int(table["error"].null_count)
     total_wh = float(pc.sum(table["energy_wh"]).as_py() or 0.0)
-    if as_json:
-        print_json({"out": str(out), "trips": count, "failed": failed, "energy_wh": total_wh})
-    else:
-        without = f"; {failed} cannot be forecast, see the column error" if failed else ""
-        typer.echo(f"{out}: {count} trips, {total_wh / 1000.0:.1f} kWh in all{without}")
-    if failed:
-        raise typer.Exit(1)
+    without = f"; {failed} cannot be forecast, see the column error" if failed else ""
+    return Answer(
+        {"out": str(out), "trips": done, "failed": failed, "energy_wh": total_wh},
+        f"{out}: {done} trips, {total_wh / 1000.0:.1f} kWh in all{without}",
+        code=failed > 0,
+    )
 
 
 def report(
-    store: StoreArgument,
-    registry: RegistryArgument,
+    fleet: Fleet,
     planned: Annotated[
         Path | None, option("FILE", "Planned trips, CSV or Parquet: what they need. See docs/howto/fleet.md.")
     ] = None,
@@ -328,12 +311,7 @@ def report(
     begins: Annotated[
         str | None, option("TIME", "When charging may begin, such as 18:00. Default: now.")
     ] = None,
-    jobs: JobsOption = 1,
-    cluster: ClusterOption = None,
-    work: WorkOption = None,
-    options: StoreOption = None,
-    as_json: JsonOption = False,
-) -> None:
+) -> Answer:
     """Report which vehicles changed, since when and by which cause, and what planned trips need, as HTML, CSV and JSON.
 
     With --planned the folder has needs.csv, emhass.json and evcc.txt as well, for the management of charging. The exit code is 1
@@ -351,14 +329,14 @@ def report(
 
     now = dt.datetime.now().astimezone()
     at = now if begins is None else time_of(begins, "--begins")
-    versions, folder = _registry(registry), out or registry / "report"
-    about = {"Store": store, "Written": f"{now:%Y-%m-%d %H:%M}", "Model version": versions.current()}
+    versions, folder = _registry(fleet.registry), out or fleet.registry / "report"
+    about = {"Store": fleet.store, "Written": f"{now:%Y-%m-%d %H:%M}", "Model version": versions.current()}
     if planned is not None:
         about |= {"A need suffices with": f"{100 * quantile:g} %", "Reserve": f"{100 * reserve:g} %"}
         about |= {"Charger": f"{plug / 1e3:g} kW", "Charging begins": f"{at:%Y-%m-%d %H:%M %z}"}
     trips = read_planned(planned, ambient) if planned is not None else []
     ahead = [trip for trip in trips if trip.departs_at >= min(now, at)]
-    rows = _rows(store, options, work or registry / "work", jobs, cluster)
+    rows = _rows(fleet, fleet.place, fleet)
     asked: dict[str, Any] = {"quantile": quantile, "reserve": reserve, "coldest_degc": coldest}
     made = ManagerReport.of(about, versions.load(), rows, ahead, drivers=drivers, **asked)
     document = made.write(folder, at, plug)
@@ -367,9 +345,8 @@ def report(
     if len(ahead) < len(trips):
         past = f"left out: {len(trips) - len(ahead)} of {len(trips)} planned trips, which departed before"
         print_notes([f"{past} {min(now, at):%Y-%m-%d %H:%M}"])
-    print_json({"out": f"{folder}", **document}) if as_json else _show_report(made, folder)
-    if made.refused:
-        raise typer.Exit(1)
+    shown = partial(_show_report, made, folder)
+    return Answer({"out": f"{folder}", **document}, shown, code=len(made.refused) > 0)
 
 
 def _show_report(made: ManagerReport, folder: Path) -> None:
@@ -385,27 +362,24 @@ def _show_report(made: ManagerReport, folder: Path) -> None:
     typer.echo(f"{folder / 'report.html'}")
 
 
-def _rows(store: str, options: list[str] | None, work: Path, jobs: int, cluster: str | None) -> TripRows:
+def _rows(store: Store, work: Path, on: Workers) -> TripRows:
     """Rows of the trips of a store."""
     from tripwatt.fleet.mapping import map_store, read_rows, tasks_of
 
-    source = opened(store, options)
-    with progress(console()) as advance, _running(jobs, cluster) as (executor, workers):
+    source = store.opened()
+    with progress(console()) as advance, on.running() as (executor, workers):
         tasks = tasks_of(source, source.trip_rows(), work)
         return read_rows(map_store(tasks, executor, workers, advance))
 
 
 def evaluate(
-    store: StoreArgument,
+    store: Store,
+    workers: Workers,
     out: Annotated[Path, option("FILE.html", "Page to write.", "--out", "-o")] = Path("fleet.html"),
-    jobs: JobsOption = 1,
-    cluster: ClusterOption = None,
     work: Annotated[Path, option("FOLDER", "Folder of finished parts, which every worker reaches.")] = Path(
         "fleet.work"
     ),
-    options: StoreOption = None,
-    as_json: JsonOption = False,
-) -> None:
+) -> Answer:
     """Score the linear model of a fleet on later trips, new vehicles and new car models, and write one HTML page.
 
     The page shows errors by car model, temperature, length and number of own trips, and the calibration by vehicle.
@@ -420,15 +394,15 @@ def evaluate(
     from tripwatt.hybrid.groups import fit_scales
     from tripwatt.report.fleets import accuracy_table, evaluation_page
 
-    rows = _rows(store, options, work, jobs, cluster)
+    rows = _rows(store, work, workers)
     scores = evaluate_rows(rows, fit_scales(rows.sums, START))
-    write_text(evaluation_page(f"Fleet {store}", scores, rows), out)
-    if as_json:
-        by_car_model, own = (t.to_dict("records") for t in (scores.table("car_model"), scores.own))
-        print_json({"out": str(out), "by_car_model": by_car_model, "own_trips": own})
-        return
+    write_text(evaluation_page(f"Fleet {store.store}", scores, rows), out)
+    by_car_model, own = (t.to_dict("records") for t in (scores.table("car_model"), scores.own))
     table = accuracy_table(scores, "car_model")
-    print_table(f"{out}", table.columns, table.rows, numbers=table.columns[2:])
+    return Answer(
+        {"out": str(out), "by_car_model": by_car_model, "own_trips": own},
+        partial(print_table, f"{out}", table.columns, table.rows, numbers=table.columns[2:]),
+    )
 
 
 COMMANDS = (fit, update, refit, versions, promote, rollback, forecast, batch, report, evaluate)

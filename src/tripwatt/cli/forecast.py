@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import io
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
-from tripwatt.cli.departing import DepartureOf, departure_options
-from tripwatt.cli.options import JsonOption, argument, model_of, option, options_named
+from tripwatt.cli.departing import DepartingNow
+from tripwatt.cli.options import Answer, argument, model_of, option, options_named
 from tripwatt.cli.output import write_bytes, write_text
-from tripwatt.cli.printing import print_json, print_notes, print_table
+from tripwatt.cli.printing import print_notes, print_table
 from tripwatt.errors import Check, Fault, InvalidInput, raise_faults
 
 if TYPE_CHECKING:
@@ -22,7 +23,6 @@ LEAVE_PROBABILITY: Final = 0.95
 """Of "leave with": 19 of 20 trips."""
 
 
-@departure_options(without=("departs_at",))
 def forecast(
     paths: Annotated[
         list[Path],
@@ -35,7 +35,7 @@ def forecast(
             "grade or start_elevation_m and end_elevation_m, stop_s, speed_limit_m_s).",
         ),
     ],
-    departure: DepartureOf,
+    departure: DepartingNow,
     vehicle: Annotated[
         str | None,
         option(
@@ -57,8 +57,7 @@ def forecast(
     plot: Annotated[
         Path | None, option("FILE", "Write a figure of the forecast: .png, .svg or .pdf.")
     ] = None,
-    as_json: JsonOption = False,
-) -> None:
+) -> Answer:
     """Forecast the energy of a trip with its interval and its causes, given a speed trace or a planned route.
 
     A driver model turns a planned route into a speed trace. The interval includes the error of this step, which was
@@ -106,7 +105,7 @@ def forecast(
     if plot is not None:
         _draw(expected, plot)
     leaving = LEAVE_PROBABILITY if observed is None else None
-    print_json(expected.to_dict(reserve, leaving)) if as_json else _show_forecast(expected, reserve)
+    return Answer(partial(expected.to_dict, reserve, leaving), partial(_show_forecast, expected, reserve))
 
 
 def model_and_trip(paths: list[Path]) -> tuple[Path | None, Path]:

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import datetime as dt
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tripwatt.cli.departing import DepartureOf, departure_options
-from tripwatt.cli.options import JsonOption, argument, option, options_named
-from tripwatt.cli.printing import print_json, print_notes, print_table
+from tripwatt.cli.departing import Departing
+from tripwatt.cli.options import Answer, argument, option, options_named
+from tripwatt.cli.printing import print_notes, print_table
 from tripwatt.errors import Check
 from tripwatt.units import SECONDS_PER_MINUTE
 
 if TYPE_CHECKING:
-    from tripwatt.journey import Journey
+    from tripwatt.journey import AtlasSettings, Journey, Reach
 
 MapOption = Annotated[
     str,
@@ -47,6 +49,25 @@ StationsOption = Annotated[
         "--stations",
     ),
 ]
+
+
+@dataclass(frozen=True)
+class OnMap:
+    """The map of a command, and the servers that it may ask."""
+
+    map_: MapOption = ""
+    places: PlacesOption = ""
+    weather: WeatherOption = ""
+    stations: StationsOption = None
+
+    def settings(self) -> AtlasSettings:
+        """Settings of an atlas."""
+        from tripwatt.journey import AtlasSettings
+
+        stations = "" if self.stations is None else str(self.stations)
+        return AtlasSettings(self.map_, self.places, self.weather, stations)
+
+
 ModelOption = Annotated[Path | None, option("FOLDER", "Default: the bundled model.", "--model")]
 CarOption = Annotated[
     str | None,
@@ -54,19 +75,15 @@ CarOption = Annotated[
 ]
 
 
-@departure_options()
 def plan(
     stops: Annotated[list[str], argument("FROM [VIA...] TO", "Places: names, or latitude and longitude.")],
-    departure: DepartureOf,
-    map_: MapOption = "",
+    departure: Departing,
+    on_map: OnMap,
     reserve: Annotated[float, option("0..1", "Required state of charge at arrival, as displayed.")] = 0.1,
     round_trip: Annotated[bool, typer.Option("--round-trip", help="Back to the start.")] = False,
     alternatives: Annotated[int, option("N", "Other roads to compare.", min=0, max=3)] = 2,
     vehicle: CarOption = None,
     model: ModelOption = None,
-    places_url: PlacesOption = "",
-    weather: WeatherOption = "",
-    stations: StationsOption = None,
     no_charge: Annotated[bool, typer.Option("--no-charge", help="Plan no stops to charge.")] = False,
     overhead: Annotated[
         float, option("MIN", "Parking, plugging in and paying at each stop to charge.")
@@ -74,8 +91,7 @@ def plan(
     preheat_battery: Annotated[
         bool, typer.Option("--preheat-battery", help="The battery may be heated on the way to a stop.")
     ] = False,
-    as_json: JsonOption = False,
-) -> None:
+) -> Answer:
     """Plan a journey from place to place: charge at arrival, what to leave with, stops to charge where they are needed.
 
     Nothing leaves this machine unless an option names the URL of a server. Travel times are those of an empty road.
@@ -91,31 +107,31 @@ def plan(
       # with a router's server and coordinates
       tripwatt plan '47.14, 9.52' '47.37, 8.54' --map osrm=http://localhost:5000 --soc 0.9
     """
-    from tripwatt.journey import AtlasSettings, JourneyOptions, open_atlas, plan_journey
+    from tripwatt.journey import JourneyOptions, open_atlas, plan_journey
 
-    settings = AtlasSettings(map_, places_url, weather, "" if stations is None else str(stations))
     charging: dict[str, Any] = {"charge": not no_charge, "preheat_battery": preheat_battery}
     overhead_s = overhead * SECONDS_PER_MINUTE
     with options_named():
         with Check() as check:
-            got: dict[str, Any] = {"atlas": check(open_atlas, settings), "departure": check(departure)}
+            got: dict[str, Any] = {
+                "atlas": check(open_atlas, on_map.settings()),
+                "departure": check(departure),
+            }
             asked = reserve, alternatives, round_trip
             got["options"] = check(JourneyOptions, *asked, stop_overhead_s=overhead_s, **charging)
         journey = plan_journey(stops, model=model, vehicle=vehicle, **got)
-    print_json(journey.to_dict()) if as_json else _show(journey)
+    return Answer(journey.to_dict, partial(_show, journey))
 
 
-@departure_options()
 def reach(
     start: Annotated[str, argument("FROM", "A place: a name, or latitude and longitude.")],
-    departure: DepartureOf,
+    departure: Departing,
     map_: MapOption = "",
     reserve: Annotated[float, option("0..1", "State of charge to keep.", min=0.0, max=1.0)] = 0.0,
     vehicle: CarOption = None,
     model: ModelOption = None,
     places_url: PlacesOption = "",
-    as_json: JsonOption = False,
-) -> None:
+) -> Answer:
     """Show how far a charge carries in every direction, with 95 % and with 50 %.
 
     For example:
@@ -125,23 +141,25 @@ def reach(
     """
     from tripwatt.journey import AtlasSettings, RoadForecaster, find_reach, open_atlas
     from tripwatt.population import for_car
-    from tripwatt.trips import Flag
 
     with options_named():
         atlas = open_atlas(AtlasSettings(map_, places_url))
         own = for_car(model, vehicle)
         place = atlas.find(start, "FROM")
         area = find_reach(RoadForecaster(own, departure()), place, atlas, reserve=reserve)
-    if as_json:
-        print_json(area.to_dict())
-        return
+    return Answer(area.to_dict, partial(_show_reach, area))
+
+
+def _show_reach(area: Reach) -> None:
+    from tripwatt.trips import Flag
+
     rows = []
     for level, corners in area.outlines.items():
-        away_m = [place.distance_m(corner) for corner in corners]
+        away_m = [area.start.distance_m(corner) for corner in corners]
         ends = (f"{distance_m / 1000.0:.0f} km" for distance_m in (min(away_m), max(away_m)))
         rows.append((f"{100.0 * level:.0f} %", *ends))
     columns = ("probability", "nearest", "farthest")
-    print_table(f"Reach from {place.title}", columns, rows, numbers=columns[1:])
+    print_table(f"Reach from {area.start.title}", columns, rows, numbers=columns[1:])
     print_notes([*([Flag("map_ends", "reach")] if area.map_ends else []), area.attribution])
 
 
@@ -150,8 +168,7 @@ def places(
     map_: MapOption = "",
     places_url: PlacesOption = "",
     limit: Annotated[int, option("N", "Most places.", min=1, max=50)] = 10,
-    as_json: JsonOption = False,
-) -> None:
+) -> Answer:
     """Find places by the start of their names, also with typing mistakes and by names in other languages.
 
     For example:
@@ -165,16 +182,17 @@ def places(
     folder = None if places_url else open_map(map_.partition("@")[0])
     search = open_search(places_url) if folder is None else folder.index
     matches = search.search(" ".join(text), limit=limit)
-    if as_json:
-        print_json({"places": [place.to_dict() for place in matches], "attribution": ATTRIBUTION})
-        return
-    rows = [
-        (p.title, p.kind.replace("_", " "), p.also_called, f"{p.latitude_deg:.5f}, {p.longitude_deg:.5f}")
-        for p in matches
-    ]
-    print_table("Places", ("place", "kind", "also called", "latitude, longitude"), rows)
-    outside = [f"this map covers {folder.covers}"] if folder is not None and not matches else []
-    print_notes([*outside, ATTRIBUTION])
+
+    def shown() -> None:
+        rows = [
+            (p.title, p.kind.replace("_", " "), p.also_called, f"{p.latitude_deg:.5f}, {p.longitude_deg:.5f}")
+            for p in matches
+        ]
+        print_table("Places", ("place", "kind", "also called", "latitude, longitude"), rows)
+        outside = [f"this map covers {folder.covers}"] if folder is not None and not matches else []
+        print_notes([*outside, ATTRIBUTION])
+
+    return Answer({"places": [place.to_dict() for place in matches], "attribution": ATTRIBUTION}, shown)
 
 
 def _show(journey: Journey) -> None:
@@ -206,16 +224,8 @@ def _show(journey: Journey) -> None:
         )
         for way, chances in zip(journey.to_frame().to_dict("records"), words, strict=True)
     ]
-    columns = (
-        "way",
-        "length",
-        "time",
-        "stops",
-        "energy",
-        "arrival with",
-        "arrives",
-        f"{100.0 * journey.reserve:g} % or more",
-    )
+    with_reserve = f"{100.0 * reserve:g} % or more"
+    columns = ("way", "length", "time", "stops", "energy", "arrival with", "arrives", with_reserve)
     print_table(f"Ways, given {journey.forecast.given}", columns, rows, numbers=columns[1:5])
     costs = [(name, f"{wh / 1000.0:+.2f} kWh") for name, wh in journey.costs_wh.items() if abs(wh) >= 1.0]
     if costs:

@@ -5,18 +5,18 @@ from __future__ import annotations
 import itertools
 import sys
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from tripwatt.cli.options import (
-    DataArgument,
-    DatasetOption,
+    Answer,
     JsonOption,
+    Logs,
     MappingOption,
     NotesOption,
-    StrictOption,
     TripOption,
     argument,
     option,
@@ -31,14 +31,7 @@ MAPPINGS = (
 LOGS = "Files of loggers: take out of them what tells whose they are."
 
 
-def audit(
-    data: DataArgument = None,
-    dataset: DatasetOption = None,
-    mapping: MappingOption = None,
-    strict: StrictOption = False,
-    notes: NotesOption = False,
-    as_json: JsonOption = False,
-) -> None:
+def audit(logs: Logs, notes: NotesOption = False) -> Answer:
     """List the faults of logged trips and their consequences.
 
     No file is changed. Each finding gives the trip, the time span, the fault, and the consequence: trimmed, split, set
@@ -54,35 +47,33 @@ def audit(
       tripwatt audit drive.csv --mapping torque
     """
     from tripwatt.auditing import audit as run_audit
+    from tripwatt.trips.messages import flag_to_dict
 
-    fleet = read_logs(data, dataset, mapping, built_in_faults=True, lenient=True, strict=strict)
+    fleet = logs.read(built_in_faults=True, lenient=True)
     result = run_audit(fleet)
-    if as_json:
-        from tripwatt.trips.messages import flag_to_dict  # pandas is slow to import
+    document = {
+        "read": len(fleet.trips),
+        "used": [t.trip_id for t in result.trips],
+        "findings": [asdict(finding) for finding in result.findings],
+        "notes": [flag_to_dict(flag) for flag in fleet.notes],
+        "faults": [fault.texts for fault in (fleet.report.faults if fleet.report else ())],
+    }
 
-        print_json(
-            {
-                "read": len(fleet.trips),
-                "used": [t.trip_id for t in result.trips],
-                "findings": [asdict(finding) for finding in result.findings],
-                "notes": [flag_to_dict(flag) for flag in fleet.notes],
-                "faults": [fault.texts for fault in (fleet.report.faults if fleet.report else ())],
-            }
-        )
-        return
-    title = f"{len(fleet.trips)} trips read, {len(result.trips)} drives used ({fleet.name})"
-    if result.findings:
-        print_findings(title, result.findings)
-    else:
-        console(sys.stdout).print(f"{title}: no findings")
-    print_reading(fleet, result, every=notes)
+    def shown() -> None:
+        title = f"{len(fleet.trips)} trips read, {len(result.trips)} drives used ({fleet.name})"
+        if result.findings:
+            print_findings(title, result.findings)
+        else:
+            console(sys.stdout).print(f"{title}: no findings")
+        print_reading(fleet, result, every=notes)
+
+    return Answer(document, shown)
 
 
 def fetch(
     dataset: Annotated[str, argument("DATASET", "Data set: tum, ved, twizy or sedan.")] = "tum",
     folder: Annotated[Path | None, argument("FOLDER", "Folder to check.")] = None,
-    as_json: JsonOption = False,
-) -> None:
+) -> Answer:
     """Show where to download a data set, and check that FOLDER holds all of the TUM set.
 
     The command downloads nothing: the publishers of the data require an account or a name.
@@ -99,12 +90,9 @@ def fetch(
 
     if folder is None:
         where = where_to_get(dataset)
-        print_json({"where": where}) if as_json else typer.echo(where)
-        return
+        return Answer({"where": where}, where)
     report = check_folder(folder, dataset)
-    print_json(report.as_dict()) if as_json else typer.echo(str(report))
-    if not report.complete:
-        raise typer.Exit(1)
+    return Answer(report.as_dict, str(report), code=not report.complete)
 
 
 def anonymise(
@@ -112,8 +100,7 @@ def anonymise(
     out: Annotated[Path, option("FOLDER", "New or empty folder to write.", "--out", "-o")],
     mapping: MappingOption = None,
     positions: Annotated[bool, typer.Option("--positions", help="Keep latitude and longitude.")] = False,
-    as_json: JsonOption = False,
-) -> None:
+) -> Answer:
     """Write logs without names, positions, VIN and true dates, so that you can hand them in with a bug report.
 
     Numbers of the columns that tripwatt reads stay as they are, with all faults of rows and cells. All times move by the same
@@ -129,12 +116,10 @@ def anonymise(
     from tripwatt.sources.anonymise import anonymise_logs
 
     written = anonymise_logs(data, out, mapping=mapping, positions=positions)
-    print_json({"files": [f"{file}" for file in written]}) if as_json else typer.echo(
-        f"{out}: {len(written)} files"
-    )
+    return Answer({"files": [f"{file}" for file in written]}, f"{out}: {len(written)} files")
 
 
-def list_(as_json: JsonOption = False) -> None:
+def list_() -> Answer:
     """List the bundled mappings and the logger of each.
 
     For example:
@@ -145,16 +130,14 @@ def list_(as_json: JsonOption = False) -> None:
     from tripwatt.sources.mapping import shipped_mappings, shipped_text
 
     about = {name: _comment(shipped_text(name)) for name in shipped_mappings()}
-    if as_json:
-        print_json([{"name": name, "about": text} for name, text in about.items()])
-    else:
-        print_table("Mappings for --mapping NAME", ("name", "about"), about.items(), folding=("about",))
+    title, columns = "Mappings for --mapping NAME", ("name", "about")
+    return Answer(
+        [{"name": name, "about": text} for name, text in about.items()],
+        partial(print_table, title, columns, about.items(), folding=columns[1:]),
+    )
 
 
-def show(
-    name: Annotated[str, argument("NAME", "A name from `tripwatt mapping list`.")],
-    as_json: JsonOption = False,
-) -> None:
+def show(name: Annotated[str, argument("NAME", "A name from `tripwatt mapping list`.")]) -> Answer:
     """Print a bundled mapping as TOML.
 
     For example:
@@ -168,7 +151,7 @@ def show(
     if name not in shipped_mappings():
         raise InvalidInput(Fault.unknown("unknown mapping", "NAME", name, shipped_mappings()))
     text = shipped_text(name)
-    print_json({"name": name, "toml": text}) if as_json else typer.echo(text, nl=False)
+    return Answer({"name": name, "toml": text}, partial(typer.echo, text, nl=False))
 
 
 def suggest(
@@ -220,8 +203,7 @@ def apply(
     mapping: MappingOption = None,
     trip: TripOption = None,
     out: Annotated[Path, option("FILE", "CSV file to write.", "--out", "-o")] = Path("trip.csv"),
-    as_json: JsonOption = False,
-) -> None:
+) -> Answer:
     """Audit one trip of a table and write it with canonical columns and units, as input for `tripwatt forecast`.
 
     The command lists the findings of the audit. The time of the output starts at 0.
@@ -253,11 +235,13 @@ def apply(
     table["time_s"] -= table["time_s"].iloc[0]
     write_text(table.to_csv(index=False, lineterminator="\n"), out)
     notes = [f"{f.trip}: {f.what} ({f.consequence})" for f in result.findings if f.trip == wanted[0].trip_id]
-    if as_json:
-        print_json({"trip": wanted[0].trip_id, "out": str(out), "samples": len(table), "notes": notes})
-        return
-    typer.echo(f"{out}: {len(table)} samples of {wanted[0].trip_id} with {', '.join(table.columns)}")
-    print_notes([*notes, *fleet.notes])
+
+    def shown() -> None:
+        typer.echo(f"{out}: {len(table)} samples of {wanted[0].trip_id} with {', '.join(table.columns)}")
+        print_notes([*notes, *fleet.notes])
+
+    document = {"trip": wanted[0].trip_id, "out": str(out), "samples": len(table), "notes": notes}
+    return Answer(document, shown)
 
 
 def _comment(text: str) -> str:

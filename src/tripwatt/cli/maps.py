@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from tripwatt.cli.options import JsonOption, argument, option
-from tripwatt.cli.printing import print_json, print_notes, print_table
+from tripwatt.cli.options import Answer, argument, option
+from tripwatt.cli.printing import print_notes, print_table
 
 if TYPE_CHECKING:
     from tripwatt.routes.maps import MapFolder
@@ -24,8 +24,7 @@ def build(
             "Elevation tiles: of SRTM (N47E009.hgt, also .gz or .zip), or GeoTIFF. Without them the climb of roads is unknown.",
         ),
     ] = None,
-    as_json: JsonOption = False,
-) -> None:
+) -> Answer:
     """Build a map of an OpenStreetMap extract: roads for Valhalla, an index of places, charging stations.
 
     The command requires the extra `tripwatt[routing]`. FOLDER is complete or not there; a map that it replaces stays until the new one is complete.
@@ -42,12 +41,10 @@ def build(
     folder = build_map(
         extract, out, elevation=elevation, progress=lambda step: print_notes([f"building: {step}"])
     )
-    _show(folder, as_json)
+    return _shown(folder)
 
 
-def info(
-    folder: Annotated[Path, argument("FOLDER", "Folder of the map.")], as_json: JsonOption = False
-) -> None:
+def info(folder: Annotated[Path, argument("FOLDER", "Folder of the map.")]) -> Answer:
     """Show what a map holds.
 
     For example:
@@ -57,17 +54,13 @@ def info(
     """
     from tripwatt.routes.maps import open_map
 
-    _show(open_map(folder), as_json)
+    return _shown(open_map(folder))
 
 
-def _show(folder: MapFolder, as_json: bool) -> None:
+def _shown(folder: MapFolder) -> Answer:
     from tripwatt.routes.maps.elevation import without_tiles
 
-    about = folder.info
-    if as_json:
-        print_json(about | {"covers": folder.covers})
-        return
-    terrain = about["terrain"]
+    about, terrain = folder.info, folder.info["terrain"]
     rows = [
         ("extract", str(about["extract"])),
         ("covers", folder.covers or "no place"),
@@ -75,5 +68,9 @@ def _show(folder: MapFolder, as_json: bool) -> None:
         ("charging stations", str(about["stations"])),
         ("heights", f"{terrain['source']} ({terrain['tiles']})" if terrain["known"] else "unknown"),
     ]
-    print_table("Map", ("map", ""), rows)
-    print_notes([note for note in (without_tiles(terrain["missing"]), str(about["attribution"])) if note])
+
+    def shown() -> None:
+        print_table("Map", ("map", ""), rows)
+        print_notes(filter(None, (without_tiles(terrain["missing"]), str(about["attribution"]))))
+
+    return Answer(about | {"covers": folder.covers}, shown)

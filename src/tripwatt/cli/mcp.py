@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from tripwatt.cli.journey import MapOption, PlacesOption, StationsOption, WeatherOption
+from tripwatt.cli.journey import OnMap
 from tripwatt.cli.options import argument, option, require_extras
 from tripwatt.cli.serve import make_cars_folder, models_of
 from tripwatt.errors import Check
@@ -18,10 +18,7 @@ def mcp(
     model: Annotated[
         list[str] | None, argument("[MODEL ...]", "Folders of models, as for `tripwatt serve`.")
     ] = None,
-    map_: MapOption = "",
-    places: PlacesOption = "",
-    weather: WeatherOption = "",
-    stations: StationsOption = None,
+    on_map: OnMap = OnMap(),  # noqa: B008, it is frozen
     cars: Annotated[
         Path | None, option("DIR", "Folder of cars that learn from their trips (see `tripwatt car`).")
     ] = None,
@@ -42,14 +39,13 @@ def mcp(
       tripwatt mcp --map map --cars cars
     """
     require_extras(dict.fromkeys(("service", "mcp"), "tripwatt mcp") | ({"fleet": "--cars"} if cars else {}))
-    from tripwatt.journey import AtlasSettings
     from tripwatt.mcp import make_server, serve
     from tripwatt.service import car_jobs, jobs, journeys, settings
 
-    atlas = asdict(AtlasSettings(map_, places, weather, "" if stations is None else str(stations)))
+    atlas = asdict(on_map.settings())
     with Check() as check:
         folders = check(models_of, model or [], None)
         check(make_cars_folder, cars)
-        on_map = check(journeys.JourneyJobs.from_settings, atlas)
-    made = jobs.Jobs.from_folders(folders, settings.Limits(), on_map, car_jobs.CarJobs(cars))
+        planned = check(journeys.JourneyJobs.from_settings, atlas)
+    made = jobs.Jobs.from_folders(folders, settings.Limits(), planned, car_jobs.CarJobs(cars))
     serve(make_server(made, changes=changes, remote=any("://" in named for named in atlas.values())))

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import functools
 import inspect
+import typing
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass, is_dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple
 
 import typer
 
+from tripwatt.cli.printing import print_json
 from tripwatt.errors import Fault, InvalidInput, extras_faults, places_named, raise_faults
 
 if TYPE_CHECKING:
@@ -94,6 +98,12 @@ def require_extras(needed: Mapping[str, str]) -> None:
     raise_faults(extras_faults(needed))
 
 
+def require_effect(options: Mapping[str, Any], allowed: str) -> None:
+    """Raise `InvalidInput` for each of some options that is given, where they have no effect."""
+    given = {option: value for option, value in options.items() if value is not None}
+    raise_faults(Fault("option has no effect", name, f"{value}", allowed) for name, value in given.items())
+
+
 def read_logs(
     data: Path | None,
     dataset: str | None,
@@ -117,12 +127,7 @@ def read_logs(
     if data is None:
         from tripwatt.synthetic import synthetic_fleet
 
-        unused = {"--dataset": dataset, "--mapping": mapping}
-        raise_faults(
-            Fault("option has no effect", k, v, "only together with DATA")
-            for k, v in unused.items()
-            if v is not None
-        )
+        require_effect({"--dataset": dataset, "--mapping": mapping}, "only together with DATA")
         return synthetic_fleet(BUILT_IN_TRIPS, faults=True) if built_in_faults else synthetic_fleet()
     from tripwatt.sources import read_logs as read
 
@@ -155,27 +160,39 @@ def _single_tum_trip(path: Path) -> Fleet | None:
     return Fleet("tum", (trip,), tuple(notes), REFERENCE_TRIPS, CITATION)
 
 
-def car_of(
-    vehicle: str | None, data: Path | None, dataset: str | None, mapping: str | None
-) -> tuple[str, tuple[Flag, ...]]:
-    """The car's name, and a flag where neither the user nor the data set names it.
+@dataclass(frozen=True)
+class Logs:
+    """The logged trips that a command reads."""
 
-    Examples
-    --------
-    >>> car_of(None, Path("logs"), "ved", None)
-    ('nissan_leaf_24', ())
-    """
-    if vehicle is not None:
-        return vehicle, ()
-    if data is None:
-        return CARS["synthetic"], ()
-    if dataset is not None and dataset in CARS:
-        return CARS[dataset], ()
-    if dataset is None and mapping is None and (not data.is_file() or data.name.lower().startswith("trip")):
-        return CARS["tum"], ()
-    from tripwatt.trips import Flag  # pandas is slow to import
+    data: DataArgument = None
+    dataset: DatasetOption = None
+    mapping: MappingOption = None
+    strict: StrictOption = False
 
-    return UNKNOWN_CAR, (Flag("car_assumed", UNKNOWN_CAR),)
+    def read(self, **more: Any) -> Fleet:
+        """Read them; see `read_logs`."""
+        return read_logs(self.data, self.dataset, self.mapping, strict=self.strict, **more)
+
+    def car(self, vehicle: str | None) -> tuple[str, tuple[Flag, ...]]:
+        """The car's name, and a flag where neither the user nor the data set names it.
+
+        Examples
+        --------
+        >>> Logs(Path("logs"), "ved").car(None)
+        ('nissan_leaf_24', ())
+        """
+        data, dataset = self.data, self.dataset
+        if vehicle is not None:
+            return vehicle, ()
+        if data is None:
+            dataset = "synthetic"
+        elif dataset is None and self.mapping is None:
+            dataset = "tum" if not data.is_file() or data.name.lower().startswith("trip") else None
+        if dataset is not None and dataset in CARS:
+            return CARS[dataset], ()
+        from tripwatt.trips import Flag  # pandas is slow to import
+
+        return UNKNOWN_CAR, (Flag("car_assumed", UNKNOWN_CAR),)
 
 
 @contextmanager
@@ -188,11 +205,111 @@ def options_named() -> Iterator[None]:
         yield
 
 
+class Answer(NamedTuple):
+    """What a command gives: with `--json` a document, else what people read.
+
+    Attributes
+    ----------
+    document : object
+        The document, or a function that makes it.
+    shown : str or callable
+        A line, or a function that prints more.
+    code : int
+        Exit code.
+    """
+
+    document: Any
+    shown: str | Callable[[], object]
+    code: int = 0
+
+    def print(self, as_json: bool) -> None:
+        """Print one of the two, and end with the exit code."""
+        if as_json:
+            print_json(self.document() if callable(self.document) else self.document)
+        elif callable(self.shown):
+            self.shown()
+        else:
+            typer.echo(self.shown)
+        if self.code:
+            raise typer.Exit(int(self.code))
+
+
+class Options(NamedTuple):
+    """Options that are one parameter of a command: a dataclass of options, or these in its annotation.
+
+    Attributes
+    ----------
+    make : callable
+        What gives the parameter, from the values of the options by name.
+    parameters : list of inspect.Parameter
+        The options.
+    """
+
+    make: Callable[..., Any]
+    parameters: list[inspect.Parameter]
+
+    @classmethod
+    def of(cls, kind: Any) -> Options | None:
+        """Options of a type; None for that of a single option."""
+        if is_dataclass(kind):
+            return cls(typing.cast(type, kind), _parameters(kind))
+        return next((each for each in getattr(kind, "__metadata__", ()) if isinstance(each, cls)), None)
+
+
+def _parameters(made: Any) -> list[inspect.Parameter]:
+    """The parameters of a function or of a class, with their types."""
+    hints = typing.get_type_hints(made, include_extras=True)
+    given = inspect.signature(made).parameters.values()
+    return [p.replace(annotation=hints[p.name], kind=inspect.Parameter.KEYWORD_ONLY) for p in given]
+
+
+AS_JSON: Final = inspect.Parameter(
+    "as_json", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=JsonOption
+)
+
+
+def spread(command: Callable[..., Any]) -> Callable[..., None]:
+    """A function as typer takes it: each of its `Options` in place of the parameter, and `--json` where it gives an `Answer`.
+
+    Examples
+    --------
+    >>> def audit(logs: Logs) -> Answer:
+    ...     return Answer([], f"no findings in {logs.data}")
+    >>> list(inspect.signature(spread(audit)).parameters)
+    ['data', 'dataset', 'mapping', 'strict', 'as_json']
+    >>> spread(audit)(data="logs")
+    no findings in logs
+    """
+    groups: dict[str, Options] = {}
+    parameters: list[inspect.Parameter] = []
+    for parameter in _parameters(command):
+        options = Options.of(parameter.annotation)
+        parameters += [parameter] if options is None else options.parameters
+        if options is not None:
+            groups[parameter.name] = options
+    answers = typing.get_type_hints(command).get("return") is Answer
+    parameters += [AS_JSON] * answers
+
+    @functools.wraps(command)
+    def run(**given: Any) -> None:
+        as_json = answers and given.pop(AS_JSON.name, False)
+        for name, options in groups.items():
+            values = {p.name: given.pop(p.name, p.default) for p in options.parameters}
+            given[name] = options.make(**values)
+        answer = command(**given)
+        if answers:
+            answer.print(as_json)
+
+    run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    run.__annotations__ = {p.name: p.annotation for p in parameters}
+    return run
+
+
 EXAMPLES: Final = "For example:"
 """Line of a command's docstring below which its examples are: what each does, then what to type."""
 
 
-def add_commands(app: typer.Typer, *commands: Callable[..., None], **more: Any) -> None:
+def add_commands(app: typer.Typer, *commands: Callable[..., Any], **more: Any) -> None:
     r"""Add commands to an application: their help is their docstrings, with the examples at the end of the page.
 
     Parameters
@@ -215,10 +332,10 @@ def add_commands(app: typer.Typer, *commands: Callable[..., None], **more: Any) 
         text, _, shown = inspect.getdoc(command).partition(f"\n\n{EXAMPLES}\n\n")  # type: ignore[union-attr]
         epilog = f"\b\nExamples:\n{shown}" if shown else None  # \b: click keeps the lines of the paragraph
         name = command.__name__.rstrip("_").replace("_", "-")
-        app.command(name, help=text, epilog=epilog, **more)(command)
+        app.command(name, help=text, epilog=epilog, **more)(spread(command))
 
 
-def add_group(app: typer.Typer, name: str, help: str, *commands: Callable[..., None]) -> None:
+def add_group(app: typer.Typer, name: str, help: str, *commands: Callable[..., Any]) -> None:
     """Add a group of commands to an application."""
     group = typer.Typer(help=help, no_args_is_help=True, rich_markup_mode=None)
     add_commands(group, *commands)

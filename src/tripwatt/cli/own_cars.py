@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from tripwatt.cli.options import (
+    Answer,
     DatasetOption,
     JsonOption,
     MappingOption,
@@ -18,19 +20,13 @@ from tripwatt.cli.options import (
     option,
     read_logs,
 )
-from tripwatt.cli.printing import (
-    change,
-    console,
-    print_json,
-    print_notes,
-    print_reading,
-    print_table,
-    progress,
-)
+from tripwatt.cli.printing import change, console, print_notes, print_reading, print_table, progress
 from tripwatt.errors import printable
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+
+    import pandas as pd
 
     from tripwatt.live import Car, Learned
 
@@ -61,8 +57,7 @@ def new(
     car: Annotated[Path, argument("CAR", "New folder. Its name is that of the car.")],
     vehicle: Annotated[str, option("NAME|FILE", "A name from `tripwatt vehicles`, or a TOML file.")],
     base: Annotated[Path | None, option("MODEL", "Model to adapt. Default: the bundled model.")] = None,
-    as_json: JsonOption = False,
-) -> None:
+) -> Answer:
     """Make the folder of a car that learns from its trips.
 
     For example:
@@ -75,9 +70,8 @@ def new(
     from tripwatt.live import create_car
 
     made = create_car(car, vehicle, base=base)
-    print_json(made.about()) if as_json else typer.echo(
-        printable(f"{made.folder}: {made.label}, {made.vehicle.title}, no trips yet")
-    )
+    made_of = f"{made.folder}: {made.label}, {made.vehicle.title}, no trips yet"
+    return Answer(made.about, printable(made_of))
 
 
 def add(
@@ -116,10 +110,10 @@ def add(
         print_reading(fleet, audit(fleet), every=notes)
     with progress(shown, "trips") as advance:
         done = own.add(fleet, progress=advance)
-    _show_done(car, own, done, as_json)
+    _done(car, own, done).print(as_json)
 
 
-def learn(car: CarArgument, as_json: JsonOption = False) -> None:
+def learn(car: CarArgument) -> Answer:
     """Learn the trips that the car finished on the road: each is forecast first, and both go into the diary.
 
     A service with the folder of the car does this by itself. A trip that was learned already does not count again.
@@ -133,14 +127,12 @@ def learn(car: CarArgument, as_json: JsonOption = False) -> None:
 
     with progress(console(), "trips") as advance:
         done = learn_finished(car, progress=advance)
-    _show_done(car, open_car(car), done, as_json)
+    return _done(car, open_car(car), done)
 
 
 def show(
-    car: CarArgument,
-    trips: Annotated[int, option("N", "Last trips of the diary to list.", min=0)] = 10,
-    as_json: JsonOption = False,
-) -> None:
+    car: CarArgument, trips: Annotated[int, option("N", "Last trips of the diary to list.", min=0)] = 10
+) -> Answer:
     """Show what a car learned, how good its forecasts are, where its energy went, and the last trips of its diary.
 
     For example:
@@ -154,10 +146,11 @@ def show(
 
     own = open_car(car)
     about, table = own.about(), own.diary.table.tail(trips)
-    if as_json:
-        rows = table.astype(object).where(table.notna(), None).to_dict("records")
-        print_json({**about, "diary": rows})
-        return
+    rows = table.astype(object).where(table.notna(), None).to_dict("records")
+    return Answer({**about, "diary": rows}, partial(_show, about, table))
+
+
+def _show(about: Mapping[str, Any], table: pd.DataFrame) -> None:
     typer.echo(
         f"{printable(about['label'])}: {printable(about['title'])}, {about['trips']} trips, {about['in_diary']} in the diary"
     )
@@ -184,10 +177,7 @@ def show(
     print_table(f"Last {len(listed)} trips", columns, listed, numbers=columns[2:])
 
 
-def token(
-    car: Annotated[Path, argument("CAR", "Folder of the car; made where it is missing.")],
-    as_json: JsonOption = False,
-) -> None:
+def token(car: Annotated[Path, argument("CAR", "Folder of the car; made where it is missing.")]) -> Answer:
     """Print a new token with which a car sends its messages to `tripwatt serve --cars`.
 
     An earlier token of the car is no longer accepted once the service is started again. The folder holds a digest of the
@@ -203,10 +193,10 @@ def token(
     from tripwatt.live import issue_token
 
     made = issue_token(car)
-    print_json({"car": f"{car}", "token": made}) if as_json else typer.echo(made)
+    return Answer({"car": f"{car}", "token": made}, made)
 
 
-def forget(car: CarArgument, as_json: JsonOption = False) -> None:
+def forget(car: CarArgument) -> Answer:
     """Erase a car: its trips, its model and its diary. Files of yours in its folder stay.
 
     For example:
@@ -217,19 +207,21 @@ def forget(car: CarArgument, as_json: JsonOption = False) -> None:
     from tripwatt.live import forget_car
 
     forget_car(car)
-    print_json({"forgotten": f"{car}"}) if as_json else typer.echo(f"{car}: erased")
+    return Answer({"forgotten": f"{car}"}, f"{car}: erased")
 
 
-def _show_done(car: Path, own: Car, done: Learned, as_json: bool) -> None:
-    if as_json:
-        print_json({**asdict(done), "car": own.about()})
-        return
-    typer.echo(f"{car}: {done.added} trips added, {done.known} were known, {done.entries} in the diary")
+def _done(car: Path, own: Car, done: Learned) -> Answer:
     from tripwatt.trips.reading import alike  # pandas is slow to import
 
-    reasons = (why.partition(": ") for why in done.left_out)
-    print_notes(f"left out: {group}" for group in alike((why, trip, 1, trip) for trip, _, why in reasons))
-    _show_learned(own.about())
+    about = own.about()
+
+    def shown() -> None:
+        typer.echo(f"{car}: {done.added} trips added, {done.known} were known, {done.entries} in the diary")
+        reasons = (why.partition(": ") for why in done.left_out)
+        print_notes(f"left out: {group}" for group in alike((why, trip, 1, trip) for trip, _, why in reasons))
+        _show_learned(about)
+
+    return Answer({**asdict(done), "car": about}, shown)
 
 
 def _show_learned(about: Mapping[str, Any]) -> None:

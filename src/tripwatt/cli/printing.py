@@ -116,22 +116,19 @@ def print_reading(fleet: Fleet, result: Audit, *, every: bool = False) -> None:
     shown, report = console(), fleet.report or ReadingReport(())
     if report.files:
         shown.print(f"{report}")
-    hours, far = (sum(getattr(t, name) for t in result.trips) for name in ("duration_s", "distance_m"))
-    lost = (
-        f"{result.lost_distance_m / 1000.0:.1f} km and {result.lost_duration_s / 3600.0:.1f} h are left out"
-    )
-    shown.print(
-        f"{len(result.trips)} drives with {far / 1000.0:.1f} km and {hours / 3600.0:.1f} h are used; {lost}"
-    )
+
+    def amount(distance_m: float, duration_s: float) -> str:
+        return f"{distance_m / 1000.0:.1f} km and {duration_s / 3600.0:.1f} h"
+
+    used = amount(sum(t.distance_m for t in result.trips), sum(t.duration_s for t in result.trips))
+    lost = amount(result.lost_distance_m, result.lost_duration_s)
+    shown.print(f"{len(result.trips)} drives with {used} are used; {lost} are left out")
     if every:
         print_notes(f"{fault}" for fault in report.faults)
         print_notes(fleet.notes)
         return
-    groups = [
-        *report.groups(),
-        *(group for consequence, group in result.groups() if consequence == "set aside"),
-    ]
-    lines = [*map(str, groups), *grouped(fleet.notes)]
+    aside = (group for consequence, group in result.groups() if consequence == "set aside")
+    lines = [*map(str, (*report.groups(), *aside)), *grouped(fleet.notes)]
     more = [f"{len(lines) - MOST_GROUPS} more kinds (--notes lists all)"] if len(lines) > MOST_GROUPS else []
     print_notes([*lines[:MOST_GROUPS], *more])
 

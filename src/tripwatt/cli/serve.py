@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 import os
 import re
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
-from tripwatt.cli.journey import MapOption, PlacesOption, StationsOption, WeatherOption
+from tripwatt.cli.journey import OnMap
 from tripwatt.cli.options import argument, option, require_extras
 from tripwatt.errors import Check, Fault, InvalidInput, excerpt, raise_faults, system_errors
 
@@ -45,10 +46,7 @@ def serve(
         int, option("PORT", "Port to listen on; 0 selects a free port.", "--port", min=0, max=65535)
     ] = 8000,
     workers: Annotated[int, option("N", "Number of worker processes.", min=1)] = 2,
-    map_: MapOption = "",
-    places: PlacesOption = "",
-    weather: WeatherOption = "",
-    stations: StationsOption = None,
+    on_map: OnMap = OnMap(),  # noqa: B008, it is frozen
     cars: Annotated[
         Path | None,
         option(
@@ -133,17 +131,17 @@ def serve(
       # serve other machines; they need the token
       TRIPWATT_TOKEN=... tripwatt serve --host 0.0.0.0
     """
-    from tripwatt.journey import AtlasSettings, open_atlas
+    from tripwatt.journey import open_atlas
 
     needed = {"service": "tripwatt serve"}
     if cars is not None:
         needed["fleet"] = "--cars"
     if mqtt:
         needed["live"] = "--mqtt"
-    atlas = AtlasSettings(map_, places, weather, "" if stations is None else str(stations))
+    atlas = on_map.settings()
     with Check() as check:
         check(require_extras, needed)
-        if map_:
+        if atlas.map:
             check(open_atlas, atlas)
     from tripwatt.service.serving import require_safe
     from tripwatt.service.serving import serve as run
@@ -206,18 +204,21 @@ def mqtt_of(
     with Check() as check:
         broker = check(Broker.from_url, url, os.environ.get(PASSWORD_VARIABLE)) if url else None
         pairs = [check(car_and_topic, given) for given in follow]
-    names = [name for name, _ in pairs]
-    twice = sorted({name for name in names if names.count(name) > 1})
     needs = [("--follow", follow, "--mqtt", url), ("--mqtt", url, "--cars", cars)]
     faults = [
         Fault("option has no effect", option, excerpt(given), f"only together with {partner}")
         for option, given, partner, there in needs
         if given and not there
     ]
-    if twice:
-        faults.append(Fault("duplicate car name", "--follow", ", ".join(twice), "each name once"))
-    raise_faults(faults)
+    raise_faults([*faults, *_twice("duplicate car name", "--follow", [name for name, _ in pairs])])
     return None if broker is None else MqttSettings(broker, dict(pairs), publish.rstrip("/"), discovery)
+
+
+def _twice(what: str, where: str, names: list[str]) -> Iterator[Fault]:
+    """The fault of names of which one stands twice."""
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        yield Fault(what, where, ", ".join(twice), "each name once")
 
 
 def car_and_topic(given: str) -> tuple[str, tuple[str, str]]:
@@ -273,8 +274,5 @@ def models_of(given: list[str], folder: Path | None) -> dict[str, Path]:
             faults.append(Fault("no models", "--models", str(folder), "a folder that contains models"))
         folders += inside
     names = [place.resolve().name for place in folders]
-    twice = sorted({name for name in names if names.count(name) > 1})
-    if twice:
-        faults.append(Fault("duplicate model name", "MODEL", ", ".join(twice), "each name once"))
-    raise_faults(faults)
+    raise_faults([*faults, *_twice("duplicate model name", "MODEL", names)])
     return {name: place.resolve() for name, place in zip(names, folders, strict=True)}

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tripwatt.cli.options import DatasetOption, JsonOption, MappingOption, argument, option
-from tripwatt.cli.printing import console, print_findings, print_json, print_notes, print_table
+from tripwatt.cli.options import Answer, DatasetOption, MappingOption, argument, option
+from tripwatt.cli.printing import console, print_findings, print_notes, print_table
 from tripwatt.errors import Fault, InvalidInput, grouped, raise_faults
 
 if TYPE_CHECKING:
@@ -38,11 +39,28 @@ SinceOption = Annotated[str | None, option("DATE", "Trips that began on this day
 UntilOption = Annotated[str | None, option("DATE", "Trips that began before this day.")]
 
 
-def opened(store: str, options: list[str] | None) -> TripStore:
+@dataclass(frozen=True, kw_only=True)
+class Store:
     """The store that a user means by STORE and --store-option."""
-    from tripwatt.store import open_store
 
-    return open_store(store, options=store_options(options))
+    store: StoreArgument
+    options: StoreOption = None
+
+    def opened(self) -> TripStore:
+        """Open it."""
+        from tripwatt.store import open_store
+
+        return open_store(self.store, options=store_options(self.options))
+
+
+@dataclass(frozen=True)
+class Which:
+    """Trips of a store."""
+
+    vehicle_id: VehicleIdOption = None
+    car_model: CarModelOption = None
+    since: SinceOption = None
+    until: UntilOption = None
 
 
 def store_options(options: list[str] | None) -> dict[str, str]:
@@ -63,13 +81,11 @@ def store_options(options: list[str] | None) -> dict[str, str]:
 
 
 def create(
-    store: StoreArgument,
+    store: Store,
     buckets: Annotated[
         int, option("N", "Parts by vehicle. Some hundred vehicles a part are a good number.")
     ] = 16,
-    options: StoreOption = None,
-    as_json: JsonOption = False,
-) -> None:
+) -> Answer:
     """Make an empty trip store: the Delta tables samples and trips.
 
     For example:
@@ -79,12 +95,12 @@ def create(
     """
     from tripwatt.store import create_store
 
-    made = create_store(store, buckets=buckets, options=store_options(options))
-    print_json(made.about()) if as_json else typer.echo(f"{store}: an empty trip store")
+    made = create_store(store.store, buckets=buckets, options=store_options(store.options))
+    return Answer(made.about, f"{store.store}: an empty trip store")
 
 
 def add(
-    store: StoreArgument,
+    store: Store,
     data: Annotated[Path, argument("DATA", "Folder or file of logged trips.")],
     vehicle: Annotated[
         str, option("NAME|FILE", "The car model: a name from `tripwatt vehicles`, or a TOML.")
@@ -94,9 +110,7 @@ def add(
     ] = None,
     dataset: DatasetOption = None,
     mapping: MappingOption = None,
-    options: StoreOption = None,
-    as_json: JsonOption = False,
-) -> None:
+) -> Answer:
     """Add logs to a store. A trip that is in the store is not added again, so you can repeat the command.
 
     The command audits every log and keeps it as it was logged. Several commands may add to one store at once. If some
@@ -114,8 +128,7 @@ def add(
 
     load_vehicle(vehicle)
     vehicle = f"{Path(vehicle).resolve()}" if vehicle.endswith(".toml") else vehicle
-    target = opened(store, options)
-    shown = console()
+    target, shown = store.opened(), console()
     kind = dataset or ("table" if mapping is not None or data.is_file() else "tum")
     try:
         done = add_files(
@@ -129,19 +142,12 @@ def add(
         )
     except InvalidInput as error:
         raise InvalidInput(grouped(error.faults)) from error
-    print_json(asdict(done)) if as_json else typer.echo(f"{store}: {done}")
+    return Answer(asdict(done), f"{store.store}: {done}")
 
 
 def list_(
-    store: StoreArgument,
-    vehicle_id: VehicleIdOption = None,
-    car_model: CarModelOption = None,
-    since: SinceOption = None,
-    until: UntilOption = None,
-    limit: Annotated[int, option("N", "Most trips to list.", min=1)] = 50,
-    options: StoreOption = None,
-    as_json: JsonOption = False,
-) -> None:
+    store: Store, which: Which, limit: Annotated[int, option("N", "Most trips to list.", min=1)] = 50
+) -> Answer:
     """List trips of a store by vehicle and departure.
 
     For example:
@@ -151,12 +157,7 @@ def list_(
       # list newer trips as JSON
       tripwatt store list fleet --since 2024-05-01 --json
     """
-    frame = opened(store, options).trips(
-        vehicle_id=vehicle_id, car_model=car_model, since=since, until=until, limit=limit
-    )
-    if as_json:
-        print_json(frame.astype(object).where(frame.notna(), None).to_dict("records"))
-        return
+    frame = store.opened().trips(**asdict(which), limit=limit)
     columns = ("vehicle", "trip", "car model", "departure", "distance", "time", "energy", "from", "drives")
     rows = [
         (
@@ -172,10 +173,14 @@ def list_(
         )
         for row in frame.to_dict("records")
     ]
-    print_table(f"{len(rows)} trips (--limit {limit})", columns, rows, numbers=columns[4:7])
+    title = f"{len(rows)} trips (--limit {limit})"
+    return Answer(
+        frame.astype(object).where(frame.notna(), None).to_dict("records"),
+        partial(print_table, title, columns, rows, numbers=columns[4:7]),
+    )
 
 
-def show(store: StoreArgument, options: StoreOption = None, as_json: JsonOption = False) -> None:
+def show(store: Store) -> Answer:
     """Count the trips, vehicles and car models of a store.
 
     For example:
@@ -183,10 +188,7 @@ def show(store: StoreArgument, options: StoreOption = None, as_json: JsonOption 
       # count what a store holds
       tripwatt store show fleet
     """
-    about = opened(store, options).about()
-    if as_json:
-        print_json(about)
-        return
+    about = store.opened().about()
     models = ", ".join(f"{name} ({count})" for name, count in about["car_models"].items())
     rows: list[tuple[str, str]] = [
         ("trips", f"{about['trips']}, {about['usable']} usable, {about['with_energy']} with measured energy"),
@@ -196,20 +198,11 @@ def show(store: StoreArgument, options: StoreOption = None, as_json: JsonOption 
         ("departures", f"{about['first']} to {about['last']}" if about["first"] else "unknown"),
         ("size", f"{about['bytes'] / 1e6:.1f} MB"),
     ]
-    print_table(
-        f"Trip store {about['store']}, format {about['format']}", ("", "value"), rows, folding=("value",)
-    )
+    title = f"Trip store {about['store']}, format {about['format']}"
+    return Answer(about, partial(print_table, title, ("", "value"), rows, folding=("value",)))
 
 
-def audit(
-    store: StoreArgument,
-    vehicle_id: VehicleIdOption = None,
-    car_model: CarModelOption = None,
-    since: SinceOption = None,
-    until: UntilOption = None,
-    options: StoreOption = None,
-    as_json: JsonOption = False,
-) -> None:
+def audit(store: Store, which: Which) -> Answer:
     """List the faults of stored logs and their consequences. The logs of a vehicle are judged together.
 
     For example:
@@ -217,23 +210,17 @@ def audit(
       # list the faults of its logs
       tripwatt store audit fleet --vehicle-id V17
     """
-    result = opened(store, options).audit(
-        vehicle_id=vehicle_id, car_model=car_model, since=since, until=until
-    )
-    if as_json:
-        print_json([asdict(finding) for finding in result])
-    else:
-        print_findings(f"{len(result)} findings", result)
+    result = store.opened().audit(**asdict(which))
+    findings = [asdict(finding) for finding in result]
+    return Answer(findings, partial(print_findings, f"{len(result)} findings", result))
 
 
 def compact(
-    store: StoreArgument,
+    store: Store,
     keep_hours: Annotated[
         int, option("H", "Keep files of older versions for readers at work [h].", min=0)
     ] = 168,
-    options: StoreOption = None,
-    as_json: JsonOption = False,
-) -> None:
+) -> Answer:
     """Merge small data files and remove files that no version of the last hours needs.
 
     For example:
@@ -241,19 +228,15 @@ def compact(
       # merge the small files of many nights
       tripwatt store compact fleet
     """
-    done = opened(store, options).compact(keep_hours=keep_hours)
-    print_json(done) if as_json else typer.echo(
-        f"{store}: {done['merged']} files merged into {done['made']}, {done['orphans']} samples without a trip dropped, "
-        f"{done['removed']} old files removed"
+    done = store.opened().compact(keep_hours=keep_hours)
+    return Answer(
+        done,
+        f"{store.store}: {done['merged']} files merged into {done['made']}, {done['orphans']} samples without a trip dropped, "
+        f"{done['removed']} old files removed",
     )
 
 
-def forget(
-    store: StoreArgument,
-    vehicle_id: Annotated[str, option("ID", "The vehicle to erase.")],
-    options: StoreOption = None,
-    as_json: JsonOption = False,
-) -> None:
+def forget(store: Store, vehicle_id: Annotated[str, option("ID", "The vehicle to erase.")]) -> Answer:
     """Erase a vehicle: its trips, its samples and the files that held them. Models that were fitted on it remain.
 
     For example:
@@ -261,14 +244,14 @@ def forget(
       # erase one vehicle
       tripwatt store forget fleet --vehicle-id V17
     """
-    erased = opened(store, options).forget(vehicle_id)
-    if as_json:
-        print_json({"vehicle_id": vehicle_id, "erased": erased})
-        return
-    typer.echo(f"{store}: {erased} trips of {vehicle_id} erased")
-    print_notes(
-        ["models and reports that were made with these trips still contain what was learned from them"]
-    )
+    erased = store.opened().forget(vehicle_id)
+
+    def shown() -> None:
+        typer.echo(f"{store.store}: {erased} trips of {vehicle_id} erased")
+        left = "models and reports that were made with these trips still contain what was learned from them"
+        print_notes([left])
+
+    return Answer({"vehicle_id": vehicle_id, "erased": erased}, shown)
 
 
 COMMANDS = (create, add, list_, show, audit, compact, forget)

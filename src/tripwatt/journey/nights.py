@@ -337,10 +337,8 @@ def emhass(needs: pd.DataFrame, at: dt.datetime, charger_w: float, step_s: float
     loads = needs[needs["charge_wh"] > 0.0]
     rows = loads.to_dict("records")
     late = ((row["vehicle_id"], f"{row['departs_at']}") for row in rows if row["departs_at"] < at)
-    what, fix = (
-        "departs before the charging begins",
-        "let the charging begin earlier, or leave out what is driven already",
-    )
+    what = "departs before the charging begins"
+    fix = "let the charging begin earlier, or leave out what is driven already"
     raise_faults(Fault(what, *row, f"later than {at}", fix) for row in late)
     steps = [[(row[name] - at).total_seconds() / step_s for name in ("after", "departs_at")] for row in rows]
     last = [int(end) for _, end in steps]

@@ -22,6 +22,15 @@ ENERGY_BAND: Final = ("energy_low_wh", "energy_high_wh")
 BELOW_ABOVE: Final = np.array([-1.0, 1.0])
 SHOWN: Final = ("displayed_soc", "displayed_soc_low", "displayed_soc_high")
 
+COURSE: Final = dict(
+    zip(
+        ("position_m", "time_s", "displayed_soc", "low", "high"),
+        ("distance_m", "time_s", *SHOWN),
+        strict=True,
+    )
+)
+"""Fields of the course of a journey, and the columns of `ChargingPlan.series` that they are."""
+
 LINE_DIGITS: Final = {"latitude_deg": 6, "longitude_deg": 6, "position_m": 1}
 """Columns of a line on the map, and the digits that are told of each."""
 
@@ -337,14 +346,11 @@ class ChargingPlan:
     @property
     def line(self) -> dict[str, FloatArray]:
         """Line on the map: `latitude_deg, longitude_deg, position_m`."""
-        starts = np.cumsum([0.0, *(leg.road.distance_m for leg in self.legs[:-1])])
-        return {
-            "latitude_deg": np.concatenate([leg.road.latitude_deg for leg in self.legs]),
-            "longitude_deg": np.concatenate([leg.road.longitude_deg for leg in self.legs]),
-            "position_m": np.concatenate(
-                [leg.road.position_m + start for leg, start in zip(self.legs, starts, strict=True)]
-            ),
-        }
+        roads = [leg.road for leg in self.legs]
+        line = {name: np.concatenate([getattr(road, name) for road in roads]) for name in LINE_DIGITS}
+        starts = np.cumsum([0.0, *(road.distance_m for road in roads[:-1])])
+        line["position_m"] += np.repeat(starts, [len(road.position_m) for road in roads])
+        return line
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values, as the command line and the service give them.
@@ -368,12 +374,6 @@ class ChargingPlan:
             "energy_interval_wh": series[list(ENERGY_BAND)].iloc[-1].tolist(),
             "by_cause_wh": self.by_cause_wh,
             "battery_loss_wh": self.battery_loss_wh,
-            "course": {
-                "position_m": series["distance_m"].tolist(),
-                "time_s": series["time_s"].tolist(),
-                "displayed_soc": series["displayed_soc"].tolist(),
-                "low": series["displayed_soc_low"].tolist(),
-                "high": series["displayed_soc_high"].tolist(),
-            },
+            "course": {name: series[column].tolist() for name, column in COURSE.items()},
             "line": {name: np.round(self.line[name], k).tolist() for name, k in LINE_DIGITS.items()},
         }

@@ -79,8 +79,7 @@ class Verdict:
         dict
             One key for each attribute.
         """
-        times = {
-            name: None if at is None else at.isoformat(timespec="seconds")
-            for name, at in (("departs_at", self.departs_at), ("arrives_at", self.arrives_at))
-        }
-        return {**asdict(self), "soc_interval": list(self.soc_interval), **times}
+        values = {**asdict(self), "soc_interval": list(self.soc_interval)}
+        for name in ("departs_at", "arrives_at"):
+            values[name] = values[name] and values[name].isoformat(timespec="seconds")
+        return values

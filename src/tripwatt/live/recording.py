@@ -369,11 +369,8 @@ class Recorder:
         departure = replace(seen, payload_mass_kg=None, follows_trip=None)
         if departure.soc is None and departure.bms_soc is None and self._parked is not None:
             departure = departure.merge(Departure(**{self._parked[1]: self._parked[2]}))  # type: ignore[arg-type]
-        if (
-            trip is not None
-            and of is not None
-            and trip.last_s - of[1] > float(table["time_s"].iloc[0]) + FIRST_S
-        ):
+        settled_s = float(table["time_s"].iloc[0]) + FIRST_S
+        if trip is not None and of is not None and trip.last_s - of[1] > settled_s:
             self._first = of, departure  # no sample that comes now can change it
         return departure
 

@@ -173,9 +173,9 @@ def plot_curves(results: Record) -> Figure:
         axes.set_title(f"{car['car']}: {car['vehicle_title']}"[:MOST_LETTERS], fontsize=8.0)
         counts = [row["k"] for row in car["curves"]["population"]]
         axes.set_xticks(range(len(counts)), [f"{k}" for k in counts])
-        axes.set_xlim(-0.3, len(counts) - 0.7)
         largest = max(row["error"] for name in SHOWN_WHOLE for row in car["curves"][name])
-        axes.set(xlabel="own trips", ylabel="error [%]", ylim=(0.0, 115.0 * float(largest)))
+        ends = {"xlim": (-0.3, len(counts) - 0.7), "ylim": (0.0, 115.0 * float(largest))}
+        axes.set(xlabel="own trips", ylabel="error [%]", **ends)
         axes.grid(axis="y")
     named = (zip(*axes.get_legend_handles_labels(), strict=True) for axes in figure.axes)
     every = {text: line for pairs in named for line, text in pairs}

@@ -20,16 +20,7 @@ from tripwatt.fleet.deviations import PARTS, deviations
 from tripwatt.fleet.model import FleetModel
 from tripwatt.fleet.registry import REPORT_FILES, REPORT_TABLES
 from tripwatt.fleet.statistics import TripRows
-from tripwatt.journey.nights import (
-    QUANTILE,
-    Cold,
-    PlannedTrip,
-    coldest_week,
-    needs_by_car,
-    needs_by_hour,
-    night_document,
-    records,
-)
+from tripwatt.journey import nights
 from tripwatt.report.html import page_text
 from tripwatt.report.panel import Panel
 from tripwatt.report.tables import Column, Table, in_kwh, in_percent, in_words, number, tabulated
@@ -148,13 +139,13 @@ class ManagerReport:
     drivers: pd.DataFrame | None = None
     needs: pd.DataFrame | None = None
     routes: pd.DataFrame | None = None
-    cold: Cold | None = None
+    cold: nights.Cold | None = None
     refused: tuple[Fault, ...] = ()
     about: Mapping[str, str] = field(default_factory=dict)
 
     @classmethod
     def of(
-        cls, about: Mapping[str, str], model: FleetModel, rows: TripRows, planned: Sequence[PlannedTrip] = (), *, quantile: float = QUANTILE,
+        cls, about: Mapping[str, str], model: FleetModel, rows: TripRows, planned: Sequence[nights.PlannedTrip] = (), *, quantile: float = nights.QUANTILE,
         reserve: float = 0.0, drivers: bool = False, coldest_degc: float | None = None,
     ) -> ManagerReport:  # fmt: skip
         """The report on the trips of a fleet.
@@ -176,20 +167,22 @@ class ManagerReport:
         """
         asked = {"quantile": quantile, "reserve": reserve}
         vehicles, changed = deviations(model.posterior, rows), changes(model.posterior, rows)
-        cold = coldest_week(rows) if coldest_degc is None else Cold(coldest_degc)
+        cold = nights.coldest_week(rows) if coldest_degc is None else nights.Cold(coldest_degc)
         report = cls("Fleet report", quantile, changed, vehicles, cold=cold, about=about)
         if drivers:
             compared = deviations(model.posterior, rows, drivers=True)
             report = replace(report, drivers=compared if len(compared) else None)
         if planned:
             refused: list[Fault] = []
-            needs = needs_by_hour(after_changes(model, rows, changed), planned, **asked, refused=refused)
+            needs = nights.needs_by_hour(
+                after_changes(model, rows, changed), planned, **asked, refused=refused
+            )
             said = said_of_need(changed)
             more = needs["vehicle_id"].map(lambda car: said.get(car, ""))
             needs["reasons"] = (needs["reasons"].fillna("") + "; " + more).str.strip("; ")
             report = replace(report, needs=needs, refused=tuple(refused))
         if planned and cold is not None:
-            routes = needs_by_car(model, planned, cold.ambient_temperature_degc, **asked)
+            routes = nights.needs_by_car(model, planned, cold.ambient_temperature_degc, **asked)
             report = replace(report, routes=routes)
         return report
 
@@ -244,10 +237,10 @@ class ManagerReport:
         document: dict[str, Any] = {"about": {**self.about}, "quantile": self.quantile}
         document["refused"] = [fault.texts for fault in self.refused]
         document["coldest_week"] = self.cold and self.cold._asdict()
-        document |= {name: records(table) for name, table in self.tables.items()}
+        document |= {name: nights.records(table) for name, table in self.tables.items()}
         texts = {f"{name}.csv": csv_of(table) for name, table in self.tables.items()}
         if self.needs is not None:
-            document |= night_document(self.needs, at, charger_w)
+            document |= nights.night_document(self.needs, at, charger_w)
             lines = "".join(f"{path}\n" for path in document["evcc"])
             texts |= {"emhass.json": f"{json.dumps(document['emhass'])}\n", "evcc.txt": lines}
         texts |= {"report.json": f"{json.dumps(document, allow_nan=False)}\n", "report.html": self.page()}
@@ -337,7 +330,7 @@ def needs_table(needs: pd.DataFrame, quantile: float) -> Table:
     )
 
 
-def said_of_routes(routes: pd.DataFrame, quantile: float, cold: Cold) -> str:
+def said_of_routes(routes: pd.DataFrame, quantile: float, cold: nights.Cold) -> str:
     """How many routes every car model can drive, some, and none."""
     able = (routes.iloc[:, 1:] <= 1.0).mean(axis=1)
     every, none = int((able == 1.0).sum()), int((able == 0.0).sum())

@@ -7,7 +7,9 @@ import re
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
+
+from matplotlib.figure import Figure
 
 from tripwatt.files import write_bytes
 from tripwatt.report.model_styles import model_style
@@ -18,9 +20,6 @@ from tripwatt.report.style import INK, PAPER_COLOUR, RULE, style_context
 from tripwatt.report.tables import number
 from tripwatt.report.view import SCHEMES, TESTED, View, of_evaluation, plain
 from tripwatt.report.words import interval, label, percent
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 PNG_DPI: Final = 160
 

@@ -7,6 +7,7 @@ from typing import Any, Final
 
 from tripwatt.report.tables import DASH, Table, number, span
 
+Bounds = tuple[float, float] | None
 COLUMNS: Final = (
     "Scored",
     "Interval",
@@ -36,14 +37,10 @@ def energy_rows(name: str, score: Mapping[str, Any], trips: int) -> Iterable[tup
     trips : int
     """
     for key, share in score["coverage"].items():
-        needed = score.get("needed_width_wh", {}).get(key)
+        level, needed = float(key), score.get("needed_width_wh", {}).get(key)
+        widths = number(score["interval_width_wh"][key], 1e-3), number(needed, 1e-3)
         yield _row(
-            name,
-            f"{100.0 * float(key):g} % of energy",
-            (round(share * trips), trips),
-            score["coverage_ci95"][key],
-            float(key),
-            (number(score["interval_width_wh"][key], 1e-3), number(needed, 1e-3)),
+            (name, f"{100.0 * level:g} % of energy"), share, trips, score["coverage_ci95"][key], level, widths
         )
 
 
@@ -60,14 +57,9 @@ def charge_rows(name: str, arrival: Mapping[str, Any], level: float) -> Iterable
     score = arrival.get("soc")
     if score is None:
         return
-    yield _row(
-        name,
-        f"{100.0 * level:g} % of charge",
-        (round(score["coverage"] * score["n_trips"]), score["n_trips"]),
-        score["coverage_ci95"],
-        level,
-        (number(score["interval_width"], 100, 1), number(score.get("needed_width"), 100, 1)),
-    )
+    widths = number(score["interval_width"], 100, 1), number(score.get("needed_width"), 100, 1)
+    share, trips, bounds = score["coverage"], score["n_trips"], score["coverage_ci95"]
+    yield _row((name, f"{100.0 * level:g} % of charge"), share, trips, bounds, level, widths)
 
 
 def intervals_table(caption: str, rows: Iterable[tuple[str, ...]]) -> Table:
@@ -80,14 +72,9 @@ def intervals_table(caption: str, rows: Iterable[tuple[str, ...]]) -> Table:
 
 
 def _row(
-    name: str,
-    interval: str,
-    counts: tuple[int, int],
-    ci95: tuple[float, float] | None,
-    level: float,
-    widths: tuple[str, str],
+    names: tuple[str, str], share: float, trips: int, ci95: Bounds, level: float, widths: tuple[str, str]
 ) -> tuple[str, ...]:
-    inside, trips = counts
-    share = number(inside / trips, 100, 0) if trips else DASH
+    inside = round(share * trips)
+    shown = number(inside / trips, 100, 0) if trips else DASH
     mark = OFF if ci95 and not ci95[0] <= level <= ci95[1] else ""
-    return (name, interval, f"{inside} of {trips}", f"{share}{mark}", span(ci95, 0), *widths)
+    return (*names, f"{inside} of {trips}", f"{shown}{mark}", span(ci95, 0), *widths)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import cache
 from importlib import resources
 from types import MappingProxyType
-from typing import Final, Literal
+from typing import Any, Final, Literal
 
 Kind = Literal["constant", "baseline", "physics", "data", "hybrid"]
 
@@ -54,11 +54,15 @@ class ModelStyle:
     preset: str = ""
 
 
+def tables_of(name: str) -> Mapping[str, Any]:
+    """The tables of a TOML file of this package."""
+    return tomllib.loads((resources.files("tripwatt.report") / f"{name}.toml").read_text("utf-8"))
+
+
 @cache
 def model_styles() -> Mapping[str, ModelStyle]:
     """The style of every model in the order of the tables, from `models.toml`."""
-    text = (resources.files("tripwatt.report") / "models.toml").read_text("utf-8")
-    return MappingProxyType({name: ModelStyle(**style) for name, style in tomllib.loads(text).items()})
+    return MappingProxyType({name: ModelStyle(**style) for name, style in tables_of("models").items()})
 
 
 PAPER: Final = "arXiv:2405.10984, Table 3"

@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Final
 
-import numpy as np
-
 from tripwatt.report.model_styles import model_style
 from tripwatt.report.tables import DASH, Column, Table, in_percent, tabulated
-from tripwatt.report.view import Record, View, named_evaluation
+from tripwatt.report.view import Record, View, is_known, named_evaluation
 from tripwatt.report.words import label
 
 if TYPE_CHECKING:
@@ -51,7 +49,7 @@ def short_list(view: View) -> list[str]:
 
 def _error(score: Record) -> float:
     value = score.get("mape")
-    return float(value) if isinstance(value, int | float) and np.isfinite(value) else float("inf")
+    return float(value) if is_known(value) else float("inf")
 
 
 def short_table(view: View) -> Table:

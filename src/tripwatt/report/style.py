@@ -6,25 +6,29 @@ and `PAPER_COLOUR` alone, which the page exchanges for its own, so that a figure
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import AbstractContextManager
-from typing import TYPE_CHECKING, Any, Final
+from pathlib import Path
+from typing import Any, Final
 
+import matplotlib
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter
 
 from tripwatt.arrays import FloatArray, IntArray
+from tripwatt.figures import ShownFigure
 from tripwatt.report.model_styles import model_style
-from tripwatt.report.view import View, plain
+from tripwatt.report.view import Record, View, plain
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-
-INK: Final = "#1f2328"
-RULE: Final = "#d0d7de"
-PAPER_COLOUR: Final = "#ffffff"
+STYLE: Final = matplotlib.rc_params_from_file(
+    Path(__file__).with_name("report.mplstyle"), use_default_template=False
+)
+INK: Final[str] = STYLE["text.color"]
+RULE: Final[str] = STYLE["grid.color"]
+PAPER_COLOUR: Final[str] = STYLE["figure.facecolor"]
 FORECAST_COLOUR: Final = "#0f8797"
 PLAIN_COLOUR: Final = "#7c7c7c"
 WARM_COLOUR: Final = "#d55e00"
@@ -32,50 +36,14 @@ WIDTH_IN: Final = 5.4
 CUT: Final = 1.5
 """Errors beyond this fraction are drawn at the edge and counted in words, or a few would flatten all others."""
 
-STYLE: Final[Mapping[str, Any]] = {
-    "font.family": "sans-serif",
-    "font.sans-serif": ["DejaVu Sans"],
-    "font.size": 9,
-    "axes.titlesize": 9,
-    "axes.titleweight": "bold",
-    "axes.titlelocation": "left",
-    "axes.labelsize": 9,
-    "axes.edgecolor": INK,
-    "axes.labelcolor": INK,
-    "axes.titlecolor": INK,
-    "axes.facecolor": "none",
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.axisbelow": True,
-    "text.color": INK,
-    "text.parse_math": False,  # a trip may be called "$x"
-    "xtick.color": INK,
-    "ytick.color": INK,
-    "xtick.labelsize": 8.5,
-    "ytick.labelsize": 8.5,
-    "grid.color": RULE,
-    "grid.linewidth": 0.7,
-    "legend.frameon": False,
-    "legend.fontsize": 8.5,
-    "figure.facecolor": PAPER_COLOUR,
-    "savefig.facecolor": PAPER_COLOUR,
-    "svg.fonttype": "none",
-    "svg.hashsalt": "tripwatt",
-}
-
 
 def style_context() -> AbstractContextManager[None]:
-    """The process's matplotlib settings replaced by `STYLE` for a while, for drawing and for saving."""
-    import matplotlib
-
-    settings: Any = dict(STYLE)  # matplotlib types the keys as a literal of its own version's names
-    return matplotlib.rc_context(settings)
+    """The process's matplotlib settings replaced by those of the reports for a while, for drawing and for saving."""
+    return matplotlib.rc_context(STYLE)
 
 
 def new_figure(height_in: float, title: str, note: str, synthetic: bool) -> Figure:
     """An empty figure of the common width with its head, marked where the trips are made up."""
-    from tripwatt.figures import ShownFigure  # imports matplotlib
-
     figure = ShownFigure(figsize=(WIDTH_IN, height_in), layout="constrained")
     lines = [title, *([note] if note else [])]
     if synthetic:
@@ -122,20 +90,24 @@ def diagonal(axes: Axes, low: float, inside: str, stated: str) -> None:
     axes.grid(axis="y")
 
 
-def size_axes(axes: Axes, sizes: Sequence[float]) -> None:
-    """Axes for an error against a number of training trips."""
+def plot_sizes(axes: Axes, curve: Sequence[Record], models: Sequence[str]) -> list[float]:
+    """Mean errors of two models against the number of training trips; returns these numbers."""
+    sizes = [float(row["n_trips"]) for row in curve]
+    for name, marker in zip(models, "so", strict=True):
+        means, style = [100.0 * float(row[name]) for row in curve], model_style(name)
+        look: dict[str, Any] = {"color": style.colour, "ms": 6, "lw": 2, "ls": "-"}
+        axes.plot(sizes, means, marker, label=style.label, gid=f"curve-{name}", **look)
     axes.set_xscale("log")
     axes.set_xticks(sizes, [f"{size:g}" for size in sizes])
     axes.minorticks_off()
     axes.set_ylim(bottom=0)
     axes.set(xlabel="training trips", ylabel="mean error [%]")
     axes.grid(axis="y")
+    return sizes
 
 
 def percent_axis(axes: Axes, label: str) -> None:
     """An x axis that shows fractions as percent."""
-    from matplotlib.ticker import FuncFormatter
-
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{100 * value:.0f}".replace("-", "−")))
     axes.set_xlabel(label)
     axes.grid(axis="x")

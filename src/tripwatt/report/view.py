@@ -7,7 +7,7 @@ import re
 import unicodedata
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final, TypeGuard
 
 import numpy as np
 import pandas as pd
@@ -15,34 +15,17 @@ import pandas as pd
 from tripwatt.arrays import FloatArray
 from tripwatt.evaluation import DEFAULT_PROTOCOL, PROTOCOLS, EvaluationProtocol
 from tripwatt.evaluation.comparison import FOLD_COLUMNS
-from tripwatt.report.model_styles import model_style, ordered
-
-if TYPE_CHECKING:
-    from tripwatt.evaluation.forecast_scores import ForecastInsight
-    from tripwatt.paper.insight import GammInsight
+from tripwatt.evaluation.forecast_scores import ForecastInsight
+from tripwatt.paper.insight import GammInsight
+from tripwatt.report.model_styles import model_style, ordered, tables_of
 
 Record = Mapping[str, Any]
 
-SCHEMES: Final = {
-    "leave_one_trip_out": "leave one trip out",
-    "leave_one_day_out": "leave one day out",
-    "other_trips": "fitted on other trips",
-    "leave_regime_out": "trips of another kind",
-    "time_split": "later trips",
-}
-TESTED: Final = {
-    "leave_one_trip_out": "Each trip is left out once: it is forecast by models that were fitted on the other trips",
-    "leave_one_day_out": "Each day is left out once: its trips are forecast by models that were fitted on those of other days",
-    "other_trips": "The models were fitted on one set of trips and forecast another",
-    "leave_regime_out": "Trips of one kind are forecast by models that were fitted on trips of other kinds",
-    "time_split": "Later trips are forecast by models that were fitted on earlier ones",
-}
+_EVALUATIONS: Final = tables_of("evaluations")
+SCHEMES: Final = _EVALUATIONS["schemes"]
+TESTED: Final = _EVALUATIONS["tested"]
 """Schemes as sentences for those who read of a hold-out for the first time."""
-TRIP_SETS: Final = {
-    "reference": "reference trips",
-    "audited": "trips the audit keeps",
-    "all": "all trips, unaudited",
-}
+TRIP_SETS: Final = _EVALUATIONS["trip_sets"]
 
 
 def plain(text: object, longest: int = 48) -> str:
@@ -263,7 +246,7 @@ class View:
         """
         if self.protocol.focus in self.scores:
             return self.protocol.focus
-        errors = {m: float(v["mape"]) for m, v in self.scores.items() if _known(v, "mape")}
+        errors = {m: float(v["mape"]) for m, v in self.scores.items() if is_known(v.get("mape"))}
         hybrids = {m: e for m, e in errors.items() if model_style(m).kind == "hybrid"}
         pool = hybrids or errors
         return min(ordered(pool), key=lambda m: pool[m]) if pool else None
@@ -342,6 +325,6 @@ class View:
         return [(role, str(row["trip"]), float(row["ape"])) for role, row in chosen]
 
 
-def _known(record: Record, key: str) -> bool:
-    value = record.get(key)
+def is_known(value: object) -> TypeGuard[float]:
+    """Whether a value of the results is a finite number."""
     return isinstance(value, int | float) and bool(np.isfinite(value))

@@ -35,6 +35,17 @@ def points(difference: float) -> str:
     return f"{sign}{abs(100 * difference):.1f} points"
 
 
+def points_between(low: float, high: float) -> str:
+    """An interval of differences of two fractions.
+
+    Examples
+    --------
+    >>> points_between(-0.01, 0.02)
+    '−1.0 to +2.0 points'
+    """
+    return f"{points(low).removesuffix(' points')} to {points(high)}"
+
+
 def label(model: str) -> str:
     """A model's name inside a sentence."""
     return plain(model_style(model).label)
@@ -95,9 +106,7 @@ def _difference(pair: Record, model: str, other: str) -> str:
     low, high = sorted(sign * float(end) for end in pair["ci95"])
     difference = sign * float(pair["diff"])
     if not is_significant(pair):
-        bounds = f"{points(difference)}, 95 % interval {points(low)} to {points(high)}".replace(
-            " points to", " to"
-        )
+        bounds = f"{points(difference)}, 95 % interval {points_between(low, high)}"
         return f"is not significantly different from that of {label(other)} ({bounds})"
     word = "lower" if difference < 0 else "higher"
     ends = sorted((abs(low), abs(high)))

@@ -26,7 +26,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 import tripwatt
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting.document import ForecastResponse
-from tripwatt.service import schemas
+from tripwatt.service import openapi, schemas
 from tripwatt.service.advice_schemas import AdviceResponse, DifferenceDocument
 from tripwatt.service.answering import Answering, json_response
 from tripwatt.service.batching import LineSplitter, forecast_lines
@@ -53,18 +53,6 @@ from tripwatt.service.journey_schemas import (
 from tripwatt.service.live_operations import LiveOperations
 from tripwatt.service.metrics import Metrics
 from tripwatt.service.middleware import ServiceMiddleware
-from tripwatt.service.openapi import (
-    BINARY,
-    BODY_PROBLEMS,
-    COMMON_PROBLEMS,
-    DESCRIPTION,
-    NDJSON,
-    TAG,
-    TEXT,
-    TILE,
-    add_operations,
-    operation,
-)
 from tripwatt.service.pool import WorkerPool
 from tripwatt.service.problems import Problem, invalid_input
 from tripwatt.service.receiving import request_id, require_accepts
@@ -73,7 +61,7 @@ from tripwatt.service.settings import Settings
 PAGE: Final = Path(__file__).with_name("page")
 """Folder of the built page."""
 
-BATCH_TYPES: Final = (NDJSON, "application/jsonl", "application/ndjson")
+BATCH_TYPES: Final = (openapi.NDJSON, "application/jsonl", "application/ndjson")
 """Media types of the body of a batch."""
 
 PROBLEM_KINDS: Final = {400: "bad-request", 404: "not-found", 405: "method-not-allowed"}
@@ -99,7 +87,18 @@ MAX_ZOOM: Final = 22
 
 Latitude = Annotated[float, Query(ge=-90.0, le=90.0, allow_inf_nan=False)]
 Longitude = Annotated[float, Query(ge=-180.0, le=180.0, allow_inf_nan=False)]
+Zoom = Annotated[int, PathValue(ge=0, le=MAX_ZOOM)]
 TileNumber = Annotated[int, PathValue(ge=0, lt=2**MAX_ZOOM)]
+MeanSpeed = Annotated[
+    float | None, Query(gt=0, le=70, description="mean speed [m/s] of a track without times and speeds")
+]
+Start = Annotated[str, Query(min_length=1, max_length=200, description="start of a name, a street, a house")]
+MostPlaces = Annotated[int, Query(ge=1, le=50, description="most places")]
+MostShown = Annotated[int, Query(ge=1, le=1000, description="most settlements, most stations")]
+CarWords = Annotated[
+    str | None, Query(min_length=1, max_length=100, description="words of the title or name, or a model year")
+]
+"""Parameters of operations."""
 
 Log = Callable[..., None]
 
@@ -128,7 +127,7 @@ class BatchResponse(StreamingResponse):
     """
 
     def __init__(self, lines: AsyncIterator[bytes], on_end: Callable[[], None]) -> None:
-        super().__init__(self._until_end(lines), media_type=NDJSON)
+        super().__init__(self._until_end(lines), media_type=openapi.NDJSON)
         self.on_end: Callable[[], None] | None = on_end
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -202,14 +201,14 @@ class Api:
             title="tripwatt",
             version=tripwatt.__version__,
             summary="Forecasts the battery energy of an electric-car trip with a prediction interval.",
-            description=DESCRIPTION,
+            description=openapi.DESCRIPTION,
             docs_url=None,  # the page of FastAPI loads scripts from another host
             redoc_url=None,
             servers=[{"url": settings.prefix}] if settings.prefix else None,
             lifespan=self._lifespan,
         )
         add_handlers(self.app)
-        add_operations(
+        openapi.add_operations(
             self.app,
             (self, FleetOperations(self.answering), self.live, self.cars),
             with_token=bool(settings.token),
@@ -223,37 +222,39 @@ class Api:
             yield
         await self.pool.stop()
 
-    @operation("POST /v1/forecast", "forecast", ForecastResponse, schemas.ForecastRequest)
+    @openapi.operation("POST /v1/forecast", "forecast", ForecastResponse, schemas.ForecastRequest)
     async def forecast(self, request: Request, fields: Fields = None) -> Response:
         """Forecast a trip from a speed trace or from the links of a planned route."""
         return await self.answering.body_job(request, "forecast", **only(fields))
 
-    @operation("POST /v1/forecast/update", "forecast", ForecastResponse, schemas.UpdateRequest)
+    @openapi.operation("POST /v1/forecast/update", "forecast", ForecastResponse, schemas.UpdateRequest)
     async def update(self, request: Request, fields: Fields = None) -> Response:
         """Update the forecast of a trip with the samples measured so far."""
         return await self.answering.body_job(request, "update", **only(fields))
 
-    @operation("POST /v1/forecast/difference", "forecast", DifferenceDocument, schemas.DifferenceRequest)
+    @openapi.operation(
+        "POST /v1/forecast/difference", "forecast", DifferenceDocument, schemas.DifferenceRequest
+    )
     async def difference(self, request: Request) -> Response:
         """Compare two trips of one car: what both share cancels, and the difference has an interval of its own."""
         return await self.answering.body_job(request, "difference")
 
-    @operation("POST /v1/advice", "forecast", AdviceResponse, schemas.AdviceRequest)
+    @openapi.operation("POST /v1/advice", "forecast", AdviceResponse, schemas.AdviceRequest)
     async def advice(self, request: Request) -> Response:
         """Return what to do about a trip: the least that helps, and what each action saves."""
         return await self.answering.body_job(request, "advice")
 
-    @operation(
+    @openapi.operation(
         "POST /v1/forecast/batch",
         "forecast",
-        {NDJSON: TEXT},
-        {NDJSON: {"schema": {"description": "one ForecastRequest per line"}}},
-        only=(*COMMON_PROBLEMS, *BODY_PROBLEMS, "busy"),
+        {openapi.NDJSON: openapi.TEXT},
+        {openapi.NDJSON: {"schema": {"description": "one ForecastRequest per line"}}},
+        only=(*openapi.COMMON_PROBLEMS, *openapi.BODY_PROBLEMS, "busy"),
         description="One ForecastResponse or ProblemDocument per line, in the order of the requests",
     )
     async def batch(self, request: Request, fields: Fields = None) -> Response:
         """Forecast many trips: one request per line in, one forecast or problem per line out, in the same order."""
-        require_accepts(request, NDJSON)
+        require_accepts(request, openapi.NDJSON)
         limits = self.settings.limits
         self._require_place_for_batch()
         splitter = LineSplitter(limits.batch)
@@ -273,45 +274,40 @@ class Api:
     def _end_batch(self) -> None:
         self.running_batches -= 1
 
-    @operation("POST /v1/routes", "routes", schemas.RouteResponse, UPLOADS)
-    async def route(
-        self,
-        request: Request,
-        speed_m_s: Annotated[
-            float | None,
-            Query(gt=0, le=70, description="mean speed [m/s] of a track without times and speeds"),
-        ] = None,
-    ) -> Response:
+    @openapi.operation("POST /v1/routes", "routes", schemas.RouteResponse, UPLOADS)
+    async def route(self, request: Request, speed_m_s: MeanSpeed = None) -> Response:
         """Read a route or a trip: GPX, KML, GeoJSON, the response of a router, links, or samples as CSV."""
         body = await self.answering.read(request, tuple(UPLOADS))
         speed = speed_m_s if speed_m_s is not None and math.isfinite(speed_m_s) else None
         return await self.answering.job(request, "route", body, speed_m_s=speed)
 
-    @operation("POST /v1/journeys", "journeys", PlanResponse, PlanRequest, alias="/v1/plan")
+    @openapi.operation("POST /v1/journeys", "journeys", PlanResponse, PlanRequest, alias="/v1/plan")
     async def plan(self, request: Request, fields: Fields = None) -> Response:
         """Plan a journey: roads, their forecasts, the charge to leave with, a charging stop."""
         self._require_map()
         return await self.answering.body_job(request, "plan", **only(fields))
 
-    @operation("POST /v1/journeys/difference", "journeys", DifferenceDocument, JourneyDifferenceRequest)
+    @openapi.operation(
+        "POST /v1/journeys/difference", "journeys", DifferenceDocument, JourneyDifferenceRequest
+    )
     async def journey_difference(self, request: Request) -> Response:
         """Compare two journeys of one car without their stops to charge, as `POST /v1/forecast/difference` does trips."""
         self._require_map()
         return await self.answering.body_job(request, "journey difference")
 
-    @operation("POST /v1/journeys/advice", "journeys", AdviceResponse, JourneyAdviceRequest)
+    @openapi.operation("POST /v1/journeys/advice", "journeys", AdviceResponse, JourneyAdviceRequest)
     async def journey_advice(self, request: Request) -> Response:
         """Return what to do about a journey with its charging stops: the least that helps, what each action saves, and the time in all."""
         self._require_map()
         return await self.answering.body_job(request, "journey advice")
 
-    @operation("POST /v1/reachable", "journeys", ReachResponse, ReachRequest)
+    @openapi.operation("POST /v1/reachable", "journeys", ReachResponse, ReachRequest)
     async def reach(self, request: Request) -> Response:
         """Return the area that the charge reaches with 95 % and with 50 %."""
         self._require_map()
         return await self.answering.body_job(request, "reach")
 
-    @operation("GET /v1/need", "journeys", NeedAnswer, also=("no-plan", "no-live"))
+    @openapi.operation("GET /v1/need", "journeys", NeedAnswer, also=("no-plan", "no-live"))
     async def get_need(self, request: Request, query: Annotated[NeedQuery, Query()]) -> Response:
         """Return what some kilometres or a usual trip need, without a road; without either, what the next trip of a car on the road needs."""
         if query.distance_km is None and query.trip is None and (query.car or query.vehicle) is not None:
@@ -320,30 +316,23 @@ class Api:
             return await self.live.next_need(request, query)
         return await self.answering.job(request, "distance", **await self.live.job_of(query))
 
-    @operation("GET /v1/range", "journeys", RangeResponse)
+    @openapi.operation("GET /v1/range", "journeys", RangeResponse)
     async def get_range(self, request: Request, query: Annotated[RangeQuery, Query()]) -> Response:
         """Return how far a charge carries, without a road."""
         return await self.answering.job(request, "range", **await self.live.job_of(query))
 
-    @operation("GET /v1/places", "journeys", PlacesResponse)
-    async def get_places(
-        self,
-        request: Request,
-        q: Annotated[
-            str, Query(min_length=1, max_length=200, description="start of a name, a street, a house")
-        ],
-        limit: Annotated[int, Query(ge=1, le=50, description="most places")] = 10,
-    ) -> Response:
+    @openapi.operation("GET /v1/places", "journeys", PlacesResponse)
+    async def get_places(self, request: Request, q: Start, limit: MostPlaces = 10) -> Response:
         """Find places by the start of their names."""
         self._require_map()
         return await self.answering.job(request, "places", text=q, limit=limit)
 
-    @operation("GET /v1/map", "library", MapResponse, header=TAG)
+    @openapi.operation("GET /v1/map", "library", MapResponse, header=openapi.TAG)
     async def get_map(self, request: Request) -> Response:
         """Return the roads, places and weather of the service."""
         return await self.answering.kept(request, "map")
 
-    @operation("GET /v1/map/view", "journeys", ViewResponse, internal=True)
+    @openapi.operation("GET /v1/map/view", "journeys", ViewResponse, internal=True)
     async def get_view(
         self,
         request: Request,
@@ -351,30 +340,24 @@ class Api:
         west: Longitude,
         north: Latitude,
         east: Longitude,
-        limit: Annotated[int, Query(ge=1, le=1000, description="most settlements, most stations")] = 200,
+        limit: MostShown = 200,
     ) -> Response:
         """Return settlements and charging stations inside of bounds."""
         self._require_map()
         return await self.answering.job(request, "view", bounds_deg=[south, west, north, east], limit=limit)
 
-    @operation(
+    @openapi.operation(
         "GET /v1/tiles/{zoom}/{column}/{row}",
         "journeys",
-        {TILE: BINARY},
+        {openapi.TILE: openapi.BINARY},
         internal=True,
         description="The tile; empty without roads",
     )
-    async def get_tile(
-        self,
-        request: Request,
-        zoom: Annotated[int, PathValue(ge=0, le=MAX_ZOOM)],
-        column: TileNumber,
-        row: TileNumber,
-    ) -> Response:
+    async def get_tile(self, request: Request, zoom: Zoom, column: TileNumber, row: TileNumber) -> Response:
         """Return the roads of a part of the map as a vector tile."""
         self._require_map()
         response = await self.answering.job(
-            request, "tile", media_type=TILE, zoom=zoom, column=column, row=row
+            request, "tile", media_type=openapi.TILE, zoom=zoom, column=column, row=row
         )
         response.headers["Cache-Control"] = "private, max-age=3600"
         return response
@@ -383,59 +366,52 @@ class Api:
         if not self.settings.atlas.map:
             raise Problem("no-map", "start the service with --map")
 
-    @operation("GET /v1/models", "library", schemas.ModelsResponse, header=TAG)
+    @openapi.operation("GET /v1/models", "library", schemas.ModelsResponse, header=openapi.TAG)
     async def get_models(self, request: Request) -> Response:
         """List the models with their inputs, provenance and scores."""
         return await self.kept(request, "models")
 
-    @operation("POST /v1/vehicles", "library", schemas.DescribedVehicle, schemas.VehicleFigures)
+    @openapi.operation("POST /v1/vehicles", "library", schemas.DescribedVehicle, schemas.VehicleFigures)
     async def describe(self, request: Request) -> Response:
         """Describe a car that the library does not have, by a few figures."""
         return await self.answering.body_job(request, "describe")
 
-    @operation("GET /v1/vehicles", "library", schemas.VehiclesResponse, header=TAG)
-    async def get_vehicles(
-        self,
-        request: Request,
-        search: Annotated[
-            str | None,
-            Query(min_length=1, max_length=100, description="words of the title or name, or a model year"),
-        ] = None,
-    ) -> Response:
+    @openapi.operation("GET /v1/vehicles", "library", schemas.VehiclesResponse, header=openapi.TAG)
+    async def get_vehicles(self, request: Request, search: CarWords = None) -> Response:
         """List the cars of the library, or those that words find, and the models fitted on each."""
         if search is not None:
             return await self.answering.job(request, "vehicles", search=search)
         return await self.kept(request, "vehicles")
 
-    @operation("GET /v1/examples", "library", schemas.ExamplesResponse, internal=True)
+    @openapi.operation("GET /v1/examples", "library", schemas.ExamplesResponse, internal=True)
     async def get_examples(self, request: Request) -> Response:
         """List synthetic trips as examples."""
         return await self.answering.kept(request, "examples")
 
-    @operation(
+    @openapi.operation(
         "GET /v1/examples/{trip}", "library", schemas.ExampleResponse, also=("not-found",), internal=True
     )
     async def get_example(self, request: Request, trip: str) -> Response:
         """Return one synthetic trip: a request for a forecast, and the samples simulated for it."""
         return await self.answering.kept(request, "example", trip=trip)
 
-    @operation("GET /healthz", "operation", schemas.HealthResponse, only=HEALTH_PROBLEMS)
+    @openapi.operation("GET /healthz", "operation", schemas.HealthResponse, only=HEALTH_PROBLEMS)
     async def healthz(self) -> Response:
         """Check that the service is alive."""
         return json_response({"status": "alive", "workers": self.pool.ready})
 
-    @operation("GET /readyz", "operation", schemas.HealthResponse, only=(*HEALTH_PROBLEMS, "busy"))
+    @openapi.operation("GET /readyz", "operation", schemas.HealthResponse, only=(*HEALTH_PROBLEMS, "busy"))
     async def readyz(self) -> Response:
         """Check that a worker is ready to forecast."""
         if not self.pool.ready:
             raise Problem("busy", "no worker is ready", headers={"Retry-After": "1"})
         return json_response({"status": "ready", "workers": self.pool.ready})
 
-    @operation(
+    @openapi.operation(
         "GET /metrics",
         "operation",
-        {"text/plain": TEXT},
-        only=COMMON_PROBLEMS,
+        {"text/plain": openapi.TEXT},
+        only=openapi.COMMON_PROBLEMS,
         description="Metrics in the text format of Prometheus",
     )
     async def get_metrics(self) -> Response:

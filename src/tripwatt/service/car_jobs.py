@@ -15,23 +15,13 @@ import orjson
 from cachetools import LRUCache
 from pydantic import BaseModel
 
+from tripwatt import live
 from tripwatt.auditing import audit
 from tripwatt.containers import INSIDE, LIMITS
 from tripwatt.containers import TABLES as TABLES_BYTES
 from tripwatt.errors import Fault, InvalidInput, excerpt
 from tripwatt.files import write_bytes
 from tripwatt.forecasting import ForecastModel
-from tripwatt.live import (
-    Car,
-    Learned,
-    create_car,
-    forget_car,
-    has_token,
-    is_car,
-    issue_token,
-    learn_finished,
-    open_car,
-)
 from tripwatt.live.diary import CAUSE
 from tripwatt.live.folder import forecasts_of
 from tripwatt.live.own_car import UPLOADS, VALID_NAME, folder_name, state_of
@@ -85,11 +75,11 @@ class CarJobs:
         """Names of the cars."""
         if self.folder is None or not self.folder.is_dir():
             return []
-        return sorted(place.name for place in self.folder.iterdir() if is_car(place))
+        return sorted(place.name for place in self.folder.iterdir() if live.is_car(place))
 
-    def car(self, name: str) -> Car:
+    def car(self, name: str) -> live.Car:
         """The car of this name; errors are those of `car_folder`."""
-        return open_car(car_folder(self.folder, name))
+        return live.open_car(car_folder(self.folder, name))
 
     def model(self, name: str) -> tuple[str, ForecastModel] | None:
         """The model of a car as it is now, with a label that changes when it learns; None where there is no such car."""
@@ -115,10 +105,7 @@ class CarJobs:
         diary = own.diary
         about = own.about(diary)
         rows = diary.table.tail(SHOWN_TRIPS).iloc[::-1].to_dict("records")
-        return {
-            **_summary(own, about, CarResponse),
-            "diary": [_entry(row, own.folder) for row in rows],
-        }
+        return {**_summary(own, about, CarResponse), "diary": [_entry(row, own.folder) for row in rows]}
 
     def create(self, name: str, vehicle: Vehicle | str) -> dict[str, Any]:
         """Make a car, and return it as `show`."""
@@ -126,17 +113,17 @@ class CarJobs:
         if place.exists():
             taken = Fault("name is taken", "name", excerpt(name), "a name that no car has")
             raise Problem("name-taken", faults=(taken,))
-        return self.show(create_car(place, vehicle, label=name).name)
+        return self.show(live.create_car(place, vehicle, label=name).name)
 
     def forget(self, name: str) -> dict[str, Any]:
         """Erase a car."""
-        forget_car(self.car(name).folder)
+        live.forget_car(self.car(name).folder)
         self.models.pop(name, None)
         return {"forgotten": name}
 
     def token(self, name: str) -> dict[str, Any]:
         """Make a token for a car."""
-        return {"token": issue_token(self.car(name).folder)}
+        return {"token": live.issue_token(self.car(name).folder)}
 
     def store(self, name: str, upload: str, file: str, content: bytes, most_bytes: int) -> dict[str, int]:
         """Unpack a file into the tables of an upload, and return their number and bytes; uploads that were left are erased."""
@@ -196,7 +183,7 @@ class CarJobs:
 
     def learn_finished(self, name: str) -> dict[str, Any]:
         """Learn the trips that a car finished on the road, as `learn`."""
-        return _learned(learn_finished(self.car(name).folder))
+        return _learned(live.learn_finished(self.car(name).folder))
 
 
 def require_folder(folder: Path | None) -> Path:
@@ -221,7 +208,7 @@ def car_folder(folder: Path | None, name: str) -> Path:
         `no-live` for a service without cars, `no-such-car`.
     """
     place = require_folder(folder) / name
-    if VALID_NAME.fullmatch(name) is None or not is_car(place):
+    if VALID_NAME.fullmatch(name) is None or not live.is_car(place):
         raise Problem("no-such-car", CARS_ARE_LISTED)
     return place
 
@@ -380,14 +367,14 @@ def _entry(row: Mapping[Hashable, Any], car: Path) -> dict[str, Any]:
     }
 
 
-def _learned(done: Learned) -> dict[str, Any]:
+def _learned(done: live.Learned) -> dict[str, Any]:
     return {**asdict(done), "left_out": list(done.left_out[:SHOWN_REASONS])}
 
 
-def _summary(own: Car, about: Mapping[str, Any], model: type[BaseModel]) -> dict[str, Any]:
+def _summary(own: live.Car, about: Mapping[str, Any], model: type[BaseModel]) -> dict[str, Any]:
     """What a car says of itself, as far as a response has it."""
     known = {key: about[key] for key in model.model_fields if key in about}
-    return {"name": own.name, "has_token": has_token(own.folder), **known}
+    return {"name": own.name, "has_token": live.has_token(own.folder), **known}
 
 
 def _sizes(folder: Path) -> list[int]:

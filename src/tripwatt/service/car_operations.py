@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
+from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, replace
 from functools import partial
@@ -38,8 +38,6 @@ from tripwatt.service.pool import JobResult, WorkerLost, WorkerPool, cancel
 from tripwatt.service.problems import Problem, invalid_input
 from tripwatt.service.receiving import require_accepts
 from tripwatt.service.road_trips import RoadTrips
-
-ReadBody = Callable[..., Awaitable[bytes]]
 
 UPLOAD: Final = "/v1/cars/{car}/uploads/{upload}"
 UPLOAD_PATTERN: Final = "^[a-z0-9]{8,32}$"

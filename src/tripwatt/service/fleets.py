@@ -17,15 +17,7 @@ from tripwatt.fleet.registry import FollowedModel, Registry
 from tripwatt.forecasting import ForecastModel, load_metadata
 from tripwatt.journey.nights import QUANTILE, PlannedTrip, needs_by_hour, night_document
 from tripwatt.routes import plan_from_route
-from tripwatt.service.schemas import (
-    DepartureRequest,
-    Links,
-    ResponseModel,
-    StrictModel,
-    departure_of,
-    parse_links,
-    reserved,
-)
+from tripwatt.service import schemas
 from tripwatt.service.settings import Limits
 from tripwatt.vehicles import load_vehicle
 
@@ -79,7 +71,7 @@ def vehicle_model(fleet: FleetModel, document: Mapping[str, Any]) -> ForecastMod
         return fleet.of_vehicle(vehicle_id, car_model=vehicle, driver=driver, cold=cold)
 
 
-class PlannedTripRequest(DepartureRequest):
+class PlannedTripRequest(schemas.DepartureRequest):
     """A trip that a vehicle of a fleet is to drive: its distance and kind of road, or its `links`; `soc` is the charge now."""
 
     vehicle_id: str = Field(min_length=1, max_length=100)
@@ -89,7 +81,7 @@ class PlannedTripRequest(DepartureRequest):
     distance_km: float | None = Field(None, ge=0.5, le=2000.0)
     kind: Literal["city", "country", "motorway", "mixed"] = "mixed"
     """kind of road of a distance; mixed: nothing is known of it"""
-    links: Links | None = None
+    links: schemas.Links | None = None
     vehicle: str | None = Field(None, max_length=100)
     """one of /v1/vehicles, for a vehicle without trips"""
     driver: str | None = Field(None, max_length=100)
@@ -102,8 +94,8 @@ class PlannedTripRequest(DepartureRequest):
             if (self.distance_km is None) == (self.links is None):
                 got = "neither" if self.links is None else "both"
                 raise InvalidInput.of("one of them is needed", "distance_km, links", got, "one of the two")
-            road = self.distance_km or plan_from_route(parse_links(self.links, None, limits))
-        known = departure_of(self)
+            road = self.distance_km or plan_from_route(schemas.parse_links(self.links, None, limits))
+        known = schemas.departure_of(self)
         soc = float("nan") if known.soc is None else known.soc
         known, named = replace(known, soc=None), (self.vehicle, self.driver)
         return PlannedTrip(
@@ -111,7 +103,7 @@ class PlannedTripRequest(DepartureRequest):
         )
 
 
-class NightRequest(StrictModel):
+class NightRequest(schemas.StrictModel):
     """The planned trips of a fleet, such as those of tomorrow."""
 
     model: str | None = Field(None, max_length=100)
@@ -119,14 +111,14 @@ class NightRequest(StrictModel):
     trips: list[PlannedTripRequest] = Field(min_length=1, max_length=500)
     quantile: float = Field(QUANTILE, ge=0.5, lt=1.0)
     """probability with which the energy of a trip suffices"""
-    reserve: float = reserved(0.0)
+    reserve: float = schemas.reserved(0.0)
     plug_w: float = Field(PLUG_W, gt=0.0, le=400_000.0)
     """power of a charger [W]"""
     begins_at: AwareDatetime | None = Field(None, strict=False)
     """when charging may begin; default: now"""
 
 
-class HourNeed(ResponseModel):
+class HourNeed(schemas.ResponseModel):
     """What the trips of a vehicle need that depart in one hour."""
 
     vehicle_id: str
@@ -153,7 +145,7 @@ class HourNeed(ResponseModel):
     """what was assumed and what limits the forecasts, as sentences"""
 
 
-class NightResponse(ResponseModel):
+class NightResponse(schemas.ResponseModel):
     """What the planned trips of a fleet need, by vehicle and hour of departure."""
 
     needs: list[HourNeed]

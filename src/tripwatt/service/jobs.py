@@ -24,17 +24,10 @@ from tripwatt.journey import range_km
 from tripwatt.live.usual import usual_plan
 from tripwatt.population.cars import for_car
 from tripwatt.routes import plan_from_route
+from tripwatt.service import journey_schemas
 from tripwatt.service.car_jobs import CarJobs
 from tripwatt.service.car_schemas import LogsRequest, NewCarRequest
 from tripwatt.service.fleets import NightRequest, followed, is_registry, model_summary, night, vehicle_model
-from tripwatt.service.journey_schemas import (
-    JourneyAdviceRequest,
-    JourneyDifferenceRequest,
-    NeedQuery,
-    PlanRequest,
-    RangeQuery,
-    ReachRequest,
-)
 from tripwatt.service.journeys import JourneyJobs
 from tripwatt.service.library import described, example, example_summaries, vehicles
 from tripwatt.service.route_uploads import read_route
@@ -171,8 +164,10 @@ class Jobs:
         """Return the response to a `JourneyDifferenceRequest`: the road of the first journey less that of the other one."""
         return self._difference(
             body,
-            JourneyDifferenceRequest,
-            lambda trip, asked: self.journeys.road(*self._journey(trip, PlanRequest), asked.road),
+            journey_schemas.JourneyDifferenceRequest,
+            lambda trip, asked: self.journeys.road(
+                *self._journey(trip, journey_schemas.PlanRequest), asked.road
+            ),
         )
 
     def _difference(
@@ -209,33 +204,31 @@ class Jobs:
 
     def plan(self, body: bytes) -> dict[str, Any]:
         """Return the response to a `PlanRequest`."""
-        journey = self.journeys.plan(*self._journey(body, PlanRequest))
+        journey = self.journeys.plan(*self._journey(body, journey_schemas.PlanRequest))
         for road in journey["roads"]:
             require_finite(road["forecast"])
         return journey
 
     def journey_advice(self, body: bytes) -> dict[str, Any]:
         """Return the response to a `JourneyAdviceRequest`."""
-        return self.journeys.advice(*self._journey(body, JourneyAdviceRequest))
+        return self.journeys.advice(*self._journey(body, journey_schemas.JourneyAdviceRequest))
 
     def reach(self, body: bytes) -> dict[str, Any]:
         """Return the response to a `ReachRequest`."""
-        return self.journeys.reach(*self._journey(body, ReachRequest))
+        return self.journeys.reach(*self._journey(body, journey_schemas.ReachRequest))
 
     def distance(self, body: bytes, job: Mapping[str, Any] | None = None) -> dict[str, Any]:
         """Return the response to a `NeedQuery`."""
-        request = check_request(parse_json(body), NeedQuery)
+        request = check_request(parse_json(body), journey_schemas.NeedQuery)
         if (request.distance_km is None) == (request.trip is None):
             got = "neither" if request.trip is None else "both a distance and a usual trip"
-            raise InvalidInput.of(
-                "one of them is needed", "distance_km, trip", got, "a distance, or a trip of a car"
-            )
+            allowed = "a distance, or a trip of a car"
+            raise InvalidInput.of("one of them is needed", "distance_km, trip", got, allowed)
         ahead: Any = request.distance_km
         if request.trip is not None:
             if request.car is None:
-                raise InvalidInput.of(
-                    "car is missing", "car", "a trip without its car", "the car that drove the trip"
-                )
+                got, allowed = "a trip without its car", "the car that drove the trip"
+                raise InvalidInput.of("car is missing", "car", got, allowed)
             ahead = usual_plan(self.cars.car(request.car), request.trip)
         model = self._model_asked(request)
         known, flags = with_seen(departure_of(request), job, model.vehicle)
@@ -253,13 +246,13 @@ class Jobs:
 
     def range(self, body: bytes, job: Mapping[str, Any] | None = None) -> dict[str, Any]:
         """Return the response to a `RangeQuery`."""
-        request = check_request(parse_json(body), RangeQuery)
+        request = check_request(parse_json(body), journey_schemas.RangeQuery)
         model = self._model_asked(request)
         known, flags = with_seen(departure_of(request), job, model.vehicle)
         far = range_km(None, request.kind, known, reserve=request.reserve or 0.0, model=model)
         return replace(far, flags=(*flags, *far.flags)).to_dict()
 
-    def _model_asked(self, request: RangeQuery) -> ForecastModel:
+    def _model_asked(self, request: journey_schemas.RangeQuery) -> ForecastModel:
         given = request.vehicle_figures
         if request.car is not None and (request.model, request.vehicle, given) != (None, None, None):
             raise InvalidInput.of("two cars", "car", "a model or vehicle too", "one of them")

@@ -8,21 +8,13 @@ from pydantic import AwareDatetime, ConfigDict, Field, RootModel, create_model
 
 from tripwatt.advice.preheating import PLUG_W
 from tripwatt.forecasting.document import FlagDocument, ForecastResponse
+from tripwatt.service import schemas
 from tripwatt.service.advice_schemas import UntilDeparture
 from tripwatt.service.live_schemas import NeedResponse
-from tripwatt.service.schemas import (
-    CarRequest,
-    DepartureRequest,
-    ResponseModel,
-    StrictModel,
-    asked,
-    bounded,
-    reserved,
-)
 from tripwatt.trips import ASKED, COLUMNS, QUANTITIES
 
 
-class PlaceRequest(StrictModel):
+class PlaceRequest(schemas.StrictModel):
     """A place by its coordinates."""
 
     latitude_deg: float = Field(ge=-90.0, le=90.0)
@@ -34,20 +26,20 @@ Stop = Annotated[str, Field(min_length=1, max_length=200)] | PlaceRequest
 """A place: its name, latitude and longitude as text, or an object."""
 
 
-class WeatherRequest(StrictModel):
+class WeatherRequest(schemas.StrictModel):
     """Weather by hand, for the whole journey: the fields of the departure under their old names."""
 
-    temperature_degc: float | None = bounded(COLUMNS, "ambient_temperature_degc")
-    wind_speed_m_s: float = bounded(QUANTITIES, "wind_speed_m_s", 0.0)
-    wind_from_deg: float = bounded(QUANTITIES, "wind_from_deg", 0.0)
-    rain_mm_h: float = bounded(QUANTITIES, "rain_mm_h", 0.0)
-    pressure_pa: float | None = bounded(QUANTITIES, "pressure_pa")
+    temperature_degc: float | None = schemas.bounded(COLUMNS, "ambient_temperature_degc")
+    wind_speed_m_s: float = schemas.bounded(QUANTITIES, "wind_speed_m_s", 0.0)
+    wind_from_deg: float = schemas.bounded(QUANTITIES, "wind_from_deg", 0.0)
+    rain_mm_h: float = schemas.bounded(QUANTITIES, "rain_mm_h", 0.0)
+    pressure_pa: float | None = schemas.bounded(QUANTITIES, "pressure_pa")
 
 
-class _Departs(DepartureRequest, CarRequest):
+class _Departs(schemas.DepartureRequest, schemas.CarRequest):
     """The car, and what is known at departure."""
 
-    departs_at: AwareDatetime | None = asked("departs_at", ASKED["departs_at"])[1]
+    departs_at: AwareDatetime | None = schemas.asked("departs_at", ASKED["departs_at"])[1]
     weather: WeatherRequest | None = Field(None, json_schema_extra={"deprecated": True})
     """old form of wind_speed_m_s, wind_from_deg, rain_mm_h and pressure_pa"""
 
@@ -56,7 +48,7 @@ class PlanRequest(_Departs):
     """A journey: places in their order, the car, and what is known at departure."""
 
     stops: list[Stop] = Field(min_length=2, max_length=20)
-    reserve: float = reserved(0.1)
+    reserve: float = schemas.reserved(0.1)
     alternatives: int = Field(0, ge=0, le=3)
     """other roads beside the fastest"""
     round_trip: bool = False
@@ -78,7 +70,7 @@ class JourneyAdviceRequest(PlanRequest):
     """to arrive with the reserve"""
 
 
-class JourneyDifferenceRequest(StrictModel):
+class JourneyDifferenceRequest(schemas.StrictModel):
     """Two journeys of one car to compare, without their stops to charge."""
 
     one: PlanRequest
@@ -91,7 +83,7 @@ class ReachRequest(_Departs):
     """A start, the car, and what is known at departure."""
 
     start: Stop
-    reserve: float = reserved(0.0)
+    reserve: float = schemas.reserved(0.0)
 
 
 if TYPE_CHECKING:
@@ -100,14 +92,14 @@ else:
     _DepartureQuery = create_model(
         "_DepartureQuery",
         __config__=ConfigDict(extra="forbid", use_attribute_docstrings=True, allow_inf_nan=False),
-        **{name: asked(name, field) for name, field in ASKED.items()},
+        **{name: schemas.asked(name, field) for name, field in ASKED.items()},
     )
 
 
 class RangeQuery(_DepartureQuery):
     """A charge, the kind of road and the car."""
 
-    departs_at: AwareDatetime | None = asked("departs_at", ASKED["departs_at"])[1]
+    departs_at: AwareDatetime | None = schemas.asked("departs_at", ASKED["departs_at"])[1]
     kind: Literal["city", "country", "motorway", "mixed"] = "mixed"
     """kind of road; mixed: nothing is known of it"""
     model: str | None = Field(None, max_length=100)
@@ -168,7 +160,7 @@ class NeedAnswer(RootModel[DistanceNeed | NeedResponse]):
     """What a distance or a usual trip needs; or what the next trip of a car on the road needs."""
 
 
-class KindRange(ResponseModel):
+class KindRange(schemas.ResponseModel):
     """How far a charge carries on a kind of road."""
 
     kind: str
@@ -178,7 +170,7 @@ class KindRange(ResponseModel):
     """ends of the central 90 % [m]"""
 
 
-class RangeResponse(ResponseModel):
+class RangeResponse(schemas.ResponseModel):
     """How far a charge carries, without a road, as `tripwatt range --json` prints it."""
 
     range_m: float
@@ -193,7 +185,7 @@ class RangeResponse(ResponseModel):
     flags: list[FlagDocument]
 
 
-class PlaceDocument(ResponseModel):
+class PlaceDocument(schemas.ResponseModel):
     """A place."""
 
     name: str
@@ -207,14 +199,14 @@ class PlaceDocument(ResponseModel):
     longitude_deg: float
 
 
-class PlacesResponse(ResponseModel):
+class PlacesResponse(schemas.ResponseModel):
     """Places whose names begin with the words of the question, the best first."""
 
     places: list[PlaceDocument]
     attribution: str
 
 
-class LineDocument(ResponseModel):
+class LineDocument(schemas.ResponseModel):
     """The line of a road on the map."""
 
     latitude_deg: list[float]
@@ -223,7 +215,7 @@ class LineDocument(ResponseModel):
     """distance of each point from the start [m]"""
 
 
-class RoadLinks(ResponseModel):
+class RoadLinks(schemas.ResponseModel):
     """The links of a road; times are those of an empty road."""
 
     length_m: list[float]
@@ -231,7 +223,7 @@ class RoadLinks(ResponseModel):
     road_class: list[str]
 
 
-class StopDocument(ResponseModel):
+class StopDocument(schemas.ResponseModel):
     """An intermediate stop."""
 
     position_m: float
@@ -239,7 +231,7 @@ class StopDocument(ResponseModel):
     """expected displayed state of charge there"""
 
 
-class RoadDocument(ResponseModel):
+class RoadDocument(schemas.ResponseModel):
     """A road and its forecast."""
 
     labels: list[str] = Field(description='of "fastest", "shortest", "least energy"')
@@ -253,7 +245,7 @@ class RoadDocument(ResponseModel):
     forecast: ForecastResponse
 
 
-class StationDocument(ResponseModel):
+class StationDocument(schemas.ResponseModel):
     """A charging station."""
 
     latitude_deg: float
@@ -267,7 +259,7 @@ class StationDocument(ResponseModel):
     """sockets by their names on OpenStreetMap; empty: not known"""
 
 
-class NextStationDocument(ResponseModel):
+class NextStationDocument(schemas.ResponseModel):
     """Where to go from a station that is occupied."""
 
     station: StationDocument
@@ -278,7 +270,7 @@ class NextStationDocument(ResponseModel):
     """time that the journey takes longer [s]"""
 
 
-class ChargingStopDocument(ResponseModel):
+class ChargingStopDocument(schemas.ResponseModel):
     """A stop to charge."""
 
     station: StationDocument
@@ -305,7 +297,7 @@ class ChargingStopDocument(ResponseModel):
     """where to go when the station is occupied; null: no other one helps"""
 
 
-class CourseDocument(ResponseModel):
+class CourseDocument(schemas.ResponseModel):
     """Charge along a journey; a stop has one entry before and one after charging."""
 
     position_m: list[float]
@@ -315,7 +307,7 @@ class CourseDocument(ResponseModel):
     high: list[float]
 
 
-class WholeDocument(ResponseModel):
+class WholeDocument(schemas.ResponseModel):
     """The whole of a journey, with its stops to charge."""
 
     p_arrive: float
@@ -366,7 +358,7 @@ class VerdictDocument(WholeDocument):
     """what to do; "none" where nothing helps"""
 
 
-class PlanResponse(ResponseModel):
+class PlanResponse(schemas.ResponseModel):
     """A journey, as `tripwatt plan --json` prints it."""
 
     stops: list[PlaceDocument]
@@ -399,7 +391,7 @@ class PlanResponse(ResponseModel):
     """to be shown beside roads and places"""
 
 
-class PolygonDocument(ResponseModel):
+class PolygonDocument(schemas.ResponseModel):
     """A polygon of GeoJSON."""
 
     type: Literal["Polygon"]
@@ -407,14 +399,14 @@ class PolygonDocument(ResponseModel):
     """longitude and latitude [°]"""
 
 
-class AreaDocument(ResponseModel):
+class AreaDocument(schemas.ResponseModel):
     """The area that is reached with a probability."""
 
     probability: float
     polygon: PolygonDocument
 
 
-class ReachResponse(ResponseModel):
+class ReachResponse(schemas.ResponseModel):
     """The area of reach."""
 
     start: PlaceDocument
@@ -425,7 +417,7 @@ class ReachResponse(ResponseModel):
     attribution: str
 
 
-class ViewResponse(ResponseModel):
+class ViewResponse(schemas.ResponseModel):
     """What is named in a part of the map."""
 
     settlements: list[PlaceDocument]
@@ -435,7 +427,7 @@ class ViewResponse(ResponseModel):
     attribution: str
 
 
-class TerrainDocument(ResponseModel):
+class TerrainDocument(schemas.ResponseModel):
     """Heights of the roads of this service."""
 
     known: bool
@@ -444,7 +436,7 @@ class TerrainDocument(ResponseModel):
     """where they are from; to be shown beside a climb"""
 
 
-class MapResponse(ResponseModel):
+class MapResponse(schemas.ResponseModel):
     """Roads, places and weather of this service."""
 
     roads: bool

@@ -18,6 +18,7 @@ from starlette.responses import Response
 from tripwatt.errors import Fault, excerpt
 from tripwatt.live import sample_from_abrp
 from tripwatt.live.own_car import VALID_NAME
+from tripwatt.service import openapi
 from tripwatt.service.answering import json_response
 from tripwatt.service.journey_schemas import NeedQuery, RangeQuery
 from tripwatt.service.live import CAR_FIELDS, LiveCars
@@ -28,14 +29,6 @@ from tripwatt.service.live_schemas import (
     LiveResponse,
     TelemetryRequest,
     TelemetryResponse,
-)
-from tripwatt.service.openapi import (
-    BODY_PROBLEMS,
-    COMMON_PROBLEMS,
-    EVENTS,
-    FORM,
-    JSON,
-    operation,
 )
 from tripwatt.service.over_mqtt import OverMqtt
 from tripwatt.service.pool import WorkerPool
@@ -58,9 +51,7 @@ LIVE_EVENTS: Final = {
 }
 
 ReadBody = Callable[..., Awaitable[bytes]]
-NAME: Final = {"pattern": f"^{VALID_NAME.pattern}$", "description": "name of the car's folder"}
-Name = Annotated[str, PathValue(**NAME)]
-NameQuery = Annotated[str, Query(**NAME)]
+Name = Annotated[str, PathValue(pattern=f"^{VALID_NAME.pattern}$", description="name of the car's folder")]
 
 
 class LiveOperations:
@@ -106,12 +97,12 @@ class LiveOperations:
             raise Problem("no-live", "start the service with --cars")
         return self._cars
 
-    @operation(
+    @openapi.operation(
         "POST /v1/telemetry",
         "live",
         TelemetryResponse,
-        {JSON: TelemetryRequest, FORM: TelemetryRequest},
-        only=(*COMMON_PROBLEMS, *BODY_PROBLEMS, "busy", "no-live"),
+        {openapi.JSON: TelemetryRequest, openapi.FORM: TelemetryRequest},
+        only=(*openapi.COMMON_PROBLEMS, *openapi.BODY_PROBLEMS, "busy", "no-live"),
         more={"security": [{"car": []}, {}]},  # or the token is part of the message
     )
     async def telemetry(
@@ -119,28 +110,30 @@ class LiveOperations:
     ) -> Response:
         """Take a message of a car in the format of A Better Routeplanner's live data."""
         cars = self.cars
-        body = await self.read_body(request, (JSON, FORM), MOST_MESSAGE_BYTES)
+        body = await self.read_body(request, (openapi.JSON, openapi.FORM), MOST_MESSAGE_BYTES)
         message = message_of(body, media_type(request))
         car = cars.by_token(given_token(message, request, token))
         return json_response(await cars.take(car, sample_from_abrp(telemetry_of(message))))
 
-    @operation("GET /v1/live", "live", LiveCarsResponse, only=(*COMMON_PROBLEMS, "not-acceptable", "no-live"))
+    @openapi.operation(
+        "GET /v1/live", "live", LiveCarsResponse, only=(*openapi.COMMON_PROBLEMS, "not-acceptable", "no-live")
+    )
     async def list_live(self, request: Request) -> Response:
         """List the cars on the road: those with a token."""
-        require_accepts(request, JSON)
+        require_accepts(request, openapi.JSON)
         return json_response(self.cars.summary())
 
-    @operation("GET /v1/live/{car}", "live", LiveResponse)
+    @openapi.operation("GET /v1/live/{car}", "live", LiveResponse)
     async def get_live(self, request: Request, car: Name) -> Response:
         """Return the state of a car on the road and the latest forecast of its trip."""
-        require_accepts(request, JSON)
+        require_accepts(request, openapi.JSON)
         return json_response(await self.cars.document(self.cars.by_name(car)))
 
-    @operation("PUT /v1/live/{car}/plan", "live", LiveResponse, LivePlanRequest)
+    @openapi.operation("PUT /v1/live/{car}/plan", "live", LiveResponse, LivePlanRequest)
     async def put_plan(self, request: Request, car: Name) -> Response:
         """Give the plan of the trip that a car is on, or of its next one; it is kept until that trip has ended."""
         followed = self.cars.by_name(car)
-        plan = _parsed(await self.read_body(request, (JSON,)))
+        plan = _parsed(await self.read_body(request, (openapi.JSON,)))
         leaves = check_request({name: plan.pop(name) for name in DEPARTS if name in plan}, LiveDeparture)
         result = await self.cars.set_plan(followed, plan, leaves.departure_s)
         if result.status == 200:
@@ -158,7 +151,7 @@ class LiveOperations:
 
     async def next_need(self, request: Request, query: NeedQuery) -> Response:
         """Return what the next trip of a car needs: energy at a quantile, charge to leave with, energy to charge."""
-        require_accepts(request, JSON)
+        require_accepts(request, openapi.JSON)
         leaves = time.time() if query.departs_at is None else query.departs_at.timestamp()
         needed = await self.cars.need(
             self.cars.by_name(query.car or query.vehicle or ""),
@@ -169,18 +162,18 @@ class LiveOperations:
             return json_response(needed)
         return refusal(needed.status, needed.content, request_id(request))
 
-    @operation(
+    @openapi.operation(
         "GET /v1/live/{car}/events",
         "live",
-        {EVENTS: LIVE_EVENTS},
+        {openapi.EVENTS: LIVE_EVENTS},
         description="A stream of server-sent events",
     )
     async def get_events(self, request: Request, car: Name) -> Response:
         """Stream the state of a car on the road and the forecasts of its trip as server-sent events."""
-        require_accepts(request, EVENTS)
+        require_accepts(request, openapi.EVENTS)
         followed = self.cars.by_name(car)
         if request.scope.get("was_head"):
-            return Response(media_type=EVENTS)  # a stream without a body would never end
+            return Response(media_type=openapi.EVENTS)  # a stream without a body would never end
         return self.cars.stream(followed)
 
 
@@ -197,7 +190,7 @@ def message_of(body: bytes, kind: str) -> dict[str, Any]:
     >>> message_of(b"token=abc&tlm=%7B%22utc%22%3A1%7D", "application/x-www-form-urlencoded")
     {'token': 'abc', 'tlm': '{"utc":1}'}
     """
-    if kind != FORM:
+    if kind != openapi.FORM:
         return _parsed(body)
     try:
         return dict(parse_qsl(body.decode("utf-8"), max_num_fields=MOST_FORM_FIELDS))
@@ -209,11 +202,7 @@ def message_of(body: bytes, kind: str) -> dict[str, Any]:
 def given_token(message: Mapping[str, Any], request: Request, of_query: str | None) -> str:
     """The token of a request: a bearer token, a field of its message, or a parameter of its URL."""
     kind, _, bearer = request.headers.get("authorization", "").partition(" ")
-    candidates = (
-        bearer.strip() if kind.lower() == "bearer" else "",
-        message.get("token"),
-        of_query,
-    )
+    candidates = (bearer.strip() if kind.lower() == "bearer" else "", message.get("token"), of_query)
     return next((token for token in candidates if isinstance(token, str) and token), "")
 
 

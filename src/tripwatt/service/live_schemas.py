@@ -7,12 +7,7 @@ from typing import Any, Literal, get_type_hints
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, TypeAdapter, create_model
 
 from tripwatt.forecasting.document import FlagDocument
-from tripwatt.live.documents import (
-    LiveDocument,
-    LiveForecastDocument,
-    LiveMessages,
-    LiveTripDocument,
-)
+from tripwatt.live.documents import LiveDocument, LiveForecastDocument, LiveMessages, LiveTripDocument
 from tripwatt.service.advice_schemas import UntilDeparture
 from tripwatt.service.schemas import ForecastRequest, ProblemFault, ResponseModel, StrictModel, asked
 from tripwatt.trips import ASKED

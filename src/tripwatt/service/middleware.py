@@ -149,13 +149,7 @@ class ServiceMiddleware:
         Called with one record of the access log as keywords.
     """
 
-    def __init__(
-        self,
-        app: ASGIApp,
-        settings: Settings,
-        metrics: Metrics,
-        log: Callable[..., None],
-    ) -> None:
+    def __init__(self, app: ASGIApp, settings: Settings, metrics: Metrics, log: Callable[..., None]) -> None:
         self.app, self.settings, self.metrics, self.log = app, settings, metrics, log
         self.token = settings.token.encode()
         limits = settings.limits

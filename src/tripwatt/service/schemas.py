@@ -544,11 +544,9 @@ def parse_links(links: Any, elevation: Elevation | None, limits: Limits) -> Link
 def _elevation_faults(links: list[Any], elevation: Elevation, most: int) -> Iterator[Fault]:
     position, heights = elevation.position_m, elevation.elevation_m
     if len(position) != len(heights) or len(position) > most:
-        got, allowed = (
-            f"{len(position)} positions and {len(heights)} elevations",
-            f"equal numbers, at most {most}",
-        )
-        yield Fault("positions and elevations differ in number", "elevation", got, allowed)
+        got = f"{len(position)} positions and {len(heights)} elevations"
+        what, allowed = "positions and elevations differ in number", f"equal numbers, at most {most}"
+        yield Fault(what, "elevation", got, allowed)
     if position[0] < 0 or position != sorted(position):
         yield Fault("position decreases", "elevation.position_m", "", "0 m or more, never decreasing")
     if any("start_elevation_m" in link or "grade" in link for link in links):

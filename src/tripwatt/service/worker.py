@@ -75,10 +75,8 @@ def run_job(jobs: Jobs, job: dict[str, Any], body: bytes) -> tuple[int, bytes]:
 def bound_memory(more_bytes: int) -> None:
     """Bound the memory of this process: more than so many bytes beyond what it has is a `MemoryError`. Linux only."""
     if sys.platform == "linux":
-        pages, most = (
-            int(Path("/proc/self/statm").read_text().split()[5]),
-            resource.getrlimit(resource.RLIMIT_DATA)[1],
-        )
+        pages = int(Path("/proc/self/statm").read_text().split()[5])
+        most = resource.getrlimit(resource.RLIMIT_DATA)[1]
         with contextlib.suppress(ValueError):  # the system allows less
             resource.setrlimit(resource.RLIMIT_DATA, (pages * resource.getpagesize() + more_bytes, most))
 

@@ -114,8 +114,7 @@ def plot_learning_curves(view: View, curves: pd.DataFrame) -> Figure:
         axes.plot(lowest, error, "o", color=PAPER_COLOUR, mec=INK, ms=6, zorder=5)
         side = "right" if lowest > 0.5 * float(mean.index.max()) else "left"
         annotate(axes, f"lowest at {lowest} rounds", (lowest, error), (0, 9), size=8.5, ha=side)
-        axes.set_title(plain(model_style(model).label, 40))
-        axes.set_ylabel("error on left-out\ntraining trips")
+        axes.set(title=plain(model_style(model).label, 40), ylabel="error on left-out\ntraining trips")
         axes.grid(axis="y")
     panels[-1].set_xlabel("boosting rounds")
     return figure

@@ -11,19 +11,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tripwatt.arrays import FloatArray
+from tripwatt.report import style
 from tripwatt.report.model_styles import model_style, ordered
 from tripwatt.report.panel import Content, panel
-from tripwatt.report.style import (
-    INK,
-    PAPER_COLOUR,
-    cut_at,
-    legend_below,
-    mark_beyond,
-    model_rows,
-    percent_axis,
-    plotted,
-    stacked,
-)
 from tripwatt.report.view import View, plain, signed_errors
 from tripwatt.report.words import label, listed, percent
 
@@ -116,27 +106,28 @@ def plot_error_distribution(view: View, folds: pd.DataFrame) -> Figure:
     errors = {m: values for m in models if len(values := signed_errors(folds, m))}
     models = list(errors)
     every = np.concatenate(list(errors.values())) if errors else np.empty(0)
-    limit = max(0.2, np.ceil(10 * cut_at(every)) / 10)
+    limit = max(0.2, np.ceil(10 * style.cut_at(every)) / 10)
     bins = np.linspace(-limit, limit, 41)
     note = "\n".join(filter(None, [view.note, "height: number of trips, every row to its own scale"]))
     head, height = ("Error of every trip, by model", note), 1.5 + 0.72 * len(models)
-    figure, panels = stacked(view, height, head, max(len(models), 1), sharex=True)
+    figure, panels = style.stacked(view, height, head, max(len(models), 1), sharex=True)
     for axes, model in zip(panels, models, strict=False):
         values, colour = errors[model], model_style(model).colour
         clipped, below = np.clip(values, -limit, limit), np.full(len(values), -0.09)
         axes.hist(clipped, bins=bins.tolist(), color=colour, alpha=0.75, lw=0)
         rug = axes.plot(clipped, below, "|", color=colour, ms=6, mew=0.9)[0]
         rug.set(transform=axes.get_xaxis_transform(), clip_on=False, gid=f"rug-{models.index(model)}")
-        axes.axvline(0.0, color=INK, lw=0.9)
-        axes.axvline(float(np.median(values)), color=INK, lw=1.1, ls=(0, (2, 2)))
-        axes.set_xlim(-limit, limit)
-        axes.set_yticks([])
+        axes.axvline(0.0, color=style.INK, lw=0.9)
+        axes.axvline(float(np.median(values)), color=style.INK, lw=1.1, ls=(0, (2, 2)))
+        axes.set(xlim=(-limit, limit), yticks=[])
         axes.spines["left"].set_visible(False)
         outside = int((np.abs(values) > limit).sum())
         beyond = f"   ({outside} beyond the axis, drawn at its edge)" if outside else ""
         axes.set_title(f"{plain(model_style(model).label, 32)}{beyond}", fontsize=8.5, pad=2)
         axes.tick_params(axis="x", length=2 if axes is not panels[-1] else 4, pad=7)
-    percent_axis(panels[-1], "(predicted − measured) / measured [%];  dashed: median;  ticks: single trips")
+    style.percent_axis(
+        panels[-1], "(predicted − measured) / measured [%];  dashed: median;  ticks: single trips"
+    )
     for axes in panels:
         axes.grid(axis="x")
     return figure
@@ -154,8 +145,10 @@ def _box(axes: Axes, row: float, values: FloatArray, colour: str, limit: float, 
     axes.add_patch(
         Rectangle((first, row - half), third - first, 2 * half, fc=colour, ec=colour, alpha=0.3, lw=1.2)
     )
-    axes.plot([median, median], [row - half, row + half], color=INK, lw=1.8)
-    axes.plot(min(float(values.mean()), limit), row, "D", color=PAPER_COLOUR, mec=INK, ms=4.5, zorder=5)
+    axes.plot([median, median], [row - half, row + half], color=style.INK, lw=1.8)
+    axes.plot(
+        min(float(values.mean()), limit), row, "D", color=style.PAPER_COLOUR, mec=style.INK, ms=4.5, zorder=5
+    )
 
 
 def plot_error_boxes(
@@ -177,8 +170,8 @@ def plot_error_boxes(
     known = folds[np.isfinite(folds["ape"].to_numpy(dtype=np.float64))]
     values = {m: known.loc[known["model"] == m, "ape"].to_numpy(dtype=np.float64) for m in models}
     every = np.concatenate(list(values.values())) if values else np.empty(0)
-    limit = cut_at(every)
-    figure, axes = plotted(view, 1.55 + 0.52 * len(models), title, view.note)
+    limit = style.cut_at(every)
+    figure, axes = style.plotted(view, 1.55 + 0.52 * len(models), title, view.note)
     paper = view.published
     for row, model in enumerate(models):
         errors, colour = values[model], model_style(model).colour
@@ -189,15 +182,15 @@ def plot_error_boxes(
         inside = errors <= limit
         look: dict[str, Any] = {"s": 7, "color": colour, "alpha": 0.7, "lw": 0, "zorder": 3}
         axes.scatter(errors[inside], row + shift[inside], gid=f"trips-{row}", clip_on=False, **look)
-        mark_beyond(axes, errors, limit, row, colour)
+        style.mark_beyond(axes, errors, limit, row, colour)
         _box(axes, row, errors, colour, limit)
         if model in paper:
-            axes.plot(paper[model], row - 0.38, "x", color=INK, ms=5, mew=1.3)
-    axes.plot([], [], "D", color=PAPER_COLOUR, mec=INK, ms=4.5, label="mean")
-    axes.plot([], [], color=INK, lw=1.8, label="median")
+            axes.plot(paper[model], row - 0.38, "x", color=style.INK, ms=5, mew=1.3)
+    axes.plot([], [], "D", color=style.PAPER_COLOUR, mec=style.INK, ms=4.5, label="mean")
+    axes.plot([], [], color=style.INK, lw=1.8, label="median")
     if set(paper) & set(models):
-        axes.plot([], [], "x", color=INK, ms=5, mew=1.3, ls="", label="the paper's mean")
-    model_rows(axes, models)
+        axes.plot([], [], "x", color=style.INK, ms=5, mew=1.3, ls="", label="the paper's mean")
+    style.model_rows(axes, models)
     axes.set_xlim(0, limit)
-    percent_axis(axes, "absolute percentage error [%]")
-    return legend_below(figure, 3)
+    style.percent_axis(axes, "absolute percentage error [%]")
+    return style.legend_below(figure, 3)

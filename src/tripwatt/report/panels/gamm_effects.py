@@ -206,8 +206,7 @@ def _draw_curve(one: Axes, curve: CurveEffect, place: int) -> None:
     rug = rug[np.unique(np.linspace(0, len(rug) - 1, min(len(rug), 250)).round().astype(np.int64))]
     look: dict[str, Any] = {"ms": 5, "mew": 0.5, "alpha": 0.6, "transform": one.get_xaxis_transform()}
     one.plot(rug, np.zeros(len(rug)), "|", color=INK, **look)
-    one.set_ylim(*padded(_in_view(curve)))
-    one.set_xlabel(label)
+    one.set(ylim=padded(_in_view(curve)), xlabel=label)
     if place % 2 == 0:
         one.set_ylabel("effect [Wh]")
     few_ticks(one)

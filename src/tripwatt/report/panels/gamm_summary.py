@@ -17,7 +17,7 @@ from tripwatt.gam.effects import Effect, FactorEffect
 from tripwatt.gam.figures import RED
 from tripwatt.paper.insight import GammInsight
 from tripwatt.report.covariates import term_in_words
-from tripwatt.report.model_styles import model_style
+from tripwatt.report.model_styles import model_style, tables_of
 from tripwatt.report.panel import Content, panel
 from tripwatt.report.style import INK, few_ticks, kept_points, new_figure, padded, plotted
 from tripwatt.report.tables import DASH, Column, Table, in_percent, in_words, tabulated
@@ -28,25 +28,7 @@ from tripwatt.units import SECONDS_PER_MINUTE
 PAPER_TABLE2_SOURCE: Final = "arXiv:2405.10984, Table 2"
 
 
-PAPER_TABLE2: Final[Mapping[str, str]] = {
-    "(Intercept)": "1537.44 (938.99)",
-    "weather: cloudy": "796.09 (649.09)",
-    "weather: dark": "1430.53 (723.35)*",
-    "weather: dark, little rainy": "0.00 (0.00)",
-    "weather: rainy": "0.00 (0.00)",
-    "weather: slightly cloudy": "386.27 (582.56)",
-    "weather: sunny": "457.96 (573.88)",
-    "weather: sunrise": "754.49 (751.99)",
-    "weather: sunset": "2322.86 (998.28)*",
-    "s(time)": "6.25 (7.06)***",
-    "s(ambient temperature)": "1.00 (1.00)",
-    "s(speed)": "7.67 (8.54)***",
-    "s(elevation difference)": "2.59 (3.35)***",
-    "s(time):winter": "7.01 (7.92)***",
-    "s(ambient temperature):winter": "1.00 (1.00)",
-    "s(ambient temperature, elevation difference)": "4.86 (27.00)",
-    "s(trip)": "44.40 (57.00)***",
-}
+PAPER_TABLE2: Final[Mapping[str, str]] = tables_of("paper_table2")
 """What the paper prints for its GAMM (`PAPER_TABLE2_SOURCE`), by our names of the terms."""
 
 
@@ -234,8 +216,8 @@ def plot_diagnosis(view: View, diagnosis: Diagnosis) -> Figure:
     _dots(axes[0, 0], qq.theoretical, qq.residual, "qq")
     ends = qq.theoretical[[0, -1]]
     axes[0, 0].plot(ends, ends, color=RED, lw=1.4, gid="qq-line")
-    axes[0, 0].set_ylim(*padded(np.concatenate([qq.residual, ends])))
     axes[0, 0].set(title="Q-Q plot", xlabel=f"quantiles of {qq.distribution.name}", ylabel="residual")
+    axes[0, 0].set(ylim=padded(np.concatenate([qq.residual, ends])))
     scatter = diagnosis.predictor
     _dots(axes[0, 1], scatter.linear_predictor, scatter.residual, "predictor")
     axes[0, 1].axhline(0.0, color=RED, lw=1.4)

@@ -11,7 +11,7 @@ from tripwatt.report.panel import Content, panel
 from tripwatt.report.style import INK, PAPER_COLOUR, percent_axis, plotted, row_names
 from tripwatt.report.tables import Column, Table, in_words, tabulated
 from tripwatt.report.view import Record, View, of_evaluation, plain
-from tripwatt.report.words import is_significant, label, listed, points
+from tripwatt.report.words import is_significant, label, listed, points, points_between
 
 
 @panel("paired-differences", "Paired differences", draws=True, folded=True)
@@ -86,17 +86,12 @@ def on_paired(pairs: Sequence[Record], best: str | None) -> str:
 
 def paired_table(view: View) -> Table:
     """Every pair of models of every evaluation, with its interval and the result in words."""
-
-    def bounds(pair: Record) -> str:
-        low, high = pair["ci95"]
-        return f"{points(float(low))} to {points(float(high))}".replace(" points to", " to")
-
     return tabulated(
         view.captioned("Paired differences over the same trips"),
         [{**pair, "of": of_evaluation(e)} for e in view.evaluations for pair in view.paired_of(e)],
         Column("Pair", lambda pair: f"{label(str(pair['a']))} − {label(str(pair['b']))}"),
         Column("Difference of mean errors", lambda pair: points(float(pair["diff"]))),
-        Column("95 % interval", bounds),
+        Column("95 % interval", lambda pair: points_between(*map(float, pair["ci95"]))),
         in_words("Result", result_of),
         in_words("Evaluation", "of"),
     )

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
-from typing import Any
 
 from matplotlib.figure import Figure
 
 from tripwatt.evaluation.paper_studies import CORRELATIONS, CURVE_MODELS, FORMS, GAMM_ERRORS, NEAREST
 from tripwatt.paper.correctors import SIMULATION
-from tripwatt.report.model_styles import PAPER_IMPROVED, model_style
+from tripwatt.report.model_styles import PAPER_IMPROVED
 from tripwatt.report.panel import Content, panel
-from tripwatt.report.style import INK, legend_below, plotted, size_axes
+from tripwatt.report.style import INK, legend_below, plot_sizes, plotted
 from tripwatt.report.tables import DASH, Column, Table, in_percent, in_words, tabulated
 from tripwatt.report.view import Record, View
 from tripwatt.report.words import interval, label, listed, percent, points
@@ -255,12 +254,8 @@ def plot_trips_needed(view: View, needed: Record) -> Figure:
     """Mean error against the number of training trips, with the crossing and its interval."""
     figure, axes = plotted(view, 3.7, "How many training trips it takes", view.note)
     curve: Sequence[Record] = needed["curve"]
-    sizes = [float(row["n_trips"]) for row in curve]
     hybrid, alone = CURVE_MODELS
-    for name, marker in ((alone, "s"), (hybrid, "o")):
-        means, style = [100.0 * float(row[name]) for row in curve], model_style(name)
-        look: dict[str, Any] = {"color": style.colour, "ms": 6, "lw": 2, "ls": "-"}
-        axes.plot(sizes, means, marker, label=style.label, gid=f"curve-{name}", **look)
+    sizes = plot_sizes(axes, curve, (alone, hybrid))
     target = 100.0 * float(curve[-1][alone])
     axes.axhline(target, color=INK, lw=0.8, ls=":")
     if needed["crossing"] is not None:
@@ -268,5 +263,4 @@ def plot_trips_needed(view: View, needed: Record) -> Figure:
         axes.plot(bounds, [target, target], color=INK, lw=3.0, solid_capstyle="butt", gid="interval")
         words = "crossing, 95 % interval"
         axes.plot(needed["crossing"], target, "D", color=INK, ms=5, gid="crossing", label=words)
-    size_axes(axes, sizes)
     return legend_below(figure, 3)

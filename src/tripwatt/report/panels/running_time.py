@@ -13,7 +13,7 @@ from tripwatt.report.model_styles import model_style
 from tripwatt.report.panel import Content, panel
 from tripwatt.report.style import annotate, model_rows, new_figure
 from tripwatt.report.tables import Column, Table, tabulated
-from tripwatt.report.view import View
+from tripwatt.report.view import View, is_known
 from tripwatt.report.words import label
 
 PAPER_SAYS: Final[Mapping[str, str]] = {"gamm": "GAMMs have a longer running time compared to the others"}
@@ -35,17 +35,13 @@ def timed_models(view: View) -> list[str]:
         m
         for m in view.models
         if model_style(m).kind != "physics"
-        and all(_positive(models[m].get(key)) for key in ("fit_s", "predict_ms"))
+        and all(is_known(value) and value > 0 for value in map(models[m].get, ("fit_s", "predict_ms")))
     ]
 
 
 def correctors(view: View) -> list[str]:
     """Those of `timed_models` that correct the paper's physics, which are what the paper compares."""
     return [m for m in timed_models(view) if model_style(m).stands_on in view.protocol.published]
-
-
-def _positive(value: object) -> bool:
-    return isinstance(value, int | float) and bool(np.isfinite(value)) and value > 0
 
 
 def duration(seconds: float) -> str:
@@ -106,19 +102,15 @@ def plot_running_time(view: View) -> Figure:
     names, models = timed_models(view), view.scores
     figure = new_figure(1.6 + 0.27 * len(names), "Running time", view.note, view.synthetic)
     panels = figure.subplots(1, 2, sharey=True)
-    for axes, key, words in (
-        (panels[0], "fit_s", "one fit [s]"),
-        (panels[1], "predict_ms", "predicting one trip [ms]"),
-    ):
+    shown = ("fit_s", "one fit [s]"), ("predict_ms", "predicting one trip [ms]")
+    for axes, (key, words) in zip(panels, shown, strict=True):
         values = np.array([float(models[m][key]) for m in names])
         for row, (model, value) in enumerate(zip(names, values, strict=True)):
             axes.plot(value, row, "o", color=model_style(model).colour, ms=6, gid=f"{key}-{row}")
             annotate(axes, _short(value), (value, row), (0, 6), ha="center")
-        axes.set_xscale("log")
-        axes.set_xlim(values.min() / 4, values.max() * 4)
+        axes.set(xscale="log", xlim=(values.min() / 4, values.max() * 4), xlabel=words)
         axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: _short(value)))
         axes.minorticks_off()
-        axes.set_xlabel(words)
         axes.grid(axis="x")
         model_rows(axes, names)
     panels[1].tick_params(labelleft=False)

@@ -9,20 +9,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from tripwatt.arrays import FloatArray
+from tripwatt.report import style
 from tripwatt.report.model_styles import model_style
 from tripwatt.report.panel import Content, panel
-from tripwatt.report.style import (
-    INK,
-    PAPER_COLOUR,
-    RULE,
-    cut_at,
-    legend_below,
-    new_figure,
-    percent_axis,
-    plotted,
-    row_names,
-    thinned,
-)
 from tripwatt.report.tables import Column, Table, in_kwh, in_percent, tabulated
 from tripwatt.report.view import View, plain
 from tripwatt.report.words import label, listed, percent
@@ -119,15 +108,15 @@ def plot_trip_energy(view: View, selected: Sequence[tuple[str, str, float]], mod
         The corrected prediction; beside it the simulation that it corrects, where each of the trips has it.
     """
     height, title = 1.0 + 2.55 * len(selected), f"Energy along the trip: {model_style(model).label}"
-    figure = new_figure(height, title, "", view.synthetic)
+    figure = style.new_figure(height, title, "", view.synthetic)
     grid = figure.add_gridspec(2 * len(selected), 1, height_ratios=[3.2, 1.0] * len(selected))
     simulated = model_style(model).stands_on
-    curves: list[tuple[str, str, str, Any, float]] = [("observed_energy_wh", "measured", INK, "-", 1.8)]
+    curves: list[tuple[str, str, str, Any, float]] = [("observed_energy_wh", "measured", style.INK, "-", 1.8)]
     if simulated and all(simulated in view.series[trip] for _, trip, _ in selected):
         curves.append((simulated, "simulated", model_style(simulated).colour, (0, (5, 2)), 1.6))
     curves.append((model, "corrected", model_style(model).colour, "-", 1.6))
     for place, (role, trip, ape) in enumerate(selected):
-        frame = thinned(view.series[trip])
+        frame = style.thinned(view.series[trip])
         minutes = (frame["time_s"] - view.series[trip]["time_s"].iloc[0]) / SECONDS_PER_MINUTE
         top = figure.add_subplot(grid[2 * place])
         below = figure.add_subplot(grid[2 * place + 1], sharex=top)
@@ -135,15 +124,13 @@ def plot_trip_energy(view: View, selected: Sequence[tuple[str, str, float]], mod
             if column in frame:
                 look: dict[str, Any] = {"color": colour, "ls": dash, "lw": width}
                 top.plot(minutes, frame[column] / 1e3, label=words, gid=f"energy-{place}-{words}", **look)
-        top.axhline(0.0, color=RULE, lw=0.8, zorder=0)
-        top.set_title(f"{role} trip: {plain(trip, 34)}, error {100 * ape:.1f} %")
-        top.set_ylabel("energy [kWh]")
+        top.axhline(0.0, color=style.RULE, lw=0.8, zorder=0)
+        top.set(title=f"{role} trip: {plain(trip, 34)}, error {100 * ape:.1f} %", ylabel="energy [kWh]")
         top.grid(axis="y")
         top.tick_params(labelbottom=False)
-        below.fill_between(minutes, frame["speed_m_s"] / M_S_PER_KM_H, color=INK, alpha=0.35, lw=0)
-        below.set_ylabel("km/h")
+        below.fill_between(minutes, frame["speed_m_s"] / M_S_PER_KM_H, color=style.INK, alpha=0.35, lw=0)
+        below.set(xlim=(0, float(minutes.iloc[-1]) or 1.0), ylabel="km/h")
         below.set_ylim(bottom=0)
-        below.set_xlim(0, float(minutes.iloc[-1]) or 1.0)
     figure.axes[-1].set_xlabel("time since departure [min]")
     figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside lower left", ncols=3)
     return figure
@@ -164,24 +151,23 @@ def plot_trip_errors(view: View, model: str, against: str | None = None) -> Figu
     total = len(wide)
     wide = wide.head(MOST_TRIPS)
     shown = f"the {len(wide)} largest of {total}" if total > len(wide) else f"all {total} trips"
-    figure, axes = plotted(view, 1.5 + 0.165 * len(wide), f"Error by trip, {shown}", view.note)
+    figure, axes = style.plotted(view, 1.5 + 0.165 * len(wide), f"Error by trip, {shown}", view.note)
     rows = np.arange(len(wide))
     own = wide[model].to_numpy(dtype=np.float64)
     others = [wide[against].to_numpy(dtype=np.float64)] if against in wide.columns else []
-    limit = cut_at(np.concatenate([own, *others]))
+    limit = style.cut_at(np.concatenate([own, *others]))
 
     def dots(values: FloatArray, name: str, gid: str, **look: Any) -> None:
         words = model_style(name).label
         axes.plot(np.minimum(values, limit), rows, "o", label=words, gid=gid, clip_on=False, **look)
 
     base = others[0] if others else np.zeros_like(own)
-    axes.hlines(rows, np.minimum(own, limit), np.minimum(base, limit), color=RULE, lw=1.4, zorder=1)
+    axes.hlines(rows, np.minimum(own, limit), np.minimum(base, limit), color=style.RULE, lw=1.4, zorder=1)
     for other in others:
-        dots(other, str(against), "other", mfc=PAPER_COLOUR, mec=model_style(str(against)).colour, ms=4)
+        dots(other, str(against), "other", mfc=style.PAPER_COLOUR, mec=model_style(str(against)).colour, ms=4)
     dots(own, model, "own", color=model_style(model).colour, ms=4.5)
-    row_names(axes, [plain(trip, 18) for trip in wide.index], fontsize=7.5)
-    axes.set_ylim(len(wide) - 0.3, -0.7)
-    axes.set_xlim(0, limit)
+    style.row_names(axes, [plain(trip, 18) for trip in wide.index], fontsize=7.5)
+    axes.set(xlim=(0, limit), ylim=(len(wide) - 0.3, -0.7))
     axes.spines["left"].set_visible(False)
-    percent_axis(axes, "absolute percentage error [%]")
-    return legend_below(figure, 2)
+    style.percent_axis(axes, "absolute percentage error [%]")
+    return style.legend_below(figure, 2)

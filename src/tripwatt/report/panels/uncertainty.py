@@ -41,11 +41,7 @@ def coverage(view: View) -> Content:
 def on_coverage(view: View) -> str:
     """How many held-out trips lie in their intervals."""
     score = view.focus
-    outside = [
-        f"{100 * float(key):g} %"
-        for key, (low, high) in score["coverage_ci95"].items()
-        if not low <= float(key) <= high
-    ]
+    outside = off_levels(score)
     levels = listed([f"{100 * float(key):g}" for key in score["coverage"]])
     shares = listed([f"{100 * covered:.0f}" for covered in score["coverage"].values()])
     verdict = "no share differs significantly from its nominal level"
@@ -55,6 +51,12 @@ def on_coverage(view: View) -> str:
         f"The intervals of {levels} % contain the measured energy of {shares} % of the trips; {verdict} (Clopper-Pearson, 95 %; {view.note}, "
         f"{view.given})."
     )
+
+
+def off_levels(score: Record) -> list[str]:
+    """Levels whose share of trips differs significantly from them."""
+    bounds = score["coverage_ci95"].items()
+    return [f"{100.0 * float(key):g} %" for key, (low, high) in bounds if not low <= float(key) <= high]
 
 
 def coverage_table(view: View) -> Table:
@@ -109,12 +111,7 @@ def on_sets(view: View) -> str:
         f"{100.0 * float(key):g} % interval holds {100.0 * min(some):.0f} to {100.0 * max(some):.0f} %"
         for key, some in shares.items()
     ]
-    off = [
-        f"{100.0 * float(key):g} % in {name}"
-        for name, score, _ in scored
-        for key, (low, high) in score["coverage_ci95"].items()
-        if not low <= float(key) <= high
-    ]
+    off = [f"{level} in {name}" for name, score, _ in scored for level in off_levels(score)]
     verdict = "No share differs significantly from its level"
     if off:
         verdict = f"It differs significantly from its level at: {listed(off)}"
@@ -215,9 +212,8 @@ def plot_widths(view: View, trips: pd.DataFrame) -> Figure:
     axes.plot(km, half, "_", color=FORECAST_COLOUR, ms=9, mew=2.2, label="half width of the 90 % interval")
     axes.plot(km[~missed], error[~missed], "o", color=INK, ms=3.5, label="error, inside")
     axes.plot(km[missed], error[missed], "X", color=WARM_COLOUR, ms=6.5, label="error, outside")
-    axes.set(xlabel="trip [km]", ylabel="energy [kWh]")
-    axes.set_xlim(0, 1.03 * float(km.max()))
-    axes.set_ylim(0, 1.08 * float(max(half.max(), error.max())))
+    ends = {"xlim": (0, 1.03 * float(km.max())), "ylim": (0, 1.08 * float(max(half.max(), error.max())))}
+    axes.set(xlabel="trip [km]", ylabel="energy [kWh]", **ends)
     axes.grid(axis="y")
     return legend_below(figure, 2)
 
@@ -245,8 +241,8 @@ def on_crps(score: Record, given: str) -> str:
 def crps_rows(view: View) -> list[tuple[str, float, str]]:
     """(name, CRPS [Wh], colour) of the forecast, of itself with one width, and of its rivals without an interval."""
     score, focus = view.focus, view.protocol.focus or ""
-    style = model_style(focus)
-    rivals = [m for m in (*style.rivals, style.without_physics) if m is not None and m in view.scores]
+    described = model_style(focus)
+    rivals = [m for m in (*described.rivals, described.without_physics) if m is not None and m in view.scores]
     return [
         (label(focus), score["crps_wh"], FORECAST_COLOUR),
         ("same, one width for all trips", score["crps_same_width_wh"], WARM_COLOUR),

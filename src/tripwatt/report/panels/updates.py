@@ -9,24 +9,17 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
+from tripwatt.report import style
 from tripwatt.report.panel import Content, panel
-from tripwatt.report.style import (
-    FORECAST_COLOUR,
-    PLAIN_COLOUR,
-    WARM_COLOUR,
-    legend_below,
-    percent_axis,
-    plotted,
-)
 from tripwatt.report.tables import Column, Table, in_kwh, in_percent, tabulated
 from tripwatt.report.view import Record, View
 from tripwatt.report.words import listed, percent
 
 LINES: Final[Mapping[str, tuple[str, str, str]]] = {
-    "naive_gauge": ("consumption per km so far × all km", PLAIN_COLOUR, "^"),
-    "no_update": ("no update: measured + departure forecast of the rest", WARM_COLOUR, "s"),
+    "naive_gauge": ("consumption per km so far × all km", style.PLAIN_COLOUR, "^"),
+    "no_update": ("no update: measured + departure forecast of the rest", style.WARM_COLOUR, "s"),
     "soc_only": ("re-forecast from the state of charge alone", "#7d6bc6", "D"),
-    "mape": ("re-forecast", FORECAST_COLOUR, "o"),
+    "mape": ("re-forecast", style.FORECAST_COLOUR, "o"),
 }
 """Key in `update` -> words, colour, marker."""
 
@@ -78,7 +71,7 @@ def updates_table(view: View) -> Table:
 
 def plot_updates(view: View) -> Figure:
     """Error of the re-forecast total against the part of the trip driven, beside its baselines."""
-    figure, axes = plotted(view, 4.3, "During the trip: error of the trip's total", view.note_given)
+    figure, axes = style.plotted(view, 4.3, "During the trip: error of the trip's total", view.note_given)
     update: Mapping[str, Record] = view.focus["update"]
     fractions = [float(key) for key in update]
     for key, (words, colour, marker) in LINES.items():
@@ -87,14 +80,13 @@ def plot_updates(view: View) -> Figure:
             look: dict[str, Any] = {"marker": marker, "color": colour, "lw": 2.4 if key == "mape" else 1.4}
             axes.plot(fractions, values, ms=5.5, label=words, gid=f"update-{key}", **look)
     bounds = np.array([row["mape_ci95"] for row in update.values()]) * 100
-    axes.fill_between(fractions, bounds[:, 0], bounds[:, 1], color=FORECAST_COLOUR, alpha=0.18, lw=0)
+    axes.fill_between(fractions, bounds[:, 0], bounds[:, 1], color=style.FORECAST_COLOUR, alpha=0.18, lw=0)
     axes.set_yscale("log")
     low, high = axes.get_ylim()
     axes.set_yticks([tick for tick in (1, 2, 5, 10, 20, 50, 100, 200) if low <= tick <= high])
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axes.yaxis.set_minor_formatter(NullFormatter())
-    axes.set_ylabel("mean error of the total [%]")
-    axes.set_xticks(fractions)
-    percent_axis(axes, "part of the trip's time driven [%]")
+    axes.set(xticks=fractions, ylabel="mean error of the total [%]")
+    style.percent_axis(axes, "part of the trip's time driven [%]")
     axes.grid(axis="y")
-    return legend_below(figure, reverse=True)
+    return style.legend_below(figure, reverse=True)

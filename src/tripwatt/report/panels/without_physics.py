@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from tripwatt.evaluation.forecast_scores import FORECAST, WITHOUT_PHYSICS
 from tripwatt.report.model_styles import model_style
 from tripwatt.report.panel import Content, panel
-from tripwatt.report.style import RULE, legend_below, percent_axis, plotted, row_names, size_axes
+from tripwatt.report.style import RULE, legend_below, percent_axis, plot_sizes, plotted, row_names
 from tripwatt.report.tables import Column, Table, in_percent, tabulated
 from tripwatt.report.view import Record, View, plain
 from tripwatt.report.words import label, listed, percent
@@ -50,15 +50,12 @@ def on_training_size(curve: Sequence[Record], given: str) -> str:
 def plot_training_size(view: View, curve: Sequence[Record]) -> Figure:
     """Mean error against the number of training trips, hybrid and data-only, every draw as a point."""
     figure, axes = plotted(view, 3.9, "How many training trips it takes", view.note_given)
-    sizes = [float(row["n_trips"]) for row in curve]
     for model, marker in ((WITHOUT_PHYSICS, "s"), (FORECAST, "o")):
-        style = model_style(model)
         for row in curve:
             draws = [100 * draw for draw in row.get(f"{model}_by_draw") or []]
-            axes.plot([row["n_trips"]] * len(draws), draws, marker, color=style.colour, ms=3, alpha=0.45)
-        means = [100 * float(row[model]) for row in curve]
-        axes.plot(sizes, means, marker, ls="-", color=style.colour, ms=6, lw=2, label=style.label)
-    size_axes(axes, sizes)
+            colour, numbers = model_style(model).colour, [row["n_trips"]] * len(draws)
+            axes.plot(numbers, draws, marker, color=colour, ms=3, alpha=0.45)
+    plot_sizes(axes, curve, (WITHOUT_PHYSICS, FORECAST))
     return legend_below(figure, 2)
 
 
