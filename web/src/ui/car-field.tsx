@@ -63,7 +63,7 @@ function optionsFor(words: string): Option[] {
   const open = { key: "manage", name: own.manage, detail: "", take: () => openOwnCars(car.value?.own) };
   const manage = ownCars.value ? [open] : [];
   // beside the own cars while nothing is typed; what is typed is first a car
-  return words ? [...mine, ...library, form, ...manage] : [...mine, ...manage, ...library, form];
+  return words ? [...mine, ...library, ...manage, form] : [...mine, ...manage, ...library, form];
 }
 
 function titleOfCar(): string {
