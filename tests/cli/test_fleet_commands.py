@@ -1,6 +1,8 @@
 """The commands of stores and fleets, in this process: what they print and how they fail."""
 
 import json
+import shlex
+from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
@@ -8,11 +10,14 @@ from typer.testing import CliRunner
 pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
 
 from tests.store.test_store import drive
+from tools import DOCS
 
 from tripwatt.cli import app
 from tripwatt.cli.stores import store_options
 from tripwatt.errors import InvalidInput
 from tripwatt.fleet.mapping import car_of
+from tripwatt.synthetic import CHANGED, TRIPS_EACH, VEHICLES, example_fleet, synthetic_fleet
+from tripwatt.vehicles import load_vehicle
 
 
 def run(*arguments, code=0):
@@ -55,6 +60,33 @@ def test_a_store_from_the_command_line(tmp_path):
         app, ["store", "add", str(store), str(tmp_path / "d0.csv"), "--vehicle", "vw_id33"]
     )
     assert isinstance(unknown.exception, InvalidInput)
+
+
+def test_the_documented_commands_lead_from_nothing_to_the_report_of_a_fleet(tmp_path, monkeypatch):
+    """It lists the one change that the example has, with its cause, and the truth lies in the interval of its first day."""
+    section = (DOCS / "howto" / "fleet.md").read_text("utf-8").split("## Try it without data")[1]
+    commands = section.split("```sh\n")[1].split("```")[0].splitlines()
+    assert len(commands) == 3
+    monkeypatch.chdir(tmp_path)
+    for command in commands:
+        run(*shlex.split(command)[1:])
+    report = Path("example-models", "report")
+    assert "V1" in (report / "report.html").read_text("utf-8")
+    told = json.loads((report / "report.json").read_text("utf-8"))
+    vehicle, since = CHANGED
+    (change,) = told["changes"]
+    assert (change["vehicle_id"], change["cause"]) == (vehicle, "road load")
+    assert change["from_day"] <= f"{since:%Y-%m-%d}" <= change["to_day"]
+    car_model, fleet = next(example_fleet())
+    without = synthetic_fleet(TRIPS_EACH, 0, vehicle=load_vehicle(car_model))
+    pairs = [
+        pair for pair in zip(fleet.logs, without.logs, strict=True) if pair[0].context.started_at >= since
+    ]
+    changed_wh, unchanged_wh = (
+        sum(log.observed_energy_wh for log in logs) for logs in zip(*pairs, strict=True)
+    )
+    assert change["change"] == pytest.approx(changed_wh / unchanged_wh - 1.0, abs=3.0 * change["sd"])
+    assert len(told["vehicles"]) == VEHICLES
 
 
 def test_store_options_are_pairs():

@@ -114,6 +114,33 @@ def mapped(page: Any) -> dict[str, str]:
     }
 
 
+def opens_with_the_only_car(page: Any, keeper: Service, title: str) -> None:
+    """A page without a link and without an earlier visit has the car of the service; one that was left with another car has that."""
+
+    def visit() -> str:
+        page.goto(f"{keeper.url}/licences.txt")  # where no timer of the page writes any more
+        page.goto(keeper.url)
+        page.wait_for_selector(SHOWN)
+        return str(page.get_by_role("combobox", name="Car").input_value())
+
+    page.goto(f"{keeper.url}/licences.txt")
+    page.evaluate("localStorage.clear()")
+    assert visit() == title
+    page.locator("header [role=combobox]").click()
+    shown = page.locator("header [role=option]")
+    assert [shown.nth(k).inner_text().partition(" · ")[0].partition(":")[0] for k in range(2)] == [
+        "my-i3",
+        "Your cars",
+    ]
+    page.keyboard.press("Escape")
+    choose_car(page, "Leaf 24", "Nissan Leaf 24 kWh")
+    page.wait_for_url(re.compile("vehicle=nissan_leaf_24"))
+    assert visit() == "Nissan Leaf 24 kWh"
+    choose_car(page, "my-i3", "my-i3")
+    page.wait_for_url(re.compile("own="))
+    assert visit() == title
+
+
 def test_a_car_is_made_taught_used_and_deleted(opened: Any, keeper: Service) -> None:
     page = opened
     new_car(page, "my-i3")
@@ -151,6 +178,7 @@ def test_a_car_is_made_taught_used_and_deleted(opened: Any, keeper: Service) -> 
     page.reload()
     page.wait_for_selector(SHOWN)
     assert page.get_by_role("combobox", name="Car").input_value() == "my-i3: BMW i3 60 Ah"
+    opens_with_the_only_car(page, keeper, "my-i3: BMW i3 60 Ah")
     manage_cars(page)
     dialog(page).get_by_role("button", name="Delete …").click()
     dialog(page).get_by_role("button", name="Keep").click()

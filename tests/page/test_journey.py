@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator
 from io import BytesIO
 from typing import Any
@@ -538,6 +539,20 @@ def test_a_plan_is_a_link(page: Any, planner: Service, opened: tuple[Any, list[s
     page.get_by_text("Westend – Hauptstraße").first.wait_for()
     assert slider.input_value() == "-7"
     opened[1].clear()  # the router of this test has one road
+
+
+def test_the_examples_begin_with_the_longest_one(page: Any) -> None:
+    """Whoever looks at them sees a forecast, also on a phone, where the list folds behind it."""
+    rows = page.evaluate("fetch('v1/examples').then(answer => answer.json())")["examples"]
+    longest = max(rows, key=lambda row: row["distance_m"])["trip"]
+    page.set_viewport_size({"width": 390, "height": 844})
+    page.locator(".trip .more").click()
+    page.get_by_role("radio", name="Examples").check()
+    page.locator(".todo:not(.old)").wait_for()
+    page.wait_for_url(re.compile(f"example={longest}(&|$)"))
+    page.locator(".trip .more").click()
+    page.get_by_role("radio", name="Upload").check()
+    page.get_by_text("or drop").first.wait_for()
 
 
 def test_another_tab_leaves_no_answer_up_and_paper_has_the_answer_without_controls(page: Any) -> None:

@@ -50,9 +50,9 @@ def demo(
         def show(url: str) -> None:
             threading.Thread(target=send, args=(samples, url, token), daemon=True).start()
             typer.echo(f"tripwatt: {url}")
-            typer.echo("The diary of the Example car: Your cars, at the top of the page.")
+            typer.echo("The page opens with the Example car. Its diary: Your cars, in the field of the car.")
             typer.echo(
-                "Its drive of this moment, with a forecast that follows it: On the road, at the top of the page."
+                "Its drive of this moment, with a forecast that follows it: the steering wheel beside it."
             )
 
         serve(replace(settings, port=port), show)

@@ -85,18 +85,29 @@ def create(
     buckets: Annotated[
         int, option("N", "Parts by vehicle. Some hundred vehicles a part are a good number.")
     ] = 16,
+    example: Annotated[
+        bool, typer.Option("--example", help="Add the computed trips of eight vehicles, to try the commands.")
+    ] = False,
 ) -> Answer:
-    """Make an empty trip store: the Delta tables samples and trips.
+    """Make an empty trip store: the Delta tables samples and trips. With `--example` it has trips to try the commands.
 
     For example:
 
       # create an empty store in the folder fleet
       tripwatt store create fleet
+      # create a store with an example fleet
+      tripwatt store create fleet --example
     """
-    from tripwatt.store import create_store
+    from tripwatt.store import Added, create_store
+    from tripwatt.synthetic import example_fleet
 
     made = create_store(store.store, buckets=buckets, options=store_options(store.options))
-    return Answer(made.about, f"{store.store}: an empty trip store")
+    done = Added()
+    for car_model, fleet in example_fleet() if example else ():
+        done += made.add(fleet, car_model=car_model)
+    if example:
+        print_notes([f"{store.store} has computed trips; they do not describe real cars"])
+    return Answer(made.about, f"{store.store}: {done if example else 'an empty trip store'}")
 
 
 def add(

@@ -12,6 +12,8 @@ day's scenario expects, not with those at the end of the trip before it.
 
 from __future__ import annotations
 
+import datetime as dt
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Final
 
@@ -26,10 +28,12 @@ from tripwatt.synthetic.world import simulate_truth
 from tripwatt.trips import Context, Flag, Fleet, Trip, raise_faults
 from tripwatt.trips.columns import Column, is_number, number_faults
 from tripwatt.vehicles import Vehicle, load_vehicle
+from tripwatt.vehicles.extras import with_extras
 
 __all__ = [
     "VEHICLE",
     "PlantedFault",
+    "example_fleet",
     "example_trip",
     "faulty_fleet",
     "synthetic_fleet",
@@ -51,6 +55,13 @@ FAULTY_NOTE: Final = Flag("planted_faults", "synthetic", 3.0, "1")
 MOST_TRIPS: Final = 1_000_000
 MOST_SEED: Final = 2**63 - 1
 """Most trips of a fleet, and largest seed."""
+
+CAR_MODELS: Final = ("bmw_i3_60ah", "nissan_leaf_24")
+VEHICLES, TRIPS_EACH = 8, 48
+"""Of `example_fleet`."""
+
+CHANGED: Final = ("V1", dt.datetime(2023, 12, 20))
+"""The vehicle of `example_fleet` that changes, and since when it has a roof box and 70 % of its tyre pressure."""
 
 
 def synthetic_fleet(
@@ -257,6 +268,37 @@ def example_trip(seed: int = 0) -> pd.DataFrame:
     ['time_s', 'speed_m_s', 'elevation_m', 'ambient_temperature_degc']
     """
     return synthetic_fleet(1, seed).trips[0].samples
+
+
+def example_fleet() -> Iterator[tuple[str, Fleet]]:
+    """Make the trips of eight vehicles of two car models, to try the commands of fleets; one changes in `CHANGED`.
+
+    Yields
+    ------
+    str, Fleet
+        The car model of a vehicle, and its trips, of which `context.car` is the vehicle.
+
+    Examples
+    --------
+    >>> car_model, fleet = next(example_fleet())
+    >>> car_model, fleet.logs[0].context.car, fleet.logs[0].context.driver
+    ('bmw_i3_60ah', 'V1', 'V1 driver 5')
+    """
+    for number in range(VEHICLES):
+        name, vehicle_id = CAR_MODELS[number % len(CAR_MODELS)], f"V{number + 1}"
+        car = load_vehicle(name)
+        fleet = synthetic_fleet(TRIPS_EACH, number, vehicle=car)
+        after = fleet
+        if vehicle_id == CHANGED[0]:
+            changed = with_extras(car, ["roof_box"], tyre_pressure=0.7)
+            after = synthetic_fleet(TRIPS_EACH, number, vehicle=changed)
+        logs = []
+        for before, later in zip(fleet.logs, after.logs, strict=True):
+            assert before.context.started_at is not None
+            log = before if before.context.started_at < CHANGED[1] else later
+            driver = f"{vehicle_id} {log.context.driver}"
+            logs.append(replace(log, context=replace(log.context, car=vehicle_id, driver=driver)))
+        yield name, replace(fleet, logs=tuple(logs))
 
 
 def _require_sound(n_trips: int, seed: int, step_s: float, hours: tuple[float, float] | None) -> None:

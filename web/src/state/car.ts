@@ -1,7 +1,7 @@
 /** The chosen car and the chosen model. */
 
 import { computed, signal } from "@preact/signals";
-import type { Figures, Model, Vehicle } from "../api/documents";
+import type { Figures, Model, OwnCarSummary, Vehicle } from "../api/documents";
 
 /** Name of the car that its driver describes. */
 export const DESCRIBED = "";
@@ -58,19 +58,22 @@ export function chooseModel(name: string): void {
   if (car.value) car.value = { ...car.value, model: name };
 }
 
-/** Choose the car and the model of the last visit, if the service still has them, else the first model. */
-export function chooseFirst(last: Partial<Car> | undefined, owned: readonly string[] = []): void {
+/**
+ * Choose the car and the model of the last visit, if the service still has them.
+ *
+ * Else the car of the service, where it keeps exactly one, else that of the first model.
+ */
+export function chooseFirst(
+  last: Partial<Car> | undefined,
+  owned: readonly Pick<OwnCarSummary, "name" | "vehicle" | "title">[] = [],
+): void {
   const known = models.value.find(({ name }) => name === last?.model) ?? models.value[0];
   if (!known) return;
-  const { own, vehicle: of = "", title = "" } = last ?? {};
-  if (own && owned.includes(own)) {
-    car.value = { model: known.name, vehicle: of, title, own };
-    return;
-  }
-  if (last?.figures && last.title) {
+  car.value = { model: known.name, vehicle: known.model.vehicle };
+  const own = owned.find(({ name }) => (last ? name === last.own : owned.length === 1));
+  if (own) chooseOwn(own.name, own.vehicle, own.title);
+  else if (last?.figures && last.title)
     car.value = { model: known.name, vehicle: DESCRIBED, figures: last.figures, title: last.title };
-    return;
-  }
-  const same = vehicles.value.some(({ name }) => name === last?.vehicle);
-  car.value = { model: known.name, vehicle: same ? (last?.vehicle as string) : known.model.vehicle };
+  else if (vehicles.value.some(({ name }) => name === last?.vehicle))
+    car.value = { ...car.value, vehicle: last?.vehicle as string };
 }

@@ -186,8 +186,7 @@ async function chooseLinked({ source: from, places, round, example, distance }: 
 /** Show a link: the car, the conditions and the trip that it has. */
 export async function chooseLink(linked: Linked): Promise<boolean> {
   batch(() => {
-    const names = ownCars.value?.map(({ name }) => name);
-    if (linked.car) chooseFirst(linked.car, names);
+    if (linked.car) chooseFirst(linked.car, ownCars.value ?? []);
     conditions.value = linked.conditions;
   });
   return chooseLinked(linked);
@@ -198,6 +197,13 @@ async function loadExamples(): Promise<void> {
   await whileLoading({ what: "examples" }, async () => {
     examples.value = await listExamples();
   });
+}
+
+/** Show the longest example, unless there is a trip by then. */
+async function chooseFirstExample(): Promise<void> {
+  await loadExamples();
+  const first = longest(examples.value);
+  if (first && source.value === "examples" && !trip.value) await chooseExample(first.trip);
 }
 
 /**
@@ -214,18 +220,12 @@ export async function startPage(): Promise<void> {
     batch(() => {
       models.value = allModels;
       vehicles.value = allVehicles;
-      chooseFirst(
-        undefined,
-        ownCars.value?.map(({ name }) => name),
-      );
+      chooseFirst(undefined, ownCars.value ?? []);
     });
   });
   if (models.value.length === 0) return;
   if (linked && (await chooseLink(linked))) return;
-  if (withMap) return chooseExampleOfMap();
-  await loadExamples();
-  const first = longest(examples.value);
-  if (first) await chooseExample(first.trip);
+  return withMap ? chooseExampleOfMap() : chooseFirstExample();
 }
 
 /** The trips that were shown last, by where they come from. */
@@ -246,7 +246,7 @@ export function chooseSource(next: Source): void {
     problem.value = null;
     trip.value = earlier.get(next) ?? null;
   });
-  if (next === "examples") void loadExamples();
+  if (next === "examples") void chooseFirstExample();
 }
 
 /** Repeat the start of the page or the forecast after a problem. */

@@ -59,11 +59,11 @@ function optionsFor(words: string): Option[] {
     detail: row.models.length > 0 ? header.measured : "",
     take: () => chooseVehicle(row.name),
   }));
-  const more = [{ key: "form", name: header.missing, detail: "", take: openCarDialog }];
-  if (ownCars.value) {
-    more.push({ key: "manage", name: own.manage, detail: "", take: () => openOwnCars(car.value?.own) });
-  }
-  return [...mine, ...library, ...more];
+  const form = { key: "form", name: header.missing, detail: "", take: openCarDialog };
+  const open = { key: "manage", name: own.manage, detail: "", take: () => openOwnCars(car.value?.own) };
+  const manage = ownCars.value ? [open] : [];
+  // beside the own cars while nothing is typed; what is typed is first a car
+  return words ? [...mine, ...library, ...manage, form] : [...mine, ...manage, ...library, form];
 }
 
 function titleOfCar(): string {

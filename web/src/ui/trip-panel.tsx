@@ -122,7 +122,9 @@ export function TripPanel() {
   const starts = source.value === "journey" && !now?.stops;
   const [opened, setOpen] = useState(false);
   const open = opened || starts;
-  useEffect(() => setOpen(false), [now?.source, now?.title]);
+  useEffect(() => {
+    if (now) setOpen(false);
+  }, [now?.source, now?.title]);
   const wrong = faults.value.get("trip") ?? [];
   const { trip: words } = text.value;
   return (
