@@ -182,6 +182,14 @@ def test_a_current_of_the_wrong_sign_at_a_steady_speed_is_refused(
     assert before.update(steady(40.0, seconds)).energy_wh > 0.0
 
 
+def test_a_speed_is_held_after_the_start() -> None:
+    """The first twentieth, in which the car speeds up, makes no mountain pass of a motorway."""
+    observed = steady(-40.0, 400.0)
+    observed["speed_m_s"] = np.minimum(observed["time_s"], 20.0)
+    with pytest.raises(tw.InvalidInput, match=r"less energy than the drive takes.*negate it"):
+        forecast(None).update(observed)
+
+
 def test_a_measured_energy_is_held_against_the_road_as_well() -> None:
     observed = pd.DataFrame({"time_s": [0.0, 600.0], "speed_m_s": 20.0, "observed_energy_wh": [0.0, -500.0]})
     with pytest.raises(tw.InvalidInput, match="less energy than the drive takes"):

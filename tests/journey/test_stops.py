@@ -113,6 +113,17 @@ def test_the_course_has_a_jump_for_each_stop(long_journey):
     assert sum(plan.by_cause_wh.values()) == pytest.approx(plan.energy_wh)
 
 
+def test_stops_are_counted_from_the_departure(long_journey):
+    plan, (begins, *_) = long_journey.charging, long_journey.charging.series().to_dict("records")
+    assert (begins["time_s"], begins["distance_m"], begins["energy_wh"]) == (0.0, 0.0, 0.0)
+    after_s = position_m = 0.0
+    for leg, stop in zip(plan.legs, plan.stops, strict=False):
+        after_s, position_m = after_s + leg.forecast.plan.duration_s, position_m + leg.road.distance_m
+        assert stop.arrives_after_s == pytest.approx(after_s, abs=1e-6)
+        assert stop.position_m == pytest.approx(position_m, abs=1e-6)
+        after_s += stop.charging_s + stop.overhead_s
+
+
 def test_errors_of_energy_add_up_over_legs_between_independent_and_common_ones(long_journey):
     plan = long_journey.charging
     series = plan.series()
