@@ -11,10 +11,12 @@ from tests.journey.made import COLD, MADE, A, journey
 
 import tripwatt as tw
 from tripwatt.journey import Place, planning, plans
+from tripwatt.journey import corridor as corridor_module
 from tripwatt.journey.charging import WARM_DEGC
 from tripwatt.journey.corridor import Corridor, Leg
 from tripwatt.journey.plans import _trimmed
 from tripwatt.journey.solver import STEP, StopPlan
+from tripwatt.journey.stops import variance_along
 from tripwatt.routes.maps import Station
 
 FAR = Place(47.0, 11.2, "Far")
@@ -363,3 +365,26 @@ def test_the_leg_from_the_start_keeps_its_charge():
 
 def test_another_station_is_reached_by_four_of_five_at_least():
     assert plans.IF_FULL == (0.95, 0.9, 0.8)
+
+
+def test_of_too_many_stations_the_two_strongest_of_each_stretch_are_kept(model, long_journey, monkeypatch):
+    power_w = 1000.0 * np.array([50, 20, 90, 70, 30, 11, 12, 150, 40, 60, 25, 35, 45])
+    stations = [replace(one, power_w=float(w)) for one, w in zip(row(13), power_w, strict=True)]
+    monkeypatch.setattr(corridor_module, "MOST_STATIONS", 6)
+    corridor = replace(long_journey.corridor, atlas=replace(MADE, stations=tuple(stations)))
+    thirds = np.split(power_w, [4, 9])
+    expected = [w for third in thirds for w in third if w >= np.sort(third)[-2]]
+    assert [station.power_w for station in corridor.stations] == expected
+
+
+def test_the_variance_of_a_forecast_is_what_legs_share_and_what_they_do_not(long_journey):
+    forecast = long_journey.forecast
+    wh = forecast.charge.wh_per_display
+    common, own = variance_along(forecast)
+    whole = forecast.energy_sd_wh**2 + (forecast.charge.sd(forecast.energy_along_wh, True) * wh) ** 2
+    assert np.all(common[1:] > 0.0)
+    assert common + own == pytest.approx(whole)
+    own = [variance_along(replace(forecast, sd_factor=factor))[1] for factor in (1.0, 1.5, 2.0)]
+    assert own[2] - own[0] == pytest.approx(2.4 * (own[1] - own[0]), rel=1e-5), (
+        "the drift counts with its square"
+    )
