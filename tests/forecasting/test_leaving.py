@@ -179,3 +179,9 @@ def test_few_forecasts_find_the_charge_to_leave_with(spare, needed, most):
     tried = []
     assert charge_with_spare(lambda soc: tried.append(soc) or spare(soc)) == pytest.approx(needed, abs=1e-5)
     assert len(tried) <= most
+
+
+def test_a_charge_to_leave_with_is_for_a_probability_of_a_half_or_more(model):
+    trip = asked(model, "descent")
+    with pytest.raises(InvalidInput, match=r"probability: got 0\.49; allowed: 0\.5 "):
+        trip.soc_needed(0.1, 0.49)

@@ -21,9 +21,8 @@ from tests.support.plans import request_of_samples
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import Forecast
-from tripwatt.live import RoadCar, Sample, TopicJoiner, sample_from_abrp
+from tripwatt.live import RoadCar, Sample, TopicJoiner, on_the_way, sample_from_abrp
 from tripwatt.live import folder as folder_module
-from tripwatt.live import on_the_way
 from tripwatt.live import recording as module
 from tripwatt.live.live_trip import SILENCE_S
 from tripwatt.live.ordering import LATE_S
