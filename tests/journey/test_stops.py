@@ -328,27 +328,52 @@ def test_stations_are_left_with_a_level_less_while_the_chance_suffices(spare, tr
     assert chances == (0.99, 0.98)
 
 
-def test_a_risk_at_which_there_is_no_plan_is_too_small(monkeypatch):
-    """Made: no plan below a risk of 0.02 of each leg; the whole has twice the risk of a leg, and 0.025 is the most."""
-    tried = []
+@pytest.fixture
+def searched(monkeypatch):
+    """Searches for the risk of each leg by the chance of the whole journey at a risk, None where there is no plan; and what it tried."""
 
-    def optimum(chances, label):
-        tried.append(1.0 - chances[1])
-        return chances if tried[-1] >= 0.02 else None
+    def search(whole_of, guess):
+        tried = []
 
-    made = SimpleNamespace(optimum=optimum)
-    made.driven, made.rules = (lambda found: found), SimpleNamespace(reserve=0.1)
-    monkeypatch.setattr(
-        plans, "ChargingPlan", lambda label, _, legs, reserve: SimpleNamespace(p_reserve=2.0 * legs[1] - 1.0)
-    )
+        def optimum(chances, label):
+            tried.append(1.0 - chances[1])
+            return whole_of(tried[-1]) and chances
+
+        made = SimpleNamespace(optimum=optimum)
+        made.driven, made.rules = (lambda found: found), SimpleNamespace(reserve=0.1)
+        return *plans._certain(made, "fastest", guess), tried
+
     monkeypatch.setattr(plans, "_trimmed", lambda corridor, *best: best)
     monkeypatch.setattr(plans, "_with_stops", lambda corridor, plan, found, chances: plan)
+
+    def searching(whole_of, guess):
+        plan = lambda label, _, legs, reserve: SimpleNamespace(p_reserve=whole_of(1.0 - legs[1]))  # noqa: E731
+        monkeypatch.setattr(plans, "ChargingPlan", plan)
+        return search(whole_of, guess)
+
+    return searching
+
+
+def test_a_risk_at_which_there_is_no_plan_is_too_small(searched):
+    """Made: no plan below a risk of 0.02 of each leg; the whole has twice the risk of a leg, and 0.025 is the most."""
     for guess in (0.001, 0.01, 0.03):
-        plan, risk = plans._certain(made, "fastest", guess)
+        plan, risk, tried = searched(lambda leg: 1.0 - 2.0 * leg if leg >= 0.02 else None, guess)
         assert 0.95 <= plan.p_reserve <= 0.96
         assert 0.02 <= risk <= 0.025
     # the last guess: its whole risk is 0.06, and 0.0475 is aimed at
-    assert tried[-2:] == pytest.approx([0.03, 0.03 * 0.0475 / 0.06])
+    assert tried == pytest.approx([0.03, 0.03 * 0.0475 / 0.06])
+
+
+@pytest.mark.parametrize("leap", [0.004, 0.011, 0.02, 0.045])
+def test_where_the_chance_leaps_the_risk_of_a_leg_is_known_to_a_tenth(searched, leap):
+    plan, risk, _ = searched(lambda leg: 0.98 if leg <= leap else 0.92, 0.01)
+    assert plan.p_reserve == 0.98
+    assert leap / 1.1 <= risk <= leap
+
+
+@pytest.mark.parametrize("whole", [0.95, 0.955])
+def test_a_chance_that_is_close_ends_the_search(searched, whole):
+    assert searched(lambda leg: whole, 0.01)[1:] == (0.01, [pytest.approx(0.01)])
 
 
 def test_the_leg_from_the_start_keeps_its_charge():
