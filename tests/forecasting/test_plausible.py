@@ -107,6 +107,8 @@ def test_a_forecast_keeps_the_energy(planned, downhill) -> None:
     """A level drive gives nothing back, a descent at most its height, with room for a wrong mass."""
     assert list(impossible_faults(planned.energy_wh, planned.drive)) == []
     assert list(impossible_faults(0.0, planned.drive)) == []
+    assert list(impossible_faults(-0.9, planned.drive)) == [], "a sum may be wrong by a watt-hour"
+    assert len(list(impossible_faults(-1.1, planned.drive))) == 1
     (below,) = impossible_faults(-50.0, planned.drive)
     assert below.what == "energy that physics forbids"
     assert (below.where, below.got) == ("bmw_i3_60ah, route", "-0.05 kWh")
