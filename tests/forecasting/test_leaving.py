@@ -1,6 +1,7 @@
 """The charge to leave with, and trips at the ends of the battery: laws that hold for every car and road."""
 
 import itertools
+import math
 
 import pandas as pd
 import pytest
@@ -10,6 +11,7 @@ from tests.support.cars import KEPT, some_cars
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import Forecast
+from tripwatt.forecasting.forecast import charge_with_spare
 from tripwatt.population import for_car
 from tripwatt.trips import Departure
 from tripwatt.trips.messages import leave_in_words, message
@@ -159,3 +161,27 @@ def test_the_document_has_the_charge_to_leave_with_by_its_reserve(model):
         assert leave["reserve"] == (reserve or 0.0)
         assert leave["soc_needed"] == pytest.approx(trip.soc_needed(reserve or 0.0, 0.9), abs=1e-12)
     assert trip.to_dict(0.3)["leave_with"] is None
+
+
+@pytest.mark.parametrize(
+    ("spare", "needed", "most"),
+    [
+        (lambda soc: soc - 0.3, 0.3, 2),
+        (lambda soc: 1.2 * (soc - 0.31), 0.31, 3),
+        (lambda soc: math.sqrt(soc) - 0.9, 0.81, 6),
+        (lambda soc: soc + 0.05 * math.sin(3.0 * soc) - 0.7, 0.65376, 4),
+        (lambda soc: 0.9 * soc - 1.1, 1.2, 2),
+        (lambda soc: soc + 0.1, 0.0, 2),
+    ],
+)
+def test_few_forecasts_find_the_charge_to_leave_with(spare, needed, most):
+    """Each costs a forecast: a charge more leaves about as much more, and the secant does the rest."""
+    tried = []
+    assert charge_with_spare(lambda soc: tried.append(soc) or spare(soc)) == pytest.approx(needed, abs=1e-5)
+    assert len(tried) <= most
+
+
+def test_a_charge_to_leave_with_is_for_a_probability_of_a_half_or_more(model):
+    trip = asked(model, "descent")
+    with pytest.raises(InvalidInput, match=r"probability: got 0\.49; allowed: 0\.5 "):
+        trip.soc_needed(0.1, 0.49)

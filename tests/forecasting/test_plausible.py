@@ -107,6 +107,8 @@ def test_a_forecast_keeps_the_energy(planned, downhill) -> None:
     """A level drive gives nothing back, a descent at most its height, with room for a wrong mass."""
     assert list(impossible_faults(planned.energy_wh, planned.drive)) == []
     assert list(impossible_faults(0.0, planned.drive)) == []
+    assert list(impossible_faults(-0.9, planned.drive)) == [], "a sum may be wrong by a watt-hour"
+    assert len(list(impossible_faults(-1.1, planned.drive))) == 1
     (below,) = impossible_faults(-50.0, planned.drive)
     assert below.what == "energy that physics forbids"
     assert (below.where, below.got) == ("bmw_i3_60ah, route", "-0.05 kWh")
@@ -180,6 +182,14 @@ def test_a_current_of_the_wrong_sign_at_a_steady_speed_is_refused(
     with pytest.raises(tw.InvalidInput, match=r"less energy than the drive takes.*negate it"):
         before.update(steady(-40.0, seconds))
     assert before.update(steady(40.0, seconds)).energy_wh > 0.0
+
+
+def test_a_speed_is_held_after_the_start() -> None:
+    """The first twentieth, in which the car speeds up, makes no mountain pass of a motorway."""
+    observed = steady(-40.0, 400.0)
+    observed["speed_m_s"] = np.minimum(observed["time_s"], 20.0)
+    with pytest.raises(tw.InvalidInput, match=r"less energy than the drive takes.*negate it"):
+        forecast(None).update(observed)
 
 
 def test_a_measured_energy_is_held_against_the_road_as_well() -> None:

@@ -191,3 +191,11 @@ def test_reach_and_charge_to_leave_with_allow_for_the_climb():
     assert float(unknown.soc_along(0.95)[-1]) < float(level.soc_along(0.95)[-1])
     drive = RoadForecaster(tw.load_model(), replace(COLD, terrain="mountains"))
     assert drive.departure.terrain == "mountains"
+
+
+def test_two_roads_differ_by_both_of_their_climbs():
+    unknown, level = ([forecast(road(km, grade)) for km in (15.0, 30.0)] for grade in (None, 0.0))
+    climbs_wh2 = sum(one.sd_wh**2 - float(one.energy_sd_wh[-1]) ** 2 for one in unknown)
+    apart_wh2 = unknown[0].difference(unknown[1]).sd_wh ** 2 - level[0].difference(level[1]).sd_wh ** 2
+    assert climbs_wh2 > 0.0
+    assert apart_wh2 == pytest.approx(climbs_wh2, rel=0.05)

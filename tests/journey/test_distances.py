@@ -51,6 +51,11 @@ def test_range_and_need_are_inverse(model: ForecastModel) -> None:
         assert needed.soc_needed == pytest.approx(soc, abs=1e-6)
 
 
+def test_a_charge_that_warming_up_takes_carries_nowhere(model: ForecastModel) -> None:
+    found = tw.range_km(0.2001, "city", COLD, model=model, reserve=0.2)
+    assert (found.range_m, found.interval_m[0]) == (0.0, 0.0)
+
+
 def test_an_unknown_road_is_less_certain_than_a_known_one(model: ForecastModel) -> None:
     widths = []
     for known in (True, False):

@@ -4,9 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from tests.journey.stop_problems import exhaustive, made_problem
 
-from tripwatt.journey.solver import joint_chance, least_time
+from tripwatt.journey.solver import _charged, joint_chance, least_time
 
 SAMPLE = range(40)
 """Seeds of the gate; `python -m benchmarks.stops` tries 500."""
@@ -85,3 +87,13 @@ def test_the_chance_of_all_legs_is_that_of_draws_with_a_shared_error(share):
     held = float((errors <= limits).all(axis=1).mean())
     assert joint_chance(chances, np.full(4, share)) == pytest.approx(held, abs=0.003)
     assert float(chances.prod()) - 0.003 <= held <= float(chances.min())
+
+
+@given(st.lists(st.tuples(st.floats(0.0, 1.0), st.floats(0.0, 500.0)), min_size=1, max_size=6))
+def test_a_level_at_a_station_takes_the_least_time_of_all_ways_to_it(ways):
+    levels, charging_s = np.linspace(0.0, 1.0, 11), 1000.0 * np.linspace(0.0, 1.0, 11) ** 2
+    arrival, total = np.array(ways).T
+    charging = np.maximum(charging_s - np.interp(arrival, levels, charging_s)[:, None], 0.0)
+    least, chosen = _charged(arrival, total, levels, charging_s)
+    assert least == pytest.approx((total[:, None] + charging).min(axis=0), abs=1e-9)
+    assert (total + charging.T)[range(11), chosen] == pytest.approx(least, abs=1e-9)

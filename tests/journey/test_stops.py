@@ -11,10 +11,12 @@ from tests.journey.made import COLD, MADE, A, journey
 
 import tripwatt as tw
 from tripwatt.journey import Place, planning, plans
+from tripwatt.journey import corridor as corridor_module
 from tripwatt.journey.charging import WARM_DEGC
 from tripwatt.journey.corridor import Corridor, Leg
 from tripwatt.journey.plans import _trimmed
 from tripwatt.journey.solver import STEP, StopPlan
+from tripwatt.journey.stops import variance_along
 from tripwatt.routes.maps import Station
 
 FAR = Place(47.0, 11.2, "Far")
@@ -111,6 +113,17 @@ def test_the_course_has_a_jump_for_each_stop(long_journey):
     assert np.all(course["low"] <= course["high"])
     assert plan.line["position_m"][-1] == pytest.approx(plan.distance_m)
     assert sum(plan.by_cause_wh.values()) == pytest.approx(plan.energy_wh)
+
+
+def test_stops_are_counted_from_the_departure(long_journey):
+    plan, (begins, *_) = long_journey.charging, long_journey.charging.series().to_dict("records")
+    assert (begins["time_s"], begins["distance_m"], begins["energy_wh"]) == (0.0, 0.0, 0.0)
+    after_s = position_m = 0.0
+    for leg, stop in zip(plan.legs, plan.stops, strict=False):
+        after_s, position_m = after_s + leg.forecast.plan.duration_s, position_m + leg.road.distance_m
+        assert stop.arrives_after_s == pytest.approx(after_s, abs=1e-6)
+        assert stop.position_m == pytest.approx(position_m, abs=1e-6)
+        after_s += stop.charging_s + stop.overhead_s
 
 
 def test_errors_of_energy_add_up_over_legs_between_independent_and_common_ones(long_journey):
@@ -315,27 +328,52 @@ def test_stations_are_left_with_a_level_less_while_the_chance_suffices(spare, tr
     assert chances == (0.99, 0.98)
 
 
-def test_a_risk_at_which_there_is_no_plan_is_too_small(monkeypatch):
-    """Made: no plan below a risk of 0.02 of each leg; the whole has twice the risk of a leg, and 0.025 is the most."""
-    tried = []
+@pytest.fixture
+def searched(monkeypatch):
+    """Searches for the risk of each leg by the chance of the whole journey at a risk, None where there is no plan; and what it tried."""
 
-    def optimum(chances, label):
-        tried.append(1.0 - chances[1])
-        return chances if tried[-1] >= 0.02 else None
+    def search(whole_of, guess):
+        tried = []
 
-    made = SimpleNamespace(optimum=optimum)
-    made.driven, made.rules = (lambda found: found), SimpleNamespace(reserve=0.1)
-    monkeypatch.setattr(
-        plans, "ChargingPlan", lambda label, _, legs, reserve: SimpleNamespace(p_reserve=2.0 * legs[1] - 1.0)
-    )
+        def optimum(chances, label):
+            tried.append(1.0 - chances[1])
+            return whole_of(tried[-1]) and chances
+
+        made = SimpleNamespace(optimum=optimum)
+        made.driven, made.rules = (lambda found: found), SimpleNamespace(reserve=0.1)
+        return *plans._certain(made, "fastest", guess), tried
+
     monkeypatch.setattr(plans, "_trimmed", lambda corridor, *best: best)
     monkeypatch.setattr(plans, "_with_stops", lambda corridor, plan, found, chances: plan)
+
+    def searching(whole_of, guess):
+        plan = lambda label, _, legs, reserve: SimpleNamespace(p_reserve=whole_of(1.0 - legs[1]))  # noqa: E731
+        monkeypatch.setattr(plans, "ChargingPlan", plan)
+        return search(whole_of, guess)
+
+    return searching
+
+
+def test_a_risk_at_which_there_is_no_plan_is_too_small(searched):
+    """Made: no plan below a risk of 0.02 of each leg; the whole has twice the risk of a leg, and 0.025 is the most."""
     for guess in (0.001, 0.01, 0.03):
-        plan, risk = plans._certain(made, "fastest", guess)
+        plan, risk, tried = searched(lambda leg: 1.0 - 2.0 * leg if leg >= 0.02 else None, guess)
         assert 0.95 <= plan.p_reserve <= 0.96
         assert 0.02 <= risk <= 0.025
     # the last guess: its whole risk is 0.06, and 0.0475 is aimed at
-    assert tried[-2:] == pytest.approx([0.03, 0.03 * 0.0475 / 0.06])
+    assert tried == pytest.approx([0.03, 0.03 * 0.0475 / 0.06])
+
+
+@pytest.mark.parametrize("leap", [0.004, 0.011, 0.02, 0.045])
+def test_where_the_chance_leaps_the_risk_of_a_leg_is_known_to_a_tenth(searched, leap):
+    plan, risk, _ = searched(lambda leg: 0.98 if leg <= leap else 0.92, 0.01)
+    assert plan.p_reserve == 0.98
+    assert leap / 1.1 <= risk <= leap
+
+
+@pytest.mark.parametrize("whole", [0.95, 0.955])
+def test_a_chance_that_is_close_ends_the_search(searched, whole):
+    assert searched(lambda leg: whole, 0.01)[1:] == (0.01, [pytest.approx(0.01)])
 
 
 def test_the_leg_from_the_start_keeps_its_charge():
@@ -352,3 +390,26 @@ def test_the_leg_from_the_start_keeps_its_charge():
 
 def test_another_station_is_reached_by_four_of_five_at_least():
     assert plans.IF_FULL == (0.95, 0.9, 0.8)
+
+
+def test_of_too_many_stations_the_two_strongest_of_each_stretch_are_kept(model, long_journey, monkeypatch):
+    power_w = 1000.0 * np.array([50, 20, 90, 70, 30, 11, 12, 150, 40, 60, 25, 35, 45])
+    stations = [replace(one, power_w=float(w)) for one, w in zip(row(13), power_w, strict=True)]
+    monkeypatch.setattr(corridor_module, "MOST_STATIONS", 6)
+    corridor = replace(long_journey.corridor, atlas=replace(MADE, stations=tuple(stations)))
+    thirds = np.split(power_w, [4, 9])
+    expected = [w for third in thirds for w in third if w >= np.sort(third)[-2]]
+    assert [station.power_w for station in corridor.stations] == expected
+
+
+def test_the_variance_of_a_forecast_is_what_legs_share_and_what_they_do_not(long_journey):
+    forecast = long_journey.forecast
+    wh = forecast.charge.wh_per_display
+    common, own = variance_along(forecast)
+    whole = forecast.energy_sd_wh**2 + (forecast.charge.sd(forecast.energy_along_wh, True) * wh) ** 2
+    assert np.all(common[1:] > 0.0)
+    assert common + own == pytest.approx(whole)
+    own = [variance_along(replace(forecast, sd_factor=factor))[1] for factor in (1.0, 1.5, 2.0)]
+    assert own[2] - own[0] == pytest.approx(2.4 * (own[1] - own[0]), rel=1e-5), (
+        "the drift counts with its square"
+    )

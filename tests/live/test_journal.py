@@ -12,6 +12,7 @@ from tripwatt.errors import InvalidInput
 from tripwatt.live import Sample, sample_from_abrp
 from tripwatt.live import journal as module
 from tripwatt.live.journal import Journal, line_of, sample_of
+from tripwatt.live.telemetry import FIRST_TIME_S, LAST_TIME_S
 
 T0 = 1_700_000_000.0
 SAMPLES = [
@@ -110,3 +111,9 @@ def test_a_damaged_first_line_makes_no_sample_late(path: Path, after_s: str) -> 
     journal = Journal(path)
     assert journal.after_s == -math.inf
     assert list(journal.read()) == SAMPLES[:1]
+
+
+@pytest.mark.parametrize("after_s", [FIRST_TIME_S, LAST_TIME_S])
+def test_the_first_line_has_a_time_of_the_years_that_a_stamp_may_have(path: Path, after_s: float) -> None:
+    path.write_bytes(f'{{"after_s":{after_s}}}\n'.encode() + line_of(SAMPLES[0]))
+    assert Journal(path).after_s == after_s

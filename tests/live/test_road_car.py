@@ -21,7 +21,7 @@ from tests.support.plans import request_of_samples
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import Forecast
-from tripwatt.live import RoadCar, Sample, TopicJoiner, sample_from_abrp
+from tripwatt.live import RoadCar, Sample, TopicJoiner, on_the_way, sample_from_abrp
 from tripwatt.live import folder as folder_module
 from tripwatt.live import recording as module
 from tripwatt.live.live_trip import SILENCE_S
@@ -269,6 +269,28 @@ def test_one_process_has_a_car_open(folder: Path) -> None:
     with RoadCar(folder), pytest.raises(InvalidInput, match="another run"):
         RoadCar(folder)
     RoadCar(folder).close()
+
+
+def test_a_forecast_that_was_not_stored_is_not_that_of_the_departure(
+    drive: pd.DataFrame, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The disk is full when the trip begins; what is kept later counts from where the car was."""
+
+    def full(*_: object) -> None:
+        raise OSError("no space left on device")
+
+    sent = samples_of(drive)
+    with RoadCar(folder, lambda _: MODEL) as car:
+        car.set_plan(request_of_samples(example_trip().iloc[:700]), NOON_S)
+        for until in (0, 100, 200):
+            fed(car, sent[len(car.observed()) : until])
+            with monkeypatch.context() as patch:
+                if until < 200:
+                    patch.setattr(on_the_way, "write_text", full)
+                assert car.document(NOW_S)["forecast"] is not None
+        (kept,) = car.forecasts
+        assert car.trip is not None
+        assert kept.at_s == car.trip.last_s - car.trip.start_s > 0.0
 
 
 def test_a_document_is_that_of_update_for_every_message(

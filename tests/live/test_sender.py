@@ -61,6 +61,17 @@ def test_a_clock_that_is_set_moves_the_trip_so_far(folder: Path, step_s: float) 
         assert driven(again, range(200, 230), step_s) == ["new"] * 30
 
 
+def test_the_charge_of_the_departure_goes_with_the_clock(folder: Path) -> None:
+    with RoadCar(folder) as car:
+        car.add(Sample(NOON_S - 1.0, {"speed_m_s": 0.0, "displayed_soc": 0.6}), now_s=NOON_S - 0.5)
+        driven(car, range(100))
+        driven(car, range(100, 110), HOUR_S)
+        assert car.trip is not None
+        assert car.trip.start_s > NOON_S + HOUR_S - 60.0
+        about = car.about(NOON_S)
+        assert (about["soc"], about["soc_source"], car.departure().soc) == (0.6, "soc", 0.6)
+
+
 def test_the_forecasts_on_the_way_go_with_the_trip(folder: Path) -> None:
     made = {"energy_wh": 2000.0, "quantiles_wh": {"0.05": 1800.0, "0.95": 2200.0}}
     with RoadCar(folder) as car:

@@ -20,8 +20,8 @@ from tripwatt.hybrid.groups import Sums
 from tripwatt.hybrid.learning import KINDS, Experts
 from tripwatt.hybrid.parameters import changed
 from tripwatt.physics import simulate_trip
-from tripwatt.population import adapt_model, adaptation, without_trips
-from tripwatt.population.adapting import PROTOCOL, Adaptation, in_order, scores_of
+from tripwatt.population import adapt_model, adaptation, population, without_trips
+from tripwatt.population.adapting import PROTOCOL, Adaptation, in_order, population_of, scores_of
 from tripwatt.population.prior import Population, Source
 from tripwatt.synthetic import synthetic_fleet
 from tripwatt.trips import Fleet, Trip, plan_from_trip
@@ -554,3 +554,11 @@ def test_logs_of_several_cars_are_said_to_count_as_one(
     )
     _, provenance, _ = adapt_model(replace(made, logs=logs), leaf, load_model(), load_metadata())
     assert [note for note in provenance["data"]["notes"] if "count as one car" in note] == notes
+
+
+def test_the_car_of_a_base_counts_where_the_package_does_not_have_it() -> None:
+    base = load_model()
+    other = replace(base, vehicle=load_vehicle("vw_id3"))
+    known = [source.vehicle for source in population().sources]
+    assert [source.vehicle for source in population_of(base).sources] == known
+    assert [source.vehicle for source in population_of(other).sources] == [*known, "base"]

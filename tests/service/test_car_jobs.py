@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
 
-from tripwatt.service.car_jobs import PROGRESS, CarJobs, preview_of, read_progress, uploaded
+from tripwatt.errors import Fault
+from tripwatt.service.car_jobs import PROGRESS, CarJobs, _files, preview_of, read_progress, uploaded
 from tripwatt.service.car_schemas import plain
 from tripwatt.service.problems import Problem
 from tripwatt.synthetic import synthetic_fleet
@@ -35,6 +37,14 @@ def test_an_upload_is_named_by_letters_and_digits(tmp_path: Path) -> None:
     for name in ("..", "", "missing1", "empty001", "../uploads/good0001"):
         with pytest.raises(Problem):
             uploaded(tmp_path, name)
+
+
+def test_the_first_five_faults_of_a_file_are_shown_without_where_it_is_kept(tmp_path: Path) -> None:
+    faults = [Fault("empty value", f"{tmp_path}/t00.csv, row {k}") for k in range(9)]
+    kind = SimpleNamespace(files=[SimpleNamespace(name="t00.csv")], faults=faults, tables={})
+    shown, ignored = _files([kind], None, ["t01.csv"], tmp_path)  # type: ignore[list-item]
+    assert [fault["where"] for fault in shown["faults"]] == [f"t00.csv, row {k}" for k in range(5)]
+    assert (ignored["name"], ignored["state"], ignored["faults"]) == ("t01.csv", "ignored", [])
 
 
 def test_what_is_not_finite_is_null() -> None:

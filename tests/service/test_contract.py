@@ -262,6 +262,16 @@ def test_no_old_name_of_a_response_is_required(document: dict[str, Any]) -> None
         assert not {one for one in required if schema["properties"][one].get("deprecated")}, name
 
 
+def test_every_answer_is_described(document: dict[str, Any]) -> None:
+    described = {
+        (path, method): operation["responses"]["200"]["description"]
+        for path, methods in document["paths"].items()
+        for method, operation in methods.items()
+    }
+    assert {one for one, text in described.items() if not text} == set()
+    assert described["/v1/forecast", "post"] == ForecastResponse.__doc__.partition("\n")[0]  # type: ignore[union-attr]
+
+
 def test_headers_are_in_the_document(document: dict[str, Any]) -> None:
     paths = document["paths"]
     for path in ("/v1/models", "/v1/vehicles", "/v1/map"):

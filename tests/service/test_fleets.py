@@ -21,6 +21,7 @@ from tripwatt.service.jobs import Jobs
 from tripwatt.service.schemas import check_request
 from tripwatt.service.settings import Limits
 from tripwatt.trips import Departure
+from tripwatt.vehicles import load_vehicle
 
 LINKS = [{"length_m": 1500.0, "speed_m_s": v} for v in (12.0, 20.0, 15.0)]
 
@@ -117,6 +118,8 @@ def test_models_and_fleets_are_listed(fleet: Any, registry: Registry) -> None:
     own, vans = jobs.summaries()["models"]  # a model of one car is the default
     assert (own["name"], own["model"]["vehicle"], vans["name"]) == ("own", "bmw_i3_60ah", "vans")
     assert (vans["model"]["vehicles"], vans["model"]["trips"]) == (8, fleet[2].trips)
+    usual = min(fleet[2].vehicles().values())
+    assert (vans["model"]["vehicle"], vans["model"]["vehicle_title"]) == (usual, load_vehicle(usual).title)
     listed = {row["name"]: row["models"] for row in jobs.vehicles()["vehicles"]}
     assert [listed["bmw_i3_60ah"], listed["nissan_leaf_24"]] == [["own", "vans"], ["vans"]]
     assert list(Jobs.from_folders({}, Limits()).models) == [DEFAULT_MODEL]

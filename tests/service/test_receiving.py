@@ -9,6 +9,7 @@ import pytest
 from starlette.requests import Request
 from tests.support.virtual_time import elapsed_s, run_jumping
 
+from tripwatt.service import receiving
 from tripwatt.service.problems import Problem
 from tripwatt.service.receiving import (
     GRACE_S,
@@ -158,13 +159,18 @@ def test_a_further_body_waits_for_the_grace_of_the_oldest() -> None:
     run_jumping(run())
 
 
-def test_a_further_body_does_not_wait_after_the_grace() -> None:
+@pytest.mark.parametrize("grace_s", [GRACE_S, 0.25])
+def test_a_further_body_does_not_wait_after_the_grace(
+    monkeypatch: pytest.MonkeyPatch, grace_s: float
+) -> None:
+    monkeypatch.setattr(receiving, "GRACE_S", grace_s)  # a quarter has no rounding error
+
     async def run() -> None:
         arrivals = Arrivals(1)
         slow = asyncio.create_task(read(arrivals, Body((0.0, b"1"), (9.0, b"2"))))
-        await asyncio.sleep(GRACE_S)
+        await asyncio.sleep(grace_s)
         assert await read(arrivals, Body((0.0, b"3"), (0.0, b"4"))) == b"34"
-        assert elapsed_s() == 0.2
+        assert elapsed_s() == grace_s
         with pytest.raises(Problem):
             await slow
 

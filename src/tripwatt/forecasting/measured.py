@@ -165,9 +165,7 @@ def columns_measured(observed: pd.DataFrame) -> Columns:
         raise InvalidInput.of("unknown type", WHERE, got, "a DataFrame", fix)
     raise_faults(structure_faults(observed, WHERE, required=("time_s",)))
     known = [name for name in observed.columns if name in (*COLUMNS, "observed_energy_wh")]
-    if len(known) < len(observed.columns):
-        observed = observed[known]
-    return dict(zip(known, observed.to_numpy(dtype=np.float64).T, strict=True))
+    return dict(zip(known, observed[known].to_numpy(dtype=np.float64).T, strict=True))
 
 
 def checked_samples(columns: Columns, plan: Plan) -> Columns:

@@ -84,10 +84,6 @@ class Journal:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.lines = 0
-        self.after_s = -math.inf
-        self.more = NOTHING
-        self._descriptor = -1
-        self._size = 0
         self._open()
 
     def _open(self) -> None:

@@ -50,13 +50,14 @@ class RoadTrips:
     async def look(self, now_s: float) -> None:
         """Let each car learn that has finished trips which it was not given."""
         for name, stamp in (await asyncio.to_thread(self._changed)).items():
-            if now_s < self.later.get(name, (0.0, 0.0))[0]:
+            later_s, delay_s = self.later.get(name, (0.0, 0.5 * FIRST_DELAY_S))
+            if now_s < later_s:
                 continue
             if not await asyncio.to_thread(has_news, self.folder / name) or await self.learn(name):
                 self.seen[name] = stamp
                 self.later.pop(name, None)
                 continue
-            delay_s = min(2.0 * self.later.get(name, (0.0, 0.5 * FIRST_DELAY_S))[1], MOST_DELAY_S)
+            delay_s = min(2.0 * delay_s, MOST_DELAY_S)
             self.later[name] = now_s + delay_s, delay_s
 
     def _changed(self) -> dict[str, int]:
