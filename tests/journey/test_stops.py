@@ -413,3 +413,12 @@ def test_the_variance_of_a_forecast_is_what_legs_share_and_what_they_do_not(long
     assert own[2] - own[0] == pytest.approx(2.4 * (own[1] - own[0]), rel=1e-5), (
         "the drift counts with its square"
     )
+
+
+def test_a_way_to_a_station_in_vain_takes_its_share_of_the_road(long_journey):
+    corridor = long_journey.corridor
+    ways = np.array([corridor.detour(0, node) for node in range(1, len(corridor.stations) + 1)])
+    length_m = corridor_module.DETOUR_M_S * ways[:, 1]
+    assert length_m.min() < 500.0 < 2000.0 < length_m.max()
+    per_m = corridor.forecast.energy_wh / corridor.road.distance_m / corridor.forecast.charge.wh_per_display
+    assert ways[:, 0] == pytest.approx(per_m * length_m)
