@@ -229,7 +229,8 @@ def _telemetry_bodies() -> list[bytes]:
 
 def _telemetry(content: bytes, folder: Path) -> None:
     """As the service takes a body of either kind; what it accepts is on disk, once."""
-    from tripwatt.service.live_operations import FORM, JSON, message_of, telemetry_of
+    from tripwatt.service.live_operations import message_of, telemetry_of
+    from tripwatt.service.openapi import FORM, JSON
     from tripwatt.service.problems import Problem
 
     for kind in (JSON, FORM):
