@@ -9,9 +9,9 @@ DATA ?=
 OUT ?= out
 # what the commands of the README need: the page, your cars, journeys
 EXTRAS ?= service,fleet,routing
-# processes that run the tests: a third of their time they wait for programs; and processes that check the types
-WORKERS ?= 3
-export MYPY_NUM_WORKERS ?= 2
+# processes that run the tests, and that check the types
+WORKERS ?= 2
+export MYPY_NUM_WORKERS ?= $(WORKERS)
 PIP_INSTALL = -m pip install --quiet --disable-pip-version-check
 UV = UV_CACHE_DIR=.venv-tools/cache UV_PYTHON_DOWNLOADS=never .venv-tools/bin/uv
 
