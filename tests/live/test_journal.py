@@ -55,6 +55,13 @@ def test_a_line_that_a_killed_process_left_unfinished_is_cut(path: Path, kept: i
     assert list(journal.read()) == SAMPLES[:2]
 
 
+def test_the_unfinished_end_of_a_long_journal_alone_is_cut(path: Path) -> None:
+    whole = line_of(SAMPLES[0]) * 100
+    path.write_bytes(whole + line_of(SAMPLES[2])[:20])
+    assert list(Journal(path).read()) == SAMPLES[:1] * 100
+    assert path.read_bytes() == whole
+
+
 def test_a_damaged_line_costs_only_itself(path: Path) -> None:
     lines = [b"{]\n", b"[1]\n", b"null\n", b'{"time_s":"x"}\n', b'{"time_s":1.7e9,"soc":2}\n', b"\x00\xff\n"]
     path.write_bytes(line_of(SAMPLES[0]) + b"".join(lines) + line_of(SAMPLES[1]))
