@@ -151,6 +151,56 @@ def test_the_age_of_a_silent_car_grows(tmp_path: Path, monkeypatch: pytest.Monke
     assert ages[2] < 60.0
 
 
+@pytest.mark.parametrize("delay_s", [0.2, 0.23, 0.27])
+def test_a_client_that_loses_a_cancellation_delays_no_end(
+    monkeypatch: pytest.MonkeyPatch, delay_s: float
+) -> None:
+    """`asyncio.wait_for` of Python 3.11, which the client uses, loses one that comes with its answer."""
+
+    lost: list[None] = []
+
+    class Losing:
+        async def __aenter__(self) -> Losing:
+            self._client = self
+            return self
+
+        async def __aexit__(self, *_: object) -> None: ...
+
+        async def subscribe(self, *_: object, **__: object) -> None:
+            await self.publish()
+
+        async def publish(self, *_: object, **__: object) -> None:
+            try:
+                await asyncio.sleep(0.05)
+            except asyncio.CancelledError:
+                if lost:
+                    raise
+                lost.append(None)
+
+        def manual_ack_set(self, _: bool) -> None: ...
+
+        @property
+        async def messages(self) -> AsyncIterator[Any]:
+            await asyncio.sleep(60.0)
+            yield
+
+    async def documents() -> dict[str, Any]:
+        return {"leaf": {"seconds_since_message": time.monotonic(), "k": time.monotonic()}}
+
+    async def run() -> None:
+        settings = MqttSettings(Broker("127.0.0.1", 1883), {"leaf": ("ovms", "o/m/l/metric")})
+        follower = following.Follower(settings, None, documents, print, every_s=0.0)  # type: ignore[arg-type]
+        monkeypatch.setattr(follower, "_client", Losing)
+        task = asyncio.ensure_future(follower.follow())
+        await asyncio.sleep(delay_s)
+        task.cancel()
+        done, _ = await asyncio.wait([task], timeout=5.0)
+        assert done
+        assert task.cancelled()
+
+    asyncio.run(run())
+
+
 def test_sensors_expire_after_several_times_of_an_age() -> None:
     """A silent car is published again long before; 10 min after the end of a program nothing is left."""
     assert 3.0 * following.AGE_S <= EXPIRES_S <= 600.0

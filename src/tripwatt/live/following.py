@@ -237,6 +237,9 @@ class Follower:
             if self.settings.publish_to:
                 for name, document in (await self.documents()).items():
                     await self._publish_car(client, name, document)
+            task = asyncio.current_task()
+            if task is not None and task.cancelling():  # `wait_for` of Python 3.11 loses what comes with an answer
+                return
 
     async def _publish_car(self, client: aiomqtt.Client, name: str, document: Mapping[str, Any]) -> None:
         """Publish a car where it is another, and at times so that its age grows."""
