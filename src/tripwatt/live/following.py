@@ -238,7 +238,9 @@ class Follower:
                 for name, document in (await self.documents()).items():
                     await self._publish_car(client, name, document)
             task = asyncio.current_task()
-            if task is not None and task.cancelling():  # `wait_for` of Python 3.11 loses what comes with an answer
+            if (
+                task is not None and task.cancelling()
+            ):  # `wait_for` of Python 3.11 loses what comes with an answer
                 return
 
     async def _publish_car(self, client: aiomqtt.Client, name: str, document: Mapping[str, Any]) -> None:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from importlib import resources
 from types import MappingProxyType
-from typing import Any, Final, Literal
+from typing import Final, Literal
+
+from tripwatt.files import shipped_toml
 
 Kind = Literal["constant", "baseline", "physics", "data", "hybrid"]
 
@@ -54,15 +54,12 @@ class ModelStyle:
     preset: str = ""
 
 
-def tables_of(name: str) -> Mapping[str, Any]:
-    """The tables of a TOML file of this package."""
-    return tomllib.loads((resources.files("tripwatt.report") / f"{name}.toml").read_text("utf-8"))
-
-
 @cache
 def model_styles() -> Mapping[str, ModelStyle]:
     """The style of every model in the order of the tables, from `models.toml`."""
-    return MappingProxyType({name: ModelStyle(**style) for name, style in tables_of("models").items()})
+    return MappingProxyType(
+        {name: ModelStyle(**style) for name, style in shipped_toml("report/models.toml").items()}
+    )
 
 
 PAPER: Final = "arXiv:2405.10984, Table 3"

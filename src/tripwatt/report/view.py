@@ -16,12 +16,13 @@ from tripwatt.arrays import FloatArray
 from tripwatt.evaluation import DEFAULT_PROTOCOL, PROTOCOLS, EvaluationProtocol
 from tripwatt.evaluation.comparison import FOLD_COLUMNS
 from tripwatt.evaluation.forecast_scores import ForecastInsight
+from tripwatt.files import shipped_toml
 from tripwatt.paper.insight import GammInsight
-from tripwatt.report.model_styles import model_style, ordered, tables_of
+from tripwatt.report.model_styles import model_style, ordered
 
 Record = Mapping[str, Any]
 
-_EVALUATIONS: Final = tables_of("evaluations")
+_EVALUATIONS: Final = shipped_toml("report/evaluations.toml")
 SCHEMES: Final = _EVALUATIONS["schemes"]
 TESTED: Final = _EVALUATIONS["tested"]
 """Schemes as sentences for those who read of a hold-out for the first time."""

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
-from importlib import resources
 from typing import Any, Final
 
-PARTS: Final[Mapping[str, Any]] = tomllib.loads(
-    (resources.files("tripwatt.service") / "example_requests.toml").read_text("utf-8")
-)
+from tripwatt.files import shipped_toml
+
+PARTS: Final[Mapping[str, Any]] = shipped_toml("service/example_requests.toml")
 PLANNED_REQUEST: Final[Mapping[str, Any]] = PARTS["planned"]
 DRIVEN_REQUEST: Final = {"samples": PARTS["samples"], **PARTS["driven"]}
 JOURNEY: Final[Mapping[str, Any]] = PARTS["journey"]
