@@ -237,10 +237,9 @@ class Follower:
             if self.settings.publish_to:
                 for name, document in (await self.documents()).items():
                     await self._publish_car(client, name, document)
+            # `wait_for` of Python 3.11, which the client uses, loses a cancellation that comes with an answer
             task = asyncio.current_task()
-            if (
-                task is not None and task.cancelling()
-            ):  # `wait_for` of Python 3.11 loses what comes with an answer
+            if task is not None and task.cancelling():
                 return
 
     async def _publish_car(self, client: aiomqtt.Client, name: str, document: Mapping[str, Any]) -> None:
