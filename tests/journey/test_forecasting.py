@@ -33,7 +33,11 @@ def test_a_cap_slows_motorways_alone():
     assert on_motorway(road).tolist() == [True, False]
     assert slow.links.travel_time_s[0] == pytest.approx(road.links.length_m[0] / (100.0 * KM_H))
     assert slow.links.travel_time_s[1] == road.links.travel_time_s[1]
-    assert slow.links.moving_speed_m_s == pytest.approx([100.0 * KM_H, 90.0 * KM_H])
+    assert slow.links.moving_speed_m_s == pytest.approx([130.0 * KM_H, 90.0 * KM_H])
+    assert slow.links.speed_limit_m_s == pytest.approx([100.0 * KM_H, np.nan], nan_ok=True)
+    assert capped(slow, 110.0 * KM_H).links.speed_limit_m_s == pytest.approx(
+        [100.0 * KM_H, np.nan], nan_ok=True
+    )
     assert capped(road, 131.0 * KM_H).duration_s == pytest.approx(road.duration_s)
 
 

@@ -98,7 +98,7 @@ def test_a_long_journey_has_several_stops_and_the_verdict_is_about_all_of_it(lon
 def test_the_course_has_a_jump_for_each_stop(long_journey):
     plan = long_journey.charging
     course = {name: np.array(values) for name, values in plan.to_dict()["course"].items()}
-    jumps = np.flatnonzero(np.diff(course["position_m"]) == 0.0)
+    jumps = np.flatnonzero(np.diff(course["position_m"]) < 1e-6)
     assert len(jumps) == len(plan.stops)
     for k, stop in zip(jumps, plan.stops, strict=True):
         assert course["position_m"][k] == pytest.approx(stop.position_m, rel=1e-3)
@@ -171,7 +171,7 @@ def test_a_longer_stop_overhead_never_means_more_stops_and_the_clock_counts_it(m
 
 
 def test_a_heated_battery_charges_faster_and_takes_its_energy(model):
-    cold = replace(COLD, soc=0.9, ambient_temperature_degc=-10.0)
+    cold = replace(COLD, soc=0.8, ambient_temperature_degc=-10.0)
     atlas = replace(MADE, stations=row(9, 9.8, 150_000.0))
     plain = journey(model, cold, atlas=atlas).charging
     heated = journey(model, cold, atlas=atlas, preheat_battery=True).charging
@@ -409,8 +409,9 @@ def test_the_variance_of_a_forecast_is_what_legs_share_and_what_they_do_not(long
     whole = forecast.energy_sd_wh**2 + (forecast.charge.sd(forecast.energy_along_wh, True) * wh) ** 2
     assert np.all(common[1:] > 0.0)
     assert common + own == pytest.approx(whole)
-    own = [variance_along(replace(forecast, sd_factor=factor))[1] for factor in (1.0, 1.5, 2.0)]
-    assert own[2] - own[0] == pytest.approx(2.4 * (own[1] - own[0]), rel=1e-5), (
+    driven = replace(forecast, drive=replace(forecast.drive, plan=replace(forecast.plan, free_flow=False)))
+    own = [variance_along(replace(driven, sd_factor=factor))[1] for factor in (1.0, 1.5, 2.0)]
+    assert own[2] - own[0] == pytest.approx(2.4 * (own[1] - own[0]), rel=1e-9), (
         "the drift counts with its square"
     )
 

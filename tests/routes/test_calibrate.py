@@ -97,10 +97,10 @@ def calibrated(monkeypatch, answer, tried=(), **options):
 
 def test_the_search_starts_at_the_style_and_a_quarter_more(monkeypatch):
     style, seen, _ = calibrated(monkeypatch, [9.0, 0.4, 0.3])
-    np.testing.assert_allclose(seen["first"], [8.9, 0.43, 0.27])
+    np.testing.assert_allclose(seen["first"], [8.2, 0.53, 0.32])
     np.testing.assert_allclose(
         seen["options"]["initial_simplex"],
-        [[8.9, 0.43, 0.27], [8.9 * 1.25, 0.43, 0.27], [8.9, 0.43 * 1.25, 0.27], [8.9, 0.43, 0.27 * 1.25]],
+        [[8.2, 0.53, 0.32], [8.2 * 1.25, 0.53, 0.32], [8.2, 0.53 * 1.25, 0.32], [8.2, 0.53, 0.32 * 1.25]],
     )
     assert (seen["options"]["maxfev"], seen["options"]["xatol"], seen["options"]["fatol"]) == (
         120,

@@ -164,7 +164,7 @@ EXACT = {"rtol": 1e-12, "atol": 1e-12}
 def test_the_usual_styles():
     """Of the links: what `calibrate_style` found on the cars of the Vehicle Energy Dataset. Of the driver: near UDDS."""
     style = LinkStyle()
-    assert (style.comfort, style.street_speed_m_s, style.length_exponent) == (0.27, 8.9, 0.43)
+    assert (style.comfort, style.street_speed_m_s, style.length_exponent) == (0.32, 8.2, 0.53)
     assert (style.sharpness, style.stop_place) == (3.5, 0.5)
     firm = style.driver
     assert (firm.acceleration_m_s2, firm.deceleration_m_s2) == (2.5, 2.5)

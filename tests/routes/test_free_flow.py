@@ -141,6 +141,21 @@ def test_expected_times_never_fall_below_those_of_the_router():
     assert found.moving_speed_m_s == pytest.approx([10.0, 10.0, 30.0])
 
 
+def test_a_limit_slows_down_and_leaves_the_factor_to_the_free_speed():
+    """Links of a kilometre with a free speed of 30 m/s; below 10 m/s the factor is 1.5."""
+    factors = TravelTimeFactors(np.array([10.0, 30.0]), np.array([1.5, 1.1]), moving_share=0.9)
+    road = LinkRoute(
+        np.full(3, 1000.0),
+        np.full(3, 1000.0 / 30.0),
+        np.full(3, NAN),
+        np.array([30.0, 30.0, NAN]),
+        speed_limit_m_s=np.array([10.0, NAN, 40.0]),
+    )
+    found = factors.expected(road)
+    assert found.travel_time_s == pytest.approx([110.0, 1100.0 / 30.0, 1100.0 / 30.0])
+    assert found.moving_speed_m_s == pytest.approx([9.0, 27.0, 27.0])
+
+
 def cut(number, **more):
     return route_from_links([{"length_m": 20_000.0 / number, "speed_m_s": 50.0 / 3.6, **more}] * number)
 

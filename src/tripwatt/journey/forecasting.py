@@ -181,6 +181,8 @@ class RoadForecaster:
 def capped(road: Road, speed_m_s: float) -> Road:
     """The road driven no faster than a speed on motorways. O(links).
 
+    The speed is a limit of the links. Their free speed stays, so that a motorway is expected to have the traffic of a motorway.
+
     Examples
     --------
     >>> import numpy as np
@@ -194,10 +196,10 @@ def capped(road: Road, speed_m_s: float) -> Road:
     moving = np.where(np.isnan(links.moving_speed_m_s), links.speed_m_s, links.moving_speed_m_s)
     slower = on_motorway(road) & (moving > speed_m_s)
     longer_s = np.where(slower, links.length_m * (1.0 / speed_m_s - 1.0 / moving), 0.0)
-    known = np.where(slower, speed_m_s, links.moving_speed_m_s)
-    return road.with_links(
-        replace(links, travel_time_s=links.travel_time_s + longer_s, moving_speed_m_s=known)
-    )
+    limit = np.full(len(links), np.nan) if links.speed_limit_m_s is None else links.speed_limit_m_s
+    limit = np.where(slower, np.fmin(limit, speed_m_s), limit)
+    slow = replace(links, travel_time_s=links.travel_time_s + longer_s, speed_limit_m_s=limit)
+    return road.with_links(slow)
 
 
 def on_motorway(road: Road) -> BoolArray:

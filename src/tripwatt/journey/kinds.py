@@ -50,6 +50,9 @@ TOWN_M: Final = 15_000.0
 trips of any length. A trip between two places does not pass more of them because it is longer."""
 PATTERN_M: Final = 10_000.0
 """Length over which the classes of a road repeat."""
+END_S_PER_M_S: Final = 0.7
+"""So much longer than driving through takes it to start or to arrive, for each m/s of the speed: the driver model's ramps (`LinkStyle`) with
+0.8 m/s² at standstill. The classes' mean speeds are those of roads that are passed through."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,10 +77,10 @@ class RoadStudy:
 STUDIES: Final[Mapping[str, RoadStudy]] = MappingProxyType(
     {
         "tum": RoadStudy(
-            (223_233.0, 496_998.0, 233_500.0), (37_721.0, 31_184.0, 7_295.0), (0.0, 99.3), (0.01804, 55.2)
+            (223_233.0, 496_998.0, 233_500.0), (37_721.0, 31_184.0, 7_295.0), (0.00296, 52.0), (0.01968, 57.6)
         ),
         "ved": RoadStudy(
-            (202_645.0, 483_295.0, 250.0), (52_940.0, 42_800.0, 9.0), (0.00802, 68.2), (0.0, 167.2)
+            (202_645.0, 483_295.0, 250.0), (52_940.0, 42_800.0, 9.0), (0.01048, 57.6), (0.0, 132.1)
         ),
     }
 )
@@ -140,8 +143,9 @@ class RoadPrior:
         length, speed = (
             np.array(column) for column in zip(*[p for p in pieces if p[0] > 0.0] * turns, strict=True)
         )
-        unknown = np.full(len(length), np.nan)
-        return plan_from_links(LinkRoute(length, length / speed, unknown, unknown), trip_id="distance")
+        time, unknown = length / speed, np.full(len(length), np.nan)
+        np.add.at(time, [0, -1], END_S_PER_M_S * speed[[0, -1]])
+        return plan_from_links(LinkRoute(length, time, unknown, unknown), trip_id="distance")
 
 
 @lru_cache(maxsize=8)

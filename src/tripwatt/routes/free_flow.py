@@ -85,10 +85,13 @@ class TravelTimeFactors:
         return np.asarray(np.interp(speed_m_s, self.speed_m_s, self.factor), dtype=np.float64)
 
     def expected(self, route: LinkRoute) -> LinkRoute:
-        """Free-flow links with the times that are expected on them; a router's own delays are not lost. O(links)."""
-        moving = np.where(np.isnan(route.moving_speed_m_s), route.speed_m_s, route.moving_speed_m_s)
-        expected_s = route.length_m / moving * self.at(moving)
-        travel_time_s = np.maximum(expected_s, route.travel_time_s)
+        """Free-flow links with the times that are expected on them; a router's own delays are not lost. O(links).
+
+        A speed limit below the free speed of a link slows the car down, but its factor is that of the free speed.
+        """
+        free = np.where(np.isnan(route.moving_speed_m_s), route.speed_m_s, route.moving_speed_m_s)
+        moving = free if route.speed_limit_m_s is None else np.fmin(free, route.speed_limit_m_s)
+        travel_time_s = np.maximum(route.length_m / moving * self.at(free), route.travel_time_s)
         return replace(route, travel_time_s=travel_time_s, moving_speed_m_s=self.moving_share * moving)
 
 
@@ -189,5 +192,4 @@ def _class_speed(speed_m_s: FloatArray) -> float:
     if not len(moving):
         return CLASSES_KM_H[0] * M_S_PER_KM_H
     high = float(np.percentile(moving, PERCENTILE)) / M_S_PER_KM_H
-    fitting = [value for value in CLASSES_KM_H if value >= high - 1e-9]
-    return (fitting[0] if fitting else CLASSES_KM_H[-1]) * M_S_PER_KM_H
+    return next((v for v in CLASSES_KM_H if v >= high - 1e-9), CLASSES_KM_H[-1]) * M_S_PER_KM_H

@@ -32,7 +32,18 @@ REFERENCE_LENGTH_M: Final = 250.0
 """Length of a link to which `LinkStyle.street_speed_m_s` refers [m]."""
 
 LONGEST_STREET_M: Final = 2000.0
-"""The growth of the street speed with the link's length ends here: twice the longest links of its fit [m]."""
+"""The growth of the street speed with the link's length ends here: twice the longest links of its fit [m]. A longer link is
+disturbed once in every such length at least, as a row of links of this length is."""
+
+MOST_OVER_MEAN_M_S: Final = 8.0
+"""The free speed is above the mean speed by this at most [m/s]. Like the next two from the schedules that were made of recorded
+driving (`docs/decisions/forecast-11-even-links.md`)."""
+
+DISTURBED_M_S: Final = 16.0
+"""Up to this mean speed a road has intersections, places and slower cars at full strength [m/s]."""
+
+CRUISE_M_S: Final = 25.0
+"""From this mean speed on, nothing slows the car down: it cruises at the mean speed [m/s]."""
 
 SPACING_M: Final = 4.0
 """Longest cell of the distance grid [m]."""
@@ -54,8 +65,8 @@ STANDSTILL_M_S: Final = 0.5
 
 MOST_PASSES: Final = 30
 
-FIRST_STEP: Final = 0.25
-"""Largest change of a delay in the first pass."""
+FIRST_STEP: Final = 0.12
+"""Largest change of a delay in the first pass; a choice, because links of 250 m and 1 km then take the fewest passes."""
 
 MOST_STEP: Final = 0.5
 
@@ -109,9 +120,9 @@ class LinkStyle:
             acceleration_m_s2=2.5, deceleration_m_s2=2.5, half_acceleration_speed_m_s=35.0, dwell_mean_s=20.0
         )
     )
-    comfort: float = 0.27
-    street_speed_m_s: float = 8.9
-    length_exponent: float = 0.43
+    comfort: float = 0.32
+    street_speed_m_s: float = 8.2
+    length_exponent: float = 0.53
     sharpness: float = 3.5
     stop_place: float = 0.5
 
@@ -132,6 +143,9 @@ class LinkStyle:
     def free_speed(self, length_m: FloatArray, speed_m_s: FloatArray) -> FloatArray:
         """Speed between two disturbances [m/s] on links of a mean speed, shape of `length_m`.
 
+        It is the power mean of the mean speed and a street speed that grows with the length, but no more than
+        `MOST_OVER_MEAN_M_S` above the mean speed, and nearer to it on fast roads (`undisturbed_speed`).
+
         Parameters
         ----------
         length_m : ndarray, shape (links,)
@@ -151,9 +165,30 @@ class LinkStyle:
         """
         reach = np.minimum(length_m, LONGEST_STREET_M) / REFERENCE_LENGTH_M
         street = self.street_speed_m_s * reach**self.length_exponent
-        large = np.maximum(street, speed_m_s)
-        ratio = np.minimum(street, speed_m_s) / large
-        return np.asarray(large * (1.0 + ratio**self.sharpness) ** (1.0 / self.sharpness), dtype=np.float64)
+        free = (street**self.sharpness + speed_m_s**self.sharpness) ** (1.0 / self.sharpness)
+        return undisturbed_speed(speed_m_s, np.minimum(free, speed_m_s + MOST_OVER_MEAN_M_S))
+
+
+def undisturbed_speed(mean_m_s: FloatArray, free_m_s: FloatArray) -> FloatArray:
+    """Speed between two disturbances, given that of a road with all of them: the faster the road, the nearer to its mean speed.
+
+    Parameters
+    ----------
+    mean_m_s, free_m_s : ndarray, shape (links,)
+        Mean speed, and speed between two disturbances were the road slow [m/s].
+
+    Returns
+    -------
+    ndarray, shape (links,)
+        From the mean speed to the larger of the two [m/s].
+
+    Examples
+    --------
+    >>> undisturbed_speed(np.array([10.0, 20.5, 25.0]), np.array([18.0, 30.0, 36.0])).tolist()
+    [18.0, 25.25, 25.0]
+    """
+    share = np.clip((CRUISE_M_S - mean_m_s) / (CRUISE_M_S - DISTURBED_M_S), 0.0, 1.0)
+    return np.asarray(mean_m_s + share * np.maximum(free_m_s - mean_m_s, 0.0), dtype=np.float64)
 
 
 def link_profile(
@@ -181,7 +216,8 @@ def link_profile(
         Standstill at the end of each link [s], part of its travel time: 0 = the car does not stop on this link, NaN =
         not known, so that stops are placed where the travel time needs them. All unknown without it.
     moving_speed_m_s : array_like, shape (links,), optional
-        Speed while nothing stands in the way [m/s], NaN = not known.
+        Speed while nothing stands in the way [m/s], NaN = not known. On a fast road it is not reached: there the time left over
+        is that of a slower drive.
     speed_limit_m_s : array_like, shape (links,), optional
         Highest speed [m/s], NaN = not known. It is kept except on a link whose mean speed is higher; then that one is.
     style : LinkStyle, optional
@@ -239,7 +275,7 @@ class Course:
 
     `limit` is infinite where there is none, `free` the speed without disturbance, `time` the time to drive and to wait in
     invented stops, without the stops that were given. `link` is that of each cell, `ends` the last node of each link,
-    `ramp` the speed that a node may have at least because the neighbouring link is faster.
+    `ramp` the speed that a node may have at least because the neighbouring link is faster, within the limits.
     """
 
     def __init__(
@@ -256,7 +292,7 @@ class Course:
         self.length, self.stop, self.style = length, np.nan_to_num(stop, nan=0.0), style
         self.time = time - self.stop
         mean = length / self.time
-        free = np.where(np.isnan(moving), style.free_speed(length, mean), np.maximum(moving, mean))
+        free = np.where(np.isnan(moving), style.free_speed(length, mean), undisturbed_speed(mean, moving))
         # a link whose stops are given has no reason to go faster than its own speed
         free = np.where(np.isnan(stop) | ~np.isnan(moving), free, mean)
         if rng is not None:
@@ -283,6 +319,8 @@ class Course:
         at_rest[[0, -1]] = np.isnan(stop[[0, -1]])
         self.most_delay = np.where(at_rest & (dips == 0), 0.0, most)
         self.ramp = ramp_speeds(self.position, self.ends, np.minimum(self.free, HURRY * mean + 2.0), style)
+        for side in (self.ramp[1:], self.ramp[:-1]):
+            np.minimum(side, self.limit[self.link], out=side)
 
     def drive(self, delay: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Speed at the nodes [m/s] and time between them [s] for a delay of each link, without waiting.
@@ -291,14 +329,13 @@ class Course:
         link without any it lowers the speed throughout.
         """
         has_dip = self.most_delay == 1.0
-        cruise = self.free * np.where(has_dip, 1.0 - np.minimum(delay, 0.0), 1.0 - delay)
-        cruise = np.minimum(cruise, self.fastest)
+        share = np.where(has_dip, 1.0 - np.minimum(delay, 0.0), 1.0 - delay)
+        cruise = np.minimum(self.free * share, self.fastest)
         effort = np.minimum(self.style.comfort * (1.0 + FIRMER * np.maximum(-delay, 0.0)), 1.0)
         cell = cruise[self.link]
         aim = np.zeros(len(self.position))
         np.minimum(cell[1:], cell[:-1], out=aim[1:-1])
-        np.maximum(aim, self.ramp, out=aim)
-        self._keep_to_limits(aim)
+        np.maximum(aim[1:], self.ramp[1:] * np.minimum(share, 1.0)[self.link], out=aim[1:])
         aim[[0, -1]] = 0.0
         slow = self.free[self.dip_link] * (1.0 - np.clip(delay[self.dip_link], 0.0, 1.0))
         aim[self.dip_node] = np.minimum(aim[self.dip_node], slow)
@@ -312,7 +349,7 @@ class Course:
         Neighbours move each other, so that a secant may mislead: a delay never changes by more than its step, which
         grows while the sign of the link's error stays and is halved when it changes.
         """
-        delay = np.where(self.most_delay == 1.0, 0.3, 0.0)
+        delay = np.where(self.most_delay == 1.0, 0.4, 0.0)
         least = np.minimum(1.0 - self.fastest / self.free, (1.0 - 1.0 / self.style.comfort) / FIRMER)
         step = np.full(delay.shape, FIRST_STEP)
         before, slope = np.zeros(delay.shape), np.zeros(delay.shape)
@@ -350,14 +387,6 @@ class Course:
     def fastest(self) -> FloatArray:
         """Highest speed that is tried on each link [m/s]."""
         return np.minimum(np.maximum(self.free, HURRY * self.length / self.time + 2.0), self.limit)
-
-    def _keep_to_limits(self, aim: FloatArray) -> None:
-        """Lower speeds at nodes [m/s] to the limits of the links that they lie on."""
-        if not np.isfinite(self.limit).any():
-            return
-        cell = self.limit[self.link]
-        np.minimum(aim[1:], cell, out=aim[1:])
-        np.minimum(aim[:-1], cell, out=aim[:-1])
 
     def waiting(
         self, speed: FloatArray, driving_s: FloatArray, rng: np.random.Generator | None
@@ -402,16 +431,18 @@ def ramp_speeds(position: FloatArray, ends: IntArray, free: FloatArray, style: L
 def number_of_dips(
     length: FloatArray, time: FloatArray, free: FloatArray, unknown: BoolArray, style: LinkStyle
 ) -> IntArray:
-    """How often the car slows down or stops on each link: once, and more often if there is time left over."""
+    """How often the car slows down or stops on each link: once, more often on a long link or with time left over, never without any.
+
+    Standing at an end of the route is half a stop.
+    """
     up = style.comfort * style.driver.acceleration_m_s2
     down = style.comfort * style.driver.deceleration_m_s2
     half_squared = style.driver.half_acceleration_speed_m_s**2
     # time that a stop costs against driving on: v/2a braking; ∫ (1 - u/v) du / a(u) speeding up
     stop_s = free / (2.0 * down) + free / (2.0 * up) * (1.0 + free**2 / (6.0 * half_squared))
     spare = time - length / free
-    at_ends = np.zeros(len(length))
-    for end in (0, -1):
-        at_ends[end] += 0.5
-    number = np.rint(spare / (stop_s + style.driver.dwell_mean_s) - at_ends)
-    number = np.clip(number, np.where(at_ends > 0, 0, 1), np.maximum(length // SHORTEST_BETWEEN_STOPS_M, 1))
-    return np.asarray(np.where(unknown, number, 0), dtype=np.int64)
+    ends = np.bincount([0, len(length) - 1], minlength=len(length))
+    fitting = np.maximum(spare / (stop_s + style.driver.dwell_mean_s), length / LONGEST_STREET_M)
+    number = np.rint(fitting - 0.5 * ends)
+    number = np.clip(number, np.where(ends > 0, 0, 1), np.maximum(length // SHORTEST_BETWEEN_STOPS_M, 1))
+    return np.asarray(np.where(unknown & (spare > TIME_TOLERANCE * time), number, 0), dtype=np.int64)
