@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 import tripwatt as tw
-from tripwatt.auditing.road import ambient_findings, coarse_findings, elevation_findings
+from tripwatt.auditing.road import ambient_findings, coarse_findings, mend_heights
 
 NO = np.nan
 
@@ -17,7 +17,7 @@ def told(findings):
 def road(height, speed=20.0, step_s=1.0):
     n = len(height)
     columns = {"time_s": 100.0 + step_s * np.arange(n), "speed_m_s": speed, "elevation_m": height}
-    return told(elevation_findings(pd.DataFrame(columns), "t"))
+    return told(mend_heights(pd.DataFrame(columns), "t")[1])
 
 
 def test_no_road_keeps_its_height_for_two_kilometres():
@@ -37,12 +37,28 @@ def test_no_road_climbs_more_than_four_tenths_beside_ten_metres_of_noise():
     words = "elevation jumps 1 times, by up to 18.5 m"
     assert road([*level, 518.5, 518.5]) == [(104.0, 105.0, "noted", words)]
     words = "elevation jumps 2 times, by up to 19.0 m"
-    assert road([*level, 518.5, 518.5, 499.5]) == [(104.0, 107.0, "noted", words)]
+    assert road([*level, 518.5, 518.5, 499.5])[0] == (104.0, 107.0, "noted", words)
     faster = np.array([10.0, 30.0, 10.0])  # 40 m in 2 s rise by 16 m
     assert road([500.0, 525.5, 525.5], faster, step_s=2.0) == []
     assert len(road([500.0, 526.5, 526.5], faster, step_s=2.0)) == 1
     parked = np.array([0.0, 0.0, NO, 0.0])
     assert [f[:2] for f in road([500.0, 500.0, 505.0, 510.5], parked)] == [(101.0, 103.0)]
+
+
+def test_heights_that_no_road_can_have_are_replaced_and_told():
+    height = 500.0 + 0.5 * np.arange(120.0)
+    logged = np.where(np.arange(120) < 6, 0.0, height)
+    logged[60:70] = 6000.0
+    samples = pd.DataFrame({"time_s": np.arange(120.0), "speed_m_s": 20.0, "elevation_m": logged})
+    mended, findings = mend_heights(samples, "t")
+    assert mended["elevation_m"].to_numpy() == pytest.approx(np.where(np.arange(120) < 6, 503.0, height))
+    words = "elevation of 0 in 16 samples is a jump: these values are removed"
+    assert told(findings)[-1] == (0.0, 69.0, "noted", words)
+    assert "jumps 3 times, by up to 5500" not in told(findings)[0][3]
+    assert samples["elevation_m"][0] == 0.0
+    again, findings = mend_heights(mended, "t")
+    assert again is mended
+    assert findings == []
 
 
 def ambient(values, step_s=1.0):

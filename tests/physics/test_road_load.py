@@ -87,19 +87,19 @@ class TestGradeByHand:
     @pytest.mark.parametrize("sign", [1.0, -1.0])
     def test_a_jump_is_spread_to_both_sides(self, sign: float) -> None:
         """0.4 of 20 m are 8 m. Of a jump of 24 m the two pieces to each side take 4 m each."""
-        most = grade_from_elevation(self.time, self.speed, np.where(self.time > 40, sign * 8.0, 0.0))
+        most = grade_from_elevation(self.time, self.speed, 100.0 + np.where(self.time > 40, sign * 8.0, 0.0))
         assert most == pytest.approx(self.graded(sign * 8.0 * weight(self.piece - 40)), **EXACT)
-        more = grade_from_elevation(self.time, self.speed, np.where(self.time > 40, sign * 24.0, 0.0))
+        more = grade_from_elevation(self.time, self.speed, 100.0 + np.where(self.time > 40, sign * 24.0, 0.0))
         spread = sum(4.0 * weight(self.piece - k) for k in (38, 39, 40, 40, 41, 42))
         assert more == pytest.approx(self.graded(sign * spread), **EXACT)
 
-    def test_two_jumps_that_cancel_within_400_m_are_left_out(self) -> None:
+    @pytest.mark.parametrize("size", [44.0, -300.0, 6000.0])
+    def test_two_jumps_that_cancel_are_left_out(self, size: float) -> None:
         def climbs(width: int) -> float:
-            height = np.where((self.time > 30) & (self.time <= 30 + width), 44.0, 0.0)
-            return float(grade_from_elevation(self.time, self.speed, height).max())
+            height = np.where((self.time > 30) & (self.time <= 30 + width), 300.0 + size, 300.0)
+            return float(np.abs(grade_from_elevation(self.time, self.speed, height)).max())
 
-        assert [climbs(width) for width in (1, 5, 19)] == [0.0, 0.0, 0.0]
-        assert climbs(20) > 0.1
+        assert [climbs(width) for width in (1, 5, 19, 24)] == [0.0] * 4
 
     def test_a_spike_on_a_slope_leaves_the_slope(self) -> None:
         height = 0.5 * self.time
@@ -177,12 +177,21 @@ class TestGrade:
         assert np.sum(np.maximum(grade, 0.0) * 15.0) == pytest.approx(40.0, rel=0.03)
         assert self.total(grade) == pytest.approx(0.0, abs=0.5)
 
-    @pytest.mark.parametrize("jump", [27.5, 45.0, -120.0])
+    @pytest.mark.parametrize("jump", [27.5, 45.0, -60.0])
     def test_a_jump_is_spread_and_climbs_as_much(self, jump: float) -> None:
-        grade = grade_from_elevation(self.time, self.speed, np.where(self.time > 300.0, jump, 0.0))
+        grade = grade_from_elevation(self.time, self.speed, np.where(self.time > 300.0, 500.0 + jump, 500.0))
         assert climb(grade, self.speed) == pytest.approx(jump, abs=1e-6)
-        assert (np.sign(jump) * grade >= 0.0).all()
+        assert (np.sign(jump) * grade >= -1e-9).all()
         assert np.abs(grade).max() <= STEEPEST
+
+    @pytest.mark.parametrize("jump", [66.0, -120.0, 6000.0])
+    def test_a_larger_jump_is_no_climb_and_both_sides_keep_their_slopes(self, jump: float) -> None:
+        height = 500.0 + self.climb
+        grade = grade_from_elevation(self.time, self.speed, height + np.where(self.time > 300.0, jump, 0.0))
+        assert climb(grade, self.speed) == pytest.approx(
+            self.climb[-1], abs=0.46
+        )  # one sample of 0.45 m is level
+        assert np.tan(np.arcsin(0.03)) == pytest.approx(grade[100:200], rel=1e-9)
 
     @pytest.mark.parametrize("width_s", [1, 5, 20])
     def test_a_spike_is_no_hill(self, width_s: int) -> None:

@@ -190,3 +190,14 @@ class TestGpx:
             read_gpx(b"<!DOCTYPE gpx><gpx/>")
         with pytest.raises(InvalidInput, match="not well-formed XML"):
             read_gpx(b"<gpx>")
+
+
+@pytest.mark.parametrize("void", ["NaN", "nan", "-32768", "-9999", "32767", ""])
+def test_a_height_of_no_place_is_not_known(void: str) -> None:
+    ends = (
+        '<trkpt lat="48" lon="11"><ele>520</ele></trkpt>{}<trkpt lat="48.2" lon="11"><ele>540</ele></trkpt>'
+    )
+    middle = f'<trkpt lat="48.1" lon="11"><ele>{void}</ele></trkpt>'
+    track = read_gpx(f"<gpx><trk><trkseg>{ends.format(middle)}</trkseg></trk></gpx>".encode())
+    assert track.elevation()[1].tolist() == [520.0, 540.0]
+    assert [flag.code for flag in track.elevation()[2]] == ["elevation_interpolated"]

@@ -258,11 +258,11 @@ def _judge_leg(leg: Recorded) -> tuple[Recorded, list[Finding]]:
         *stamps.gap_findings(samples, name),
         *signals.filled_gaps(samples, name),
         *signals.frozen_sensor_findings(samples, name),
-        *road.elevation_findings(samples, name),
         *road.ambient_findings(samples, name),
         *road.coarse_findings(samples, name),
     ]
-    for blank in (signals.blank_stuck_heater, consistency.blank_soc_faults, ranges.blank_fahrenheit):
+    soc_faults, heater = consistency.blank_soc_faults, signals.blank_stuck_heater
+    for blank in (road.mend_heights, heater, soc_faults, ranges.blank_fahrenheit):
         samples, more = blank(samples, name)
         findings += more
     mended = leg.with_samples(samples)

@@ -9,16 +9,15 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import distance_driven
-from tripwatt.auditing.findings import Finding, array, has, whole
+from tripwatt.auditing.findings import Change, Finding, array, between, blanking, has, whole
 from tripwatt.auditing.signals import MOVING_M_S
 from tripwatt.trips import STEEPEST_GRADE
 from tripwatt.trips.coarse_speed import LONGEST_HOLD_S, refresh_time
+from tripwatt.trips.elevation import HEIGHT_NOISE_M, heights_of_a_road
+from tripwatt.trips.messages import signal_name
 
 FLAT_ROAD_M: Final = 2000.0
 """No road keeps one height to the last digit for so long."""
-
-ELEVATION_NOISE_M: Final = 10.0
-"""Error of satellite heights that a smoothing takes out."""
 
 CONSTANT_AMBIENT_S: Final = 3600.0
 """Sensors resolve 0.5 to 1 °C; within an hour of driving the air changes by more."""
@@ -31,26 +30,34 @@ COARSE_S: Final = 5.0
 10 s it is 3 % and 6 %."""
 
 
-def elevation_findings(samples: pd.DataFrame, trip_id: str) -> Iterator[Finding]:
-    """A height that never changes, and steps that no road has."""
-    if not has(samples, "elevation_m"):
+@blanking
+def mend_heights(samples: pd.DataFrame, trip_id: str) -> Iterator[Change]:
+    """A height that never changes is noted, and so are jumps; heights that no road can have are replaced."""
+    time, speed, logged = (array(samples, c) for c in ("time_s", "speed_m_s", "elevation_m"))
+    known = np.flatnonzero(np.isfinite(logged) & np.isfinite(speed))
+    if len(known) < 2:
         return
-    time, speed, height = (array(samples, c) for c in ("time_s", "speed_m_s", "elevation_m"))
-    known = np.isfinite(height) & np.isfinite(speed)
-    time, speed, height = time[known], speed[known], height[known]
-    if len(time) < 2:
-        return
-    driven = distance_driven(time, speed)
+    time, height = time[known], logged[known]
+    driven = distance_driven(time, speed[known])
     if np.ptp(height) == 0.0 and driven[-1] > FLAT_ROAD_M:
         what = (
             f"elevation stays at {height[0]:g} m over {driven[-1] / 1000:.1f} km: the road is treated as flat"
         )
-        yield whole(samples, trip_id, what, "noted")
+        yield "elevation_m", None, whole(samples, trip_id, what, "noted")
     step = np.abs(np.diff(height))
-    jumps = np.flatnonzero(step > ELEVATION_NOISE_M + STEEPEST_GRADE * np.diff(driven))
+    jumps = np.flatnonzero(step > HEIGHT_NOISE_M + STEEPEST_GRADE * np.diff(driven))
     if len(jumps):
         what = f"elevation jumps {len(jumps)} times, by up to {step[jumps].max():.1f} m"
-        yield Finding(trip_id, float(time[jumps[0]]), float(time[jumps[-1] + 1]), what, "noted")
+        finding = Finding(trip_id, float(time[jumps[0]]), float(time[jumps[-1] + 1]), what, "noted")
+        yield "elevation_m", None, finding
+    sound = heights_of_a_road(time, driven, height)
+    off = np.flatnonzero(sound != height)
+    if len(off):
+        kept = logged.copy()
+        kept[known] = sound
+        name = signal_name("elevation_m")
+        what = f"{name} of {height[off[0]]:g} in {len(off)} samples is a jump: these values are removed"
+        yield "elevation_m", kept, between(samples, trip_id, known[off[0]], known[off[-1]], what, "noted")
 
 
 def ambient_findings(samples: pd.DataFrame, trip_id: str) -> Iterator[Finding]:

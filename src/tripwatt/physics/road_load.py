@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from typing import Final
 
 import numpy as np
@@ -10,6 +9,7 @@ import numpy as np
 from tripwatt.arrays import BoolArray, FloatArray, PerTrip, running_sum
 from tripwatt.physics.relaxation import Relaxation
 from tripwatt.trips import STEEPEST_GRADE
+from tripwatt.trips.elevation import heights_of_a_road
 from tripwatt.units import (
     DRY_AIR_GAS_CONSTANT_J_KG_K,
     GRAVITY_M_S2,
@@ -25,9 +25,6 @@ GRADE_BIN_M: Final = 20.0
 
 GRADE_WINDOW_M: Final = 200.0
 """Full width at half height of the triangular weight that smooths the grade [m]."""
-
-SPIKE_M: Final = 2.0 * GRADE_WINDOW_M
-"""Within this distance two jumps that cancel are an error of the sensor, as far as the smoothing reaches."""
 
 _HALF: Final = int(GRADE_WINDOW_M / GRADE_BIN_M)
 GRADE_WEIGHT: Final = np.minimum(np.arange(1.0, 2 * _HALF), np.arange(2 * _HALF - 1.0, 0.0, -1.0)) / _HALF**2
@@ -90,7 +87,7 @@ def wet_factor(rain_mm_h: PerTrip) -> PerTrip:
 def rolling_resistance_force(
     speed_m_s: FloatArray,
     mass_kg: PerTrip,
-    coefficients: tuple[float, float],
+    coefficients: tuple[FloatArray | float, float],
     cosine: FloatArray | float = 1.0,
 ) -> FloatArray:
     """Rolling and driveline drag m g cos(α) · (c0 + c1 v) [N]; zero at standstill. Shape of `speed_m_s`.
@@ -160,10 +157,11 @@ def inertia_force(acceleration_m_s2: FloatArray, mass_kg: PerTrip, rotating_mass
 def grade_from_elevation(time_s: FloatArray, speed_m_s: FloatArray, elevation_m: FloatArray) -> FloatArray:
     """Road grade over each interval from a logged elevation, smoothed over distance. O(samples + distance).
 
-    The road climbs as much as the log: from its first to its last elevation. Elevations are averaged over pieces of road of
-    `GRADE_BIN_M`, so that neither the 1 m steps of a log nor a standstill make a slope. A jump, or a drift at standstill,
-    is spread over the road beside it, which is nowhere steeper than the steepest street (`STEEPEST_GRADE`). Two jumps that cancel within
-    `SPIKE_M` are left out. The slopes are smoothed with a triangular weight over distance, which keeps the climb.
+    Heights that no road can have are left out before (`tripwatt.trips.elevation.heights_of_a_road`). The road climbs as much as the
+    others: from the first to the last of them. They are averaged over pieces of road of
+    `GRADE_BIN_M`, so that neither the 1 m steps of a log nor a standstill make a slope. A small jump, or a drift at standstill,
+    is spread over the road beside it, which is nowhere steeper than the steepest street (`STEEPEST_GRADE`). The slopes are smoothed with
+    a triangular weight over distance, which keeps the climb.
 
     Parameters
     ----------
@@ -191,10 +189,11 @@ def grade_from_elevation(time_s: FloatArray, speed_m_s: FloatArray, elevation_m:
     np.cumsum(step, out=distance[1:])
     if not known.any() or not distance[-1] > 0.0:
         return np.zeros(len(time_s))
-    border, height = _height_over_distance(distance, elevation_m, known)
+    sound = heights_of_a_road(time_s, distance, elevation_m)
+    border, height = _height_over_distance(distance, sound, known)
     steepest = STEEPEST_GRADE * border[1]
     if (np.abs(np.diff(height)) > steepest).any():
-        height = _with_slope_at_most(steepest, _without_spikes(height, steepest, border[1]))
+        height = _with_slope_at_most(steepest, height)
     half = (len(GRADE_WEIGHT) + 1) // 2
     # Mirrored ends let the smoothed slopes climb exactly as high as the unsmoothed ones.
     rise = np.convolve(np.pad(np.diff(height), half - 1, mode="symmetric"), GRADE_WEIGHT, mode="valid")
@@ -224,53 +223,22 @@ def _height_over_distance(
     return border, smooth
 
 
-def _without_spikes(height: FloatArray, steepest: float, piece_m: float) -> FloatArray:
-    """Heights with a straight line wherever a jump is followed within `SPIKE_M` by a jump back. O(jumps).
-
-    A spike is no road and climbs nothing on the whole, but its two jumps would climb and fall if they were kept.
-    """
-    jump = np.diff(height)
-    direction = np.where(np.abs(jump) > steepest, np.sign(jump), 0.0)
-    change = np.flatnonzero(np.diff(direction, prepend=0.0, append=0.0))
-    # runs of pieces that are too steep in one direction: from border `start` to border `end`
-    runs = [(a, b) for a, b in itertools.pairwise(change.tolist()) if direction[a]]
-    kept = np.ones(len(height), dtype=bool)
-    most, until = SPIKE_M / piece_m, 0
-    for number, (start, _) in enumerate(runs):
-        if start < until:
-            continue
-        for k in range(number + 1, len(runs)):
-            back, end = runs[k]
-            if end - start > most:
-                break
-            # the means of pieces blur a jump: one more to each side belongs to the spike
-            first, last = max(start - 1, 0), min(end + 1, len(jump))
-            returns = direction[back] == -direction[start]
-            if returns and abs(height[last] - height[first]) <= steepest * (last - first):
-                kept[first + 1 : last] = False
-                until = end
-                break
-    border = np.arange(len(height))
-    return np.asarray(np.interp(border, border[kept], height[kept]), dtype=np.float64)
-
-
 def _with_slope_at_most(steepest: float, height: FloatArray) -> FloatArray:
     """The heights with the least largest change whose neighbours differ by at most `steepest`; both ends stay.
 
     The mean of the largest such heights below and the smallest above is the nearest (McShane 1934), and limits through
     the two ends keep it there. Where the ends differ too much, the last one gives way.
     """
-    ramp = steepest * np.arange(len(height))
-    below = np.minimum(
-        np.minimum.accumulate(height - ramp) + ramp,
-        np.minimum.accumulate((height + ramp)[::-1])[::-1] - ramp,
-    )
-    above = np.maximum(
-        np.maximum.accumulate(height + ramp) - ramp,
-        np.maximum.accumulate((height - ramp)[::-1])[::-1] + ramp,
-    )
+    ramp = np.asarray(steepest * np.arange(len(height)), dtype=np.float64)
     first = height[0]
     last = first + np.clip(height[-1] - first, -ramp[-1], ramp[-1])
     least = np.maximum(first - ramp, last - ramp[::-1])
     most = np.minimum(first + ramp, last + ramp[::-1])
-    return np.asarray(np.clip(0.5 * (below + above), least, most), dtype=np.float64)
+    nearest = 0.5 * (_largest_below(height, ramp) - _largest_below(-height, ramp))
+    return np.asarray(np.clip(nearest, least, most), dtype=np.float64)
+
+
+def _largest_below(height: FloatArray, ramp: FloatArray) -> FloatArray:
+    """Largest heights below others that rise and fall by at most the steps of a ramp."""
+    after = np.minimum.accumulate((height + ramp)[::-1])[::-1] - ramp
+    return np.minimum(np.minimum.accumulate(height - ramp) + ramp, after)

@@ -70,7 +70,8 @@ class _Gpx(XmlTracks):
         if tag in POINTS and len(self.path) > 1 and self.path[1] in self.kinds:
             latitude = _number(self.latitude, f"{self.place}, lat")
             longitude = _number(self.longitude, f"{self.place}, lon")
-            height = _number(self.elevation, f"{self.place}, ele") if self.elevation else math.nan
+            known = self.elevation.lower() not in ("", "nan")
+            height = _number(self.elevation, f"{self.place}, ele") if known else math.nan
             line = self.lines[self.path[1]][-1]
             line.points.append((latitude, longitude, height))
             line.times.append(self.time)

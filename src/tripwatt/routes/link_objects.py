@@ -26,6 +26,7 @@ from tripwatt.errors import (
 )
 from tripwatt.routes.links import FLAT_ROAD, MOST_LINKS, LinkRoute
 from tripwatt.trips import LINK_COLUMNS, STEEPEST_GRADE, Flag
+from tripwatt.trips.elevation import HEIGHT_NOISE_M
 from tripwatt.trips.headers import header_faults, same_quantity
 
 RELATIVE_ELEVATION: Final = Flag("elevation_relative", "road")
@@ -181,9 +182,12 @@ def columns_of_links(links: Sequence[object], where: str = "") -> tuple[dict[str
     for key in ("length_m", "speed_m_s", "travel_time_s"):
         low = columns[key] <= 0.0
         wrong.add("link out of range", low, key, _shown(columns[key]), "more than 0")
-    steep = np.abs(columns["grade"]) > STEEPEST_GRADE
+    with np.errstate(all="ignore"):  # a length of 0 is named above
+        rise = columns["end_elevation_m"] - columns["start_elevation_m"]
+        slope, noise = rise / columns["length_m"], HEIGHT_NOISE_M / columns["length_m"]
     allowed = f"-{STEEPEST_GRADE} to {STEEPEST_GRADE}"
-    wrong.add("grade out of range", steep, "grade", _shown(columns["grade"]), allowed)
+    for key, grade, more in (("grade", columns["grade"], 0.0), ("end_elevation_m", slope, noise)):
+        wrong.add("grade out of range", np.abs(grade) > STEEPEST_GRADE + more, key, _shown(grade), allowed)
     return columns, first_faults(wrong.faults, "links", MOST_FAULTS + 1)
 
 

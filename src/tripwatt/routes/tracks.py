@@ -57,7 +57,7 @@ class Track:
     latitude_deg, longitude_deg : ndarray
         Place of each point in WGS 84 [°].
     elevation_m : ndarray
-        NaN where not known.
+        NaN where not known; heights that no place has, such as -9999 m, are not known either.
     time_s : ndarray or None
         Increasing or equal, from 0; None without times.
     piece_speed_m_s : ndarray, shape (points - 1,)
@@ -111,11 +111,6 @@ class Track:
                 yield Fault("duration out of range", "track", f"{span:g} s", allowed)
         if not float(self.step_m.sum()) > 0:
             yield Fault("track has no length", "track", "0 m", "two different places")
-        column = COLUMNS["elevation_m"]
-        high = np.flatnonzero((self.elevation_m < column.minimum) | (self.elevation_m > column.maximum))
-        if len(high):
-            where, got = f"track, point {high[0] + 1}", f"{self.elevation_m[high[0]]:g} m"
-            yield Fault("elevation out of range", where, got, f"{column.minimum:g} to {column.maximum:g} m")
 
     def __len__(self) -> int:
         return len(self.latitude_deg)
@@ -147,7 +142,8 @@ class Track:
         flags : tuple of Flag
             That the road is taken as flat, or that heights are interpolated; empty when every point has one.
         """
-        known = np.isfinite(self.elevation_m)
+        column = COLUMNS["elevation_m"]
+        known = (self.elevation_m >= column.minimum) & (self.elevation_m <= column.maximum)
         if not known.any():
             return None, None, (FLAT_ROAD,)
         flags = () if known.all() else (Flag("elevation_interpolated", "track"),)

@@ -1,4 +1,4 @@
-"""Elevation that a logger interpolated in time, put where the car was."""
+"""Heights of a log: those interpolated in time are put where the car was, those that no road can have are left out."""
 
 from __future__ import annotations
 
@@ -6,12 +6,34 @@ from typing import Final
 
 import numpy as np
 
-from tripwatt.arrays import FloatArray, IntArray, distance_driven
+from tripwatt.arrays import FloatArray, IntArray, distance_driven, running_sum
+from tripwatt.trips.columns import STEEPEST_GRADE
 
 FIX_TOLERANCE_M: Final = 0.016
 """A height interpolated between two fixes and rounded to 0.01 m lies this close to the straight line."""
 LEAST_BETWEEN_FIXES_S: Final = 30.0
 """A measured height changes its slope more often than this."""
+
+HEIGHT_NOISE_M: Final = 10.0
+"""Error of satellite heights that a smoothing takes out."""
+DRIFT_M_S: Final = 0.5
+"""A height drifts by at most this while the car stands."""
+STEEPEST_ON_AVERAGE: Final = 0.2
+"""Mean grade that no road keeps over its length: the steepest streets are a few hundred metres long."""
+LEAST_FAULT_M: Final = 60.0
+"""A smaller jump may be the climb since a sensor that holds its height had its last one: the Twizy's logger catches up by 40 m and more."""
+ROAD_PER_JUMP: Final = 25.0
+"""A jump inside the road costs this length of it for each metre: a shorter run between two jumps that cancel is left out."""
+HELD: Final = 0.1
+"""Worth of a run whose height never changes, such as 0 m before the first fix; a run with a slope has 1."""
+LONGEST_DRIFT_M: Final = 5000.0
+"""A receiver without a fix, as in a tunnel, drifts for at most this length of road before it jumps back."""
+DRIFT_GRADE: Final = 0.07
+"""A drift is steeper than this: a longer rise of as much is a hill."""
+TUNNEL_GRADE: Final = 0.01
+"""The road climbs by at most this along a drift, beside the noise."""
+MOST_BACK: Final = 500
+"""Runs that may be left out one after the other."""
 
 
 def elevation_over_distance(time_s: FloatArray, speed_m_s: FloatArray, elevation_m: FloatArray) -> FloatArray:
@@ -48,6 +70,101 @@ def elevation_over_distance(time_s: FloatArray, speed_m_s: FloatArray, elevation
     filled = elevation_m.copy()
     filled[known] = np.interp(driven, driven[fixes], height[fixes])
     return filled
+
+
+def heights_of_a_road(time_s: FloatArray, distance_m: FloatArray, elevation_m: FloatArray) -> FloatArray:
+    """Heights without those that no road can have. O(samples + jumps).
+
+    A jump rises by `HEIGHT_NOISE_M` more than the steepest street does in its distance. Between jumps are runs of heights. Those stay
+    that hold most of the road and that a road can join. What lies between them, such as voids of 0 m or a drift in a tunnel, is
+    interpolated over distance. A run at an end that does not stay, such as 0 m before the first fix, keeps its slopes but not its jump.
+    A jump that a sensor catches up with (below `LEAST_FAULT_M`) stays, but not beside 0 m at an end.
+
+    Parameters
+    ----------
+    time_s, distance_m, elevation_m : ndarray, shape (samples,)
+        Missing elevations (NaN) stay missing.
+
+    Returns
+    -------
+    ndarray, shape (samples,)
+        `elevation_m` itself where every height stays.
+
+    Examples
+    --------
+    >>> time = np.arange(0.0, 60.0)
+    >>> height = np.where(time < 6.0, 0.0, 500.0 + time)
+    >>> heights_of_a_road(time, 15.0 * time, height)[[0, 5, 6, 59]].tolist()
+    [506.0, 506.0, 506.0, 559.0]
+    """
+    known = np.flatnonzero(np.isfinite(elevation_m))
+    way, height = distance_m[known], elevation_m[known]
+    start, end = _jumps(time_s[known], way, height)
+    if not len(start):
+        return elevation_m
+    first, last = np.append(0, end), np.append(start, len(known) - 1)
+    chain = _chain(way, height, first, last)
+    number, rise = np.arange(len(first)), height[end] - height[start]
+    outer = (number < chain[0]) | (number > chain[-1])
+    stays = outer | np.isin(number, chain)
+    unset = np.diff(running_sum(height != 0.0)[np.column_stack((first, last + 1))])[:, 0] == 0.0
+    faulty = (np.abs(rise) > LEAST_FAULT_M) | unset[1:] | unset[:-1]
+    faulty &= outer[1:] | outer[:-1]
+    climbed = stays[1:] & stays[:-1] & ~faulty
+    if climbed.all():
+        return elevation_m
+    begins, ends = np.append(first[stays], start[climbed]), np.append(last[stays], end[climbed])
+    borders = np.bincount(begins, minlength=len(known) + 1) - np.bincount(ends + 1, minlength=len(known) + 1)
+    kept = np.cumsum(borders)[:-1] > 0
+    dropped = np.zeros(len(known))
+    dropped[end[faulty]] = rise[faulty]
+    moved = np.cumsum(dropped)
+    sound = height - (moved - moved[first[chain[0]]])
+    filled = elevation_m.copy()
+    filled[known] = np.where(kept, sound, np.interp(way, way[kept], sound[kept]))
+    return filled
+
+
+def _jumps(time: FloatArray, way: FloatArray, height: FloatArray) -> tuple[IntArray, IntArray]:
+    """First and last sample of each jump; a cut, between two samples, parts a drift from the road that it leaves or comes back to."""
+    rise = np.diff(height)
+    over = np.abs(rise) - STEEPEST_GRADE * np.diff(way) - DRIFT_M_S * np.diff(time)
+    direction = np.where(over > 0.0, np.sign(rise), 0.0)
+    edge = np.flatnonzero(np.diff(direction, prepend=0.0, append=0.0))
+    jumps = np.diff(running_sum(over)[edge]) > HEIGHT_NOISE_M
+    start, end = edge[:-1][jumps], edge[1:][jumps]
+    cuts: list[int] = []
+    for a, b in np.column_stack((start, end))[np.abs(height[end] - height[start]) > LEAST_FAULT_M].tolist():
+        longest = min(LONGEST_DRIFT_M, abs(height[b] - height[a]) / DRIFT_GRADE)
+        near, far = np.searchsorted(way, (way[b] - longest, way[a] + longest))
+        for here, part in ((b, np.arange(near, a)[::-1]), (a, np.arange(b + 1, far))):
+            room = HEIGHT_NOISE_M + TUNNEL_GRADE * np.abs(way[part] - way[here])
+            back = part[np.abs(height[part] - height[here]) <= room]
+            cuts += (back[:1] - (here == a)).tolist()
+    cut = np.unique(np.array(cuts, dtype=np.int64))
+    cut = cut[np.searchsorted(start, cut, "right") == np.searchsorted(end, cut, "right")]
+    return np.sort(np.append(start, cut)), np.sort(np.append(end, cut + 1))
+
+
+def _chain(way: FloatArray, height: FloatArray, first: IntArray, last: IntArray) -> list[int]:
+    """Numbers of the runs that hold most of the road, of which a road can join each with the next. O(runs)."""
+    changes = running_sum(np.diff(height) != 0.0)
+    most = np.where(changes[last] > changes[first], 1.0, HELD) * (way[last] - way[first])
+    before = np.full(len(first), -1)
+    for k in range(1, len(first)):
+        back = slice(max(k - MOST_BACK, 0), k)
+        over = np.abs(height[first[k]] - height[last[back]]) - HEIGHT_NOISE_M
+        over -= STEEPEST_ON_AVERAGE * (way[first[k]] - way[last[back]])
+        joined = most[back] - ROAD_PER_JUMP * np.maximum(over, 0.0)
+        joined[over > LEAST_FAULT_M - HEIGHT_NOISE_M] = 0.0
+        best = int(joined.argmax())
+        if joined[best] > 0.0:
+            most[k] += joined[best]
+            before[k] = back.start + best
+    chain = [int(most.argmax())]
+    while before[chain[0]] >= 0:
+        chain.insert(0, int(before[chain[0]]))
+    return chain
 
 
 def _fixes(time: FloatArray, height: FloatArray, most: int) -> IntArray | None:

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import pandas as pd
 
-from tripwatt.arrays import FloatArray
+from tripwatt.arrays import FloatArray, distance_driven
 from tripwatt.errors import InvalidInput
 from tripwatt.trips.columns import raise_faults
 from tripwatt.trips.departure import Departure
+from tripwatt.trips.elevation import heights_of_a_road
 from tripwatt.trips.flags import Flag
 from tripwatt.trips.gaps import MOST_DURATION_S, gap_flags, time_faults
 from tripwatt.trips.messages import flag_to_dict, message
@@ -147,7 +148,9 @@ class Plan(Sampled):
         """
         validate_samples(samples, trip_id)
         route = samples[[name for name in ROUTE_COLUMNS if name in samples.columns]]
-        return cls(trip_id, route, departure or Departure(), link_m, tuple(dict.fromkeys(flags)))
+        sound, more = _sound({str(name): route[name].to_numpy(dtype=np.float64) for name in route})
+        route = route.assign(**sound) if more else route
+        return cls(trip_id, route, departure or Departure(), link_m, tuple(dict.fromkeys((*flags, *more))))
 
     def with_departure(self, departure: Departure | None) -> Plan:
         """The plan with the known fields of a departure in place of its own.
@@ -346,13 +349,24 @@ def plan_from_samples(
     raise_faults(time_faults(time, trip_id))
     log = Recorded(trip_id, samples)
     own = replace(log.departure, payload_mass_kg=None, follows_trip=None)
-    return replace(_plan(log, own.merge(departure), step_s), flags=gap_flags(time))
+    plan = _plan(log, own.merge(departure), step_s)
+    return replace(plan, flags=(*gap_flags(time), *plan.flags))
 
 
 def _plan(drive: Sampled, departure: Departure, step_s: float) -> Plan:
-    route = {c: drive.array(c) for c in ROUTE_COLUMNS if c in drive}
+    route, flags = _sound({c: drive.array(c) for c in ROUTE_COLUMNS if c in drive})
     time = route["time_s"]
     start, end = float(time[0]), float(time[-1])
     _require_duration(end - start, drive.trip_id)
     _, columns = bin_means(time - start, route, step_s)
-    return Plan(drive.trip_id, table_of(columns), departure, step_s=step_s, start_s=start, end_s=end)
+    return Plan(drive.trip_id, table_of(columns), departure, None, flags, step_s, start, end)
+
+
+def _sound(route: dict[str, FloatArray]) -> tuple[dict[str, FloatArray], tuple[Flag, ...]]:
+    """Columns of a plan without heights that no road can have, and the flag that says so."""
+    if "elevation_m" not in route:
+        return route, ()
+    time, speed, height = (route[name] for name in ROUTE_COLUMNS[:3])
+    sound = heights_of_a_road(time, distance_driven(time, speed), height)
+    flags = () if sound is height else (Flag("elevation_interpolated", "road"),)
+    return {**route, "elevation_m": sound}, flags
