@@ -97,16 +97,26 @@ def test_factors_are_time_over_free_time_by_class():
     assert factors.at(np.array([50.0, 130.0]) / 3.6) == pytest.approx([1.5, 1.1], rel=1e-2)
 
 
-def test_a_class_without_road_has_the_factor_of_all():
+def test_a_class_with_little_road_is_drawn_to_the_classes_next_to_it():
+    """Roads of 30, 100 and 120 km/h; that of 130 km/h has no road, that of 50 km/h none but beside it."""
+    route = links([30.0, 100.0, 120.0], [8e5, 8e5, 8e5])
+    factors = TravelTimeFactors.from_links([route], [np.array([2.5, 1.3, 1.1]) * route.travel_time_s])
+    assert factors.factor[[0, 3, 4]] == pytest.approx([2.5, 1.3, 1.1], rel=0.02)
+    assert factors.factor[[1, 2, 5]] == pytest.approx([2.5, 1.3, 1.1], rel=0.02)
+
+
+def test_a_class_without_road_near_it_has_the_factor_of_all():
     route = links([50.0, 100.0], [20_000.0, 40_000.0])
     factors = TravelTimeFactors.from_links([route], [np.array([1.6, 1.2]) * route.travel_time_s])
     free = [1440.0, 1440.0]  # 20 km at 50 and 40 km at 100 km/h
     overall = (1.6 * free[0] + 1.2 * free[1]) / sum(free)
     assert overall == pytest.approx(1.4)
-    assert factors.factor[0] == pytest.approx(1.4)
-    # 20 km of a class weigh as much as what is assumed of it
-    assert factors.factor[1] == pytest.approx((1.6 + 1.4) / 2.0)
-    assert factors.factor[3] == pytest.approx((2.0 * 1.2 + 1.4) / 3.0)
+    assert factors.factor[5] == pytest.approx(1.4)
+    # 20 km of a class weigh as much as what is assumed of it, and the road next to it counts as its own
+    assert factors.factor[1] == pytest.approx((1.6 + (1.6 + 1.4) / 2.0) / 2.0)
+    assert factors.factor[3] == pytest.approx((2.0 * 1.2 + (2.0 * 1.2 + 1.4) / 3.0) / 3.0)
+    # 20 km at 50 are as long as 12 at 30 km/h
+    assert factors.factor[0] == pytest.approx((1.6 * 12.0 + 1.4 * 20.0) / 32.0)
 
 
 @pytest.mark.parametrize(("times", "factor"), [(10.0, 3.0), (2.9, 2.9), (0.4, 0.4), (0.1, 1.0 / 3.0)])
@@ -125,7 +135,9 @@ def test_a_link_counts_for_the_nearest_class():
     prior = 72_000.0 / np.array([30.0, 50.0, 70.0, 100.0, 120.0, 130.0])
     own = np.array([free[0], free[1], free[2], free[3], 0.0, 0.0])
     driven = own * np.array([1.0, 2.0, 1.0, 1.0, 1.0, 1.0])
-    assert factors.factor == pytest.approx((driven + overall * prior) / (own + prior))
+    near, near_driven = (np.convolve(values, [1.0, 1.0, 1.0], "same") for values in (own, driven))
+    assumed = (near_driven + overall * prior) / (near + prior)
+    assert factors.factor == pytest.approx((driven + assumed * prior) / (own + prior))
 
 
 def test_expected_times_never_fall_below_those_of_the_router():

@@ -25,7 +25,7 @@ STANDS_M_S: Final = 0.5
 """A slower car stands: its speed is no moving speed."""
 
 LEAST_M: Final = 20_000.0
-"""So much road of a class counts as much as what is assumed of the class: the factor of all classes together."""
+"""So much road of a class counts as much as what is assumed of the class from the others."""
 
 LARGEST_FACTOR: Final = 3.0
 
@@ -62,7 +62,8 @@ class TravelTimeFactors:
     ) -> TravelTimeFactors:
         """From free-flow links and the times that were driven on them. O(links).
 
-        A class with little road is drawn to the factor of all classes. It stands at the mean free speed of its links.
+        A class with little road is drawn to the factor of itself and the two next to it, and where these have little as well, to that
+        of all classes: a motorway is not as slow as the town that most links are of. It stands at the mean free speed of its links.
         """
         length = np.concatenate([route.length_m for route in routes])
         speed = np.concatenate([route.moving_speed_m_s for route in routes])
@@ -71,13 +72,13 @@ class TravelTimeFactors:
         free_s = length / speed
         overall = float(seconds.sum() / free_s.sum())
         which = np.argmin(np.abs(speed[:, None] - classes[None, :]), axis=1)
-        number = len(classes)
         prior_s = LEAST_M / classes
-        total_s = np.bincount(which, seconds, number) + overall * prior_s
-        known_s = np.bincount(which, free_s, number)
-        factor = total_s / (known_s + prior_s)
+        total_s, known_s = (np.bincount(which, values, len(classes)) for values in (seconds, free_s))
+        near_s, near_known_s = (np.convolve(values, np.ones(3), "same") for values in (total_s, known_s))
+        near = (near_s + overall * prior_s) / (near_known_s + prior_s)
+        factor = (total_s + near * prior_s) / (known_s + prior_s)
         driven = known_s > 0.0
-        classes[driven] = np.bincount(which, length, number)[driven] / known_s[driven]
+        classes[driven] = np.bincount(which, length, len(classes))[driven] / known_s[driven]
         return cls(classes, np.clip(factor, 1.0 / LARGEST_FACTOR, LARGEST_FACTOR), moving_share)
 
     def at(self, speed_m_s: FloatArray) -> FloatArray:

@@ -3,8 +3,8 @@
 While a model is fitted, each training trip is cut into links as a router gives them, a driver model makes a speed
 trace of the links, and the corrector without that trip predicts both: the driven trace and the one made from links.
 The relative difference of the two energies is the error that links cause. Its mean square, by the length of the
-links, is the variance that a forecast of a planned route adds to that of a driven trace. The mean difference is part
-of it: no forecast is shifted.
+links, is the variance that a forecast of a planned route adds to that of a driven trace. No forecast is shifted: a mean
+difference with a known cause is mended in the driver model, and what is left of it is part of the variance.
 
 The links of the training trips have the travel times that were driven. The error of a router's travel times is not
 included.
