@@ -119,7 +119,11 @@ def test_parked_car_uses_only_auxiliaries(climate, duration) -> None:
 def test_more_mass_or_drag_never_takes_less_at_the_wheel(trace, more) -> None:
     car = load_vehicle("bmw_i3_60ah")
     draggy = load_vehicle(
-        "bmw_i3_60ah", overrides={"road_load.coastdown_c_n_s2_m2": 0.2604 * (1.0 + more / 800.0)}
+        "bmw_i3_60ah",
+        overrides={
+            "road_load.coastdown_c_n_s2_m2": float(car.road_load.coastdown_c_n_s2_m2 or 0.0)
+            * (1.0 + more / 800.0)
+        },
     )
     base, heavy, wide = (
         net_energy_wh(trace["time_s"], run.wheel_power_w)

@@ -22,7 +22,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, Final
+from typing import Any, Final, cast
 
 import numpy as np
 import pandas as pd
@@ -47,10 +47,8 @@ FRICTION_SHARE: Final = 0.9
 ROLLING_WIDTH: Final = 0.15
 """Prior standard deviation of rolling and driveline drag: the classes of the EU tyre label (Regulation (EU) 2020/740: 6.5, 7.7, 9.0
 and 10.5 N/kN) lie about so far apart."""
-DRAG_WIDTH: Final = 0.08
-"""Least prior standard deviation of the drag area: wind tunnels and coast-downs of one car differ by 5 to 8 %."""
-FORCE_SPEEDS_M_S: Final = (10.0, 20.0, 30.0)
-"""Speeds at which the published force is divided into rolling and drag."""
+DRAG_WIDTH: Final = 0.15
+"""Prior standard deviation of the drag area: so far do the parts C of the coast-downs of the table scatter about the published drag areas."""
 COLD_WIDTH: Final = 1.0
 """Prior standard deviation of the rise of rolling resistance in the cold, over the published one. That is for tyres alone: gear oil,
 winter tyres and wet roads are not in it."""
@@ -90,7 +88,6 @@ LEAST_STANDING_S: Final = 10.0
 HEATER: Final = ("heating_power_w", "aircon_power_w")
 _PASSES: Final = 3
 """Solutions of the road's regression; its error settles in two."""
-REFERENCE_AIR_KG_M3: Final = 1.2
 STEEPEST_PER_K: Final = 0.03
 """Largest rise in the cold: rolling drag of 2.2 times the reference at -20 °C, more than any source has."""
 
@@ -367,9 +364,12 @@ def _torque_rows(trip: Trip, vehicle: Vehicle) -> tuple[FloatArray, FloatArray]:
     density = run.aero_drag_force_n / np.maximum(0.5 * vehicle.road_load.drag_area_m2 * speed * speed, 1e-9)
     mass = vehicle.body.test_mass_kg
     load = (mass + conditions.payload_mass_kg) / mass
+    constant, linear = vehicle.road_load.rolling_coefficients
     rolled, squares = metres * factor * load, 0.5 * density * speed * speed * metres
+    # the part in proportion to speed keeps its published share, and does not rise in the cold
+    with_speed = rolled + metres * load * speed * (linear / constant)
     resisted = metres * (force - run.inertia_force_n - run.grade_force_n)
-    columns = np.column_stack((rolled, rolled * colder_k, squares, resisted))
+    columns = np.column_stack((with_speed, rolled * colder_k, squares, resisted))
     stretch = ((run.time_s - run.time_s[0]) / STRETCH_S).astype(np.int64)
     number = int(stretch[-1]) + 1
     sums = np.column_stack([np.bincount(stretch, column, number) for column in columns.T])
@@ -429,42 +429,19 @@ def _fade_values(records: Sequence[FloatArray], vehicle: Vehicle) -> _Values:
     return {key: float(value) for key, value in ends.items()}
 
 
-def published_road(vehicle: Vehicle) -> tuple[float, float, float]:
-    """Published rolling and driveline drag at the mass of the car [N], drag area, and its relative spread.
-
-    The terms of a coast-down are collinear: its force is known better than the share of each. Where drag coefficient and frontal
-    area are published too, the drag area is the middle of both and their difference its spread; rolling and driveline take the
-    rest of the force.
-    """
-    load, speeds = vehicle.road_load, np.array(FORCE_SPEEDS_M_S)
-    constant, linear = load.rolling_coefficients
-    density = load.coastdown_air_density_kg_m3 or REFERENCE_AIR_KG_M3
-    squares = 0.5 * density * speeds**2
-    force = (
-        vehicle.body.test_mass_kg * GRAVITY_M_S2 * (constant + linear * speeds) + squares * load.drag_area_m2
-    )
-    areas = [load.drag_area_m2]
-    if load.method == "coastdown" and load.drag_coefficient is not None and load.frontal_area_m2 is not None:
-        areas.append(load.drag_coefficient * load.frontal_area_m2)
-    area = float(np.mean(areas))
-    weights = 1.0 / force**2  # relative errors count
-    rolling = float(np.sum(weights * (force - squares * area)) / np.sum(weights))
-    return rolling, area, max(DRAG_WIDTH, float(np.ptp(areas)) / 2.0 / area)
-
-
 def _road_values(records: Sequence[StageRecord], vehicle: Vehicle) -> _Values:
     """Rolling resistance, its rise in the cold, and drag area."""
     from scipy.optimize import lsq_linear  # scipy is slow to import
 
     load, tyres = vehicle.road_load, vehicle.tyres
     everything = np.concatenate([r.road for r in records])
-    rolling_n, area_m2, area_width = published_road(vehicle)
+    rolling_n = vehicle.body.test_mass_kg * GRAVITY_M_S2 * load.rolling_coefficients[0]
     rise = 0.0 if tyres is None else tyres.temperature_coefficient_per_k
     ambient = np.array([r.ambient_temperature_degc for r in records])
     free = int((ambient < COLD_DEGC).sum()) >= LEAST_TRIPS and rise > 0.0
     # unknowns: rolling resistance [N], its rise for each kelvin [N/K], drag area [m2], each with a prior of its own
-    means = np.array([rolling_n, rise * rolling_n, area_m2])
-    widths = np.array([ROLLING_WIDTH * means[0], COLD_WIDTH * means[1], area_width * means[2]])
+    means = np.array([rolling_n, rise * rolling_n, load.drag_area_m2])
+    widths = np.array([ROLLING_WIDTH * means[0], COLD_WIDTH * means[1], DRAG_WIDTH * means[2]])
     known = np.array([True, free, True])
     prior, target = np.diag(1.0 / np.where(widths > 0.0, widths, 1.0))[known], (means / widths)[known]
     if not free:  # the published rise is kept as a share of the rolling resistance
@@ -486,17 +463,14 @@ def _road_values(records: Sequence[StageRecord], vehicle: Vehicle) -> _Values:
     if free and rolling > 0.0:
         identified["tyres.temperature_coefficient_per_k"] = min(colder / rolling, STEEPEST_PER_K)
     if load.method == "coastdown":
-        identified["road_load.coastdown_a_n"] = (
-            rolling * given(load.coastdown_mass_kg) / vehicle.body.test_mass_kg
-        )
-        identified["road_load.coastdown_b_n_s_m"] = 0.0
+        for part in ("road_load.coastdown_a_n", "road_load.coastdown_b_n_s_m"):
+            identified[part] = cast(float, vehicle.value(part)) * rolling / rolling_n
         identified["road_load.coastdown_c_n_s2_m2"] = (
             0.5 * given(load.coastdown_air_density_kg_m3) * drag_area
         )
     else:
-        identified["road_load.rolling_resistance_coefficient"] = rolling / (
-            vehicle.body.test_mass_kg * GRAVITY_M_S2
-        )
+        published = given(load.rolling_resistance_coefficient)
+        identified["road_load.rolling_resistance_coefficient"] = published * rolling / rolling_n
         identified["road_load.drag_coefficient"] = drag_area / given(load.frontal_area_m2)
     return identified
 

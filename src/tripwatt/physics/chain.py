@@ -172,9 +172,10 @@ def _forces(vehicle: Vehicle, trace: Trace, conditions: DriveConditions) -> tupl
     assert density is not None
     flat = not trace.grade.any()
     cosine = 1.0 if flat else 1.0 / np.sqrt(1.0 + trace.grade * trace.grade)
-    rolling = rolling_resistance_force(speed, mass, load.rolling_coefficients, cosine)
+    constant, linear = load.rolling_coefficients
     if vehicle.tyres is not None:
-        rolling *= rolling_factor(speed, trace.step_s, ambient, vehicle.tyres, warmth)
+        constant = constant * rolling_factor(speed, trace.step_s, ambient, vehicle.tyres, warmth)
+    rolling = rolling_resistance_force(speed, mass, (constant, linear), cosine)
     rolling *= wet_factor(conditions.rain_mm_h)
     aero = aero_drag_force(speed, load.drag_area_m2, density, trace.headwind_m_s)
     climb = trace.grade if flat else grade_force(trace.grade, mass)
