@@ -44,6 +44,7 @@ from benchmarks import (
     savings,
     service,
     six_numbers,
+    steady,
     stops,
     unknown_climb,
     ved_trips,
@@ -80,6 +81,7 @@ def suites(results: Path | None, forecast: Path | None, links: Path | None) -> I
     yield Suite(f"{bench}coarse_speed", coarse_speed.rows, (tum,))
     yield Suite(f"{bench}dirty_logs", dirty_logs.rows)
     yield Suite(f"{bench}unknown_climb", unknown_climb.bounds, (tum,))
+    yield Suite(f"{bench}steady", steady.bars)
     yield Suite(f"{bench}argonne", argonne.bars, (DATA / "cycles", REFERENCE / "anl_d3_i3.csv"))
     yield Suite(f"{bench}physics_trips", physics_trips.bars, (tum,))
     yield Suite(f"{bench}ved_trips", ved_trips.bars, (ved,))

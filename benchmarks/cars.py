@@ -33,6 +33,7 @@ from tripwatt.forecasting import load_model
 from tripwatt.hybrid import SegmentTable, segment_table
 from tripwatt.hybrid.factors import NAMES, TripEvidence
 from tripwatt.physics import simulate_trip
+from tripwatt.physics.relaxation import Relaxation
 from tripwatt.population import Adaptation, population
 from tripwatt.report.cars import cars_panels, curves_table, factors_table, means_table, time_table
 from tripwatt.report.html import png_bytes
@@ -44,6 +45,8 @@ from tripwatt.vehicles import RoadLoad, Vehicle, load_vehicle
 LEAST_M = 2000.0
 LAB_AMBIENT_DEGC = 23.0
 LAB_MASS_KG = 1919.0
+LAB_SOAK_S = 600.0
+"""Standstill between two runs of one day, as between the phases of a certification; the source does not state it."""
 NOT_SHOWN = ("rolling", "air", "transients")
 """Factors of the road: a dynamometer is set to a load, and its driver follows a smooth schedule."""
 LAB_LOAD = {"coastdown_a_n": 179.4, "coastdown_b_n_s_m": 0.28 * 3.6, "coastdown_c_n_s2_m2": 0.0235 * 3.6**2}
@@ -71,7 +74,7 @@ def sedan_runs(folder: Path) -> Any:
 
     def evidence(vehicle: Vehicle) -> TripEvidence:
         lab = on_dynamometer(vehicle)
-        tables = [lab_table(file, lab) for file in sorted(folder.glob("*.csv"))]
+        tables = lab_tables(folder, lab)
         shown = TripEvidence.from_table(SegmentTable.join(tables), lab)
         hidden = np.array([name in NOT_SHOWN for name in NAMES])
         return replace(shown, factors_wh=np.where(hidden, 0.0, shown.factors_wh))
@@ -91,8 +94,7 @@ def on_dynamometer(vehicle: Vehicle) -> Vehicle:
 def stage_rows(folder: Path) -> Iterator[Row]:
     """Each stage of the sedan on the dynamometer, with published values: nothing is fitted."""
     car = on_dynamometer(load_vehicle("tesla_model_3_lr"))
-    tables = [lab_table(file, car) for file in sorted(folder.glob("*.csv"))]
-    whole = SegmentTable.join(tables)
+    whole = SegmentTable.join(lab_tables(folder, car))
     observed, simulated = (whole.totals_wh(w) for w in (whole.observed_power_w, whole.simulated_w))
     steady = np.array(["_CS_" in name or "_SPEED_" in name for name in whole.trip_ids])
     for what, its in (("constant speeds", steady), ("cycles", ~steady)):
@@ -117,8 +119,20 @@ def stage_rows(folder: Path) -> Iterator[Row]:
     )
 
 
-def lab_table(file: Path, car: Vehicle) -> SegmentTable:
-    """Segments of one run: energy of the pack, the low-voltage branch included."""
+def lab_tables(folder: Path, car: Vehicle) -> list[SegmentTable]:
+    """Segments of each run, with the tyres as the runs of the day before it leave them: cold in the first."""
+    tables, day, warmth = [], "", 0.0
+    for file in sorted(folder.glob("*.csv")):
+        of_day = file.stem.partition("_")[0]
+        warmth = 0.0 if of_day != day else warmth
+        table, warmth = lab_table(file, car, warmth)
+        tables.append(table)
+        day = of_day
+    return tables
+
+
+def lab_table(file: Path, car: Vehicle, warmth: float = 0.0) -> tuple[SegmentTable, float]:
+    """Segments of one run, energy of the pack with the low-voltage branch; and the warmth of the tyres after a soak."""
     log = pd.read_csv(file)
     column = {name.split(" [")[0].strip().lower(): name for name in log.columns}
     time_s, volts = log[column["time"]].to_numpy(float), log[column["battery voltage"]].to_numpy(float)
@@ -134,8 +148,12 @@ def lab_table(file: Path, car: Vehicle) -> SegmentTable:
         }
     )
     trip = Trip.from_samples(file.stem, samples)
-    plan = plan_from_trip(trip).with_departure(Departure(climate="off"))
-    return segment_table(plan, simulate_trip(car, plan), trip)
+    plan = plan_from_trip(trip).with_departure(Departure(climate="off", warmth=warmth))
+    assert car.tyres is not None
+    settled = np.sqrt(np.minimum(trip.array("speed_m_s") / car.tyres.warm_up_speed_m_s, 1.0))
+    step = np.diff(trip.array("time_s"), prepend=0.0, append=trip.array("time_s")[-1] + LAB_SOAK_S)
+    after = Relaxation(step / car.tyres.warm_up_time_s).solve(warmth, np.append(settled, 0.0))
+    return segment_table(plan, simulate_trip(car, plan), trip), float(after[-1])
 
 
 def publish(results: dict[str, Any]) -> None:
