@@ -31,7 +31,7 @@ def test_a_described_car_has_its_figures_and_meets_its_consumption() -> None:
     assert car.body.curb_mass_kg == 1830.0
     assert car.drivetrain.motor_max_power_w == 150_000.0
     assert car.climate is not None
-    assert car.climate.heat_pump_max_heat_w == 2500.0
+    assert car.climate.heat_pump_max_heat_w == 5000.0
     window = car.battery.displayed_full_soc - car.battery.displayed_zero_soc
     assert window == pytest.approx(0.94)
     assert car.battery.capacity_ah * window * car.battery.cells_in_series * 3.72 == pytest.approx(58_000.0)

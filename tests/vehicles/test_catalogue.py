@@ -80,7 +80,7 @@ def test_values_of_a_class_are_medians_without_the_cars_that_are_left_out() -> N
     one = class_values(measured[:3])
     assert one.cars == usual.cars - 3
     areas = sorted(
-        Coastdown.from_row(catalogue()[n]).drag_area_m2
+        Coastdown.of_parts(catalogue()[n]).drag_area_m2
         for n in measured
         if catalogue()[n]["body"][0].value == "small"
     )

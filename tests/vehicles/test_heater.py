@@ -115,7 +115,7 @@ def test_a_quadricycle_is_a_light_car_without_climate_control() -> None:
     assert car.title == "quadricycle"
     run = tw.simulate(PLAN, car, COLD)
     assert np.abs(run.power_by_cause_w["climate"]).max() == 0.0
-    assert 300.0 < run.simulated_energy_wh < 900.0
+    assert 60.0 < run.simulated_energy_wh / (PLAN.distance_m / 1000.0) < 130.0
 
 
 def test_a_light_car_without_a_kind_of_body_is_a_quadricycle_and_one_with_a_heater_is_none() -> None:

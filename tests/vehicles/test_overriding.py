@@ -22,7 +22,7 @@ def test_short_names_reach_entries_that_exist() -> None:
 
 
 def test_overrides_with_short_names_change_the_car_and_say_so() -> None:
-    car = load_vehicle("nissan_leaf_24", overrides=parse_overrides(["mass=1700", "c_d=0.3", "payload=150"]))
+    car = load_vehicle("peugeot_e_208", overrides=parse_overrides(["mass=1700", "c_d=0.3", "payload=150"]))
     assert car.body.test_mass_kg == 1850.0
     assert car.road_load.drag_coefficient == 0.3
     assert car.entries["body.curb_mass_kg"].source == "given by the caller"

@@ -6,14 +6,19 @@ import pytest
 from tripwatt.vehicles import (
     load_vehicle,
 )
-from tripwatt.vehicles.catalogue import catalogue
+from tripwatt.vehicles.catalogue import SPLIT_SPEEDS_M_S, catalogue
 from tripwatt.vehicles.similar import CHEMISTRIES
 
 
 def test_a_car_of_the_table_by_hand() -> None:
     car = load_vehicle("vw_id4_pro")
     assert car.body.curb_mass_kg == pytest.approx((4750 - 300) * 0.45359237)
-    assert car.road_load.coastdown_a_n == pytest.approx(106.6998, abs=0.01)
+    load = car.road_load
+    assert load.drag_area_m2 == pytest.approx(0.28 * 2.55)  # 0.84 of 1.852 m times 1.640 m
+    for speed in SPLIT_SPEEDS_M_S:  # 23.987 lbf, 0.29124 lbf/mph, 0.016006 lbf/mph2
+        force = 106.6995 + 2.89795 * speed + 0.356303 * speed**2
+        split = (load.coastdown_a_n or 0.0) + (load.coastdown_b_n_s_m or 0.0) * speed
+        assert split + (load.coastdown_c_n_s2_m2 or 0.0) * speed**2 == pytest.approx(force, rel=1e-4)
     assert car.drivetrain.motor_max_torque_nm == pytest.approx(150_000.0 / 420.0)
     # 150 kW over 2018.5 kg are 74 W/kg: 160 km/h
     assert car.drivetrain.motor_max_speed_rad_s == pytest.approx(160.0 / 3.6 / 0.345 * 9.5)
@@ -27,7 +32,7 @@ def test_a_car_of_the_table_by_hand() -> None:
     mini = load_vehicle("mini_cooper_se")  # 135 kW over 1451 kg: 93 W/kg, 200 km/h
     assert mini.drivetrain.motor_max_speed_rad_s == pytest.approx(200.0 / 3.6 / 0.295 * 9.5)
     assert mini.climate is not None
-    assert mini.climate.heat_pump_max_heat_w == 2500.0
+    assert mini.climate.heat_pump_max_heat_w == 5000.0  # of 2022
     plaid = load_vehicle("tesla_model_s_2021_plaid")
     assert plaid.drivetrain.motor_max_speed_rad_s == pytest.approx(240.0 / 3.6 / 0.335 * 9.5)
     spring = load_vehicle("dacia_spring")  # the motor, not the tyres, bounds the recovery

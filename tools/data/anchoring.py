@@ -44,7 +44,7 @@ LOSS_SD: Final = 0.45
 ROW_TOLERANCE: Final = 0.04
 """Error of a row that one loss may leave: twice the scatter of certified consumption over tests of the same car."""
 
-LOSSES: Final = ("gear", "motor", "iron")
+LOSSES: Final = ("gear", "motor")
 """Losses of a car with a measured coast-down."""
 
 PAIR: Final = "motor and iron"

@@ -74,6 +74,9 @@ WLTP: Final = (
 )
 """Car with a file of its own, largest mass [kg], consumption at the wall [kWh/100 km] and at the battery [Wh/km]."""
 
+FRONTAL_SHARE: Final = 0.84
+"""Frontal area over width times height without mirrors: 0.83 to 0.86 for the cars of which an area is published (Model 3, e-Golf, e-tron 55, Taycan, EQS)."""
+
 AGREEMENT: Final = 0.05
 """Two sources of a usable energy agree within this."""
 
@@ -186,6 +189,13 @@ def described(row: dict[str, str]) -> Iterator[Cell]:
             car, {"pack_v": "pack_voltage", "motor_kw": "motor_power"}.get(key, key), row[key], unit, "maker"
         )
     yield Cell(car, "heat_pump", row["heat_pump"], "1", "maker")
+    if row["c_d"]:
+        yield Cell(car, "drag_coefficient", row["c_d"], "1", "maker")
+        area, _, source = row["frontal_m2"].partition(" ")
+        width, _, height = row["width_x_height_m"].partition(" x ")
+        note = f"{FRONTAL_SHARE} of {width} m times {height} m" if width else "as published"
+        area = area or number(FRONTAL_SHARE * float(width) * float(height), 3)
+        yield Cell(car, "frontal_area", area, "m2", source or "maker", note)
     if car in IRON_PHOSPHATE:
         yield Cell(car, "chemistry", "lfp", "", "maker")
 

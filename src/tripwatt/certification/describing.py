@@ -275,6 +275,7 @@ def _figures(
         usable_energy=figure("usable_battery_kwh", 1000.0),
         pack_voltage={"value": USUAL_PACK_V, "source": "class of the car", "licence": "estimate"},
         heat_pump=bool(heat_pump),
+        machine="asm" if kind == QUADRICYCLE else "psm",  # Renault: the Twizy's is asynchronous
     )
 
 

@@ -18,7 +18,7 @@ from tripwatt.files import shipped_toml
 from tripwatt.hybrid.segments import SegmentTable, resimulated
 from tripwatt.trips import Plan
 from tripwatt.vehicles import Vehicle
-from tripwatt.vehicles.spreads import road_gain
+from tripwatt.vehicles.spreads import ROAD_GAIN
 from tripwatt.vehicles.vehicle import Entry, Value
 
 _STEP: Final = 0.02
@@ -71,13 +71,13 @@ def on_road(vehicle: Vehicle) -> Vehicle:
     --------
     >>> from tripwatt.vehicles import load_vehicle
     >>> car = load_vehicle("vw_id4_pro")
-    >>> round(on_road(car).road_load.drag_area_m2 / car.road_load.drag_area_m2, 3)
-    1.02
+    >>> round(on_road(car).road_load.rolling_coefficients[0] / car.road_load.rolling_coefficients[0], 3)
+    1.05
     """
-    gain = road_gain(vehicle.anchor)
-    if not gain:
+    if vehicle.anchor == "road":
         return vehicle
-    return replace(changed(vehicle, gain, source="from the test to the road, 2 % more"), anchor="road")
+    rolling = {"rolling": ROAD_GAIN}
+    return replace(changed(vehicle, rolling, source="from the test to the road"), anchor="road")
 
 
 def changed(vehicle: Vehicle, changes: Mapping[str, float], *, source: str = "") -> Vehicle:

@@ -30,6 +30,10 @@ M_S_PER_MPH: Final = M_PER_MILE / SECONDS_PER_HOUR
 ROAD_LOAD_DENSITY_KG_M3: Final = 1.167
 """Air density of published coast-downs, 20 degC and 98.21 kPa (SAE J2263)."""
 
+SPLIT_SPEEDS_M_S: Final = (10.43, 23.40)
+"""Speeds at which a coast-down with another part C keeps its force. They are the zeros of the parabola that is orthogonal to constants and
+lines over the distance of UDDS and HWFET, so that the energy on these schedules stays."""
+
 ROLLING_SPEED_M_S: Final = 15.0
 """Speed at which the parts A and B of coast-downs are compared; they trade against each other in a fit."""
 
@@ -45,6 +49,13 @@ LEAST_CARS: Final = 2
 VAN_OVER_SUV: Final = 1.15
 """Drag area of a van over that of an SUV where no coast-down of one is in the table: Volkswagen's c_d of 0.285 for the ID. Buzz,
 1.98 m wide and 1.93 m high, against the SUVs of the table."""
+
+TWIZY_DRAG_AREA_M2: Final = 0.64
+"""Renault, technical data of the Twizy."""
+
+TWIZY_ROLLING: Final = 0.0115
+"""Rolling resistance of a quadricycle's tyres of 13 inches with bearings, brakes and gear: 10 N/kN, the middle of class D and E of the EU tyre label
+(Regulation (EU) 2020/740), which small tyres have, and 1.5 N/kN."""
 
 LOADED_KG: Final = 300.0 * KG_PER_LB
 """Test weight less curb mass: driver and passenger, 40 CFR 86.1803 (loaded vehicle weight)."""
@@ -192,6 +203,44 @@ class Coastdown:
         mass = row["test_weight"][0].number * KG_PER_LB
         return cls(a, b / M_S_PER_MPH, c / M_S_PER_MPH**2, mass)
 
+    @classmethod
+    def of_parts(cls, row: Row) -> Coastdown:
+        """From pounds and miles per hour, with the published drag area, or else a usual part B."""
+        run = cls.from_row(row)
+        if "drag_coefficient" in row:
+            return run.with_drag_area(row["drag_coefficient"][0].number * row["frontal_area"][0].number)
+        return run.with_linear_part(usual_linear_part_s_m() * run.weight_n)
+
+    def with_drag_area(self, drag_area_m2: float) -> Coastdown:
+        """The force split into other parts: C is that of a drag area, A and B take the rest.
+
+        The parts of a coast-down are collinear, so that their sum is known and each of them is not. The sum stays at
+        `SPLIT_SPEEDS_M_S`, which keeps the energy on the schedules of certification.
+
+        Parameters
+        ----------
+        drag_area_m2 : float
+            Published, or of a class [m²].
+
+        Examples
+        --------
+        >>> run = Coastdown(100.0, 0.0, 0.5, 1500.0)
+        >>> parts = run.with_drag_area(0.7)
+        >>> [round(parts.force_n(speed) - run.force_n(speed), 6) for speed in SPLIT_SPEEDS_M_S]
+        [0.0, 0.0]
+        """
+        low, high = SPLIT_SPEEDS_M_S
+        c = 0.5 * ROAD_LOAD_DENSITY_KG_M3 * drag_area_m2
+        change = self.c_n_s2_m2 - c
+        return Coastdown(
+            self.a_n - change * low * high, self.b_n_s_m + change * (low + high), c, self.mass_kg
+        )
+
+    def with_linear_part(self, b_n_s_m: float) -> Coastdown:
+        """The force split so that B has a value; A and C take the rest."""
+        change = (b_n_s_m - self.b_n_s_m) / sum(SPLIT_SPEEDS_M_S)
+        return self.with_drag_area(2.0 * (self.c_n_s2_m2 - change) / ROAD_LOAD_DENSITY_KG_M3)
+
     @property
     def weight_n(self) -> float:
         """Weight of the car at the coast-down [N]."""
@@ -205,6 +254,19 @@ class Coastdown:
     def drag_area_m2(self) -> float:
         """Drag area of part C [m²]."""
         return 2.0 * self.c_n_s2_m2 / ROAD_LOAD_DENSITY_KG_M3
+
+
+@cache
+def usual_linear_part_s_m() -> float:
+    """Part B over weight [s/m]: the median of the coast-downs of the table that are split by a published drag area.
+
+    Examples
+    --------
+    >>> 0.5e-4 < usual_linear_part_s_m() < 2e-4
+    True
+    """
+    rows = [row for row in catalogue().values() if "coastdown_a" in row and "drag_coefficient" in row]
+    return statistics.median(run.b_n_s_m / run.weight_n for run in map(Coastdown.of_parts, rows))
 
 
 def class_values(without: Collection[str] = ()) -> ClassValues:
@@ -231,7 +293,7 @@ def class_values(without: Collection[str] = ()) -> ClassValues:
 @cache
 def _class_values(without: frozenset[str]) -> ClassValues:
     runs = [
-        (row["body"][0].value, Coastdown.from_row(row))
+        (row["body"][0].value, Coastdown.of_parts(row))
         for name, row in catalogue().items()
         if name not in without and "title" in row and "coastdown_a" in row
     ]
@@ -241,7 +303,7 @@ def _class_values(without: frozenset[str]) -> ClassValues:
     areas = {body: [run.drag_area_m2 for b, run in runs if b == body] for body in BODIES}
     medians = {body: statistics.median(own) for body, own in areas.items() if len(own) >= LEAST_CARS}
     medians.setdefault("van", VAN_OVER_SUV * medians["suv"])
-    medians.setdefault(QUADRICYCLE, medians["small"])  # Renault: 0.64 m2 for the Twizy
+    medians[QUADRICYCLE] = TWIZY_DRAG_AREA_M2
     for body in BODIES:
         medians.setdefault(body, statistics.median([area for own in areas.values() for area in own]))
     classes = ClassValues(rolling, per_speed, types.MappingProxyType(medians), 0.0, 0.0, len(runs))

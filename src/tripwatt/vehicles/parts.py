@@ -95,7 +95,7 @@ class RoadLoad:
     >>> from tripwatt.vehicles import load_vehicle
     >>> load = load_vehicle("bmw_i3_60ah").road_load
     >>> load.method, round(load.drag_area_m2, 1)
-    ('coastdown', 0.4)
+    ('coastdown', 0.7)
     """
 
     method: str = choice(("coastdown", "coefficients"), default="")

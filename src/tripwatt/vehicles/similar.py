@@ -17,6 +17,7 @@ from tripwatt.vehicles.catalogue import (
     LOADED_KG,
     QUADRICYCLE,
     ROAD_LOAD_DENSITY_KG_M3,
+    TWIZY_ROLLING,
     Cell,
     ClassValues,
     Coastdown,
@@ -74,8 +75,10 @@ MACHINES: Final = {
 DISPLAY: Final = (0.03, 0.97)
 """State of charge at which the display shows 0 and 1, as cars with 94 to 96 % of the gross energy usable."""
 
-HEAT_PUMP_W: Final = 2500.0
-"""Heat of a heat pump at 7 degC outside, as for the small cars of the library."""
+RECENT_YEAR: Final = 2020
+HEAT_PUMPS: Final = {False: (2500.0, 2.0), True: (5000.0, 2.4)}
+"""Heat at 7 degC outside and coefficient of performance at 0 degC of a heat pump of a car before 2020 and of a later one. The first is that of the small
+cars of the library; the second general figures of R1234yf systems, 4 to 6 kW, and the EPA's rows at 20 degF informed the coefficient."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,6 +93,8 @@ class Figures:
     curb_mass_kg, motor_power_w, usable_energy_wh, pack_voltage_v : Entry-like mapping
         `value`, `source`, `licence` and perhaps `estimated`.
     heat_pump : bool
+    recent : bool
+        Whether the car is of 2020 or later.
     chemistry : str
         Of `CHEMISTRIES`.
     machine : str
@@ -106,6 +111,7 @@ class Figures:
     usable_energy: Mapping[str, Any]
     pack_voltage: Mapping[str, Any]
     heat_pump: bool
+    recent: bool = True
     chemistry: str = "nmc"
     machine: str = "psm"
     coastdown: Coastdown | None = None
@@ -120,7 +126,7 @@ def figures_of_row(row: Row) -> Figures:
         return _sourced(cell.number * factor - less, cell, estimated)
 
     if "test_weight" in row:
-        run = Coastdown.from_row(row) if "coastdown_a" in row else None
+        run = Coastdown.of_parts(row) if "coastdown_a" in row else None
         cell = row["test_weight"][0]
         how = f"test weight {cell.value} lb less 300 lb (40 CFR 86.1803); a class of 125 to 500 lb"
         mass = _sourced(cell.number * KG_PER_LB - LOADED_KG, cell, how)
@@ -135,11 +141,20 @@ def figures_of_row(row: Row) -> Figures:
         usable_energy=first("usable_energy", 1000.0),
         pack_voltage=first("pack_voltage"),
         heat_pump=row["heat_pump"][0].value == "1",
+        recent=row["year_first"][0].number >= RECENT_YEAR,
         chemistry=row["chemistry"][0].value if "chemistry" in row else "nmc",
         machine=row["machine"][0].value if "machine" in row else "psm",
         coastdown=run,
-        coastdown_source=None if run is None else _sourced(0.0, row["coastdown_a"][0]),
+        coastdown_source=None if run is None else _sourced(0.0, row["coastdown_a"][0], _split(row)),
     )
+
+
+def _split(row: Row) -> str:
+    """How the force of a coast-down was split into its parts."""
+    if "drag_coefficient" not in row:
+        return "the force is split so that B is that of a usual car; its energy on UDDS and HWFET stays"
+    drag, area = row["drag_coefficient"][0], row["frontal_area"][0]
+    return f"the force is split by c_d {drag.value} and {area.value} m2 ({area.note}); its energy on UDDS and HWFET stays"
 
 
 def _sourced(value: float, cell: Cell, estimated: str = "") -> dict[str, Any]:
@@ -190,8 +205,12 @@ def similar_document(car: Figures, classes: ClassValues) -> dict[str, Any]:
     if car.body == QUADRICYCLE:
         document["heater"] = "none"
     elif car.heat_pump:
-        how = "that of the small cars of the library; the car has a heat pump"
-        document["climate"] = {"heat_pump_max_heat_w": _class(HEAT_PUMP_W, "W", how)}
+        heat_w, cop = HEAT_PUMPS[car.recent]
+        how = f"that of cars {'from 2020 on' if car.recent else 'before 2020'}; the car has a heat pump"
+        document["climate"] = {
+            "heat_pump_max_heat_w": _class(heat_w, "W", how),
+            "heat_pump_cop_at_0_degc": _class(cop, "1", how),
+        }
     return document
 
 
@@ -221,8 +240,9 @@ def _road_load(car: Figures, classes: ClassValues) -> dict[str, Any]:
     weight = mass * GRAVITY_M_S2
     how = f"median of {classes.cars} measured coast-downs, in proportion to the weight"
     area = classes.drag_area_m2[car.body]
+    rolling = TWIZY_ROLLING if car.body == QUADRICYCLE else classes.rolling
     return {
-        "coastdown_a_n": _class(classes.rolling * weight, "N", how),
+        "coastdown_a_n": _class(rolling * weight, "N", how),
         "coastdown_b_n_s_m": _class(classes.rolling_per_speed_s_m * weight, "N s/m", how),
         "coastdown_c_n_s2_m2": _class(
             0.5 * ROAD_LOAD_DENSITY_KG_M3 * area,
