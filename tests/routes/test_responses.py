@@ -210,7 +210,6 @@ REFUSED = {
     "time back": gpx(drive(SPEED)[:50] + drive(SPEED)[40:60]),
     "no time": gpx(drive(SPEED)).replace(b"2026-05-01T08:00:07Z", b"yesterday"),
     "no length": gpx([(48.0, 11.0, None, None)] * 3),
-    "high": gpx([(48.0, 11.0, 99999, None), (48.1, 11.0, 0, None)]),
     "teleport": gpx([*drive(SPEED)[:30], (48.5, 11.0, None, "2026-05-01T08:00:31Z")]),
     "json": b"{",
     "empty": b"",
@@ -265,6 +264,13 @@ def test_broken_routes_are_refused(name):
     with pytest.raises(InvalidInput) as caught:
         plan_from_route(parse_route(REFUSED[name]), speed_m_s=10.0)
     assert all(len(str(fault)) < 500 for fault in caught.value.faults)
+
+
+def test_a_height_that_no_place_has_is_not_known() -> None:
+    track = parse_route(gpx([(48.0, 11.0, 99999, None), (48.1, 11.0, 0, None)]))
+    plan = plan_from_route(track, speed_m_s=10.0)
+    assert {flag.code for flag in plan.flags} & {"elevation_interpolated", "flat_road", "flat"}
+    assert np.ptp(plan.array("elevation_m")) == 0.0
 
 
 SEEDS = [
