@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from tripwatt import modelfile
 from tripwatt.errors import InvalidInput
-from tripwatt.modelfile import METADATA, read_model, write_model
+from tripwatt.modelfile import METADATA, read_metadata, read_model, write_model
 
 PARTS = {
     "a.npz": {"x": np.array([0.1, -0.0, np.nan, 1e-310]), "names": np.array(["ab", "ü"])},
@@ -82,8 +82,21 @@ def test_a_newer_format_is_refused_with_what_is_known(
     monkeypatch.setattr(modelfile, "FORMAT_VERSION", 7)
     write(tmp_path / "newer")
     monkeypatch.undo()
-    with pytest.raises(InvalidInput, match=r"format_version: got 7; allowed: 1, 2; update tripwatt"):
+    with pytest.raises(InvalidInput, match=r"format_version: got 7; allowed: 2; update tripwatt"):
         read_model(tmp_path / "newer")
+
+
+def test_an_older_format_is_refused_with_what_to_do(tmp_path: Path) -> None:
+    """Its metadata are read: the folder of a car tells by them that its model is older."""
+    place = tmp_path / "older"
+    write_model(place, {"about": "x", "format_version": 1}, PARTS)
+    with pytest.raises(InvalidInput) as caught:
+        read_model(place)
+    assert str(caught.value) == (
+        f"model of an older format: {place / METADATA}, format_version: got 1; allowed: 2; "
+        "fit it again with this version of tripwatt, or adapt its base again"
+    )
+    assert read_metadata(place)["format_version"] == 1
 
 
 def test_pickles_are_neither_written_nor_read(model: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -32,9 +32,8 @@ Part = Arrays | Mapping[str, Any]
 
 FORMAT: Final = "tripwatt model"
 FORMAT_VERSION: Final = 2
-READABLE: Final = (1, 2)
-"""Versions that are read. A version that was ever released stays here; what its parts mean is told by who wrote them."""
 METADATA: Final = "metadata.json"
+ANEW: Final = "fit it again with this version of tripwatt, or adapt its base again"
 _SUFFIXES: Final = (".npz", ".json")
 _BLANK: Final = "0" * 64
 
@@ -113,18 +112,21 @@ def read_model(folder: Path | str) -> ModelFile:
     Raises
     ------
     InvalidInput
-        With every part that is missing, damaged or altered; or when this is no model, or one of a newer format.
+        With every part that is missing, damaged or altered; or when this is no model, or one of another format.
     """
 
     def read(path: Path) -> ModelFile:
         metadata = _read_metadata(path)
+        if metadata["format_version"] != FORMAT_VERSION:
+            place, got = f"{path / METADATA}, format_version", str(metadata["format_version"])
+            raise InvalidInput.of("model of an older format", place, got, str(FORMAT_VERSION), ANEW)
         return ModelFile(metadata, _read_parts(path, metadata["parts"]))
 
     return _while_replaced(read, Path(folder))
 
 
 def read_metadata(folder: Path | str) -> dict[str, Any]:
-    """The checked `metadata.json` of a model, without its parts.
+    """The checked `metadata.json` of a model, without its parts; also of an older format.
 
     Raises
     ------
@@ -191,11 +193,10 @@ def _read_metadata(path: Path) -> dict[str, Any]:
         actual = document.get("format") if isinstance(document, dict) else type(document).__name__
         raise InvalidInput.of("no model", f"{path / METADATA}, format", excerpt(actual), repr(FORMAT))
     version = document.get("format_version")
-    if not isinstance(version, int) or version not in READABLE:
+    if not isinstance(version, int) or not 1 <= version <= FORMAT_VERSION:
         fix = "update tripwatt" if isinstance(version, int) and version > FORMAT_VERSION else ""
-        known = ", ".join(map(str, READABLE))
         place = f"{path / METADATA}, format_version"
-        raise InvalidInput.of("unknown model format", place, excerpt(version), known, fix)
+        raise InvalidInput.of("unknown model format", place, excerpt(version), str(FORMAT_VERSION), fix)
     digest = str(document.get("sha256"))
     blanked = raw.replace(f'"sha256": "{digest}"'.encode(), f'"sha256": "{_BLANK}"'.encode(), -1)
     actual = hashlib.sha256(blanked).hexdigest()

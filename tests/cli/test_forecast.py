@@ -172,9 +172,6 @@ def test_fit_writes_a_model_that_forecast_and_inspect_take(run: Run, trip: Path,
     about = json.loads(run("inspect", out, "--json").out)
     assert about["model"]["corrector"] == "linear"
     assert about["provenance"]["data"]["name"] == "synthetic"
-    old = Path(__file__).parents[1] / "fixtures" / "model_0_2_0" / "split"
-    shutil.copytree(old, tmp_path / "old")
-    assert json.loads(run("inspect", tmp_path / "old", "--upgrade", "--json").out)["format_version"] == 2
     shown = run("inspect", out)
     assert shown.code == 0
     assert "ambient_temperature_degc" in shown.out

@@ -14,7 +14,6 @@ from tripwatt.cli import app
 from tripwatt.cli.serve import make_cars_folder
 from tripwatt.errors import InvalidInput
 from tripwatt.live.tokens import digest_of, token_digest
-from tripwatt.service.settings import Settings
 
 
 def run(*arguments: object) -> str:
@@ -70,21 +69,3 @@ def test_without_the_extra_the_error_names_it(tmp_path: Path, monkeypatch: pytes
     monkeypatch.setitem(sys.modules, "aiomqtt", None)
     with pytest.raises(InvalidInput, match=r"pip install -e '\.\[live\]'"):
         run("serve", "--cars", tmp_path, "--mqtt", "mqtt://h")
-
-
-def test_the_old_command_is_one_of_the_service(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    given: list[Settings] = []
-    monkeypatch.setattr("tripwatt.service.serving.serve", lambda settings, on_start: given.append(settings))
-    sends = ["--source", "ovms", "--topic", "ovms/me/leaf/metric", "--publish", "cars"]
-    done = CliRunner().invoke(app, ["live", f"{tmp_path / 'leaf'}", "--mqtt", "mqtt://h", *sends])
-    assert done.exit_code == 0, done.output
-    assert (
-        f"use: tripwatt serve --cars {tmp_path} --mqtt mqtt://h --follow leaf=ovms:ovms/me/leaf/metric"
-        in done.stderr
-    )
-    (settings,) = given
-    assert (settings.cars, settings.port) == (tmp_path, 0)
-    assert settings.mqtt is not None
-    assert settings.mqtt.cars == {"leaf": ("ovms", "ovms/me/leaf/metric")}
-    assert (settings.mqtt.publish_to, settings.mqtt.announce_below) == ("cars", "")
-    assert "live" not in run("--help").split("Commands")[1].split()

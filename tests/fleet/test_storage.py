@@ -1,10 +1,7 @@
 """A stored model of a fleet."""
 
-import json
-from pathlib import Path
-
 import pytest
-from benchmarks.many_vehicles import CAR_MODELS, FleetPlan, many_vehicles
+from benchmarks.many_vehicles import many_vehicles
 
 from tripwatt.errors import InvalidInput
 from tripwatt.fleet.storage import load_fleet, save_fleet
@@ -34,31 +31,3 @@ def test_a_stored_model_forecasts_alike(fleet, tmp_path):
     tw.save_model(tw.load_model(), tmp_path / "one")
     with pytest.raises(InvalidInput, match="no model of a fleet"):
         load_fleet(tmp_path / "one")
-
-
-def test_a_fleet_of_0_2_0_forecasts_as_it_did_and_is_written_anew(tmp_path):
-    """Fitted on 16 trips of 4 vehicles."""
-    old = Path(__file__).parents[1] / "fixtures" / "model_0_2_0"
-    model = load_fleet(old / "fleet")
-    save_fleet(model, tmp_path / "m")
-    trip = Trip.from_log(
-        next(many_vehicles(FleetPlan(16, vehicles=4, car_models=CAR_MODELS[:2], minutes=6.0)))
-    )
-    then = json.loads(
-        (old / "fleet.json")
-        .read_text()
-        .replace('"hvac"', '"climate"')
-        .replace("learned_correction", "correction")
-    )
-    for found in (model, load_fleet(tmp_path / "m")):
-        now = found.forecast(trip, vehicle_id="V00000").to_dict()
-        for name in (
-            "energy_wh",
-            "soc_arrival",
-            "wh_per_display",
-            "quantiles_wh",
-            "soc_quantiles",
-            "by_cause_wh",
-        ):
-            assert now[name] == pytest.approx(then[name], rel=1e-9), name
-    assert load_fleet(tmp_path / "m").digests == model.digests

@@ -14,7 +14,7 @@ from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import Forecast, ForecastModel, load_metadata, load_model, save_model, storage
 from tripwatt.forecasting.storage import model_folder
 from tripwatt.hybrid import segment_trips
-from tripwatt.modelfile import read_model
+from tripwatt.modelfile import read_model, write_model
 from tripwatt.synthetic import synthetic_fleet
 from tripwatt.trips import Flag, Fleet
 from tripwatt.vehicles import Vehicle, load_vehicle, vehicle_document, vehicle_from_document
@@ -87,6 +87,17 @@ def test_a_model_with_other_blocks_says_why_it_is_refused(
     monkeypatch.undo()
     with pytest.raises(InvalidInput, match="segment_s"):
         load_model(tmp_path / "model")
+
+
+def test_a_model_of_an_older_format_is_refused_and_stays(tmp_path: Path) -> None:
+    stored = read_model(model_folder())
+    write_model(tmp_path / "older", {**stored.metadata, "format_version": 1}, stored.parts)
+    content = {file.name: file.read_bytes() for file in (tmp_path / "older").iterdir()}
+    for read in (load_model, load_metadata):
+        with pytest.raises(InvalidInput, match=r"older format: .*got 1; allowed: 2; fit it again") as caught:
+            read(tmp_path / "older")
+        assert len(caught.value.faults) == 1
+    assert {file.name: file.read_bytes() for file in (tmp_path / "older").iterdir()} == content
 
 
 def test_model_of_the_package_is_small_sound_and_attributed() -> None:

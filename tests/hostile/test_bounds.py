@@ -301,7 +301,7 @@ def test_a_pipe_in_place_of_a_part_does_not_hang(tmp_path: Path) -> None:
 def test_metadata_without_a_list_of_parts_are_damaged(tmp_path: Path, parts: object) -> None:
     import hashlib
 
-    document = {"format": "tripwatt model", "format_version": 1, "parts": parts, "sha256": "0" * 64}
+    document = {"format": "tripwatt model", "format_version": 2, "parts": parts, "sha256": "0" * 64}
     text = json.dumps(document)
     (tmp_path / "metadata.json").write_text(text.replace("0" * 64, hashlib.sha256(text.encode()).hexdigest()))
     with pytest.raises(InvalidInput, match=r"damaged or altered: .*name, SHA-256 and bytes of each part"):

@@ -22,13 +22,12 @@ from tripwatt.hybrid.factors import NAMES, UNITS
 from tripwatt.hybrid.learning import KINDS
 from tripwatt.live import Car, create_car, forget_car, is_car, issue_token, open_car
 from tripwatt.live import own_car as module
+from tripwatt.modelfile import write_model
 from tripwatt.population import adaptation, for_car
 from tripwatt.synthetic import synthetic_fleet
 from tripwatt.trips import Fleet, Log
 
 FIRST = dt.datetime(2024, 3, 1, 8, 0)
-OLD = Path(__file__).parents[1] / "fixtures" / "model_0_2_0" / "adapted"
-"""A model that tripwatt 0.2.0 adapted to a car."""
 
 
 @pytest.fixture(scope="module")
@@ -164,8 +163,7 @@ def test_a_car_that_an_older_version_learned_learns_its_trips_again(
     folder = tmp_path / "leaf"
     shutil.copytree(learned.folder, folder)
     model = folder / "learned" / "model"
-    shutil.rmtree(model)
-    shutil.copytree(OLD, model)
+    write_model(model, {**load_metadata(model), "format_version": 1}, {"model.json": {"block_s": 60.0}})
     assert load_metadata(model, check_parts=False)["format_version"] == 1
     car = open_car(folder)
     trip = synthetic_fleet(1, seed=9).trips[0]

@@ -53,7 +53,7 @@ def test_a_logged_drive_comes_back_from_gpx():
     track = read_gpx(gpx(drive(SPEED, np.linspace(500.0, 530.0, len(SPEED)))))
     trip = plan_from_route(track)
     assert track.is_log
-    assert trip.departure.started_at.hour == 8
+    assert trip.departure.departs_at.hour == 8
     assert trip.distance_m == pytest.approx(float(np.trapezoid(SPEED)), rel=0.01)
     assert np.abs(trip.array("speed_m_s") - SPEED).max() < 1.0
     assert np.all(trip.array("speed_m_s")[138:146] == 0.0)

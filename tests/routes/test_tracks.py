@@ -255,7 +255,7 @@ class TestLoggedPlan:
         assert plan.array("speed_m_s") == pytest.approx(expected, rel=1e-6)
         assert plan.array("elevation_m") == pytest.approx([0.0, 1.0, 3.0, 4.0, 5.0, 6.0], rel=1e-6)
         assert plan.step_s == 1.0
-        assert plan.departure.started_at is None
+        assert plan.departure.departs_at is None
 
     def test_steps(self) -> None:
         """5.5 s in steps of 2 s end at 6 s, where the plan looks back two seconds from 6 s to the end at 5.5 s."""
@@ -304,6 +304,6 @@ class TestLoggedPlan:
         start = dt.datetime(2026, 5, 1, 8, tzinfo=dt.UTC)
         known = (Flag("times_interpolated", "track"),)
         plan = plan_from_track(track([0.0, 20.0], [0.0, 2.0], started_at=start, flags=known))
-        assert plan.departure.started_at == start
+        assert plan.departure.departs_at == start
         assert plan.flags[0] == known[0]
         assert len(plan.flags) == 2  # and a flat road

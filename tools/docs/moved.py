@@ -1,15 +1,13 @@
 """Stamps after commands and pages have moved: ``python -m tools.docs.moved OLD``, with OLD a checkout from before.
 
 A stamp names commands and places. Where those alone have new names (`RENAMED`) and the generated files hold the same, the stamp is
-written anew under them, and nothing is run. A model in another format is the same where its forecasts are.
+written anew under them, and nothing is run. A model is the same where its forecasts are.
 """
 
 from __future__ import annotations
 
 import json
 import re
-import shutil
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
@@ -18,7 +16,7 @@ from tools import ROOT
 from tools.command import run
 from tools.docs import make_results, pages
 from tools.quality import probe
-from tripwatt.forecasting import load_model, upgrade_model
+from tripwatt.forecasting import load_model
 
 RENAMED: Final = (
     (r"^docs/fit_default_model\.py", "-m tools.data.fit_default_model"),
@@ -41,11 +39,8 @@ def renamed(name: str) -> str:
 
 
 def forecasts(folder: Path) -> str:
-    """Digest of what a stored model forecasts, whatever the format of its files."""
-    with tempfile.TemporaryDirectory() as place:
-        copy = Path(shutil.copytree(folder, Path(place) / folder.name))
-        upgrade_model(copy)
-        model = load_model(copy)
+    """Digest of what a stored model forecasts."""
+    model = load_model(folder)
     rows = [probe.of_forecast(model.forecast(plan)) for plan in probe.plans()]
     return probe.digest(probe.rounded({folder.name: rows}))
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any
 
-import typer
-
 from tripwatt.cli.options import JsonOption, argument
 from tripwatt.cli.printing import change, print_json, print_table
 from tripwatt.errors import InvalidInput
@@ -14,12 +12,6 @@ from tripwatt.errors import InvalidInput
 
 def inspect(
     model: Annotated[Path | None, argument("MODEL", "Folder of a model. Default: the bundled model.")] = None,
-    upgrade: Annotated[
-        bool,
-        typer.Option(
-            "--upgrade", help="First write a model of an older format in that of today; its forecasts stay."
-        ),
-    ] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Show the inputs, the provenance and the scores of a model, and verify its checksums.
@@ -30,13 +22,9 @@ def inspect(
       tripwatt inspect
       # print all metadata of your model
       tripwatt inspect my-model --json
-      # write a model of an older format in that of today
-      tripwatt inspect my-model --upgrade
     """
-    from tripwatt.forecasting import load_metadata, model_folder, upgrade_model
+    from tripwatt.forecasting import load_metadata
 
-    if upgrade:
-        upgrade_model(model_folder(model))
     about = load_metadata(model)
     try:
         if as_json:

@@ -162,33 +162,6 @@ def serve(
     run(settings, lambda address: typer.echo(f"tripwatt: {address}"))
 
 
-def live(
-    car: Annotated[Path, argument("CAR", "Folder of the car.")],
-    mqtt: Annotated[str, option("URL", "As for `tripwatt serve`.")],
-    source: Annotated[str, option("NAME", "What sends.")],
-    topic: Annotated[str, option("TOPIC", "Where it sends.", "--topic")],
-    publish: Annotated[str, option("TOPIC", "As for `tripwatt serve`.")] = "",
-    discovery: Annotated[str, option("PREFIX", "As for `tripwatt serve`.")] = "",
-    keep_days: Annotated[float | None, option("DAYS", "As for `tripwatt serve`.", min=0.01)] = None,
-) -> None:
-    """Old name of `tripwatt serve --cars FOLDER --mqtt URL --follow CAR=SOURCE:TOPIC`, on a free port.
-
-    The plan of a trip is given by `PUT /v1/live/{car}/plan` of the service.
-    """
-    follow = f"{car.resolve().name}={source}:{topic}"
-    instead = f"tripwatt serve --cars {car.resolve().parent} --mqtt {mqtt} --follow {follow}"
-    typer.echo(f"tripwatt: `tripwatt live` is an old name; use: {instead}", err=True)
-    serve(
-        port=0,
-        cars=car.resolve().parent,
-        keep_days=keep_days,
-        mqtt=mqtt,
-        follow=[follow],
-        publish=publish,
-        discovery=discovery,
-    )
-
-
 def mqtt_of(
     url: str, follow: list[str], publish: str, discovery: str, cars: Path | None
 ) -> MqttSettings | None:

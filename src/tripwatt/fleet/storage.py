@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
@@ -13,10 +13,9 @@ import numpy.typing as npt
 
 from tripwatt.errors import InvalidInput
 from tripwatt.fleet.model import FleetModel
-from tripwatt.forecasting.upgrading import range_values, with_bounds
 from tripwatt.hybrid.groups import GroupPosterior, Sums
 from tripwatt.hybrid.stored import REFIT, new_converter, parts_tree, structured, tree_parts
-from tripwatt.modelfile import FORMAT_VERSION, read_model, write_model
+from tripwatt.modelfile import read_model, write_model
 
 if TYPE_CHECKING:
     from cattrs import Converter
@@ -57,9 +56,8 @@ def load_fleet(folder: Path | str) -> FleetModel:
     if stored.metadata.get("kind") != KIND:
         got, fix = "a model of one car", "fit one with `tripwatt fleet fit`"
         raise InvalidInput.of("no model of a fleet", f"{folder}", got, "a model of a fleet", fix)
-    current = stored.metadata["format_version"] == FORMAT_VERSION
     try:
-        tree = parts_tree(stored.parts, KIND) if current else _version_1_tree(stored.parts)
+        tree = parts_tree(stored.parts, KIND)
     except (LookupError, TypeError, ValueError, AttributeError) as error:
         got = f"{type(error).__name__}: {error}"
         raise InvalidInput.of("parts do not make a model of a fleet", f"{folder}", got, "", REFIT) from error
@@ -91,25 +89,3 @@ def _converter() -> Converter:
 def _packed(digests: Collection[str]) -> npt.NDArray[np.uint8]:
     """Digests as bytes, shape (digests, 32)."""
     return np.frombuffer(bytes.fromhex("".join(sorted(digests))), dtype=np.uint8).reshape(-1, 32)
-
-
-def _version_1_tree(parts: Mapping[str, Any]) -> dict[str, Any]:
-    """The tree of a model that tripwatt 0.2 wrote."""
-    values = parts["fleet.json"]
-    scores = {name: {"values": array} for name, array in parts["scores.npz"].items()}
-    uncertainty = {
-        "process": with_bounds(values["process"]),
-        "scale": {**values["scale"], "values": np.array(values["scale"]["values"], dtype=np.float64)},
-        "scores": scores.pop("all"),
-        "shrinkage": parts["shrinkage.npz"],
-    }
-    return {
-        **{name: values[name] for name in ("charges", "sampled", "about")},
-        "sums": parts["sums.npz"],
-        "posterior": parts["posterior.npz"],
-        "trees": {"text": values["trees"]},
-        "uncertainty": uncertainty,
-        "scores": scores,
-        "ranges": {name: range_values(seen) for name, seen in values["ranges"].items()},
-        "digests": parts["digests.npz"]["digests"],
-    }

@@ -9,7 +9,6 @@ from tripwatt.forecasting.storage import (
     load_model,
     model_folder,
     save_model,
-    upgrade_model,
 )
 
 __all__ = [
@@ -22,5 +21,4 @@ __all__ = [
     "load_model",
     "model_folder",
     "save_model",
-    "upgrade_model",
 ]

@@ -22,13 +22,12 @@ from tripwatt.errors import InvalidInput, excerpt, raise_faults
 from tripwatt.forecasting.document import ForecastResponse
 from tripwatt.forecasting.model import ForecastModel
 from tripwatt.forecasting.plausible import impossible_faults
-from tripwatt.forecasting.upgrading import version_1_tree
 from tripwatt.hybrid import Corrector, segment_table
 from tripwatt.hybrid.correctors import corrector_name
 from tripwatt.hybrid.outside import fitted_outside
 from tripwatt.hybrid.segments import SEGMENT_S
 from tripwatt.hybrid.stored import REFIT, new_converter, parts_tree, structured, tree_parts, with_outside
-from tripwatt.modelfile import FORMAT_VERSION, Part, read_metadata, read_model, write_model
+from tripwatt.modelfile import Part, read_metadata, read_model, write_model
 from tripwatt.physics import simulate_trip
 from tripwatt.trips import (
     COLUMNS,
@@ -75,19 +74,17 @@ def model_parts(model: ForecastModel) -> dict[str, Part]:
     return tree_parts(tree)
 
 
-def model_of_parts(
-    parts: Mapping[str, Part], version: int = FORMAT_VERSION, outside: Corrector | None = None
-) -> ForecastModel:
-    """Reverse of `model_parts`; `version` is that of the format of the parts, `outside` the fitted object from outside.
+def model_of_parts(parts: Mapping[str, Part], outside: Corrector | None = None) -> ForecastModel:
+    """Reverse of `model_parts`; `outside` is the fitted object from outside.
 
     Raises
     ------
     InvalidInput
-        For parts that do not make a model of this version, with every reason; for an object from outside that is missing or
+        For parts that do not make a model, with every reason; for an object from outside that is missing or
         another than the one that was stored.
     """
     try:
-        tree = parts_tree(parts) if version == FORMAT_VERSION else version_1_tree(parts)
+        tree = parts_tree(parts)
         segment_s, before_w = tree.pop("segment_s"), tree.pop(TRIAL, None)
     except (LookupError, TypeError, ValueError, AttributeError, RecursionError) as error:
         got = f"{type(error).__name__}: {error}"[:200]
@@ -226,7 +223,7 @@ def load_model(folder: Path | str | None = None, *, corrector: Corrector | None 
     Raises
     ------
     InvalidInput
-        When there is no model, it is damaged or altered, its format is not known, or it does not give finite
+        When there is no model, it is damaged or altered, its format is another, or it does not give finite
         forecasts; when it lacks its corrector from outside, or `corrector` is another.
 
     Examples
@@ -237,7 +234,7 @@ def load_model(folder: Path | str | None = None, *, corrector: Corrector | None 
     """
     place = model_folder(folder)
     stored = read_model(place)
-    model = model_of_parts(stored.parts, stored.metadata["format_version"], corrector)
+    model = model_of_parts(stored.parts, corrector)
     if folder is not None:
         require_usable(model, f"{place}")
     return model
@@ -292,38 +289,6 @@ def _numbers(value: Any) -> Iterator[float]:
             yield from _numbers(entry)
     elif isinstance(value, int | float):
         yield float(value)
-
-
-def upgrade_model(folder: Path | str) -> bool:
-    """Write a stored model of an older format again in that of today, with the provenance and the figures that it has.
-
-    Its forecasts are the same to the last bit.
-
-    Parameters
-    ----------
-    folder : path
-        Of the stored model, which is replaced.
-
-    Returns
-    -------
-    bool
-        Whether its format was an older one; a model of today's format stays as it is.
-
-    Raises
-    ------
-    InvalidInput
-        As `load_model`, and when the folder cannot be written. The model is as it was then.
-
-    Examples
-    --------
-    >>> upgrade_model(model_folder())
-    False
-    """
-    about = load_metadata(folder)
-    if about["format_version"] == FORMAT_VERSION:
-        return False
-    save_model(load_model(folder), folder, provenance=about["provenance"], evaluation=about["evaluation"])
-    return True
 
 
 def load_metadata(folder: Path | str | None = None, *, check_parts: bool = True) -> dict[str, Any]:

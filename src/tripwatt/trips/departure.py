@@ -7,7 +7,6 @@ import itertools
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
-from functools import wraps
 from typing import TYPE_CHECKING, Any, Final
 
 from tripwatt.files import shipped_toml
@@ -93,11 +92,6 @@ class Departure:
         )
         if self.extras is not None:
             object.__setattr__(self, "extras", tuple(self.extras))
-
-    @property
-    def started_at(self) -> dt.datetime | None:
-        """Old name of `departs_at`."""
-        return self.departs_at
 
     @property
     def has_weather(self) -> bool:
@@ -306,20 +300,6 @@ def _described(name: str, field: Field) -> str:
     allowed = f" {field.allowed}." if field.column is not None else ""
     return f"{name} : {kind} or None\n        {field.help}{allowed}"
 
-
-_init = Departure.__init__
-
-
-@wraps(_init)
-def _init_with_old_name(
-    self: Departure, *values: Any, started_at: dt.datetime | None = None, **known: Any
-) -> None:
-    if started_at is not None:
-        known.setdefault("departs_at", started_at)
-    _init(self, *values, **known)
-
-
-Departure.__init__ = _init_with_old_name  # type: ignore[method-assign]
 
 if Departure.__doc__:  # absent under -OO
     Departure.__doc__ = Departure.__doc__.replace(
