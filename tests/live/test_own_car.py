@@ -184,6 +184,19 @@ def test_a_car_that_an_older_version_learned_learns_its_trips_again(
     assert len(car.model().trip_ids_) == 5
 
 
+def test_a_car_that_an_older_version_made_opens_with_its_diary(learned: Car, tmp_path: Path) -> None:
+    """Its file has the anchor `book`, which is `published`."""
+    folder = tmp_path / "leaf"
+    shutil.copytree(learned.folder, folder)
+    file = folder / module.VEHICLE
+    text = file.read_text("utf-8")
+    assert 'anchor = "published"' in text
+    file.write_text(text.replace('anchor = "published"', 'anchor = "book"'), "utf-8")
+    car = open_car(folder)
+    assert car.vehicle.anchor == "published"
+    assert len(car.diary) == 4
+
+
 def test_a_crash_between_store_and_model_is_caught_up(
     logs: tuple[Log, ...], learned: Car, base: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

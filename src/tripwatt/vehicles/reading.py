@@ -97,6 +97,7 @@ def vehicle_from_document(
     left_out = OPTIONAL_SECTIONS - tables.keys() if preset != "default" else frozenset()
     entries = {key: e for key, e in entries.items() if key.partition(".")[0] not in left_out}
     anchor = str(document.get("anchor", "published"))
+    anchor = "published" if anchor == "book" else anchor  # in the folders of cars that 0.2 made
     if anchor not in ANCHORS:
         faults.append(_unknown_fault("anchor", f"{where}, anchor", anchor, ANCHORS))
     parts = {section: _part(section, entries, tables.get(section), where, faults) for section in SECTIONS}
