@@ -1,6 +1,6 @@
 """Mass and tyres.
 
-The consumption of a Nissan Leaf over its mass and the rolling resistance of its tyres, on one trip and by physics alone. Each line joins
+The consumption of a Peugeot e-208 over its mass and the rolling resistance of its tyres, on one trip and by physics alone. Each line joins
 cars with the same consumption: along it, better tyres make up for more mass. The cross is the car of the library.
 """
 
@@ -13,7 +13,7 @@ town = [
     {"length_m": 500.0, "speed_m_s": speed, "grade": 0.0} for speed in (8.0, 14.0) * 10
 ]
 trip = tw.read_route([*town, {"length_m": 10_000.0, "speed_m_s": 25.0, "grade": 0.0}])
-car = tw.load_vehicle("nissan_leaf_24")
+car = tw.load_vehicle("peugeot_e_208")
 crr = "road_load.rolling_resistance_coefficient"
 values = {
     "body.curb_mass_kg": np.linspace(1200.0, 2000.0, 9),

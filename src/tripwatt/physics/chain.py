@@ -173,9 +173,10 @@ def _forces(vehicle: Vehicle, trace: Trace, conditions: DriveConditions) -> tupl
     flat = not trace.grade.any()
     cosine = 1.0 if flat else 1.0 / np.sqrt(1.0 + trace.grade * trace.grade)
     constant, linear = load.rolling_coefficients
+    cold: FloatArray | float = 1.0
     if vehicle.tyres is not None:
-        constant = constant * rolling_factor(speed, trace.step_s, ambient, vehicle.tyres, warmth)
-    rolling = rolling_resistance_force(speed, mass, (constant, linear), cosine)
+        cold = rolling_factor(speed, trace.step_s, ambient, vehicle.tyres, warmth)
+    rolling = rolling_resistance_force(speed, mass, (constant * cold, linear), cosine)
     rolling *= wet_factor(conditions.rain_mm_h)
     aero = aero_drag_force(speed, load.drag_area_m2, density, trace.headwind_m_s)
     climb = trace.grade if flat else grade_force(trace.grade, mass)
