@@ -169,7 +169,7 @@ def least_total_time(problem: CruiseProblem, charging_w: float) -> Cruise:
     >>> links = route_from_links([{"length_m": 40_000.0, "speed_m_s": 33.0, "stop_s": 0.0}])
     >>> problem = CruiseProblem.from_plan(plan_from_links(links), load_vehicle("vw_id3"), links)
     >>> [round(3.6 * least_total_time(problem, power).speed_m_s[20]) for power in (11e3, 22e3, 150e3)]
-    [90, 100, 124]
+    [90, 105, 123]
     """
     if not charging_w > 0.0:
         raise InvalidInput.of(
@@ -299,7 +299,7 @@ class Front:
     >>> of_road = front(problem, 10)
     >>> fastest, knee = of_road.cruises[0], of_road.knee
     >>> round(knee.duration_s / fastest.duration_s, 2), round(knee.energy_wh / fastest.energy_wh, 2)
-    (1.14, 0.81)
+    (1.14, 0.83)
     """
 
     cruises: tuple[Cruise, ...]

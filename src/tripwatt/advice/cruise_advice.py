@@ -44,7 +44,7 @@ class CruiseAdvice:
     >>> problem = CruiseProblem.from_plan(plan_from_links(links), load_vehicle("vw_id3"), links)
     >>> advice = followable(least_energy(problem, 1050.0))
     >>> [(round(3.6 * highest), round(3.6 * kept)) for highest, kept in advice.kept_m_s]
-    [(91, 95), (124, 100)]
+    [(90, 90), (123, 100)]
     >>> advice.cruise.duration_s < 1050.0, advice.lost_wh / advice.best.energy_wh < 0.03
     (True, True)
     """
@@ -85,7 +85,7 @@ def followable(best: Cruise) -> CruiseAdvice:
     >>> links = route_from_links([{"length_m": 40_000.0, "speed_m_s": 33.0, "stop_s": 0.0}])
     >>> problem = CruiseProblem.from_plan(plan_from_links(links), load_vehicle("vw_id3"), links)
     >>> [(round(3.6 * highest), round(3.6 * kept)) for highest, kept in followable(least_total_time(problem, 11e3)).kept_m_s]
-    [(124, 90)]
+    [(123, 90)]
     """
     problem = best.problem
     highest, speeds, levels = _one_for_each_class(problem)

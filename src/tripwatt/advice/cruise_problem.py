@@ -265,7 +265,7 @@ class CruiseProblem:
     >>> fastest = np.zeros((1, 5), dtype=np.int64)
     >>> time_s, energy_wh = problem.totals(fastest, np.zeros((1, 4), dtype=bool))
     >>> round(float(time_s[0]))
-    475
+    466
     """
 
     road: CruiseRoad
@@ -318,7 +318,7 @@ class CruiseProblem:
         >>> links = route_from_links([{"length_m": 9000.0, "speed_m_s": 30.0, "stop_s": 0.0}])
         >>> problem = CruiseProblem.from_plan(plan_from_links(links), load_vehicle("vw_id3"), links)
         >>> round(problem.road.length_m.sum()), problem.speed_m_s.shape
-        (9000, (11, 8))
+        (9000, (11, 9))
         """
         drive, run = drive_of_trip(vehicle, plan), simulate_trip(vehicle, plan)
         step = np.diff(run.time_s, prepend=run.time_s[:1])
@@ -372,9 +372,11 @@ class CruiseProblem:
             conditions = replace(conditions, air_density_kg_m3=density)
         nodes = _with_standstills(road)
         ramps = _Ramps.of_car(vehicle, conditions, float(road.highest_m_s.max()))
-        lowest = floor * nodes.highest_m_s
-        fastest, slowest = (ramps.reachable(nodes.length_m, speed) for speed in (nodes.highest_m_s, lowest))
-        # a step more, where even the floor is not reached
+        fastest = ramps.reachable(nodes.length_m, nodes.highest_m_s)
+        # the slowest level, which lies at the floor or less than a step above it
+        lowest = np.minimum(np.ceil(floor * nodes.highest_m_s / step_m_s - SAME) * step_m_s, fastest)
+        slowest = ramps.reachable(nodes.length_m, lowest)
+        # a step more, where even that is not reached
         slowest = np.where(slowest < lowest * (1.0 - SAME), np.maximum(slowest - step_m_s, 0.0), lowest)
         speed, tried = _levels(fastest, slowest, step_m_s)
         steady = _Steady.of_car(vehicle, conditions, nodes, speed)
