@@ -76,9 +76,7 @@ def test_the_speed_with_which_the_journey_arrives_is_the_highest_one(model):
 
 def test_every_speed_in_tens_is_advised_where_it_is_the_highest_that_arrives(model):
     far, alone = Place(47.0, 9.6), replace(MADE, stations=())
-    known = [
-        tw.Departure(soc=soc, ambient_temperature_degc=10.0) for soc in (0.565, 0.605, 0.65, 0.7, 0.745)
-    ]
+    known = [tw.Departure(soc=soc, ambient_temperature_degc=10.0) for soc in (0.565, 0.605, 0.65, 0.7, 0.745)]
     found = [journey(model, departure, (A, far), alone) for departure in known]
     speeds = [80.0, 90.0, 100.0, 110.0, 120.0]
     assert [one.speed.speed_m_s / KM_H for one in found] == pytest.approx(speeds)
