@@ -33,7 +33,7 @@ REPEAT_SD: Final = 0.02
 
 ROAD_GAIN: Final = 0.05
 """Mean rise of rolling resistance from the test to the road, where tyres are neither run in nor at their pressure and the surface is rough or wet.
-A choice between two figures: dry, warm roads show none (`tests/vehicles/steady_tests.csv`, without the BMW i3), and 10 % is left of the 6 % of the
+A choice between two figures: dry, warm roads show none (`tools/data/steady_tests.csv`, without the BMW i3), and 12 % is left of the 6 % of the
 consumption by which the certification differs (Komnos et al., Energy Conversion and Management 270 (2022) 116161) once
 `Auxiliaries.moving_load_w` is taken off and the rest is divided by rolling's 36 % of the WLTC. The published drag area needs no rise."""
 
