@@ -423,6 +423,20 @@ def test_another_car_is_forecast_with_its_published_values(look: Look, service: 
     assert page.get_by_role("radio", name="Drive").is_disabled()
 
 
+def test_the_car_that_is_active_stays_active_when_the_search_answers(look: Look, service: Service) -> None:
+    page, held = look(), []
+    page.route("**/v1/vehicles?*", lambda route: held.append(route))
+    title = service.client.get("/v1/vehicles").json()["vehicles"][-1]["title"]
+    page.get_by_role("combobox", name="Car").fill(title)
+    option = page.get_by_role("option", name=title).first
+    while option.get_attribute("aria-selected") != "true":
+        page.keyboard.press("ArrowDown")
+    longer = page.locator(".car [role=option]").count()
+    held[0].continue_()
+    page.wait_for_function(f"() => document.querySelectorAll('.car [role=option]').length < {longer}")
+    assert option.get_attribute("aria-selected") == "true"
+
+
 def test_a_car_that_is_missing_is_described_by_its_driver(look: Look, service: Service) -> None:
     page = look(expect="422")
     cars = page.get_by_role("combobox", name="Car")

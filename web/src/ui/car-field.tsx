@@ -76,24 +76,28 @@ function titleOfCar(): string {
 export function CarField() {
   const id = useId();
   const [typed, setTyped] = useState<string | null>(null);
-  const [active, setActive] = useState(0);
+  const [active, setActive] = useState<string | null>(null);
   const wrong = CAR_FIELDS.flatMap((field) => faults.value.get(field) ?? []);
   if (vehicles.value.length === 0) return null;
   const isOpen = typed !== null;
   const options = isOpen ? optionsFor(typed) : [];
-  const now = Math.min(active, options.length - 1);
+  // by its key: what was moved to stays active while the answer to the words comes in
+  const now = Math.max(
+    0,
+    options.findIndex(({ key }) => key === active),
+  );
   const close = () => setTyped(null);
   const take = (option: Option | undefined) => {
     close();
     option?.take();
   };
   const move = (to: number) => {
-    setActive(to);
+    setActive(options[to]?.key ?? null);
     document.getElementById(`${id}-${to}`)?.scrollIntoView({ block: "nearest" });
   };
   const open = (words: string) => {
     setTyped(words);
-    setActive(0);
+    setActive(null);
     if (words) search.submit(words.trim());
     else {
       search.cancel();
