@@ -39,7 +39,7 @@ MOST_OVER_MEAN_M_S: Final = 8.0
 """The free speed is above the mean speed by this at most [m/s]. Like the next two from the schedules that were made of recorded
 driving (`docs/decisions/forecast-11-even-links.md`)."""
 
-DISTURBED_M_S: Final = 16.0
+DISTURBED_M_S: Final = 14.0
 """Up to this mean speed a road has intersections, places and slower cars at full strength [m/s]."""
 
 CRUISE_M_S: Final = 25.0
@@ -184,8 +184,8 @@ def undisturbed_speed(mean_m_s: FloatArray, free_m_s: FloatArray) -> FloatArray:
 
     Examples
     --------
-    >>> undisturbed_speed(np.array([10.0, 20.5, 25.0]), np.array([18.0, 30.0, 36.0])).tolist()
-    [18.0, 25.25, 25.0]
+    >>> undisturbed_speed(np.array([10.0, 19.5, 25.0]), np.array([18.0, 30.0, 36.0])).tolist()
+    [18.0, 24.75, 25.0]
     """
     share = np.clip((CRUISE_M_S - mean_m_s) / (CRUISE_M_S - DISTURBED_M_S), 0.0, 1.0)
     return np.asarray(mean_m_s + share * np.maximum(free_m_s - mean_m_s, 0.0), dtype=np.float64)
