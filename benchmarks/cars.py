@@ -32,6 +32,7 @@ from tripwatt.evaluation.cars import CarTrips, evaluate_cars
 from tripwatt.forecasting import load_model
 from tripwatt.hybrid import SegmentTable, segment_table
 from tripwatt.hybrid.factors import NAMES, TripEvidence
+from tripwatt.hybrid.parameters import on_road
 from tripwatt.physics import simulate_trip
 from tripwatt.physics.relaxation import Relaxation
 from tripwatt.population import Adaptation, population
@@ -41,8 +42,10 @@ from tripwatt.report.tables import Column, tabulated
 from tripwatt.sources import read_logs
 from tripwatt.trips import Departure, Fleet, Trip, plan_from_trip
 from tripwatt.vehicles import RoadLoad, Vehicle, load_vehicle
+from tripwatt.vehicles.without import without_data
 
 LEAST_M = 2000.0
+QUARTERED = 40
 LAB_AMBIENT_DEGC = 23.0
 LAB_MASS_KG = 1919.0
 LAB_SOAK_S = 600.0
@@ -119,6 +122,24 @@ def stage_rows(folder: Path) -> Iterator[Row]:
     )
 
 
+def quarter_rows(every: Sequence[CarTrips]) -> Iterator[Row]:
+    """Simulated over measured energy of each set, and of its quarters by mean speed over that of the set; published values of the car as on the road."""
+    for car in every:
+        if len(car.trips) < QUARTERED:
+            continue
+        vehicle = on_road(without_data(car.vehicle, car.dataset))
+        energy = np.array(
+            [(simulate_trip(vehicle, t).simulated_energy_wh, t.observed_energy_wh) for t in car.trips]
+        )
+        speed = np.array([t.distance_m / t.array("time_s")[-1] for t in car.trips])
+        whole = float(np.divide(*energy.sum(axis=0)))
+        yield Row(f"{car.name}: simulated over measured", whole)
+        for k, part in enumerate(np.array_split(np.argsort(speed), 4), start=1):
+            ratio = float(np.divide(*energy[part].sum(axis=0))) / whole - 1.0
+            note = f"{3.6 * speed[part].min():.0f} to {3.6 * speed[part].max():.0f} km/h"
+            yield Row(f"{car.name}: quarter {k} by speed", ratio, least=-0.06, most=0.06, note=note)
+
+
 def lab_tables(folder: Path, car: Vehicle) -> list[SegmentTable]:
     """Segments of each run, with the tyres as the runs of the day before it leave them: cold in the first."""
     tables, day, warmth = [], "", 0.0
@@ -168,9 +189,9 @@ def publish(results: dict[str, Any]) -> None:
     pages.renew(page, "factors", markdown(factors_table(results)))
     tables = (curves_table(results), time_table(results), means_table(results))
     pages.renew(page, "cars", "\n\n".join(map(markdown, tables)))
-    stages = stage_rows(DATA / "sedan" / "lab")
+    stages = [*stage_rows(DATA / "sedan" / "lab"), *quarter_rows(cars())]
     columns = [Column(name.capitalize(), attrgetter(name)) for name in ("name", "figure", "note")]
-    table = tabulated("The sedan on the dynamometer, published values", stages, *columns)
+    table = tabulated("The sedan on the dynamometer, and sets by speed: published values", stages, *columns)
     pages.renew(page, "dynamometer", markdown(table))
 
 
@@ -280,6 +301,7 @@ def bounds(only: str | None = None, draws: int = 100, write: bool = False) -> It
         if only in (None, car["car"]):
             yield from rows_of(car)
     yield from stage_rows(DATA / "sedan" / "lab")
+    yield from quarter_rows(every)
     yield from speed_rows(every)
 
 

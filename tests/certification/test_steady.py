@@ -23,7 +23,7 @@ def test_road_tests_at_a_steady_speed_are_met() -> None:
     assert len(rows) == 6
     for row in rows:
         if "rise" in row.name:
-            assert 0.8 < row.value < 1.25  # the bar of 1.05 is missed: docs/decisions/physics-11-speed.md
+            assert 0.9 < row.value < 1.2  # the bar of 1.05 is missed: docs/decisions/physics-11-speed.md
         else:
             assert row.met, f"{row.name}: {row.value:.3f}"
 
