@@ -3,7 +3,7 @@
 A true car differs from its simulation by each factor of the model, drawn from what the model believes of a car without trips, and by the shape of its
 losses, which no factor has: rolling resistance, air drag, drivetrain, base load and cabin over speed, losses over load, and heat over the outside air. Their
 spread is that with which differences between schedules are as far from the simulation as those of a BMW i3 on a dynamometer. A day has errors of
-every trip, hour and energy moved; outside air and wind differ from the forecast; on a planned road the car drives another trace than the plan has; the
+every trip, and two shares of its energy, one of which evens out; outside air and wind differ from the forecast; on a planned road the car drives another trace than the plan has; the
 battery holds more or less than its display shows. All other spreads are those that the model states: the arithmetic is tested, not the spreads.
 """
 
@@ -27,7 +27,7 @@ from tripwatt.arrays import FloatArray
 from tripwatt.forecasting import Forecast, ForecastModel
 from tripwatt.forecasting.difference import LEAST_SHARE
 from tripwatt.hybrid import segment_table
-from tripwatt.hybrid.factors import USUAL_SHARE, USUAL_W, USUAL_WH, FactorCorrector, factor_power
+from tripwatt.hybrid.factors import USUAL_SHARE, USUAL_SHARE_KM, USUAL_WH, FactorCorrector, factor_power
 from tripwatt.hybrid.learning import Experts
 from tripwatt.hybrid.parameters import changed
 from tripwatt.physics import DriveConditions, Simulation, simulate, simulate_trip
@@ -172,13 +172,13 @@ class Taken:
         run = simulate_trip(vehicle, plan)
         table = segment_table(plan, run)
         factors = table.hours @ factor_power(table, vehicle.body.test_mass_kg)
-        moved = float(table.features["moved_w"].to_numpy() @ table.hours)
+        net = float(table.simulated_w @ table.hours)
         return cls(
             run.simulated_energy_wh,
             run.by_cause_wh,
             np.append(factors, factors[0]),  # the drift acts on everything
             shape_energies(run, plan.array("speed_m_s"), degc + warmer_k),
-            np.array([1.0, table.hours.sum(), moved]),
+            np.array([1.0, net, net / np.sqrt(plan.distance_m / 1000.0)]),
         )
 
 
@@ -201,7 +201,7 @@ class Truth:
         rng = np.random.default_rng((seed, 1))
         k = int(rng.choice(len(experts.noise), p=experts.weights))
         factors = rng.multivariate_normal(experts.mean[k], experts.covariance[k], method="eigh")
-        usual = np.array([USUAL_WH, USUAL_W, USUAL_SHARE]) * np.sqrt(experts.noise[k])
+        usual = np.array([USUAL_WH, USUAL_SHARE, USUAL_SHARE_KM]) * np.sqrt(experts.noise[k])
         day, shapes = usual * rng.standard_normal(3), rng.standard_normal(len(SHAPES))
         capacity, display = rng.standard_normal(2) * (CAPACITY_SD, PUBLISHED_DISPLAY_SD)
         kelvin, wind = rng.standard_normal(2) * (TEMPERATURE_SD_K[0], WIND_AT_CAR * WIND_SD_M_S[0])

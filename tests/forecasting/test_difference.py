@@ -16,6 +16,7 @@ SCALE = TotalScale(np.array([30.0, 40.0, 0.02, 0.5]))
 ONE = Shared(
     hours=1.0,
     moved_wh=5000.0,
+    net_wh=4000.0,
     weights_wh=np.array([10.0, -20.0]),
     outside_wh=50.0,
     state_wh=30.0,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import fields, replace
 from math import exp
 
@@ -134,13 +135,10 @@ def test_evidence_of_trips_is_their_energy_by_factor() -> None:
     assert found.residual_wh == pytest.approx([120.0, -40.0])
     assert found.observed_wh == pytest.approx([3120.0, 4960.0])
     assert found.measured_wh2 == pytest.approx([0.0, 900.0], abs=1e-6)
-    # 40 Wh, 100 W and 7 % of the 8 kW that are moved at the wheels
-    assert found.usual_wh2 == pytest.approx(
-        [40.0**2 + 30.0**2 + 168.0**2, 40.0**2 + 50.0**2 + 280.0**2], rel=1e-12
-    )
-    assert found.usual_wh2 == pytest.approx(
-        usual_variance_wh2(np.array([0.3, 0.5]), np.array([2400.0, 4000.0]))
-    )
+    # 40 Wh, 4.2 % of the 3 and 5 kWh, and 33 % of them over a kilometre
+    km = own.totals_wh(3.6 * own.features["speed_m_s"].to_numpy())
+    share = np.array([0.042**2 + 0.33**2 / one for one in km])
+    assert found.usual_wh2 == pytest.approx(40.0**2 + np.array([3000.0, 5000.0]) ** 2 * share, rel=1e-12)
     assert found.day[0] == 3.0
     assert np.isnan(found.day[1])
     assert found.charge[0, :2].tolist() == [0.9, 0.8]
@@ -315,3 +313,15 @@ def test_a_correction_by_factors_is_not_fitted() -> None:
         with pytest.raises(InvalidInput, match="corrector cannot be fitted") as caught:
             fitting()
         assert caught.value.faults[0].fix == "adapt the base again"
+
+
+def test_the_usual_error_stays_at_a_share_of_a_long_trip_and_never_vanishes() -> None:
+    def usual(net: float, moved: float, km: float) -> float:
+        return float(usual_variance_wh2(np.array([net]), np.array([moved]), np.array([km]))[0] ** 0.5)
+
+    assert usual(300_000.0, 400_000.0, 2000.0) == pytest.approx(0.042 * 300_000.0, rel=0.02)
+    halves = math.hypot(usual(15_000.0, 20_000.0, 100.0), usual(15_000.0, 20_000.0, 100.0))
+    assert halves < usual(30_000.0, 40_000.0, 200.0) < 2.0 * usual(15_000.0, 20_000.0, 100.0)
+    # all of a descent is recovered: three tenths of what is moved count
+    assert usual(0.0, 10_000.0, 10.0) == usual(3000.0, 10_000.0, 10.0) == usual(-3000.0, 10_000.0, 10.0)
+    assert np.isfinite(usual(0.0, 0.0, 0.0))

@@ -9,7 +9,12 @@ from tripwatt.uncertainty.held_out import held_out_residual, process_segments
 
 
 def table(rows: int, **features) -> SegmentTable:
-    columns = {"time_s": np.arange(float(rows)), "moved_w": 10.0, "climate_w": 300.0} | features
+    columns = {
+        "time_s": np.arange(float(rows)),
+        "moved_w": 10.0,
+        "climate_w": 300.0,
+        "speed_m_s": 5.0,
+    } | features
     watts = np.full(rows, 100.0)
     hours = np.arange(1.0, rows + 1.0)
     frame = pd.DataFrame(columns, index=range(rows))
@@ -42,6 +47,7 @@ class TestHeldOut:
         assert found.segments.step_s.tolist() == [3600.0, 7200.0]
         assert found.segments.corrector_sd_wh == pytest.approx(15.0)
         assert found.segments.outside_sd_wh == pytest.approx(6.0)
+        assert (found.segments.net_wh, found.segments.distance_m) == pytest.approx((300.0, 54_000.0))
         assert found.residual_w.tolist() == [25.0, 25.0]
         assert found.climate_w.tolist() == [12.0, 12.0]
         assert found.climate_expected_w.tolist() == [308.0, 308.0]

@@ -79,3 +79,14 @@ def test_the_scale_counts_hours_as_its_course_does():
     shorter = TotalScale(np.array([0.0, 50.0, 0.0, 1.0]), course).sd_wh(segments)
     assert shorter == pytest.approx(50.0 * course.hours(4.0))
     assert shorter < 100.0
+
+
+def test_shares_of_the_net_energy_stay_and_even_out() -> None:
+    scale = TotalScale(np.array([0.0, 0.0, 0.0, 0.0]), net_shares=(0.03, 0.4))
+    assert scale.net_sd_wh(10_000.0, 12_000.0, 1e9) == pytest.approx(300.0, rel=1e-3)
+    assert scale.net_sd_wh(10_000.0, 12_000.0, 4000.0) == pytest.approx(10_000.0 * np.hypot(0.03, 0.2))
+    assert scale.net_sd_wh(-100.0, 10_000.0, 1e9) == pytest.approx(0.3 * 300.0, rel=1e-3)
+    trip = Segments(
+        np.zeros(1), np.full(1, 3600.0), np.zeros(1), np.zeros(1), net_wh=500.0, distance_m=4000.0
+    )
+    assert scale.sd_wh(trip) == pytest.approx(500.0 * np.hypot(0.03, 0.2))

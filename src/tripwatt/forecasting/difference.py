@@ -137,8 +137,8 @@ class Shared:
 
     Attributes
     ----------
-    hours, moved_wh : float
-        For which an error of power adds up [h], and energy moved at the wheels [Wh].
+    hours, moved_wh, net_wh : float
+        For which an error of power adds up [h], energy moved at the wheels and energy of the trip [Wh].
     weights_wh : ndarray, shape (weights,)
         Energy of the trip by one standard deviation of each of the corrector's weights [Wh].
     outside_wh, state_wh, route_wh, links_wh, climb_wh : float
@@ -150,6 +150,7 @@ class Shared:
 
     hours: float
     moved_wh: float
+    net_wh: float
     weights_wh: FloatArray
     outside_wh: float
     state_wh: float
@@ -170,7 +171,11 @@ def sd_between(one: Shared, other: Shared, scale: TotalScale, causes_wh: Iterabl
     control changes. At other speeds on a planned road the errors of its links cancel in part.
     """
     hours, moved_wh = abs(one.hours - other.hours), abs(one.moved_wh - other.moved_wh)
-    growing = math.hypot(scale.values[1] * hours, scale.values[2] * moved_wh)
+    growing = math.hypot(
+        scale.values[1] * hours,
+        scale.values[2] * moved_wh,
+        scale.net_sd_wh(one.net_wh - other.net_wh, moved_wh, min(one.distance_m, other.distance_m)),
+    )
     weights = scale.values[3] * float(np.linalg.norm(one.weights_wh - other.weights_wh))
     heat = abs(one.climate_wh - other.climate_wh) / max(abs(one.climate_wh), abs(other.climate_wh), 1.0)
     is_one = abs(one.distance_m / other.distance_m - 1.0) < SAME_ROAD

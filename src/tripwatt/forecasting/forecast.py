@@ -1008,6 +1008,7 @@ def _shared(forecast: Forecast, climate_wh: float) -> Shared:
     return Shared(
         forecast.uncertainty.scale.course.hours(float(hours.sum())),
         float(drive.segments.moved_w @ hours),
+        drive.segments.net_wh,
         np.asarray(hours @ drive.corrector.predict_with_uncertainty(drive.table)[1]),
         drive.segments.outside_sd_wh,
         forecast.state_sd_wh,

@@ -32,39 +32,63 @@ class Factor:
     ----------
     name : str
     sd : float
-        Usual standard deviation between cars, before any car was seen.
+        Unit in which weights are kept: about the standard deviation between all cars.
     unit : str
         "1" for a relative change of what the simulation gives, "kW" for a power that it does not have.
+    models : float
+        Standard deviation between car models, in `unit`.
+    vehicles : float
+        Between vehicles of one model: tyres, driver, age, load and the log.
+    df : int
+        Degrees of freedom of `models`: those of certified cars, or `ASSUMED_DF`, which is also that of `vehicles`.
     source : str
-        Where the standard deviation comes from.
+        Where the standard deviations come from, before any vehicle was seen.
     """
 
     name: str
     sd: float
     unit: str
+    models: float
+    vehicles: float
+    df: int
     source: str
 
+
+ASSUMED_DF: Final = 4
+"""Degrees of freedom of an assumed spread."""
 
 SEASONS: Final = {"near_minus_8": -8.0, "near_2": 2.0, "near_12": 12.0, "near_22": 22.0, "near_32": 32.0}
 """Shares of the consumption around an outside temperature [°C]: what trips at 20 °C show is not shown for -10 °C."""
 
-_SEASON: Final = "half of the spread of the whole consumption; an assumption"
+CERTIFIED_EVERYTHING: Final = 0.061
+CERTIFIED_TILT: Final = 0.325
+"""What certified consumption shows of car models, from `python -m tools.data.certified_spread`: the spread of everything over 10 models, and over 99
+models what the spreads of the causes of driving are of those that are published for each alone."""
+
+_CERTIFIED: Final = "between models: certified consumption on city and highway schedules"
+_SEASON: Final = "with everything, the 8 % between four cars of one model"
+
+
+def _driving(name: str, sd: float, published: float, vehicles: float, source: str) -> Factor:
+    models = CERTIFIED_TILT * published
+    return Factor(name, sd, "1", models, vehicles, 98, f"{_CERTIFIED}; between vehicles: {source}")
+
 
 FACTORS: Final = (
-    Factor(EVERYTHING, 0.10, "1", "measured consumption of cars of one model and of published figures differs by 5 to 15 %"),
-    Factor("rolling", 0.12, "1", "neighbouring classes of the EU tyre label lie 15 % apart (Regulation (EU) 2020/740, annex I)"),
-    Factor("air", 0.10, "1", "drag area of coast-downs against makers' figures; roof loads and wind"),
-    Factor("drivetrain", 0.20, "1", "motor and inverter losses are scaled from another car's map where a car's own is not published"),
-    Factor("base_load", 0.40, "1", "0.2 to 0.4 kW of auxiliary load in databases of electric cars, and what is added while moving"),
-    Factor("heating", 0.35, "1", "heat demand with and without recirculated air; how much of it drivers ask for"),
-    Factor("cooling", 0.35, "1", "compressors of one car alone are measured; how much of it drivers ask for"),
-    Factor("cold", 0.04, "1", "share of the energy moved at the wheels for each 10 K below 15 °C: tyres and oil"),
-    Factor("transients", 0.10, "1", "share of mass times speed times the mean change of speed: what a change of speed loses"),
-    Factor("frost", 0.30, "kW", "for each 10 K below freezing: windows, battery, snow"),
-    Factor("warm_up", 0.30, "kW", "at departure at 0 °C, fading within 10 minutes: soaked cabin and oil"),
-    *(Factor(name, 0.06, "1", _SEASON) for name in SEASONS),
+    Factor(EVERYTHING, 0.10, "1", CERTIFIED_EVERYTHING, 0.06, 9, "between models: WLTP figures that no value rests on; between vehicles: 8 % of four cars of one model, with the seasons"),
+    _driving("rolling", 0.12, 0.12, 0.08, "half a class of the EU tyre label (Regulation (EU) 2020/740, annex I)"),
+    _driving("air", 0.10, 0.10, 0.05, "wheels and trims of one car in the EPA test car list; roof loads"),
+    _driving("drivetrain", 0.20, 0.20, 0.05, "an assumption"),
+    _driving("base_load", 0.40, 0.40, 0.30, "lights, fans and seats that drivers switch on: an assumption"),
+    Factor("heating", 0.35, "1", 0.20, 0.15, ASSUMED_DF, "heat demand with and without recirculated air: an assumption"),
+    Factor("cooling", 0.35, "1", 0.20, 0.15, ASSUMED_DF, "compressors of one car alone are measured: an assumption"),
+    Factor("cold", 0.04, "1", 0.02, 0.03, ASSUMED_DF, "share of the energy moved at the wheels for each 10 K below 15 °C: tyres and oil"),
+    _driving("transients", 0.10, 0.10, 0.01, "share of mass times speed times the mean change of speed; the driver is in the trace"),
+    Factor("frost", 0.30, "kW", 0.16, 0.25, ASSUMED_DF, "for each 10 K below freezing: windows, battery, snow"),
+    Factor("warm_up", 0.30, "kW", 0.16, 0.25, ASSUMED_DF, "at departure at 0 °C, fading within 10 minutes: soaked cabin and oil"),
+    *(Factor(name, 0.06, "1", 0.03, 0.05, ASSUMED_DF, _SEASON) for name in SEASONS),
 )  # fmt: skip
-"""The factors, and how much cars differ in each as far as is published."""
+"""The factors, and how much car models and their vehicles differ in each."""
 
 ACTS_DEGC: Final = {"heating": (-60.0, 19.0), "cooling": (19.0, 60.0), "cold": (-60.0, 15.0), "frost": (-60.0, 0.0), "warm_up": (-60.0, 15.0)}  # fmt: skip
 """Outside temperatures [°C] between which a factor acts; those of a season act within `_NEAR_K` of theirs, the others always."""
@@ -83,10 +107,12 @@ _UNKNOWN_DEGC: Final = 15.0
 _FADING_S: Final = 600.0
 
 USUAL_WH: Final = 40.0
-USUAL_W: Final = 100.0
-USUAL_SHARE: Final = 0.07
-"""Usual error of a trip's energy with the right factors: of every trip [Wh], of every hour [W], and of the energy moved at the
-wheels: climate, wind, traffic and what the log does not hold. How much larger or smaller a car's is, is learned."""
+USUAL_SHARE: Final = 0.042
+USUAL_SHARE_KM: Final = 0.33
+LEAST_NET: Final = 0.3
+"""Usual error of a trip's energy with the right factors: of every trip [Wh], and two shares of its net energy, one that stays at any length and one over
+a kilometre, which evens out along the trip: climate, wind, traffic and what the log does not hold. A trip whose energy is nearly all recovered counts with
+`LEAST_NET` of the energy moved. How much larger or smaller a car's is, is learned. `python -m tools.data.population` prints what each vehicle's logs say."""
 
 TAIL_DF: Final = 4.0
 """Degrees of freedom of the errors' t distribution, as Lange, Little and Taylor (1989) advise for few data."""
@@ -200,13 +226,15 @@ class TripEvidence:
             The car that was simulated.
         """
         rows = factor_power(table, vehicle.body.test_mass_kg)
-        moved = table.totals_wh(table.features["moved_w"].to_numpy(dtype=np.float64))
-        hours = table.totals_wh(np.ones(len(table.hours)))
+        moved, km = (
+            table.totals_wh(table.features[name].to_numpy(dtype=np.float64) * unit)
+            for name, unit in (("moved_w", 1.0), ("speed_m_s", 3.6))
+        )
         return cls(
             table.trip_ids,
             np.add.reduceat(rows * table.hours[:, None], table.offsets[:-1], axis=0),
             np.full(len(table), np.nan) if table.observed_w is None else table.totals_wh(table.residual_w),
-            usual_variance_wh2(hours, moved),
+            usual_variance_wh2(table.totals_wh(table.simulated_w), moved, km),
             table.energy_errors.own_wh**2 + table.totals_wh(shortfall_power(table)) ** 2,
             table.features["day"].to_numpy(dtype=np.float64)[table.offsets[:-1]],
             np.full((len(table), 4), np.nan) if table.charge is None else table.charge,
@@ -256,16 +284,22 @@ _USUAL_DF: Final = 2.0
 _LEAST_NOISE: Final = 0.02
 
 
-def usual_variance_wh2(hours: FloatArray, moved_wh: FloatArray) -> FloatArray:
-    """Usual variance of a trip's energy [Wh²] with the right factors.
+def usual_variance_wh2(net_wh: FloatArray, moved_wh: FloatArray, km: FloatArray) -> FloatArray:
+    """Usual variance of a trip's energy [Wh²] with the right factors, by its net and its moved energy and its length.
 
     Examples
     --------
-    >>> float(np.sqrt(usual_variance_wh2(np.array([0.4]), np.array([1000.0]))[0]).round(1))
-    90.0
+    >>> one, far = usual_variance_wh2(np.array([1500.0, 30000.0]), np.array([2000.0, 32000.0]), np.array([10.0, 200.0]))
+    >>> round(one**0.5), round(far**0.5)
+    (173, 1442)
     """
-    return np.asarray(USUAL_WH**2 + (USUAL_W * hours) ** 2 + (USUAL_SHARE * moved_wh) ** 2)
+    size = np.maximum(np.abs(net_wh), LEAST_NET * moved_wh)
+    share = USUAL_SHARE**2 + USUAL_SHARE_KM**2 / np.maximum(km, LEAST_KM)
+    return np.asarray(USUAL_WH**2 + size**2 * share)
 
+
+LEAST_KM: Final = 0.1
+"""Shorter trips count as this long."""
 
 DRIFT_DAYS: Final = 60.0
 """Days in which a slow drift of the consumption is forgotten."""

@@ -17,7 +17,7 @@ from tripwatt.forecasting.fitting import held_out_figures, provenance_of
 from tripwatt.forecasting.model import ForecastModel, HeldOut
 from tripwatt.forecasting.ranges import NEVER_KNOWN, training_ranges
 from tripwatt.hybrid import segment_trips
-from tripwatt.hybrid.factors import UNITS, USUAL_SHARE, USUAL_W, USUAL_WH, TripEvidence
+from tripwatt.hybrid.factors import UNITS, USUAL_SHARE, USUAL_SHARE_KM, USUAL_WH, TripEvidence
 from tripwatt.hybrid.familiarity import Range
 from tripwatt.hybrid.learning import KINDS, MEMORY, Experts, Innovations
 from tripwatt.hybrid.parameters import on_road
@@ -163,7 +163,7 @@ class Adaptation:
         """The model of the car: it forecasts and is stored like any other. Without a base that is fitted it raises `InvalidInput`."""
         _, usual = self.base.fitted_parts("base")
         own = (self.evidence.residual_wh - self.innovations.mean_wh) / self.innovations.sd_wh
-        scale = np.array([USUAL_WH, USUAL_W, USUAL_SHARE]) * np.sqrt(self.experts.noise_scale)
+        noise = self.experts.noise_scale**0.5
         observed = self.evidence.observed_wh
         predicted = observed - self.evidence.residual_wh + self.innovations.mean_wh
         return ForecastModel(
@@ -175,7 +175,10 @@ class Adaptation:
                 usual,
                 process=replace(usual.process, split=False),
                 charge=ChargeScale.from_readings(self.evidence.charge, observed) if len(observed) else None,
-                scale=TotalScale(np.append(scale, 1.0)),
+                scale=TotalScale(
+                    np.array([USUAL_WH * noise, 0.0, 0.0, 1.0]),
+                    net_shares=(USUAL_SHARE * noise, USUAL_SHARE_KM * noise),
+                ),
                 scores=scores_of(own),
             ),
             ranges_=_joined(self.base.ranges_, self.ranges) if self.ranges else self.base.ranges_,

@@ -58,6 +58,9 @@ class Segments:
         Standard deviation of the corrector's own uncertainty of the trip's energy [Wh].
     outside_sd_wh : float
         Standard deviation of what the corrector may have missed outside of its training [Wh].
+    net_wh : float
+        Energy of the trip, without what is recovered.
+    distance_m : float
 
     Examples
     --------
@@ -72,6 +75,8 @@ class Segments:
     climate_w: FloatArray
     corrector_sd_wh: float = 0.0
     outside_sd_wh: float = 0.0
+    net_wh: float = 0.0
+    distance_m: float = 0.0
 
     def __len__(self) -> int:
         return len(self.time_s)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
@@ -9,6 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from tripwatt.arrays import FloatArray
+from tripwatt.hybrid.factors import LEAST_KM, LEAST_NET
 from tripwatt.uncertainty.process import ResidualProcess, Segments
 from tripwatt.units import SECONDS_PER_HOUR
 
@@ -90,6 +92,8 @@ class TotalScale:
         How the errors of power add up over time.
     least_share : float
         0 where trips of many lengths were seen.
+    net_shares : (float, float)
+        Shares of the net energy, one that stays at any length and one over a kilometre, which evens out: of a car with few trips of its own or none.
 
     Examples
     --------
@@ -102,6 +106,12 @@ class TotalScale:
     values: FloatArray
     course: TimeCourse = TimeCourse()
     least_share: float = 0.0
+    net_shares: tuple[float, float] = (0.0, 0.0)
+
+    def net_sd_wh(self, net_wh: float, moved_wh: float, distance_m: float) -> float:
+        """Standard deviation by the shares of the net energy [Wh]."""
+        from_km = self.net_shares[1] / math.sqrt(max(distance_m / 1000.0, LEAST_KM))
+        return max(abs(net_wh), LEAST_NET * moved_wh) * math.hypot(self.net_shares[0], from_km)
 
     def sd_wh(self, segments: Segments) -> float:
         """Compute the standard deviation of the trip's energy.
@@ -120,7 +130,8 @@ class TotalScale:
         parts = self.values * sizes
         growing = max(float(np.hypot(parts[1], parts[2])), self.least_share * float(sizes[2]))
         outside = segments.outside_sd_wh / np.sqrt(T_VARIANCE)
-        return float(np.linalg.norm([parts[0], growing, parts[3], outside]))
+        net = self.net_sd_wh(segments.net_wh, float(sizes[2]), segments.distance_m)
+        return float(np.linalg.norm([parts[0], growing, parts[3], outside, net]))
 
     def with_share(self, share: float, energy_over_moved: float) -> TotalScale:
         """Add a share of every energy, such as by a capacity that is not well known; that of the energy moved carries it.
