@@ -10,9 +10,16 @@ import numpy as np
 import pytest
 
 from tripwatt.certification import describe_car
-from tripwatt.hybrid.factors import NAMES, SDS, TripEvidence
+from tripwatt.hybrid.factors import FACTORS, NAMES, SDS, TripEvidence
 from tripwatt.hybrid.learning import KINDS
-from tripwatt.population.prior import POPULATION_FILE, Population, Source, _beyond_values, population
+from tripwatt.population.prior import (
+    LEVEL_SDS,
+    POPULATION_FILE,
+    Population,
+    Source,
+    _beyond_values,
+    population,
+)
 from tripwatt.vehicles import load_vehicle
 from tripwatt.vehicles.catalogue import beyond_classes
 from tripwatt.vehicles.spreads import spreads
@@ -41,9 +48,9 @@ def test_without_cars_a_car_has_the_assumed_spread() -> None:
     experts = Population.from_evidence([]).experts(load_vehicle("bmw_i3_60ah"))
     own = experts.kind == KINDS.index("own trips")
     # three times the spread between cars and of what is unknown of what they have in common
-    assert np.diagonal(experts.covariance[own], axis1=1, axis2=2)[:, :P] == pytest.approx(
-        9.0 * (1.0 + 0.35**2)
-    )
+    between = (LEVEL_SDS**2).sum(axis=0)
+    found = np.diagonal(experts.covariance[own], axis1=1, axis2=2)[:, :P]
+    assert found == pytest.approx(np.tile(9.0 * (between + 0.35**2), (len(found), 1)))
 
 
 def test_the_mean_follows_cars_and_is_shrunk() -> None:
@@ -106,24 +113,26 @@ def test_plain_values_and_back() -> None:
 def test_the_table_prints_what_spreads_rest_on() -> None:
     table = population().to_frame()
     assert list(table.index) == list(NAMES)
-    assert (table["car_models"] == 3).all()
-    assert (table["assumed_df"] == 4).all()
-    assert table["assumed_sd"].to_numpy() == pytest.approx(SDS)
+    assert table["models_df"].to_dict() == {f.name: f.df for f in FACTORS}
+    assert (table["vehicles_df"] == 4).all()
+    assert table["models_sd"]["everything"] == 0.061
+    assert np.hypot(table["models_sd"], table["vehicles_sd"]).to_numpy() == pytest.approx(
+        SDS * np.linalg.norm(LEVEL_SDS, axis=0)
+    )
     assert table["source"].str.len().min() > 20
 
 
-def test_a_car_far_below_the_classes_rolls_harder_and_is_less_certain() -> None:
+def test_a_car_far_below_the_classes_loses_more_and_is_less_certain() -> None:
+    """It has the drag area and the tyres of a quadricycle: neither is carried beyond the classes."""
     cars = Population.from_evidence([])
     light, usual = describe_car(body="quadricycle"), describe_car(mass_kg=1500, body="hatchback")
-    rolling = NAMES.index("rolling")
     far, near = (cars.experts(vehicle).collapsed() for vehicle in (light, usual))
-    assert far[0][rolling] * SDS[rolling] > 0.3
-    assert near[0][rolling] == pytest.approx(0.0)
+    rolling, its = NAMES.index("rolling"), NAMES.index("drivetrain")
+    assert far[0][rolling] == near[0][rolling] == pytest.approx(0.0)
+    assert far[1][rolling, rolling] == pytest.approx(near[1][rolling, rolling])
     assert far[1][0, 0] > 2.0 * near[1][0, 0]
     beyond = beyond_classes(light.body.curb_mass_kg)
-    for name in ("rolling", "drivetrain"):
-        its = NAMES.index(name)
-        assert far[0][its] * SDS[its] == pytest.approx(math.exp(0.5 * beyond) - 1.0)
+    assert far[0][its] * SDS[its] == pytest.approx(math.exp(0.5 * beyond) - 1.0)
 
 
 def test_a_mass_outside_of_the_classes_widens_the_whole_consumption_by_a_quarter_of_its_distance() -> None:
@@ -135,7 +144,7 @@ def test_a_mass_outside_of_the_classes_widens_the_whole_consumption_by_a_quarter
     assert (near[0] == 0.0).all()
     for name, width in spreads(usual.anchor).items():
         assert near[1][NAMES.index(name)] == pytest.approx(
-            max(0.0, (width / SDS[NAMES.index(name)]) ** 2 - 1.0)
+            max(0.0, (width / SDS[NAMES.index(name)]) ** 2 - (LEVEL_SDS[:, NAMES.index(name)] ** 2).sum())
         )
 
 

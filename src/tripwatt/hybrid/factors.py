@@ -111,8 +111,9 @@ USUAL_SHARE: Final = 0.042
 USUAL_SHARE_KM: Final = 0.33
 LEAST_NET: Final = 0.3
 """Usual error of a trip's energy with the right factors: of every trip [Wh], and two shares of its net energy, one that stays at any length and one over
-a kilometre, which evens out along the trip: climate, wind, traffic and what the log does not hold. A trip whose energy is nearly all recovered counts with
-`LEAST_NET` of the energy moved. How much larger or smaller a car's is, is learned. `python -m tools.data.population` prints what each vehicle's logs say."""
+a kilometre, which evens out along the trip: climate, wind, traffic and what the log does not hold. The second is near the least of the vehicles that
+`python -m tools.data.population` prints; no log is long enough to show the first, which is an assumption. A trip whose energy is nearly all recovered counts with
+`LEAST_NET` of the energy moved. How much larger or smaller a car's errors are, is learned."""
 
 TAIL_DF: Final = 4.0
 """Degrees of freedom of the errors' t distribution, as Lange, Little and Taylor (1989) advise for few data."""

@@ -406,7 +406,7 @@ def _to_root(tree: Tree, sums: Sums, scales: Scales) -> tuple[FloatArray, FloatA
     return info, shift, total
 
 
-def fit_scales(sums: Sums, usual: Scales, log_sd: float = LOG_SD) -> Scales:
+def fit_scales(sums: Sums, usual: Scales, log_sd: FloatArray | float = LOG_SD) -> Scales:
     """Scales at the maximum of the marginal likelihood, with weak priors around their usual values.
 
     Parameters
@@ -414,7 +414,7 @@ def fit_scales(sums: Sums, usual: Scales, log_sd: float = LOG_SD) -> Scales:
     sums : Sums
     usual : Scales
         Where the search starts as well; the noise has no prior.
-    log_sd : float
+    log_sd : float or ndarray, shape (levels below the root * parts,)
         Standard deviation of the logarithm of each scale before any trip.
 
     Raises
@@ -430,8 +430,8 @@ def fit_scales(sums: Sums, usual: Scales, log_sd: float = LOG_SD) -> Scales:
 
     def cost(logs: FloatArray) -> tuple[float, FloatArray]:
         value, gradient = log_likelihood_gradient(tree, sums, usual.with_logs(logs))
-        pull = np.append((logs[:-1] - first[:-1]) / log_sd, 0.0)
-        return -value + 0.5 * float(pull @ pull), pull / log_sd - gradient
+        pull = (logs[:-1] - first[:-1]) / log_sd
+        return -value + 0.5 * float(pull @ pull), np.append(pull / log_sd, 0.0) - gradient
 
     bounds = [(u - 6.0, u + 4.0) for u in first[:-1]] + [(-12.0, 12.0)]
     options = {"maxiter": 60, "ftol": 1e-10}

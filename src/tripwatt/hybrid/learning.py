@@ -34,10 +34,10 @@ from tripwatt.vehicles import Vehicle
 KINDS: Final = ("published", "one factor", "line by cause", "population", "own trips")
 """Kinds of experts."""
 
-KIND_WEIGHTS: Final = (0.05, 0.05, 0.15, 0.73, 0.02)
+KIND_WEIGHTS: Final = (0.2, 0.02, 0.005, 0.77, 0.005)
 """Weight of each kind before any trip."""
 
-SPREADS: Final = ((0.15, 1.0), (0.3, 0.8), (0.6, 0.5), (1.2, 0.3), (2.4, 0.15))
+SPREADS: Final = ((0.5, 1.0), (1.0, 1.0), (2.0, 0.2))
 """Scales of the population's spread, and their weights before any trip: together a prior with heavy tails. Everything and the other
 factors have scales of their own."""
 
@@ -46,11 +46,11 @@ CLIMATE_USE: Final = ((1.0, 0.7), (0.5, 0.2), (0.0, 0.1))
 control does not show it."""
 
 NOISES: Final = (0.0625, 0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
-USUAL_NOISE: Final = 1.5
+USUAL_NOISE: Final = 0.75
 NOISE_LOG_SD: Final = 1.0
-"""Variances of a car's errors over the usual one; before any trip log-normal."""
+"""Variances of a car's errors over the usual one; before any trip log-normal, with this median and so a mean near 1."""
 
-DRIFTS: Final = ((0.02, 0.5), (0.06, 0.5))
+DRIFTS: Final = ((0.02, 0.7), (0.04, 0.3))
 """Standard deviations of a slow drift of the consumption by season, tyres and ageing, as a share, and their weights before any trip."""
 
 MEMORY: Final = 0.98

@@ -1,8 +1,8 @@
 """What cars have in common: how far a car of the road is from its simulation, factor by factor, before it has a trip.
 
 Each vehicle deviates from what all cars have in common by its car model and by itself, driver and log included. The means and the spreads of
-both are at the maximum of their posterior given sums of the trips of vehicles (`tripwatt.hybrid.groups`). With a handful of car models a spread
-is partly an assumption: it counts as much as `ASSUMED_DF` further cars, and `Population.to_frame` prints both.
+both are at the maximum of their posterior given sums of the trips of vehicles (`tripwatt.hybrid.groups`). What certified consumption shows of the spread
+between models counts as many cars as it rests on; the rest is assumed and counts as `ASSUMED_DF` cars. `Population.to_frame` prints both.
 """
 
 from __future__ import annotations
@@ -19,22 +19,21 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import FloatArray
-from tripwatt.hybrid.factors import FACTORS, NAMES, SDS, TripEvidence
+from tripwatt.hybrid.factors import ASSUMED_DF, FACTORS, NAMES, SDS, TripEvidence
 from tripwatt.hybrid.groups import GroupPosterior, Scales, Sums, fit_scales, group_posterior
 from tripwatt.hybrid.learning import Experts
 from tripwatt.vehicles import Vehicle
 from tripwatt.vehicles.catalogue import beyond_classes, mass_range_kg
 from tripwatt.vehicles.spreads import CLASS_ANCHORS, spreads
 
-CAR_MODEL_SHARE: Final = 0.3
-"""Share of the variance between vehicles that is between car models; the rest is vehicle, driver and log. An assumption: Leafs of one year and
-battery differ by as much as cars of different models."""
-
 ROOT_SD: Final = 0.35
 """Prior standard deviation of what all cars have in common, over that between cars: simulations are made to be right on average."""
 
-ASSUMED_DF: Final = 4
-"""Degrees of freedom of the assumed spreads."""
+LEVEL_SDS: Final = np.array([[f.models / f.sd, f.vehicles / f.sd] for f in FACTORS]).T
+"""Standard deviations between car models and between vehicles before any trip, in usual standard deviations, shape (2, factors)."""
+
+_LOG_SDS: Final = np.sqrt(0.5 / np.array([[f.df, ASSUMED_DF] for f in FACTORS])).T.ravel()
+"""Of the logarithms of these: that of a standard deviation of n degrees of freedom has about this standard deviation."""
 
 _BEYOND_SHARE: Final = 0.25
 """Standard deviation of the whole consumption by a mass far outside of the classes, over its logarithmic distance."""
@@ -89,7 +88,7 @@ class Population:
     >>> [source.vehicle for source in everybody.without({"ved"}).sources]
     ['tum', 'twizy']
     >>> list(everybody.to_frame().columns)
-    ['unit', 'mean', 'mean_sd', 'car_sd', 'assumed_sd', 'car_models', 'assumed_df', 'source']
+    ['unit', 'mean', 'mean_sd', 'car_sd', 'models_sd', 'models_df', 'vehicles_sd', 'vehicles_df', 'source']
 
     A car without trips:
 
@@ -175,12 +174,10 @@ class Population:
     @cached_property
     def _scales(self) -> Scales:
         parts = len(FACTORS)
-        shares = (CAR_MODEL_SHARE, 1.0 - CAR_MODEL_SHARE)
-        usual = Scales(tuple((share**0.5,) * parts for share in shares), 1.0, tuple(range(parts)), ROOT_SD)
+        usual = Scales(tuple(map(tuple, LEVEL_SDS.tolist())), 1.0, tuple(range(parts)), ROOT_SD)
         if self.logs:
             return usual.with_logs(np.array(self.logs))
-        # the logarithm of a standard deviation of n degrees of freedom has about this standard deviation
-        return fit_scales(self.sums, usual, math.sqrt(0.5 / ASSUMED_DF)) if self.sums.groups else usual
+        return fit_scales(self.sums, usual, _LOG_SDS) if self.sums.groups else usual
 
     @cached_property
     def _posterior(self) -> GroupPosterior:
@@ -204,7 +201,7 @@ class Population:
         """
         mean, covariance = self._posterior.weights(vehicle.name)
         if not self.sums.groups:  # a tree without cars has no levels
-            covariance = covariance + np.eye(len(NAMES))
+            covariance = covariance + np.diag((LEVEL_SDS**2).sum(axis=0))
         shift, variance = _beyond_values(vehicle)
         return Experts.from_prior(mean, covariance, shift, variance)
 
@@ -215,18 +212,27 @@ class Population:
         -------
         DataFrame
             One row for each factor. Its unit, "1" for a relative change or "kW"; in this unit the mean over cars with its standard
-            deviation, the standard deviation between cars, and the assumed one; the number of car models with trips, the degrees of
-            freedom of the assumption, and its source.
+            deviation, and the standard deviation between cars; what was known of the latter before any trip, between car models and between vehicles of
+            one model, each with its degrees of freedom, and the source of both.
         """
         mean = self._posterior.weights()[0]
         root = np.sqrt(np.diag(self._posterior.covariance[0]))
         between = sum((self._posterior.scales.variances(level) for level in (1, 2)), np.zeros(len(FACTORS)))
-        models = len({source.car_model for source in self.sources})
         rows = [
-            (f.unit, m * f.sd, r * f.sd, s * f.sd, f.sd, models, ASSUMED_DF, f.source)
+            (f.unit, m * f.sd, r * f.sd, s * f.sd, f.models, f.df, f.vehicles, ASSUMED_DF, f.source)
             for f, m, r, s in zip(FACTORS, mean, root, np.sqrt(between), strict=True)
         ]
-        columns = ["unit", "mean", "mean_sd", "car_sd", "assumed_sd", "car_models", "assumed_df", "source"]
+        columns = [
+            "unit",
+            "mean",
+            "mean_sd",
+            "car_sd",
+            "models_sd",
+            "models_df",
+            "vehicles_sd",
+            "vehicles_df",
+            "source",
+        ]
         return pd.DataFrame(rows, index=pd.Index(NAMES, name="factor"), columns=columns)
 
     def to_dict(self) -> dict[str, Any]:
@@ -287,15 +293,21 @@ def population() -> Population:
 
 
 def _beyond_values(vehicle: Vehicle) -> tuple[FloatArray, FloatArray]:
-    """What is expected of a car because of what its values are anchored to: shift of the mean, and variance that is added."""
+    """What is expected of a car because of what its values are anchored to: shift of the mean, and variance that is added.
+
+    A car that is lighter than all of the library has the drag area and the tyres of a quadricycle, so that only what is common to all of
+    its parts is carried beyond the classes.
+    """
     shift, variance = np.zeros(len(NAMES)), np.zeros(len(NAMES))
-    beyond = beyond_classes(vehicle.body.curb_mass_kg) if vehicle.anchor in CLASS_ANCHORS else 0.0
-    for name, width in spreads(vehicle.anchor, beyond).items():
+    mass_kg = vehicle.body.curb_mass_kg
+    beyond = beyond_classes(mass_kg) if vehicle.anchor in CLASS_ANCHORS else 0.0
+    is_light = mass_kg < mass_range_kg()[0]
+    for name, width in spreads(vehicle.anchor, 0.0 if is_light else beyond).items():
         its = NAMES.index(name)
-        variance[its] = max(0.0, (width / SDS[its]) ** 2 - 1.0)
+        variance[its] = max(0.0, (width / SDS[its]) ** 2 - float(LEVEL_SDS[:, its] @ LEVEL_SDS[:, its]))
     variance[0] += (_BEYOND_SHARE * beyond / SDS[0]) ** 2
-    if vehicle.body.curb_mass_kg < mass_range_kg()[0]:
-        # in proportion to mass and power, or as of the lightest car: the mean of both logarithms
-        for its in (NAMES.index("rolling"), NAMES.index("drivetrain")):
-            shift[its] = (math.exp(0.5 * beyond) - 1.0) / SDS[its]
+    if is_light:
+        # a loss in proportion to mass and power, or as of the lightest car: the mean of both logarithms
+        its = NAMES.index("drivetrain")
+        shift[its] = (math.exp(0.5 * beyond) - 1.0) / SDS[its]
     return shift, variance

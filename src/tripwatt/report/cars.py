@@ -149,10 +149,11 @@ def factors_table(results: Record) -> Table:
         Column("Mean", "mean"),
         Column("± mean", "mean_sd"),
         Column("Spread between cars", "car_sd"),
-        Column("Assumed spread", "assumed_sd"),
-        Column("Car models", "car_models", digits=0),
-        Column("Assumed as", "assumed_df", digits=0),
-        in_words("Source of the assumed spread", "source"),
+        Column("Between models before", "models_sd", digits=3),
+        Column("Degrees of freedom", "models_df", digits=0),
+        Column("Between vehicles before", "vehicles_sd", digits=3),
+        Column("Degrees of freedom", "vehicles_df", digits=0),
+        in_words("Source", "source"),
     )
 
 
