@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -51,7 +52,10 @@ def test_range_has_the_numbers_of_python(run: Run) -> None:
 def test_tables_have_units_and_every_kind_of_road(run: Run) -> None:
     table = run("need", "20", "--ambient", 10).out
     assert "20.0 km, mixed" in table
-    assert " kWh (" in table
+    assert re.search(r"likely +\d+\.\d\d kWh", table)
+    assert re.search(r"middle half +\d+\.\d\d to \d+\.\d\d kWh", table)
+    assert "enough in 95%" in table
+    assert "Shares of the uncertainty: car " in table
     far = run("range", "--soc", 0.5, "--ambient", 10).out
     assert [kind for kind in ("city", "country", "motorway", "mixed") if kind in far] == [
         "city",

@@ -38,7 +38,8 @@ def test_the_need_grows_with_distance_cold_and_certainty(model: ForecastModel) -
     sure = tw.need(20, departure=COLD, model=model, quantile=0.99)
     mild = tw.need(20, departure=MILD, model=model)
     assert mild.energy_wh < short.energy_wh < short.energy_quantile_wh < sure.energy_quantile_wh
-    assert short.interval_wh[0] < short.energy_wh < short.energy_quantile_wh < short.interval_wh[1]
+    assert short.interval_wh[0] < short.half_wh[0] < short.energy_wh < short.half_wh[1] < short.interval_wh[1]
+    assert short.energy_quantile_wh == short.interval_wh[1]
     assert short.energy_wh < long.energy_wh < 3.0 * short.energy_wh
     assert long.duration_s > short.duration_s
 
@@ -92,11 +93,30 @@ def test_errors_of_several_trips_are_shared(model: ForecastModel) -> None:
     assert nine.interval_wh == pytest.approx([9.0 * wh for wh in one.interval_wh])
 
 
+def test_what_is_missing_narrows_the_interval_and_what_is_given_does_not() -> None:
+    """A car without trips, a road of no kind, no temperature: each is named where it counts most."""
+    for vehicle in ("vw_id3", None):
+        vague = tw.range_km(0.8, "city", vehicle=vehicle).doubt
+        known = tw.range_km(0.8, "city", MILD, vehicle=vehicle)
+        assert vague.weather > known.doubt.weather
+        assert vague.car + vague.road + vague.weather + vague.day == pytest.approx(1.0)
+    assert vague.narrows == "ambient_temperature_degc"
+    assert known.doubt.narrows is None
+    assert known.doubt.narrower == 0.0
+    # as much narrower as it says, at most
+    wide = tw.need(50, "city", replace(MILD, ambient_temperature_degc=None))
+    narrow = tw.need(50, "city", replace(MILD, ambient_temperature_degc=10.0))
+    width = [(one.interval_wh[1] - one.interval_wh[0]) / one.energy_wh for one in (wide, narrow)]
+    assert width[1] == pytest.approx((1.0 - wide.doubt.narrower) * width[0], rel=0.1)
+    assert tw.need(50, departure=MILD, vehicle="vw_id3").doubt.narrows == "own trips"
+    assert tw.need(50, departure=MILD).doubt.narrows == "kind"
+
+
 def test_a_usual_trip_is_the_forecast_of_its_plan(model: ForecastModel) -> None:
     trip = tw.synthetic_fleet(1).trips[0]
     forecast = model.forecast(trip, COLD)
     needed = tw.need(trip, departure=COLD, model=model)
-    assert (needed.kind, needed.energy_quantile_wh) == ("trip", forecast.quantile(0.9))
+    assert (needed.kind, needed.energy_quantile_wh) == ("trip", forecast.quantile(0.95))
 
 
 @pytest.mark.parametrize("name", STUDIES)

@@ -261,10 +261,13 @@ def test_a_distance_needs_energy_and_a_charge_goes_so_far(look: Look, service: S
     page.get_by_text("How far with").wait_for()
     need, far = distance(page, "40")
     assert need["distance_m"] == pytest.approx(64_373.8, rel=1e-3)
-    energy = f"{need['energy_quantile_wh'] / 1000:.1f}"
-    page.locator(".need .number", has_text=energy).first.wait_for()
+    page.locator(".need .number", has_text=f"{need['energy_wh'] / 1000:.1f}").first.wait_for()
+    enough = f"{need['energy_quantile_wh'] / 1000:.1f}\u00a0kWh are enough for 19 of 20 such trips"
+    assert enough in page.locator(".need .missing").inner_text()
+    assert page.get_by_text("Of the uncertainty, ").count() == 1
     assert f"{100 * need['soc_needed']:.0f}\u00a0%" in page.locator(".need .whole").inner_text()
     assert f"{far['range_m'] / 1609.344:.0f}\u00a0mi" in page.locator(".far").inner_text()
+    assert f"at least {far['interval_m'][0] / 1609.344:.0f}\u00a0mi" in page.locator(".far").inner_text()
     assert page.locator(".far tbody tr").count() == len(far["by_kind"])
     before = need["energy_quantile_wh"]
     with page.expect_response(lambda r: "/v1/need?" in r.url) as colder:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
@@ -20,6 +20,7 @@ from tripwatt.errors import InvalidInput
 
 if TYPE_CHECKING:
     from tripwatt.journey import Need, Range
+    from tripwatt.journey.distances import Doubt
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,7 @@ def need(
     departure: Departing,
     drive: Drive,
     distance: Annotated[list[str] | None, argument("DISTANCE [km]", "Kilometres of each trip.")] = None,
-    quantile: Annotated[float, option("0.5..1", "Probability with which the energy suffices.")] = 0.9,
+    quantile: Annotated[float, option("0.5..1", "Probability with which the energy suffices.")] = 0.95,
     trips: Annotated[int, option("N", "Equal trips ahead; their errors are shared.", min=1, max=100)] = 1,
     trip: Annotated[
         str | None, option("NAME", "A usual trip of your own car, in place of the distance.", "--trip")
@@ -66,8 +67,8 @@ def need(
 
       # 50 km tomorrow at -5 degrees
       tripwatt need 50 km --ambient -5
-      # five days to work and back on the motorway, enough in 19 of 20 weeks
-      tripwatt need 80 km --kind motorway --trips 5 --quantile 0.95 --vehicle vw_id3
+      # five days to work and back on the motorway, enough in 9 of 10 weeks
+      tripwatt need 80 km --kind motorway --trips 5 --quantile 0.9 --vehicle vw_id3
       # by when to charge, and when to preheat
       tripwatt need 50 km --ambient -5 --soc 0.3 --depart 07:30 --plug 3700 --json
       # a usual trip of your own car
@@ -91,9 +92,10 @@ def need(
 
 
 def _show_need(found: Need, until: Mapping[str, Any], leaves: dt.datetime | None) -> None:
-    low, high = (wh / 1000.0 for wh in found.interval_wh)
+    less, more = (wh / 1000.0 for wh in found.half_wh)
     rows = [
-        ("energy, median and 9 in 10", f"{found.energy_wh / 1000.0:.2f} kWh ({low:.2f} to {high:.2f})"),
+        ("likely", f"{found.energy_wh / 1000.0:.2f} kWh"),
+        ("middle half", f"{less:.2f} to {more:.2f} kWh"),
         (f"enough in {found.quantile:.0%}", f"{found.energy_quantile_wh / 1000.0:.2f} kWh"),
         ("charge for it", f"{100.0 * found.soc_needed:.0f} %"),
     ]
@@ -105,6 +107,7 @@ def _show_need(found: Need, until: Mapping[str, Any], leaves: dt.datetime | None
         rows.append(("preheat", begins(until["preheat"]["before_s"], leaves)))
     print_table(f"{found.distance_m / 1000.0:.1f} km, {found.kind}, {found.car}", ("what", "value"), rows)
     typer.echo(until["message"])
+    typer.echo(_doubt_in_words(found.doubt))
     print_few_notes(found.flags)
 
 
@@ -129,12 +132,37 @@ def range_(departure: Departing, drive: Drive) -> Answer:
 
 def _show_range(found: Range) -> None:
     rows = [
-        (name, f"{middle / 1000.0:.0f} km", f"{ends[0] / 1000.0:.0f} to {ends[1] / 1000.0:.0f} km")
-        for name, (middle, ends) in found.by_kind.items()
+        (
+            name,
+            f"{far.range_m / 1000.0:.0f} km",
+            f"{far.half_m[0] / 1000.0:.0f} to {far.half_m[1] / 1000.0:.0f} km",
+            f"{far.interval_m[0] / 1000.0:.0f} km",
+        )
+        for name, far in found.by_kind.items()
     ]
     title = f"Range from {found.soc:.0%} down to {found.reserve:.0%}"
-    print_table(title, ("kind of road", "median", "9 in 10"), rows, numbers=("median",))
+    heads = ("kind of road", "likely", "middle half", "19 of 20 times at least")
+    print_table(title, heads, rows, numbers=(heads[1], heads[3]))
+    typer.echo(_doubt_in_words(found.doubt))
     print_few_notes(found.flags)
+
+
+_NARROWS: Final = {
+    "ambient_temperature_degc": "the outside temperature (--ambient)",
+    "kind": "the kind of road (--kind)",
+    "own trips": "trips of your own car (tripwatt car new)",
+}
+
+
+def _doubt_in_words(doubt: Doubt) -> str:
+    """Where the interval comes from, and what would narrow it most."""
+    shares = ", ".join(f"{name} {getattr(doubt, name):.0%}" for name in ("car", "road", "weather", "day"))
+    most = (
+        f" {_NARROWS[doubt.narrows]} would narrow it most, by up to {doubt.narrower:.0%}."
+        if doubt.narrows
+        else ""
+    )
+    return f"Shares of the uncertainty: {shares}.{most[:1]}{most[1:2].upper()}{most[2:]}"
 
 
 def _kilometres(words: list[str]) -> float:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, Final, Literal
@@ -24,8 +25,16 @@ NODES_M: Final = (2_000.0, 5_000.0, 15_000.0, 40_000.0, 100_000.0)
 DISTANCES_KM: Final = (0.5, 2000.0)
 MOST_TRIPS: Final = 100
 BAND: Final = (0.05, 0.95)
+HALF: Final = (0.25, 0.75)
+CAUTIOUS: Final = 0.95
+"""19 of 20 trips."""
 OF_CHARGE: Final = frozenset({"battery_empty", "battery_full", "no_elevation", "soc_assumed"})
 """Flags of the roads that are forecast, which are not the trip that is asked for; nor is the charge that they start with."""
+
+
+def _plain(values: dict[str, Any]) -> dict[str, Any]:
+    """With lists in place of tuples."""
+    return {name: list(v) if isinstance(v, tuple) else v for name, v in values.items()}
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,8 +51,8 @@ class Need:
         Median, and what is not exceeded with the probability `quantile` [Wh].
     quantile : float
         The probability, 0.5 to 1.
-    interval_wh : tuple of float
-        Ends of the central 90 % [Wh].
+    half_wh, interval_wh : tuple of float
+        Ends of the middle half and of the central 90 % [Wh].
     soc_needed : float
         Displayed charge that suffices with the probability `quantile`, `reserve` left; above 1 where a full battery does not suffice.
     reserve : float
@@ -54,6 +63,8 @@ class Need:
         Assumptions, and what lies outside of the model's range.
     car : str
         Title of the car.
+    doubt : Doubt
+        What the interval comes from.
 
     Examples
     --------
@@ -69,12 +80,14 @@ class Need:
     energy_wh: float
     energy_quantile_wh: float
     quantile: float
+    half_wh: tuple[float, float]
     interval_wh: tuple[float, float]
     soc_needed: float
     reserve: float
     duration_s: float
     flags: tuple[Flag, ...]
     car: str
+    doubt: Doubt
 
     def to_dict(self) -> dict[str, Any]:
         """Convert to plain values.
@@ -90,44 +103,54 @@ class Need:
         >>> tw.need(50).to_dict()["kind"]
         'mixed'
         """
-        values = {name: getattr(self, name) for name in Need.__slots__}
-        return values | {
-            "interval_wh": list(self.interval_wh),
-            "flags": [flag_to_dict(flag) for flag in self.flags],
-        }
+        return _plain(asdict(self)) | {"flags": [flag_to_dict(flag) for flag in self.flags]}
 
 
 @dataclass(frozen=True, slots=True)
-class Range:
-    """How far a charge carries.
+class KindRange:
+    """How far a charge carries on a kind of road.
 
     Attributes
     ----------
     range_m : float
         Median [m].
-    interval_m : tuple of float
-        Ends of the central 90 % [m].
-    by_kind : dict of str to (float, (float, float))
+    half_m, interval_m : tuple of float
+        Ends of the middle half and of the central 90 % [m]: 19 of 20 times it carries at least as far as the first of the latter.
+    """
+
+    range_m: float
+    half_m: tuple[float, float]
+    interval_m: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Range(KindRange):
+    """How far a charge carries.
+
+    Attributes
+    ----------
+    by_kind : dict of str to KindRange
         The same by kind of road.
     flags : tuple of Flag
         Assumptions, and what lies outside of the model's range.
     soc, reserve : float
         Displayed charge at departure, and the one that is kept.
+    doubt : Doubt
+        What the interval comes from.
 
     Examples
     --------
     >>> import tripwatt as tw
     >>> far = tw.range_km(soc=0.35, departure=tw.Departure(ambient_temperature_degc=5))
-    >>> far.interval_m[0] < far.range_m < far.interval_m[1]
+    >>> far.interval_m[0] < far.half_m[0] < far.range_m < far.half_m[1] < far.interval_m[1]
     True
     """
 
-    range_m: float
-    interval_m: tuple[float, float]
-    by_kind: dict[str, tuple[float, tuple[float, float]]]
+    by_kind: dict[str, KindRange]
     flags: tuple[Flag, ...]
     soc: float
     reserve: float
+    doubt: Doubt
 
     def to_dict(self) -> dict[str, Any]:
         """Convert to plain values.
@@ -143,13 +166,64 @@ class Range:
         >>> [row["kind"] for row in tw.range_km(soc=0.5).to_dict()["by_kind"]]
         ['city', 'country', 'motorway', 'mixed']
         """
-        rows = [
-            {"kind": kind, "range_m": middle, "interval_m": list(ends)}
-            for kind, (middle, ends) in self.by_kind.items()
-        ]
-        values = {name: getattr(self, name) for name in ("range_m", "soc", "reserve")}
+        rows = [{"kind": kind, **_plain(asdict(far))} for kind, far in self.by_kind.items()]
         flags = [flag_to_dict(flag) for flag in self.flags]
-        return {**values, "interval_m": list(self.interval_m), "by_kind": rows, "flags": flags}
+        return _plain(asdict(self)) | {"by_kind": rows, "flags": flags}
+
+
+@dataclass(frozen=True, slots=True)
+class Doubt:
+    """What the interval of an answer comes from, and which single input would narrow it most.
+
+    Attributes
+    ----------
+    car, road, weather, day : float
+        Shares of the variance that add up to 1: how far the car is from its values; speeds and climb of a road of which the kind is known at most;
+        what is unknown of the weather and of the car at departure; driver, wind, traffic and all that differs from trip to trip.
+    narrows : str or None
+        "ambient_temperature_degc", "kind" or "own trips"; None where nothing of them is missing.
+    narrower : float
+        At most how much narrower the interval would be with it, as a share.
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> doubt = tw.range_km(0.8, vehicle="vw_id3").doubt
+    >>> round(doubt.car + doubt.road + doubt.weather + doubt.day, 9), doubt.narrows
+    (1.0, 'own trips')
+    """
+
+    car: float
+    road: float
+    weather: float
+    day: float
+    narrows: str | None
+    narrower: float
+
+    @classmethod
+    def of(cls, forecast: Forecast, by_kind: float = 0.0) -> Doubt:
+        """Of a forecast on a road, of whose variance the share `by_kind` would go with its kind."""
+        segments, scale = forecast.drive.segments, forecast.uncertainty.scale
+        climb = forecast.sd_wh**2 - float(forecast.energy_sd_wh[-1]) ** 2
+        car = (scale.values[3] * segments.corrector_sd_wh) ** 2
+        parts = np.array(
+            [
+                car,
+                forecast.route_sd_wh**2 + climb,
+                forecast.state_sd_wh**2,
+                scale.sd_wh(segments) ** 2 - car,
+            ]
+        )
+        shares = dict(zip(("car", "road", "weather", "day"), (parts / parts.sum()).tolist(), strict=True))
+        missing = {
+            "own trips": shares["car"] * any(flag.code == "no_trips_of_car" for flag in forecast.flags),
+            "kind": shares["road"] * by_kind,
+            "ambient_temperature_degc": shares["weather"]
+            * (forecast.plan.departure.ambient_temperature_degc is None),
+        }
+        most = max(missing, key=lambda name: missing[name])
+        narrower = 1.0 - math.sqrt(1.0 - missing[most])
+        return cls(**shares, narrows=most if narrower > 0.0 else None, narrower=narrower)
 
 
 @dataclass(frozen=True, slots=True)
@@ -206,11 +280,13 @@ class KindForecaster:
         part = (amount - low) / max(high - low, 1e-9)
         return max(NODES_M[k] + part * (NODES_M[k + 1] - NODES_M[k]), 0.0)
 
-    def flags(self, distance_m: float) -> tuple[Flag, ...]:
-        """Flags of the road whose length is nearest."""
+    def nearest(self, distance_m: float) -> tuple[tuple[Flag, ...], Doubt]:
+        """Flags of the road whose length is nearest, and what its interval comes from."""
         k = self._before(distance_m)
         forecast = node_forecast(self, k + (2.0 * distance_m > NODES_M[k] + NODES_M[k + 1]))
-        return tuple(flag for flag in forecast.flags if flag.code not in OF_CHARGE)
+        flags = tuple(flag for flag in forecast.flags if flag.code not in OF_CHARGE)
+        known, unknown = (self.prior.share(NODES_M[k], is_known) for is_known in (True, False))
+        return flags, Doubt.of(forecast, 0.0 if self.known else 1.0 - min(known / unknown, 1.0) ** 2)
 
     def forecast(self, length_m: float) -> Forecast:
         """The forecast of a typical road of a length [m], with what its kind leaves open."""
@@ -252,7 +328,7 @@ def need(
     *,
     model: ForecastModel | Path | str | None = None,
     vehicle: Vehicle | str | None = None,
-    quantile: float = 0.9,
+    quantile: float = CAUTIOUS,
     trips: int = 1,
     reserve: float = 0.0,
 ) -> Need:
@@ -301,22 +377,35 @@ def need(
     quantile = require_fraction("quantile", quantile, 0.5)
     number = int(require_number("trips", trips, 1, MOST_TRIPS))
     own, known = for_car(model, vehicle), departure or Departure()
-    levels = (BAND[0], 0.5, BAND[1], quantile)
+    levels = (BAND[0], HALF[0], 0.5, HALF[1], BAND[1], quantile)
     if isinstance(distance_km, Plan | Trip):
         forecast = own.forecast(distance_km, known)
         energy, charge, duration_s = taken_by(forecast, levels)
         distance_m, named, flags = forecast.plan.distance_m, "trip", forecast.flags
+        doubt = Doubt.of(forecast)
     else:
         distance_m = 1000.0 * require_number("distance_km", distance_km, *DISTANCES_KM)
         asked = KindForecaster.from_kind(own, known, kind)
         named = kind if isinstance(kind, str) else "shares"
         energy, charge, duration_s = asked.at(distance_m, levels)
-        flags = asked.flags(distance_m)
-    low, middle, high, most = (number * energy).tolist()
+        flags, doubt = asked.nearest(distance_m)
+    low, less, middle, more, high, most = (number * energy).tolist()
     needed = require_fraction("reserve", reserve) + number * max(float(charge[-1]), 0.0)
-    whole_m, whole_s, ends = number * distance_m, number * duration_s, (low, high)
-    title = own.vehicle.title
-    return Need(whole_m, named, middle, most, quantile, ends, needed, reserve, whole_s, flags, title)
+    return Need(
+        number * distance_m,
+        named,
+        middle,
+        most,
+        quantile,
+        (less, more),
+        (low, high),
+        needed,
+        reserve,
+        number * duration_s,
+        flags,
+        own.vehicle.title,
+        doubt,
+    )
 
 
 def range_km(
@@ -366,16 +455,17 @@ def range_km(
     spare = max(start - require_fraction("reserve", reserve), 0.0)
     own = for_car(model, vehicle)
 
-    def far(asked: KindForecaster) -> tuple[float, tuple[float, float]]:
-        least, middle, most = (
-            asked.distance_m(spare, level) if spare else 0.0 for level in (BAND[1], 0.5, BAND[0])
+    def far(asked: KindForecaster) -> KindRange:
+        least, less, middle, more, most = (
+            asked.distance_m(spare, level) if spare else 0.0
+            for level in (BAND[1], HALF[1], 0.5, HALF[0], BAND[0])
         )
-        return middle, (least, most)
+        return KindRange(middle, (less, more), (least, most))
 
     def asker(kind: str | Sequence[float]) -> KindForecaster:
         return KindForecaster.from_kind(own, known, kind)
 
-    middle, ends = far(asker(kind))
+    whole = far(asker(kind))
     by_kind = {name: far(asker(name)) for name in (*KINDS, UNKNOWN)}
-    flags = asker(kind).flags(max(middle, NODES_M[0]))
-    return Range(middle, ends, by_kind, flags, start, reserve)
+    flags, doubt = asker(kind).nearest(max(whole.range_m, NODES_M[0]))
+    return Range(**asdict(whole), by_kind=by_kind, flags=flags, soc=start, reserve=reserve, doubt=doubt)

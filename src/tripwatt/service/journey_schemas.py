@@ -121,7 +121,7 @@ class NeedQuery(RangeQuery):
     """distance [km]"""
     trip: str | None = Field(None, max_length=200)
     """a trip that `car` drove before, in place of the distance"""
-    quantile: float = Field(0.9, ge=0.5, lt=1.0)
+    quantile: float = Field(0.95, ge=0.5, lt=1.0)
     """probability with which the energy suffices"""
     trips: int = Field(1, ge=1, le=100)
     """equal trips ahead"""
@@ -129,6 +129,23 @@ class NeedQuery(RangeQuery):
     """with which the charge suffices, for the next trip of a car on the road"""
     plug_w: float = Field(PLUG_W, ge=0.0, le=400_000.0)
     """power of the plug at home [W]; 0: the car is not plugged in"""
+
+
+class DoubtDocument(schemas.ResponseModel):
+    """What an interval comes from: shares of the variance that add up to 1."""
+
+    car: float
+    """how far the car is from its values"""
+    road: float
+    """speeds and climb of a road of which the kind is known at most"""
+    weather: float
+    """what is unknown of the weather and of the car at departure"""
+    day: float
+    """driver, wind, traffic and all that differs from trip to trip"""
+    narrows: str | None
+    """the one missing input that would narrow the interval most: `ambient_temperature_degc`, `kind` or `own trips`"""
+    narrower: float
+    """at most how much narrower it would be with it, as a share"""
 
 
 class DistanceNeed(UntilDeparture):
@@ -142,6 +159,8 @@ class DistanceNeed(UntilDeparture):
     energy_quantile_wh: float
     """not exceeded with the probability `quantile` [Wh]"""
     quantile: float
+    half_wh: tuple[float, float]
+    """ends of the middle half [Wh]"""
     interval_wh: tuple[float, float]
     """ends of the central 90 % [Wh]"""
     soc_needed: float
@@ -152,6 +171,7 @@ class DistanceNeed(UntilDeparture):
     flags: list[FlagDocument]
     car: str
     """title of the car"""
+    doubt: DoubtDocument
     message: str
     """`soc_needed` as an English sentence"""
 
@@ -160,29 +180,33 @@ class NeedAnswer(RootModel[DistanceNeed | NeedResponse]):
     """What a distance or a usual trip needs; or what the next trip of a car on the road needs."""
 
 
-class KindRange(schemas.ResponseModel):
+class FarDocument(schemas.ResponseModel):
+    """How far a charge carries."""
+
+    range_m: float
+    """median [m]"""
+    half_m: tuple[float, float]
+    """ends of the middle half [m]"""
+    interval_m: tuple[float, float]
+    """ends of the central 90 % [m]: 19 of 20 times it carries at least as far as the first"""
+
+
+class KindRange(FarDocument):
     """How far a charge carries on a kind of road."""
 
     kind: str
-    range_m: float
-    """median [m]"""
-    interval_m: tuple[float, float]
-    """ends of the central 90 % [m]"""
 
 
-class RangeResponse(schemas.ResponseModel):
+class RangeResponse(FarDocument):
     """How far a charge carries, without a road, as `tripwatt range --json` prints it."""
 
-    range_m: float
-    """median [m]"""
     soc: float
     """displayed state of charge at departure"""
     reserve: float
     """displayed state of charge that is kept; 0: down to an empty display"""
-    interval_m: tuple[float, float]
-    """ends of the central 90 % [m]"""
     by_kind: list[KindRange]
     flags: list[FlagDocument]
+    doubt: DoubtDocument
 
 
 class PlaceDocument(schemas.ResponseModel):

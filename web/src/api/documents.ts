@@ -14,6 +14,7 @@ export type {
   ChargingStopDocument as Stop,
   CourseDocument as Course,
   DistanceNeed as Need,
+  DoubtDocument as Doubt,
   KindRange as RangeOfKind,
   PlanRequest as JourneyRequest,
   PlanResponse as Journey,

@@ -838,6 +838,10 @@ export interface components {
             energy_wh: number;
             energy_quantile_wh: number;
             quantile: number;
+            half_wh: [
+                number,
+                number
+            ];
             interval_wh: [
                 number,
                 number
@@ -847,7 +851,16 @@ export interface components {
             duration_s: number;
             flags: components["schemas"]["FlagDocument"][];
             car: string;
+            doubt: components["schemas"]["DoubtDocument"];
             message: string;
+        };
+        DoubtDocument: {
+            car: number;
+            road: number;
+            weather: number;
+            day: number;
+            narrows: string | null;
+            narrower: number;
         };
         Elevation: {
             position_m: number[];
@@ -1091,12 +1104,16 @@ export interface components {
             };
         };
         KindRange: {
-            kind: string;
             range_m: number;
+            half_m: [
+                number,
+                number
+            ];
             interval_m: [
                 number,
                 number
             ];
+            kind: string;
         };
         LearnedParameter: {
             change: number;
@@ -1536,14 +1553,19 @@ export interface components {
         };
         RangeResponse: {
             range_m: number;
-            soc: number;
-            reserve: number;
+            half_m: [
+                number,
+                number
+            ];
             interval_m: [
                 number,
                 number
             ];
+            soc: number;
+            reserve: number;
             by_kind: components["schemas"]["KindRange"][];
             flags: components["schemas"]["FlagDocument"][];
+            doubt: components["schemas"]["DoubtDocument"];
         };
         ReachRequest: {
             model?: string | null;
@@ -1832,6 +1854,7 @@ export type DiaryEntry = components['schemas']['DiaryEntry'];
 export type DifferenceDocument = components['schemas']['DifferenceDocument'];
 export type DifferenceRequest = components['schemas']['DifferenceRequest'];
 export type DistanceNeed = components['schemas']['DistanceNeed'];
+export type DoubtDocument = components['schemas']['DoubtDocument'];
 export type Elevation = components['schemas']['Elevation'];
 export type EmptyAt = components['schemas']['EmptyAt'];
 export type ExampleResponse = components['schemas']['ExampleResponse'];

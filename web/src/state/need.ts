@@ -12,7 +12,7 @@ import { trip } from "./trip";
 
 const MIN_INTERVAL_MS = 80;
 /** The share of trips for which the energy suffices. */
-export const QUANTILE = 0.9;
+export const QUANTILE = 0.95;
 
 export const need = signal<Need | null>(null);
 export const range = signal<Range | null>(null);

@@ -1,11 +1,11 @@
 /** What a distance needs, and how far the charge goes. */
 
-import type { RangeOfKind } from "../api/documents";
+import type { Doubt, RangeOfKind } from "../api/documents";
 import type { Verdict } from "../model/arrival";
 import { sufficing } from "../model/distance";
 import { ENERGY, PERCENT } from "../model/units";
 import { conditions } from "../state/conditions";
-import { need, needIsOld, QUANTILE, range } from "../state/need";
+import { need, needIsOld, range } from "../state/need";
 import { format, text, units } from "../state/preferences";
 import { problem } from "../state/forecast";
 import { DataTable } from "./data-table";
@@ -13,7 +13,7 @@ import { Icon } from "./icons";
 import { Warnings } from "./warnings";
 import { Waiting } from "./failure";
 
-/** Kilometres from the worst to the best of 9 of 10 trips. */
+/** Kilometres from one end to the other. */
 function intervalText([low = 0, high = 0]: readonly number[]): string {
   const { distance } = units.value;
   const { figure, shown } = format.value;
@@ -25,16 +25,27 @@ function Kinds({ rows }: { rows: RangeOfKind[] }) {
   const { shown } = format.value;
   const names: Record<string, string> = words.kinds;
   return (
-    <DataTable label={words.byKind} heads={[words.kind, words.range, words.interval]}>
-      {rows.map(({ kind, range_m, interval_m }) => (
+    <DataTable label={words.byKind} heads={[words.kind, words.range, words.interval, words.cautious]}>
+      {rows.map(({ kind, range_m, half_m, interval_m }) => (
         <tr key={kind}>
           <th scope="row">{names[kind] ?? kind}</th>
           <td>{shown(range_m, units.value.distance, 0)}</td>
-          <td>{intervalText(interval_m)}</td>
+          <td>{intervalText(half_m)}</td>
+          <td>{shown(interval_m[0], units.value.distance, 0)}</td>
         </tr>
       ))}
     </DataTable>
   );
+}
+
+/** What the uncertainty comes from, and which input would narrow it most. */
+function doubtText({ car, road, weather, day, narrows, narrower }: Doubt): string {
+  const { need: words } = text.value;
+  const shares = [car, road, weather, day].map((share) => format.value.shown(share, PERCENT));
+  const inputs: Record<string, string> = words.inputs;
+  const most = narrows && words.narrows(inputs[narrows] ?? narrows, format.value.shown(narrower, PERCENT));
+  const [ofCar = "", ofRoad = "", ofWeather = "", ofDay = ""] = shares;
+  return [words.doubt(ofCar, ofRoad, ofWeather, ofDay), most].filter(Boolean).join(" ");
 }
 
 function answer() {
@@ -64,7 +75,7 @@ export function NeedAnswer() {
   const { duration, figure, shown } = format.value;
   const { soc, reserve } = conditions.value;
   const { lacking, left, verdict } = sufficing(soc, needed.soc_needed, needed.reserve);
-  const [low = 0, high = 0] = needed.interval_wh.map(ENERGY.from);
+  const [low = 0, high = 0] = needed.half_wh.map(ENERGY.from);
   const flags = [...needed.flags, ...far.flags].filter(
     (flag, k, all) => all.findIndex(({ message }) => message === flag.message) === k,
   );
@@ -74,16 +85,12 @@ export function NeedAnswer() {
         <p class="arrival">
           <span class="label">{words.needs(shown(needed.distance_m, units.value.distance, 0))}</span>
           <span class="number">
-            {figure(ENERGY.from(needed.energy_quantile_wh), 1)}
+            {figure(ENERGY.from(needed.energy_wh), 1)}
             <small>{ENERGY.unit}</small>
           </span>
           <span class="range">
-            {words.enoughFor(shown(QUANTILE, PERCENT))}
-            <span class="missing">
-              {words.half(shown(needed.energy_wh, ENERGY, 1))}
-              {" · "}
-              {result.inTrips(`${result.range(figure(low, 1), figure(high, 1))}\u00a0${ENERGY.unit}`)}
-            </span>
+            {words.half(`${result.range(figure(low, 1), figure(high, 1))}\u00a0${ENERGY.unit}`)}
+            <span class="missing">{words.enoughFor(shown(needed.energy_quantile_wh, ENERGY, 1))}</span>
           </span>
         </p>
         <dl class="whole">
@@ -111,7 +118,7 @@ export function NeedAnswer() {
         <h3>{words.howFar(shown(soc, PERCENT), shown(reserve, PERCENT))}</h3>
         <p>
           <b class="number">{shown(far.range_m, units.value.distance, 0)}</b>{" "}
-          <span class="range">{result.inTrips(intervalText(far.interval_m))}</span>
+          <span class="range">{words.atLeast(shown(far.interval_m[0], units.value.distance, 0))}</span>
         </p>
         <Kinds rows={far.by_kind} />
       </div>
@@ -119,6 +126,7 @@ export function NeedAnswer() {
         <summary>
           <b>{others.sure}</b> {words.basis}
         </summary>
+        <p>{doubtText(needed.doubt)}</p>
         <Warnings flags={flags} others={[]} serious={null} />
       </details>
     </div>
