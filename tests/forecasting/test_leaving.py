@@ -32,8 +32,8 @@ def test_who_leaves_with_the_charge_arrives_with_the_probability_asked_for(found
 def test_the_charge_to_leave_with_does_not_depend_on_that_of_the_plan(found):
     by_question = {}
     for one in found:
-        by_question.setdefault((one.car, one.road, one.probability), set()).add(round(one.soc, 5))
-    assert {len(values) for values in by_question.values()} == {1}
+        by_question.setdefault((one.car, one.road, one.probability), []).append(one.soc)
+    assert max(max(values) - min(values) for values in by_question.values()) < 1e-5
 
 
 @pytest.fixture(scope="module", params=KEPT)

@@ -103,11 +103,11 @@ def test_what_is_missing_narrows_the_interval_and_what_is_given_does_not() -> No
     assert vague.narrows == "ambient_temperature_degc"
     assert known.doubt.narrows is None
     assert known.doubt.narrower == 0.0
-    # as much narrower as it says, at most
+    # narrower, by as much as it says at most
     wide = tw.need(50, "city", replace(MILD, ambient_temperature_degc=None))
     narrow = tw.need(50, "city", replace(MILD, ambient_temperature_degc=10.0))
     width = [(one.interval_wh[1] - one.interval_wh[0]) / one.energy_wh for one in (wide, narrow)]
-    assert width[1] == pytest.approx((1.0 - wide.doubt.narrower) * width[0], rel=0.1)
+    assert 0.98 * (1.0 - wide.doubt.narrower) * width[0] < width[1] < 0.9 * width[0]
     assert tw.need(50, departure=MILD, vehicle="vw_id3").doubt.narrows == "own trips"
     assert tw.need(50, departure=MILD).doubt.narrows == "kind"
 

@@ -482,7 +482,7 @@ def test_a_car_that_is_missing_is_described_by_its_driver(look: Look, service: S
     other = service.client.get("/v1/need", params=query).json()
     described = need.value.json()
     assert described["energy_quantile_wh"] > 1.1 * other["energy_quantile_wh"]
-    page.locator(".need .number", has_text=f"{described['energy_quantile_wh'] / 1000:.1f}").first.wait_for()
+    page.locator(".need .number", has_text=f"{described['energy_wh'] / 1000:.1f}").first.wait_for()
 
 
 def test_stores_the_preferences_and_shows_miles(look: Look) -> None:

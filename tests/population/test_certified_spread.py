@@ -30,4 +30,4 @@ def test_everything_is_a_tenth_of_a_schedule_and_the_city_has_more_changes_of_sp
     city, highway = (certified_spread.schedule_factors(car, cycle) for cycle in ("udds", "hwfet"))
     assert [city[0], highway[0]] == pytest.approx([0.1, 0.1])
     assert city[NAMES.index("transients")] > 2.0 * highway[NAMES.index("transients")]
-    assert city[NAMES.index("air")] < 0.5 * highway[NAMES.index("air")]
+    assert city[NAMES.index("air")] < 0.7 * highway[NAMES.index("air")]

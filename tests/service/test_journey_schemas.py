@@ -128,7 +128,7 @@ def test_a_number_of_a_need_has_its_bounds(name: str, taken: list[float], refuse
 
 def test_the_defaults_of_a_need() -> None:
     usual = check_request({}, NeedQuery)
-    assert (usual.quantile, usual.trips, usual.probability, usual.plug_w) == (0.9, 1, 0.9, 7400.0)
+    assert (usual.quantile, usual.trips, usual.probability, usual.plug_w) == (0.95, 1, 0.9, 7400.0)
     assert (usual.kind, usual.reserve, usual.distance_km) == ("mixed", None, None)
 
 

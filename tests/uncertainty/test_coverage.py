@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.stats import beta
+from scipy.stats import beta, binom
 
 from tripwatt.uncertainty import Coverage
-from tripwatt.uncertainty.coverage import clopper_pearson
+from tripwatt.uncertainty.coverage import clopper_pearson, power
 
 NUMBERS = st.floats(-1e4, 1e4, allow_nan=False)
 TRIPS = st.lists(st.tuples(NUMBERS, NUMBERS, st.floats(1.0, 1e3)), min_size=1, max_size=40)
@@ -71,3 +71,15 @@ def test_the_interval_of_a_proportion_is_that_of_the_beta_distribution():
         assert high == pytest.approx(beta.ppf(0.975, hits + 1, n - hits), rel=1e-9)
     assert clopper_pearson(0, 5)[0] == 0.0
     assert clopper_pearson(5, 5)[1] == 1.0
+
+
+@pytest.mark.parametrize("n", [1, 5, 17, 60])
+@pytest.mark.parametrize("truth", [0.5, 0.75, 0.9, 0.99])
+def test_the_power_is_the_probability_of_the_counts_that_exclude_the_level(n: int, truth: float) -> None:
+    excluded = [k for k in range(n + 1) if not Coverage(0.9, n, k, 1.0, 1.0).holds]
+    assert power(n, 0.9, truth) == pytest.approx(sum(binom.pmf(k, n, truth) for k in excluded))
+
+
+def test_more_trips_show_more_and_a_right_level_is_rarely_excluded() -> None:
+    assert power(20, 0.9, 0.75) < power(60, 0.9, 0.75) < power(200, 0.9, 0.75)
+    assert all(power(n, 0.9, 0.9) <= 0.05 for n in (10, 40, 140))

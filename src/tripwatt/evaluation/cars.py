@@ -33,6 +33,7 @@ from tripwatt.population.prior import Population, Source, population
 from tripwatt.sources import read_logs
 from tripwatt.trips import Trip
 from tripwatt.uncertainty import Coverage
+from tripwatt.uncertainty.coverage import power
 from tripwatt.vehicles import Vehicle, load_vehicle, without_data
 
 TRIPS: Final = (0, 1, 2, 5, 10, 20)
@@ -41,6 +42,8 @@ FEW: Final = 40
 """A car with fewer trips has no second half that is scored alone."""
 LEAST_SCORED: Final = 5
 LEVEL: Final = 0.9
+TOO_LOW: Final = 0.75
+"""A true coverage that a check should show: the power is stated for it."""
 FROM: Final = (0, 5, 20)
 """Trips before those that the scores in order of time begin with."""
 
@@ -254,6 +257,8 @@ def _score(
     zero, order = _in_time(car, base, published, others)
     mean, _ = new.predict(evidence)
     error = evidence.residual_wh - mean
+    # what is learned from the first half is scored on the second, and so is what learns nothing
+    second = np.arange(len(evidence) // 2 if len(evidence) >= FEW else 0, len(evidence))
     total = np.append(evidence.factors_wh.sum(axis=0), 0.0)
     common = total @ new.collapsed()[1] @ total
     spread = np.sqrt(common + float((new.noise_scale * evidence.usual_wh2 + evidence.measured_wh2).sum()))
@@ -266,7 +271,7 @@ def _score(
         "trips": len(evidence),
         "others": [source.vehicle for source in others.sources],
         "scored": "second half" if len(evidence) >= FEW else "trips that were not drawn",
-        "physics": _error(evidence.residual_wh, observed),
+        "physics": _error(evidence.residual_wh[second], observed[second]),
         "mean_error_over_sd": float(error.sum() / spread),
         "curves": curves,
         "in_time": [
@@ -280,9 +285,8 @@ def _score(
         about["own_model"] = _own_model(vehicle, table)
     if car.lab is not None:
         known, _ = new.learn(car.lab(vehicle))
-        about["lab_to_road"] = _error(
-            evidence.residual_wh - known.on_the_road().predict(evidence)[0], observed
-        )
+        left = evidence.residual_wh - known.on_the_road().predict(evidence)[0]
+        about["lab_to_road"] = _error(left[second], observed[second])
     frame = order.assign(car=car.name).join(zero[["forecast_wh", "low_wh", "high_wh"]].add_prefix("zero_"))
     return about, frame
 
@@ -411,6 +415,7 @@ def _scores(table: pd.DataFrame) -> dict[str, Any]:
         "trips": len(table),
         "coverage": covered.share,
         "coverage_ci95": list(covered.ci95),
+        "power": power(len(table), LEVEL, TOO_LOW),
         "width": width,
         "needed": needed,
         "width_over_needed": width / needed,

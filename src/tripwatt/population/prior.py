@@ -293,21 +293,15 @@ def population() -> Population:
 
 
 def _beyond_values(vehicle: Vehicle) -> tuple[FloatArray, FloatArray]:
-    """What is expected of a car because of what its values are anchored to: shift of the mean, and variance that is added.
-
-    A car that is lighter than all of the library has the drag area and the tyres of a quadricycle, so that only what is common to all of
-    its parts is carried beyond the classes.
-    """
+    """What is expected of a car because of what its values are anchored to: shift of the mean, and variance that is added."""
     shift, variance = np.zeros(len(NAMES)), np.zeros(len(NAMES))
-    mass_kg = vehicle.body.curb_mass_kg
-    beyond = beyond_classes(mass_kg) if vehicle.anchor in CLASS_ANCHORS else 0.0
-    is_light = mass_kg < mass_range_kg()[0]
-    for name, width in spreads(vehicle.anchor, 0.0 if is_light else beyond).items():
+    beyond = beyond_classes(vehicle.body.curb_mass_kg) if vehicle.anchor in CLASS_ANCHORS else 0.0
+    for name, width in spreads(vehicle.anchor, beyond).items():
         its = NAMES.index(name)
         variance[its] = max(0.0, (width / SDS[its]) ** 2 - float(LEVEL_SDS[:, its] @ LEVEL_SDS[:, its]))
     variance[0] += (_BEYOND_SHARE * beyond / SDS[0]) ** 2
-    if is_light:
-        # a loss in proportion to mass and power, or as of the lightest car: the mean of both logarithms
-        its = NAMES.index("drivetrain")
-        shift[its] = (math.exp(0.5 * beyond) - 1.0) / SDS[its]
+    if vehicle.body.curb_mass_kg < mass_range_kg()[0]:
+        # in proportion to mass and power, or as of the lightest car: the mean of both logarithms
+        for its in (NAMES.index("rolling"), NAMES.index("drivetrain")):
+            shift[its] = (math.exp(0.5 * beyond) - 1.0) / SDS[its]
     return shift, variance

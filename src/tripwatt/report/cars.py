@@ -118,6 +118,7 @@ def time_table(results: Record) -> Table:
         in_percent("Bias [%]", "bias"),
         in_percent("Inside 90 % [%]", "coverage", 0),
         in_percent("Clopper-Pearson 95 %", "coverage_ci95", 0),
+        in_percent("Power at 75 % [%]", "power", 0),
         in_percent("Width [%]", "width", 0),
         in_percent("Width needed [%]", "needed", 0),
     )

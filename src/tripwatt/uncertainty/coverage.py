@@ -127,3 +127,33 @@ def clopper_pearson(hits: int, n: int, confidence: float = 0.95) -> tuple[float,
         return 0.0, 1.0
     interval = stats.binomtest(hits, n).proportion_ci(confidence, method="exact")
     return float(interval.low), float(interval.high)
+
+
+def power(n: int, level: float, truth: float, confidence: float = 0.95) -> float:
+    """Probability that `n` trips show a true coverage that differs from its level: that the exact interval of the share excludes the level.
+
+    Parameters
+    ----------
+    n : int
+        Number of trips.
+    level, truth : float
+        Nominal and true coverage, 0 to 1.
+    confidence : float
+        Of the interval.
+
+    Returns
+    -------
+    float
+        Near 0 where the trips are too few to show anything.
+
+    Examples
+    --------
+    >>> round(power(17, 0.9, 0.75), 2), round(power(100, 0.9, 0.75), 2)
+    (0.43, 0.98)
+    """
+    from scipy import stats  # scipy is slow to import
+
+    hits, tail = np.arange(n + 1), 0.5 * (1.0 - confidence)
+    low = np.nan_to_num(stats.beta.ppf(tail, hits, n - hits + 1), nan=0.0)
+    high = np.nan_to_num(stats.beta.ppf(1.0 - tail, hits + 1, n - hits), nan=1.0)
+    return float(stats.binom.pmf(hits, n, truth)[(level < low) | (level > high)].sum())

@@ -59,8 +59,9 @@ class Segments:
     outside_sd_wh : float
         Standard deviation of what the corrector may have missed outside of its training [Wh].
     net_wh : float
-        Energy of the trip, without what is recovered.
+        Energy of the trip [Wh].
     distance_m : float
+        Length of the trip [m].
 
     Examples
     --------

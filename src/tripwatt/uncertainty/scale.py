@@ -109,7 +109,25 @@ class TotalScale:
     net_shares: tuple[float, float] = (0.0, 0.0)
 
     def net_sd_wh(self, net_wh: float, moved_wh: float, distance_m: float) -> float:
-        """Standard deviation by the shares of the net energy [Wh]."""
+        """Compute the standard deviation by the shares of the net energy.
+
+        Parameters
+        ----------
+        net_wh, moved_wh : float
+            Energy of the trip, and energy moved at its wheels [Wh].
+        distance_m : float
+            Length of the trip [m].
+
+        Returns
+        -------
+        float
+            Standard deviation [Wh].
+
+        Examples
+        --------
+        >>> TotalScale(np.zeros(4), net_shares=(0.03, 0.4)).net_sd_wh(1000.0, 1200.0, 100_000.0)
+        50.0
+        """
         from_km = self.net_shares[1] / math.sqrt(max(distance_m / 1000.0, LEAST_KM))
         return max(abs(net_wh), LEAST_NET * moved_wh) * math.hypot(self.net_shares[0], from_km)
 

@@ -344,9 +344,9 @@ const de: Text = {
     howFar: (soc, reserve) => `Wie weit mit ${soc}, bis ${reserve}`,
     byKind: "Reichweite nach Art der Straße",
     kind: "Art der Straße",
-    range: "Wahrscheinlich",
+    range: "Erwartet",
     interval: "Mittlere Hälfte",
-    cautious: "19 von 20 Mal mindestens",
+    cautious: "19 von 20, mind.",
     atLeast: (far) => `19 von 20 Mal mindestens ${far}`,
     doubt: (car, road, weather, day) =>
       `Die Unsicherheit kommt zu ${car} vom Auto, zu ${road} von der Straße, zu ${weather} vom Wetter und zu ${day} vom Tag.`,

@@ -337,7 +337,7 @@ export const en = {
     kind: "Kind of road",
     range: "Likely",
     interval: "Middle half",
-    cautious: "19 of 20 times at least",
+    cautious: "19 of 20, at least",
     atLeast: (far: string) => `19 of 20 times at least ${far}`,
     doubt: (car: string, road: string, weather: string, day: string) =>
       `Of the uncertainty, ${car} come from the car, ${road} from the road, ${weather} from the weather and ${day} from the day.`,

@@ -126,7 +126,7 @@ export function NeedAnswer() {
         <summary>
           <b>{others.sure}</b> {words.basis}
         </summary>
-        <p>{doubtText(needed.doubt)}</p>
+        <p class="note">{doubtText(needed.doubt)}</p>
         <Warnings flags={flags} others={[]} serious={null} />
       </details>
     </div>
