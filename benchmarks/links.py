@@ -23,16 +23,15 @@ from tools.command import run
 from tools.docs import pages
 from typer import Option
 
+from benchmarks.link_style import calibrate_style, road_work
 from benchmarks.measure import seconds
 from tripwatt.physics import simulate_trip
 from tripwatt.routes import (
     LinkRoute,
     LinkStyle,
-    calibrate_style,
     link_profile,
     links_of_trip,
     plan_from_links,
-    road_work,
 )
 from tripwatt.sources import read_logs
 from tripwatt.trips import Plan, Trip, resample

@@ -5,17 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
+from benchmarks.link_style import LINK_LENGTHS_M, calibrate_style, road_work
 
 from tripwatt.errors import InvalidInput
-from tripwatt.routes import (
-    LinkStyle,
-    calibrate_style,
-    links_of_trip,
-    plan_from_links,
-    road_work,
-    route_from_links,
-)
-from tripwatt.routes.calibrate import LINK_LENGTHS_M
+from tripwatt.routes import LinkStyle, links_of_trip, plan_from_links, route_from_links
 from tripwatt.trips import Trip
 
 

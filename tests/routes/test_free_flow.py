@@ -3,11 +3,11 @@
 import numpy as np
 import pandas as pd
 import pytest
+from benchmarks.link_style import road_work
 
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
 from tripwatt.routes import LinkRoute, plan_from_links, route_from_links
-from tripwatt.routes.calibrate import road_work
 from tripwatt.routes.free_flow import TravelTimeFactors, free_flow_links, moving_share, share_energy
 from tripwatt.trips import Trip
 

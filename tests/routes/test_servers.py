@@ -5,6 +5,7 @@ import math
 import httpx
 import numpy as np
 import pytest
+from benchmarks.link_style import road_work
 from tests.support.roads import (
     VALHALLA_EDGES,
     body_of,
@@ -18,7 +19,6 @@ from tests.support.roads import (
 )
 
 from tripwatt.errors import InvalidInput, RemoteError
-from tripwatt.routes.calibrate import road_work
 from tripwatt.routes.documents import Node
 from tripwatt.routes.places import Place
 from tripwatt.routes.routers.road import no_road

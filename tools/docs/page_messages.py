@@ -39,7 +39,6 @@ ROOMS: Final = (
 FILES: Final = ("api.py", "files.py", "errors.py")
 NOT_REACHED: Final = (
     "live/following.py",
-    "routes/calibrate.py",
     "routes/maps/extract.py",
     "routes/maps/folder.py",
     "routes/maps/stations.py",

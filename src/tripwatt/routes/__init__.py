@@ -1,6 +1,5 @@
 """A planned trip: links, a recorded track or a router response, and the speed profile that a driver makes of them."""
 
-from tripwatt.routes.calibrate import calibrate_style, road_work
 from tripwatt.routes.geojson import ROAD_SPEED_M_S, read_geojson
 from tripwatt.routes.gpx import read_gpx
 from tripwatt.routes.kml import read_kml
@@ -18,7 +17,6 @@ __all__ = [
     "LinkRoute",
     "LinkStyle",
     "Track",
-    "calibrate_style",
     "is_links_table",
     "is_route",
     "link_profile",
@@ -33,7 +31,6 @@ __all__ = [
     "read_gpx",
     "read_kml",
     "read_response",
-    "road_work",
     "route_from_links",
     "route_from_table",
     "route_from_track",

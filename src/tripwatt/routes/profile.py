@@ -89,7 +89,7 @@ HURRY: Final = 1.6
 class LinkStyle:
     """How traffic and driver fill a link of which only the mean speed is known.
 
-    The defaults of `street_speed_m_s`, `length_exponent` and `comfort` are what `calibrate_style` finds on the electric
+    The defaults of `street_speed_m_s`, `length_exponent` and `comfort` are what `benchmarks/link_style.py` finds on the electric
     cars of the Vehicle Energy Dataset, rounded; the other values are a choice (method: `docs/reference/routes.md`).
 
     Attributes
