@@ -190,7 +190,7 @@ def test_the_interval_of_a_changed_car_is_wider_and_its_mean_close_to_the_own_ca
     nearly = tw.load_vehicle("bmw_i3_60ah", overrides={"mass": I3.body.curb_mass_kg + 1.0})
     found, own = (tw.forecast(FLAT, DEPARTURE, vehicle=car) for car in (nearly, None))
     assert found.energy_wh == pytest.approx(
-        own.energy_wh, rel=0.075
+        own.energy_wh, rel=0.07
     )  # the correction of its trips counts less
     assert found.sd_wh > own.sd_wh
 

@@ -148,9 +148,9 @@ def _show_range(found: Range) -> None:
 
 
 _NARROWS: Final = {
-    "ambient_temperature_degc": "the outside temperature (--ambient)",
-    "kind": "the kind of road (--kind)",
-    "own trips": "trips of your own car (tripwatt car new)",
+    "ambient_temperature_degc": "The outside temperature (--ambient)",
+    "kind": "The kind of road (--kind)",
+    "own trips": "Trips of your own car (tripwatt car new)",
 }
 
 
@@ -162,7 +162,7 @@ def _doubt_in_words(doubt: Doubt) -> str:
         if doubt.narrows
         else ""
     )
-    return f"Shares of the uncertainty: {shares}.{most[:1]}{most[1:2].upper()}{most[2:]}"
+    return f"Shares of the uncertainty: {shares}.{most}"
 
 
 def _kilometres(words: list[str]) -> float:

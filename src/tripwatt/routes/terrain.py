@@ -27,7 +27,7 @@ LOCAL_M: Final = 500.0
 """Length of the hills that a road goes up and down between its ends [m]."""
 REGION_SCALE_M: Final[Mapping[str, float]] = {"tum": 22.0, "twizy": 82.4}
 """Scale of the net climb over 10 km of logs with heights [m]: around Munich (TUM data set) and around Rabat (RSK Twizy data set), from
-``python -m benchmarks.unknown_climb``, with the jumps of the Twizy's heights, which are left out by now: 82.4 m without them."""
+``python -m benchmarks.unknown_climb``."""
 USUAL_SCALE_M: Final = 20.0
 USUAL_SPREAD: Final = 0.5
 REGION_SPREAD: Final = 0.9
