@@ -28,8 +28,9 @@ EARLIER = (
     "no version in use",
     "too few trips",
     "times of departure are missing",
+    "missing package: pyvalhalla",
 )
-"""What ends a command before it comes to the file: here are no map, no fleet and no trips."""
+"""What ends a command before it comes to the file: here are no map, no fleet and no trips, and perhaps no Valhalla to build a map with."""
 WITH = {"stations": ("--map", "nowhere")}
 """Options without which another one is not read."""
 OTHERS = {
