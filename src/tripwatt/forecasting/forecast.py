@@ -1007,9 +1007,9 @@ def _shared(forecast: Forecast, climate_wh: float) -> Shared:
     climb, route, link_m = forecast._climb, forecast.uncertainty.route, forecast.plan.link_m
     return Shared(
         forecast.uncertainty.scale.course.hours(float(hours.sum())),
-        float(drive.segments.moved_w @ hours),
+        float((drive.segments.moved_w * hours).sum()),
         drive.segments.net_wh,
-        np.asarray(hours @ drive.corrector.predict_with_uncertainty(drive.table)[1]),
+        (hours[:, None] * drive.corrector.predict_with_uncertainty(drive.table)[1]).sum(axis=0),
         drive.segments.outside_sd_wh,
         forecast.state_sd_wh,
         forecast.route_sd_wh,

@@ -34,8 +34,9 @@ def process_segments(
         climate_w=features["climate_w"].to_numpy(dtype=np.float64),
         corrector_sd_wh=float(np.linalg.norm(table.hours @ uncertainty_w)),
         outside_sd_wh=0.0 if outside_w is None else float(np.linalg.norm(table.hours @ outside_w)),
-        net_wh=float(table.hours @ table.simulated_w),
-        distance_m=float(table.hours @ features["speed_m_s"].to_numpy(dtype=np.float64)) * SECONDS_PER_HOUR,
+        net_wh=float((table.hours * table.simulated_w).sum()),
+        distance_m=float((table.hours * features["speed_m_s"].to_numpy(dtype=np.float64)).sum())
+        * SECONDS_PER_HOUR,
     )
 
 
