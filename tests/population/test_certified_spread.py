@@ -4,7 +4,7 @@ import pytest
 from tools import CATALOGUE
 from tools.data import certified_spread
 
-from tripwatt.hybrid.factors import CERTIFIED_EVERYTHING, CERTIFIED_TILT, FACTORS, NAMES
+from tripwatt.hybrid.factors import CERTIFIED_EVERYTHING, CERTIFIED_TILT, FACTORS, NAMES, VEHICLES_EVERYTHING
 from tripwatt.vehicles import load_vehicle
 
 needs_list = pytest.mark.skipif(
@@ -13,10 +13,14 @@ needs_list = pytest.mark.skipif(
 
 
 @needs_list
-def test_the_spread_of_everything_is_that_of_figures_that_no_anchor_used() -> None:
-    found = certified_spread.everything()
-    assert found.value == pytest.approx(CERTIFIED_EVERYTHING, abs=0.0006)
+def test_the_spread_of_everything_is_what_the_causes_leave() -> None:
+    found = certified_spread.consumption()
+    assert found.value == pytest.approx(0.061, abs=0.0006)
     assert found.models == FACTORS[0].df + 1
+    left = certified_spread.left_for_everything(found.value, "models")
+    assert left == pytest.approx(CERTIFIED_EVERYTHING, abs=0.0006)
+    left = certified_spread.left_for_everything(certified_spread.ONE_MODEL_SD, "vehicles")
+    assert left == pytest.approx(VEHICLES_EVERYTHING, abs=0.0006)
 
 
 def test_the_spread_of_the_causes_is_that_between_city_and_highway() -> None:

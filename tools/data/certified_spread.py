@@ -1,6 +1,6 @@
 """How far cars of the library are from certified consumption, as spreads of a population: `python -m tools.data.certified_spread`.
 
-Two figures. *Everything*: published WLTP consumption of cars whose anchors rest on the EPA's city and highway rows alone. *Tilt*: how the error
+Two figures. *Consumption*: published WLTP consumption of cars whose anchors rest on the EPA's city and highway rows alone; *everything* is what the other factors leave of it. *Tilt*: how the error
 without an anchor differs between city and highway; as one factor on the assumed spreads of all causes, since two rows of a car do not tell them
 apart. No log takes part.
 """
@@ -19,7 +19,7 @@ from tools.data.anchoring import certified_figures
 from tripwatt.arrays import FloatArray
 from tripwatt.certification.consumption import CertifiedFigure, relative_error, wltp_test_mass
 from tripwatt.certification.schedules import schedule
-from tripwatt.hybrid.factors import EVERYTHING, NAMES, factor_power
+from tripwatt.hybrid.factors import EVERYTHING, FACTORS, NAMES, factor_power
 from tripwatt.hybrid.segments import segment_table
 from tripwatt.physics import simulate_trip
 from tripwatt.trips import Departure, Trip, plan_from_trip
@@ -28,6 +28,8 @@ from tripwatt.vehicles.anchors import anchors
 from tripwatt.vehicles.spreads import REPEAT_SD
 
 KWH_PER_100_KM = 10.0
+ONE_MODEL_SD = 0.08
+"""Of the consumption of four vehicles of one model on the road."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,16 +40,30 @@ class Spread:
     models: int
 
 
-def everything() -> Spread:
-    """Standard deviation of simulated over published WLTP consumption, without the scatter of a test."""
-    errors = []
+def without_anchor() -> list[tuple[Vehicle, float]]:
+    """Cars with a published WLTP consumption that no value of theirs rests on, and the relative error of the simulation."""
+    found = []
     for name, description in BOTH.items():
         car = load_vehicle(name)
         mass_kg = wltp_test_mass(car.body.curb_mass_kg + car.body.driver_mass_kg)
         figure = CertifiedFigure("wltc", listed(description)[1] * KWH_PER_100_KM, True, mass_kg, "")
         if not any(figure.cycle == "wltc" for figure in certified_figures(name, car)):
-            errors.append(relative_error(car, figure))
+            found.append((car, relative_error(car, figure)))
+    return found
+
+
+def consumption() -> Spread:
+    """Standard deviation of simulated over published WLTP consumption, without the scatter of a test."""
+    errors = [error for _, error in without_anchor()]
     return Spread(max(float(np.var(errors, ddof=1)) - REPEAT_SD**2, 0.0) ** 0.5, len(errors))
+
+
+def left_for_everything(whole: float, level: str) -> float:
+    """What the other factors leave of a spread of the WLTP consumption, between "models" or "vehicles"."""
+    others = np.array([getattr(factor, level) / factor.sd for factor in FACTORS])
+    others[NAMES.index(EVERYTHING)] = 0.0
+    causes = [schedule_factors(car, "wltc") * others for car, _ in without_anchor()]
+    return float(np.sqrt(max(whole**2 - float(np.mean(np.sum(np.square(causes), axis=1))), 0.0)))
 
 
 def schedule_factors(car: Vehicle, cycle: str) -> FloatArray:
@@ -90,12 +106,12 @@ def tilt() -> Spread:
 
 
 def main() -> None:
-    """Print both."""
-    for name, spread in (
-        ("everything between car models", everything()),
-        ("tilt over the assumed spreads", tilt()),
-    ):
-        print(f"{name}: {spread.value:.3f} of {spread.models} models")
+    """Print all of them."""
+    tilted, models = tilt(), consumption()
+    print(f"consumption between car models: {models.value:.3f} of {models.models} models")
+    print(f"tilt over the assumed spreads: {tilted.value:.3f} of {tilted.models} models")
+    for level, whole in (("models", models.value), ("vehicles", ONE_MODEL_SD)):
+        print(f"everything between {level}: {left_for_everything(whole, level):.3f} of {whole:.3f}")
 
 
 if __name__ == "__main__":

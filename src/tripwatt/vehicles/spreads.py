@@ -16,17 +16,13 @@ from typing import Final
 from tripwatt.vehicles.anchors import anchors
 from tripwatt.vehicles.catalogue import class_values
 
-TYRES_SD: Final = 0.15
-"""Rolling resistance of a car's tyres about those of its certification: neighbouring classes of the EU tyre label lie 15 % apart
+TYRES_SD: Final = 0.08
+"""Rolling resistance of a car's tyres about those of its certification: half of the 15 % between neighbouring classes of the EU tyre label
 (Regulation (EU) 2020/740, annex I)."""
 
 TRIM_SD: Final = 0.05
 """Drag area of wheels and trims about that of the certification: 5 % between the wheels of one car in the EPA test car list (BMW
 iX xDrive50, coefficient C of 0.01995 to 0.02131)."""
-
-DRIVETRAIN_SHARE: Final = 0.13
-"""Share of the drivetrain's loss in the energy of the city and highway schedules together; what is missed between wheel and battery,
-over this share, is the relative error of the loss."""
 
 REPEAT_SD: Final = 0.02
 """Scatter of certified consumption over tests of the same car and road load."""
@@ -56,7 +52,9 @@ def loss_sd() -> float:
 
 @cache
 def spreads(anchor: str, beyond: float = 0.0) -> Mapping[str, float]:
-    """Relative standard deviation of parameters of a car by what it was held against; empty for "published" and "road".
+    """Relative standard deviation of rolling resistance and air drag of a car by what it was held against; empty for "published" and "road".
+
+    How far the drivetrain is off is part of what certified consumption shows of everything (`tripwatt.hybrid.factors`).
 
     Parameters
     ----------
@@ -74,13 +72,11 @@ def spreads(anchor: str, beyond: float = 0.0) -> Mapping[str, float]:
     if anchor in _NO_TEST:
         return types.MappingProxyType({})
     classes = class_values()
-    missed = {"road_load": REPEAT_SD, "certification": 0.5 * loss_sd(), "class": loss_sd()}[anchor]
     # the consumption fixes the sum of rolling and air drag of a class, so that half of each variance is left
     unknown = {"road_load": 0.0, "certification": math.sqrt(0.5), "class": 1.0}[anchor]
     by_part = {
         "rolling": math.hypot(TYRES_SD, ROAD_GAIN_SD, unknown * math.hypot(classes.rolling_sd, beyond)),
         "air": math.hypot(TRIM_SD, ROAD_GAIN_SD, unknown * math.hypot(classes.drag_area_sd, beyond)),
-        "drivetrain": math.hypot(REPEAT_SD, missed) / DRIVETRAIN_SHARE,
     }
     return types.MappingProxyType(by_part)
 
