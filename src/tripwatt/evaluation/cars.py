@@ -8,7 +8,7 @@ with few trips scores all that were not drawn. Beside that the trips are forecas
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
@@ -306,7 +306,7 @@ def _curve(
     *,
     needs_trips: bool,
 ) -> list[dict[str, Any]]:
-    """Mean error over draws of k trips, and with the whole first half in its order."""
+    """Mean error over draws of k trips, each learned in the order of its dates, and with the whole first half."""
     n = len(evidence)
     half = n // 2 if n >= FEW else n
     counts = [
@@ -318,10 +318,12 @@ def _curve(
     for k in counts:
         rng = np.random.default_rng((seed, k))
         many = draws if k else 1
-        drawn = [rng.permutation(half) for _ in range(many)]
-        undated = replace(evidence, day=np.full(n, np.nan))  # an order that is drawn has no dates
+        drawn = [np.sort(rng.permutation(half)[:k]) for _ in range(many)]
         second = np.arange(half, n)
-        scores = [_drawn(learner, undated, order[:k], second if half < n else order[k:]) for order in drawn]
+        scores = [
+            _drawn(learner, evidence, known, second if half < n else np.delete(np.arange(n), known))
+            for known in drawn
+        ]
         rows.append({"k": k, "draws": many, **_means(scores)})
     if n >= FEW:
         rows.append({"k": half, "draws": 1, **_drawn(learner, evidence, np.arange(half), np.arange(half, n))})
