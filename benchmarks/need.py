@@ -2,7 +2,7 @@
 
 Trips of TUM, VED and the sedan as if distance, kind of road and outside temperature were all that is known. The kind is the shares of city, country and
 motorway rounded to quarters, or nothing ("mixed"). The roads of the data set that is scored are left out. The car is known by its
-other trips: each is forecast by a model that has not seen its fold. The sedan's trips teach no model that is shipped.
+other trips: each is forecast by a model that has not seen its fold; or by none. The sedan's trips teach no model that is shipped.
 `--fit` prints what `tripwatt.journey.kinds.STUDIES` holds.
 """
 
@@ -24,33 +24,31 @@ from typer import Argument
 import tripwatt as tw
 from benchmarks.measure import Row, report, seconds
 from benchmarks.unknown_climb import trips_of
-from tripwatt.arrays import FloatArray
 from tripwatt.auditing import audit
 from tripwatt.forecasting import ForecastModel
-from tripwatt.journey.distances import KindForecaster
+from tripwatt.journey.distances import BAND, KindForecaster, own_roads
 from tripwatt.journey.kinds import (
-    CITY_KM_H,
-    COUNTRY_KM_H,
     STUDIES,
     USUAL_KM_H,
     USUAL_SHARES,
     RoadPrior,
     RoadStudy,
-    Shares,
     road_prior,
+    rounded_shares,
 )
 from tripwatt.physics import simulate_trip
 from tripwatt.population.adapting import Adaptation, population_of
-from tripwatt.routes.free_flow import free_flow_links
+from tripwatt.routes.free_flow import driven_by_kind
 from tripwatt.sources import read_logs
 from tripwatt.trips import Departure, Plan, Trip, plan_from_trip
 from tripwatt.units import M_S_PER_KM_H
 from tripwatt.vehicles import Vehicle
+from tripwatt.vehicles.without import without_data
 
 QUANTILE = 0.9
 HOLDS = (0.85, 0.96)
+INSIDE = (0.86, 0.96)
 SHORTEST_M = 2000.0
-QUARTERS = 4
 FOLDS = 3
 
 
@@ -64,27 +62,9 @@ def trips_and_car(name: str, data: Path) -> tuple[list[Trip], Vehicle]:
     return [t for t in trips if t.distance_m > SHORTEST_M and t.observed_energy_wh is not None], car
 
 
-def classes_of(trip: Trip) -> tuple[np.ndarray, np.ndarray]:
-    """Length [m] and driven time [s] of a trip in city, country and motorway."""
-    route, driven_s = free_flow_links(trip)
-    free = route.moving_speed_m_s / M_S_PER_KM_H
-    which = np.searchsorted([CITY_KM_H + 1e-6, COUNTRY_KM_H + 1e-6], free)
-    return np.bincount(which, route.length_m, 3), np.bincount(which, driven_s, 3)
-
-
-def rounded_shares(length_m: FloatArray) -> Shares:
-    """Shares in quarters; the largest remainders are rounded up."""
-    exact = QUARTERS * np.asarray(length_m) / np.sum(length_m)
-    whole = np.floor(exact)
-    for k in np.argsort(whole - exact)[: QUARTERS - int(whole.sum())]:
-        whole[k] += 1
-    a, b, c = (whole / QUARTERS).tolist()
-    return a, b, c
-
-
 def study(trips: Sequence[Trip], car: Vehicle) -> RoadStudy:
     """What a data set shows: speeds by class, and the errors of simulated energy by the kind of road alone."""
-    classes = [classes_of(trip) for trip in trips]
+    classes = [driven_by_kind(trip).reshape(2, 3) for trip in trips]
     length, time = (np.sum([c[i] for c in classes], axis=0) for i in (0, 1))
     own = RoadPrior(tuple(M_S_PER_KM_H * speed for speed in USUAL_KM_H), USUAL_SHARES, (), ())
     parts = []
@@ -105,59 +85,67 @@ def _flat(plan: Plan) -> Plan:
     return replace(plan, samples=plan.samples.drop(columns=["elevation_m", "grade"], errors="ignore"))
 
 
-def models(name: str, trips: Sequence[Trip], car: Vehicle) -> Iterator[tuple[list[int], ForecastModel]]:
-    """Numbers of some trips and a model that learned from the others: fitted on those of TUM; for other cars the model of TUM, adapted."""
+def models(name: str, trips: Sequence[Trip], car: Vehicle) -> Iterator[tuple[str, list[int], ForecastModel]]:
+    """What is known of the car, numbers of some trips, and a model: without trips of the car, and with the trips of the other folds.
+
+    The latter is fitted on those of TUM; for other cars the model of TUM is adapted.
+    """
+    base = tw.load_model()
+    new = Adaptation.before_trips(base, without_data(car, name), population_of(base).without([name]))
+    yield "no trips", list(range(len(trips))), new.model
     fold = np.arange(len(trips)) % FOLDS
     for number in range(FOLDS):
         train = [t for t, f in zip(trips, fold, strict=True) if f != number]
-        if name == "tum":
-            model = ForecastModel(car).fit(train)
-        else:
-            base = tw.load_model()
-            cars = population_of(base).without([name])
-            model = Adaptation.before_trips(base, car, cars).with_trips(train).model
-        yield np.flatnonzero(fold == number).tolist(), model
+        model = ForecastModel(car).fit(train) if name == "tum" else new.with_trips(train).model
+        yield "own trips", np.flatnonzero(fold == number).tolist(), model
 
 
-def outcomes(name: str, trips: Sequence[Trip], car: Vehicle) -> dict[str, list[tuple[float, float, float]]]:
-    """By what is known of the road, of each trip: measured energy over need, range with what it took over its distance (the fall of its display, else
-    its energy), and measured
-    energy over the median. The quantile holds where the first two are at most 1."""
-    prior, found = road_prior(without=name), dict[str, list[tuple[float, float, float]]](kind=[], mixed=[])
-    for members, model in models(name, trips, car):
-        for k in members:
-            trip = trips[k]
+Outcome = tuple[float, float, float, float, float, float]
+
+
+def outcomes(name: str, trips: Sequence[Trip], car: Vehicle) -> dict[tuple[str, str], list[Outcome]]:
+    """By what is known of the car and of the road, of each trip: its measured energy, this over need, range with what it took over its distance (the fall of its
+    display, else its energy), and the low end, the median and the high end of the need over the measured energy. The quantile holds where the second and the third are at
+    most 1."""
+    prior, found = road_prior(without=name), dict[tuple[str, str], list[Outcome]]()
+    for known, members, model in models(name, trips, car):
+        own = own_roads(model, prior)
+        for k, road in itertools.product(members, ("kind", "mixed")):
+            trip, of_kind = trips[k], road == "kind"
             departure = Departure(ambient_temperature_degc=trip.departure.ambient_temperature_degc)
-            for what, rows in found.items():
-                shares = rounded_shares(classes_of(trip)[0]) if what == "kind" else prior.usual
-                asked = KindForecaster(model, departure, shares, what == "kind", prior, what != "kind")
-                energy, _, _ = asked.at(trip.distance_m, (QUANTILE, 0.5))
-                observed = float(trip.observed_energy_wh or np.nan)
-                shown = trip.array("displayed_soc") if "displayed_soc" in trip else np.empty(0)
-                shown = shown[np.isfinite(shown)]
-                known = len(shown) > 1 and bool(shown[0] > shown[-1])
-                fell = float(shown[0] - shown[-1]) if known else observed
-                far_m = asked.inverse(fell, QUANTILE, 1 if known else 0)
-                rows.append((observed / energy[0], far_m / trip.distance_m, observed / energy[1]))
+            shares = rounded_shares(driven_by_kind(trip)[:3]) if of_kind else prior.usual
+            asked = KindForecaster(model, departure, shares, of_kind, prior, not of_kind, own)
+            energy, _, _ = asked.at(trip.distance_m, (BAND[0], 0.5, QUANTILE, BAND[1]))
+            observed = float(trip.observed_energy_wh or np.nan)
+            shown = trip.array("displayed_soc") if "displayed_soc" in trip else np.empty(0)
+            shown = shown[np.isfinite(shown)]
+            falls = len(shown) > 1 and bool(shown[0] > shown[-1])
+            fell = float(shown[0] - shown[-1]) if falls else observed
+            far_m = asked.inverse(fell, QUANTILE, 1 if falls else 0)
+            low, middle, most, high = (energy / observed).tolist()
+            row = (observed, 1.0 / most, far_m / trip.distance_m, low, middle, high)
+            found.setdefault((known, road), []).append(row)
     return found
 
 
 def set_rows(name: str, data: Path, most: int | None = None) -> Iterator[Row]:
-    """How often need and range hold on the trips of a data set, or on a seeded sample of them."""
+    """How often need and range hold on the trips of a data set, or on a seeded sample of them, and how wide the interval of need is."""
     trips, car = trips_and_car(name, data)
     if most is not None:
         chosen = np.random.default_rng(38).choice(len(trips), min(most, len(trips)), replace=False)
         trips = [trips[k] for k in sorted(chosen)]
-    for what, rows in outcomes(name, trips, car).items():
-        for asked, ratios in (("need", [r[0] for r in rows]), ("range", [r[1] for r in rows])):
-            held = float(np.mean(np.array(ratios) <= 1.0))
-            yield Row(f"{name}, {what}: {asked} of {QUANTILE:.0%} holds, of {len(rows)}", held, "", *HOLDS)
-        yield Row(
-            f"{name}, {what}: measured energy over its median, median", float(np.median([r[2] for r in rows]))
-        )
-        yield Row(
-            f"{name}, {what}: need over its median, median", float(np.median([r[2] / r[0] for r in rows]))
-        )
+    for (known, road), rows in outcomes(name, trips, car).items():
+        observed, need, far, low, middle, high = np.array(rows).T
+        of = f"{name}, {known}, {road}"
+        if known == "own trips":
+            for asked, ratio in (("need", need), ("range", far)):
+                held = float(np.mean(ratio <= 1.0))
+                yield Row(f"{of}: {asked} of {QUANTILE:.0%} holds, of {len(rows)}", held, "", *HOLDS)
+        inside = float(np.mean((low <= 1.0) & (high >= 1.0)))
+        yield Row(f"{of}: need inside 90 %, of {len(rows)}", inside, "", *INSIDE)
+        weight = observed / observed.sum()
+        yield Row(f"{of}: width of the 90 % over the energy", float((high - low) @ weight))
+        yield Row(f"{of}: median over the measured energy", float(middle @ weight))
 
 
 def speed_rows() -> Iterator[Row]:

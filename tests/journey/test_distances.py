@@ -5,25 +5,30 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
-from benchmarks.need import rounded_shares, set_rows, study, trips_and_car
+from benchmarks.need import set_rows, study, trips_and_car
 from tools import DATA
 
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import ForecastModel
-from tripwatt.journey.distances import NODES_M, KindForecaster, node_values
+from tripwatt.journey.distances import NODES_M, KindForecaster, node_values, own_roads
 from tripwatt.journey.kinds import (
     KINDS,
+    PRIOR_TRIPS,
     STUDIES,
     TOWN_M,
     USUAL_KM_H,
     USUAL_M,
+    OwnRoads,
     road_prior,
+    rounded_shares,
     shares_of,
     shares_over,
 )
-from tripwatt.trips import Departure
+from tripwatt.population.adapting import adaptation
+from tripwatt.trips import Departure, Trip
 
 COLD, MILD = Departure(ambient_temperature_degc=-5.0), Departure(ambient_temperature_degc=20.0)
 
@@ -147,8 +152,8 @@ def test_what_is_out_of_bounds_is_refused(model: ForecastModel, asked: dict[str,
 
 
 def test_shares_are_rounded_to_quarters() -> None:
-    assert rounded_shares([3.0, 4.0, 1.0]) == (0.5, 0.5, 0.0)
-    assert sum(shares_of(rounded_shares([1.0, 1.0, 1.0]))) == 1.0
+    assert rounded_shares(np.array([3.0, 4.0, 1.0])) == (0.5, 0.5, 0.0)
+    assert sum(shares_of(rounded_shares(np.ones(3)))) == 1.0
 
 
 def test_what_a_distance_takes_does_not_depend_on_the_charge(model: ForecastModel) -> None:
@@ -171,6 +176,72 @@ def test_a_data_set_counts_as_one_region() -> None:
 def test_need_and_range_hold_on_a_sample_of_trips(name: str) -> None:
     if not (DATA / name).is_dir():
         pytest.skip(f"no trips of {name} at TRIPWATT_DATA")
-    rows = [row for row in set_rows(name, DATA, most=60) if row.least > 0.0]
-    assert len(rows) == 4
+    rows = [row for row in set_rows(name, DATA, most=60) if "own trips" in row.name and row.least > 0.0]
+    assert len(rows) == 6
     assert all(0.8 <= row.value <= 0.98 for row in rows), [row.value for row in rows]
+
+
+def _drives(km: float, km_h: float, number: int) -> list[Trip]:
+    """Trips at one speed, with a measured energy."""
+    seconds = round(3600.0 * km / km_h)
+    log = pd.DataFrame(
+        {
+            "time_s": np.arange(seconds + 1.0),
+            "speed_m_s": np.full(seconds + 1, km_h / 3.6),
+            "voltage_v": 350.0,
+            "current_a": 150.0 * km_h / 3600.0 * 10.0,
+            "ambient_temperature_degc": 20.0,
+        }
+    )
+    return [Trip.from_samples(f"{km:g} km, {k}", log) for k in range(number)]
+
+
+@pytest.fixture(scope="module")
+def commuter() -> ForecastModel:
+    """A car whose 8 km are of the town, and whose 60 km are motorway."""
+    trips = [*_drives(8.0, 30.0, 15), *_drives(60.0, 118.0, 15)]
+    return adaptation(tw.load_model(), trips, tw.load_vehicle("vw_id3")).model
+
+
+def test_own_trips_teach_which_roads_a_distance_has(commuter: ForecastModel) -> None:
+    own = own_roads(commuter, road_prior())
+    assert own is not None
+    near, far = own.at(8_000.0), own.at(60_000.0)
+    assert near.usual[0] > 0.75 > road_prior().usual[0]
+    assert far.usual[2] > 0.75 > road_prior().usual[2]
+    assert near.speed_m_s[0] == pytest.approx(30.0 / 3.6, rel=0.1)
+    # far from any own trip the roads are those of all logs
+    assert own.at(2_000_000.0).usual == pytest.approx(road_prior().usual, abs=0.02)
+    # equal trips leave less open than strangers' roads
+    for known in (True, False):
+        assert near.share(8_000.0, known) < road_prior().share(8_000.0, known)
+
+
+def test_need_and_range_use_the_own_roads(commuter: ForecastModel) -> None:
+    stranger = replace(commuter, roads_=None)
+    near, far = ([tw.need(km, departure=MILD, model=car) for car in (commuter, stranger)] for km in (8, 60))
+    assert near[0].duration_s > near[1].duration_s
+    assert far[0].duration_s < far[1].duration_s
+    assert far[0].energy_wh > far[1].energy_wh
+    # even speeds take less than a town in which one stops
+    assert near[0].energy_wh < near[1].energy_wh
+    widths = [found.interval_wh[1] / found.interval_wh[0] for found in far]
+    assert widths[0] < 0.9 * widths[1]
+    assert tw.range_km(0.8, departure=MILD, model=commuter) != tw.range_km(
+        0.8, departure=MILD, model=stranger
+    )
+
+
+def test_what_own_trips_take_more_than_typical_roads_is_learned() -> None:
+    """The same distances and speeds with twice the driving energy: the need follows by the weight of the trips."""
+    prior, length = road_prior(), np.array([[0.0, 10_000.0, 0.0]] * 20)
+    plain = OwnRoads(prior, length, np.full(20, 1000.0), np.array([0.1, 0.1, 0.1]))
+    double = replace(plain, driving_wh=np.full(20, 2000.0))
+    assert plain.at(10_000.0).more == pytest.approx((0.0, 0.0))
+    weight = 20.0 / (PRIOR_TRIPS + 20.0)
+    assert double.at(10_000.0).more == pytest.approx((weight, weight))
+    roads = double.at(10_000.0)
+    left = (PRIOR_TRIPS * prior.share(10_000.0, True) ** 2 + 20.0 * (1.0 - weight) ** 2) / (
+        PRIOR_TRIPS + 20.0
+    )
+    assert roads.share(10_000.0, True) == pytest.approx(left**0.5)

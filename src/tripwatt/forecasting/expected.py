@@ -11,6 +11,7 @@ import numpy as np
 
 from tripwatt.arrays import FloatArray, running_sum
 from tripwatt.hybrid import PowerCorrector, SegmentTable
+from tripwatt.hybrid.segments import driving_w
 from tripwatt.physics import Simulation
 from tripwatt.physics.batch import simulate_trips
 from tripwatt.routes.terrain import LOCAL_M, NetClimbs
@@ -63,6 +64,15 @@ class ExpectedTrip:
     def power_w(self) -> FloatArray:
         """Expected mean power of each segment [W], shape (segments,)."""
         return self.table.simulated_w + self.correction_w
+
+    def with_more_driving(self, share: float) -> ExpectedTrip:
+        """The same where driving takes a share more than is simulated."""
+        return replace(self, correction_w=self.correction_w + share * driving_w(self.table))
+
+    @property
+    def driving_wh(self) -> float:
+        """Simulated energy of `tripwatt.hybrid.segments.DRIVING` [Wh]."""
+        return float((driving_w(self.table) * self.table.hours).sum())
 
     @cached_property
     def climate_w(self) -> FloatArray | None:

@@ -41,6 +41,7 @@ from tripwatt.hybrid.correctors import corrector_name
 from tripwatt.hybrid.factors import TripEvidence
 from tripwatt.hybrid.familiarity import Range
 from tripwatt.hybrid.outside import fitted_outside
+from tripwatt.hybrid.segments import driven_roads
 from tripwatt.parallel import one_blas_thread
 from tripwatt.physics import simulate_trip
 from tripwatt.routes.terrain import net_climbs
@@ -98,6 +99,8 @@ class ForecastModel:
         Each of them as it was forecast while its inner fold was held out.
     evidence_ : TripEvidence or None
         What the training trips show of the factors by which the car differs from its simulation: for models of other cars.
+    roads_ : ndarray, shape (trips, 7), or None
+        Of the car's own trips, as of `tripwatt.hybrid.segments.driven_roads`, for forecasts without a road.
     flags : tuple of Flag
         What every forecast of it flags first, such as a car without trips; empty for a model of its own trips.
 
@@ -122,6 +125,7 @@ class ForecastModel:
     trip_ids_: tuple[str, ...] = ()
     held_out_: tuple[HeldOut, ...] = ()
     evidence_: TripEvidence | None = None
+    roads_: FloatArray | None = None
     flags: tuple[Flag, ...] = ()
 
     def fit(
@@ -162,6 +166,7 @@ class ForecastModel:
         <ForecastModel BMW i3 60 Ah, linear corrector, 9 trips>
         """
         table = segment_trips(trips, self.vehicle)
+        self.roads_ = driven_roads(trips, table)
         again = None if car_of is None else shown_by(trips, table, self.vehicle, car_of)
         return self.fit_segments(
             table,

@@ -11,12 +11,13 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import FloatArray, IntArray
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, InvalidInput, or_none
 from tripwatt.hybrid.climate_log import logged_climate
 from tripwatt.hybrid.energy_errors import EnergyErrors, unknown_climb_wh
 from tripwatt.physics import Simulation
 from tripwatt.physics.batch import simulate_trips
 from tripwatt.physics.chain import CAUSES
+from tripwatt.routes.free_flow import driven_by_kind
 from tripwatt.trips import TEMPERATURES, Plan, Trip, plan_from_trip, raise_faults, resample, table_of
 from tripwatt.units import SECONDS_PER_DAY, SECONDS_PER_HOUR
 from tripwatt.vehicles import Vehicle
@@ -27,6 +28,9 @@ SEGMENT_S: Final = 30.0
 LINE_CAUSES: Final = tuple(cause for cause in CAUSES if cause != "shortfall")
 """Causes whose simulated power the correctors may scale; `shortfall` is no property of the car."""
 
+
+DRIVING: Final = tuple(cause for cause in LINE_CAUSES if cause not in ("climate", "climb"))
+"""Causes that the speeds of a road decide."""
 
 _BY_ROW: Final = ("hours", "simulated_w", "observed_w", "observed_climate_w")
 """Fields of a table with a value for each row."""
@@ -311,6 +315,22 @@ def segment_trips(trips: Sequence[Trip], vehicle: Vehicle) -> SegmentTable:
             for plan, trip, run in zip(plans, trips, runs, strict=True)
         ]
     )
+
+
+def driven_roads(trips: Sequence[Trip], table: SegmentTable) -> FloatArray:
+    """What trips show of a car's roads: length [m] and time [s] in city, country and motorway, and the simulated energy of `DRIVING` [Wh].
+
+    Shape (trips that have links, 7).
+    """
+    energy = table.totals_wh(driving_w(table)).tolist()
+    cut = [(or_none(driven_by_kind, trip), wh) for trip, wh in zip(trips, energy, strict=True)]
+    return np.array([(*by_kind, wh) for by_kind, wh in cut if by_kind is not None]).reshape(-1, 7)
+
+
+def driving_w(table: SegmentTable) -> FloatArray:
+    """Simulated power of `DRIVING` in each segment [W], shape (rows,)."""
+    causes = table.features[[f"{cause}_w" for cause in DRIVING]].to_numpy(dtype=np.float64)
+    return np.asarray(causes.sum(axis=1))
 
 
 def require_measured(trips: Sequence[Trip], least: int = 1) -> None:

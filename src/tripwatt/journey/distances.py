@@ -13,7 +13,18 @@ import numpy as np
 
 from tripwatt.arrays import FloatArray
 from tripwatt.forecasting import Forecast, ForecastModel
-from tripwatt.journey.kinds import KINDS, UNKNOWN, RoadPrior, Shares, road_prior, shares_of, shares_over
+from tripwatt.hybrid.segments import DRIVING
+from tripwatt.journey.kinds import (
+    KINDS,
+    UNKNOWN,
+    OwnRoads,
+    RoadPrior,
+    Shares,
+    road_prior,
+    shares_of,
+    shares_over,
+)
+from tripwatt.physics import simulate_trip
 from tripwatt.population import for_car
 from tripwatt.trips import Departure, Flag, Plan, Trip
 from tripwatt.trips.columns import require_fraction, require_number
@@ -241,6 +252,8 @@ class KindForecaster:
     prior : RoadPrior
     named : bool
         Whether they are those of a named kind, whose town does not grow with the distance.
+    own : OwnRoads or None
+        Roads of the car's own trips.
     """
 
     model: ForecastModel
@@ -249,14 +262,16 @@ class KindForecaster:
     known: bool
     prior: RoadPrior
     named: bool = False
+    own: OwnRoads | None = None
 
     @classmethod
     def from_kind(
         cls, model: ForecastModel, departure: Departure, kind: str | Sequence[float]
     ) -> KindForecaster:
         """For a kind of road. What a distance takes does not depend on the charge that the display shows at departure."""
-        known, named = replace(departure, soc=None), isinstance(kind, str)
-        return cls(model, known, shares_of(kind), kind != UNKNOWN, road_prior(), named)
+        known, named, prior = replace(departure, soc=None), isinstance(kind, str), road_prior()
+        own = own_roads(model, prior)
+        return cls(model, known, shares_of(kind), kind != UNKNOWN, prior, named, own)
 
     def at(self, distance_m: float, levels: Sequence[float]) -> tuple[FloatArray, FloatArray, float]:
         """Quantiles of energy [Wh] and displayed charge [1], shape (levels,), and the duration [s]. Two forecasts at most."""
@@ -285,19 +300,38 @@ class KindForecaster:
         k = self._before(distance_m)
         forecast = node_forecast(self, k + (2.0 * distance_m > NODES_M[k] + NODES_M[k + 1]))
         flags = tuple(flag for flag in forecast.flags if flag.code not in OF_CHARGE)
-        known, unknown = (self.prior.share(NODES_M[k], is_known) for is_known in (True, False))
+        known, unknown = (self._roads(NODES_M[k]).share(NODES_M[k], is_known) for is_known in (True, False))
         return flags, Doubt.of(forecast, 0.0 if self.known else 1.0 - min(known / unknown, 1.0) ** 2)
 
     def forecast(self, length_m: float) -> Forecast:
         """The forecast of a typical road of a length [m], with what its kind leaves open."""
-        shares = shares_over(self.shares, length_m) if self.named else self.shares
-        plan = replace(self.prior.plan(length_m, shares), link_m=None)
-        forecast = self.model.forecast(plan, self.departure)
-        share = self.prior.share(length_m, self.known)
-        return replace(forecast, route_sd_wh=share * abs(forecast.energy_wh))
+        roads = self._roads(length_m)
+        shares = self.shares if self.known else roads.usual
+        if self.named and (self.known or self.own is None):
+            shares = shares_over(shares, length_m)
+        forecast = self.model.forecast(replace(roads.plan(length_m, shares), link_m=None), self.departure)
+        share = roads.share(length_m, self.known)
+        if self.own is None:
+            return replace(forecast, route_sd_wh=share * abs(forecast.energy_wh))
+        drive = forecast.drive.with_more_driving(roads.more[not self.known])
+        return replace(forecast, drive=drive, route_sd_wh=share * drive.driving_wh)
+
+    def _roads(self, length_m: float) -> RoadPrior:
+        return self.prior if self.own is None else self.own.at(length_m)
 
     def _before(self, distance_m: float) -> int:
         return int(np.clip(np.searchsorted(NODES_M, distance_m) - 1, 0, len(NODES_M) - 2))
+
+
+@lru_cache(maxsize=64)
+def own_roads(model: ForecastModel, prior: RoadPrior) -> OwnRoads | None:
+    """Roads of the trips that a model has learned beside those of all logs; None where it has learned none."""
+
+    def driving_wh(plan: Plan) -> float:
+        parts = simulate_trip(model.vehicle, plan).by_cause_wh
+        return sum(parts[cause] for cause in DRIVING)
+
+    return None if model.roads_ is None else OwnRoads.from_trips(prior, model.roads_, driving_wh)
 
 
 @lru_cache(maxsize=256)

@@ -9,22 +9,19 @@ distance. The climb is that of a road of unknown heights, by terrain.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from types import MappingProxyType
 from typing import Final
 
 import numpy as np
 
+from tripwatt.arrays import FloatArray
 from tripwatt.errors import InvalidInput
 from tripwatt.routes.links import LinkRoute, plan_from_links
 from tripwatt.trips import Plan
 from tripwatt.units import M_S_PER_KM_H
-
-CITY_KM_H: Final = 50.0
-COUNTRY_KM_H: Final = 100.0
-"""Free speed up to which a road is of the city, and of the country [km/h]."""
 
 Shares = tuple[float, float, float]
 """Shares of the distance in city, country and motorway; they add up to 1."""
@@ -45,9 +42,12 @@ USUAL_SHARES: Final[Shares] = (1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0)
 """Of city, country and motorway before any log."""
 USUAL_M: Final = 20_000.0
 """A data set with so much road of a class counts half as much there as the choice; with any more, at most as much: it is one region."""
+QUARTERS: Final = 4
 TOWN_M: Final = 15_000.0
 """A named kind has its share of town up to this distance, and no more town beyond: the logs of the TUM show 3 to 5 km of it on
 trips of any length. A trip between two places does not pass more of them because it is longer."""
+TYPICAL_M: Final = 20_000.0
+"""Length of the typical road with which own trips are compared."""
 PATTERN_M: Final = 10_000.0
 """Length over which the classes of a road repeat."""
 END_S_PER_M_S: Final = 0.7
@@ -99,6 +99,8 @@ class RoadPrior:
         Shares of a road of which nothing is known.
     known, unknown : tuple of float
         As of `RoadStudy`.
+    more : tuple of float
+        Share by which driving takes more than on typical roads, where the kind is known and where it is not.
 
     Examples
     --------
@@ -111,6 +113,7 @@ class RoadPrior:
     usual: Shares
     known: tuple[float, ...]
     unknown: tuple[float, ...]
+    more: tuple[float, float] = (0.0, 0.0)
 
     def share(self, distance_m: float, known: bool) -> float:
         """Standard deviation over the energy [1] of a road of which the kind alone is known, or not even that."""
@@ -146,6 +149,78 @@ class RoadPrior:
         time, unknown = length / speed, np.full(len(length), np.nan)
         np.add.at(time, [0, -1], END_S_PER_M_S * speed[[0, -1]])
         return plan_from_links(LinkRoute(length, time, unknown, unknown), trip_id="distance")
+
+
+NEAR: Final = 0.5
+"""Standard deviation of the logarithm of the distance within which own trips count for a distance."""
+PRIOR_TRIPS: Final = 5.0
+"""Weight of the roads of all logs beside own trips, in trips near a distance."""
+
+
+@dataclass(frozen=True, eq=False)
+class OwnRoads:
+    """Roads of a car's own trips beside those of all logs: which kinds a distance has, what they take, and how much that leaves open.
+
+    Attributes
+    ----------
+    prior : RoadPrior
+        Of all logs, with the car's own speeds.
+    length_m : ndarray, shape (trips, 3)
+        Driven in city, country and motorway.
+    driving_wh : ndarray, shape (trips,)
+        Simulated energy without climate control and climb.
+    wh_m : ndarray, shape (3,)
+        The same of a typical road of each kind [Wh/m].
+    """
+
+    prior: RoadPrior
+    length_m: FloatArray
+    driving_wh: FloatArray
+    wh_m: FloatArray
+
+    @classmethod
+    def from_trips(
+        cls, prior: RoadPrior, driven: FloatArray, driving_wh: Callable[[Plan], float]
+    ) -> OwnRoads:
+        """From what trips show, as of `tripwatt.hybrid.segments.driven_roads`, and the energy of a plan."""
+        length_m, time_s = driven[:, :3], driven[:, 3:6]
+        s_m = USUAL_M / np.array(prior.speed_m_s) + time_s.sum(axis=0)
+        own = replace(prior, speed_m_s=tuple(((USUAL_M + length_m.sum(axis=0)) / s_m).tolist()))
+        typical = [driving_wh(own.plan(TYPICAL_M, (a, b, c))) for a, b, c in np.eye(3).tolist()]
+        return cls(own, length_m, driven[:, 6], np.array(typical) / TYPICAL_M)
+
+    def at(self, distance_m: float) -> RoadPrior:
+        """Roads of a distance [m]: own trips count by how near their distance is. O(trips)."""
+        driven_m = self.length_m.sum(axis=1)
+        near = np.exp(-0.5 * (np.log(driven_m / distance_m) / NEAR) ** 2)
+        trips, own = PRIOR_TRIPS + near.sum(), self.length_m / driven_m[:, None]
+        city, country, motorway = ((PRIOR_TRIPS * np.array(self.prior.usual) + near @ own) / trips).tolist()
+
+        def errors(shares: FloatArray, is_known: bool) -> tuple[float, tuple[float, ...]]:
+            error = self.driving_wh / (driven_m * (shares @ self.wh_m)) - 1.0
+            more = float(near @ error / trips)
+            square = PRIOR_TRIPS * self.prior.share(distance_m, is_known) ** 2 + near @ (error - more) ** 2
+            return more, (float(square / trips), 0.0)
+
+        more, known = errors(np.array([rounded_shares(row) for row in own]), True)
+        usual = (city, country, motorway)
+        all_more, unknown = errors(np.array(usual), False)
+        return RoadPrior(self.prior.speed_m_s, usual, known, unknown, (more, all_more))
+
+
+def rounded_shares(length_m: FloatArray) -> Shares:
+    """Shares of city, country and motorway in quarters, as a driver names them; the largest remainders are rounded up.
+
+    Examples
+    --------
+    >>> rounded_shares(np.array([3000.0, 9000.0, 2000.0]))
+    (0.25, 0.5, 0.25)
+    """
+    exact = QUARTERS * length_m / length_m.sum()
+    whole = np.floor(exact)
+    whole[np.argsort(whole - exact)[: QUARTERS - int(whole.sum())]] += 1.0
+    city, country, motorway = (whole / QUARTERS).tolist()
+    return city, country, motorway
 
 
 @lru_cache(maxsize=8)

@@ -297,8 +297,8 @@ class Car:
             return new
         if load_metadata(place, check_parts=False)["format_version"] == FORMAT_VERSION:
             stored = load_model(place)
-            if stored.evidence_ is not None and stored.evidence_.is_current:
-                return new.with_evidence(stored.evidence_, stored.ranges_)
+            if stored.evidence_ is not None and stored.evidence_.is_current and stored.roads_ is not None:
+                return new.with_evidence(stored.evidence_, stored.ranges_, stored.roads_)
         seen = self.diary.trip_ids
         trips = audit(Fleet(self.name, tuple(self.store.logs()))).trips
         return new.with_trips([trip for trip in _by_date(trips) if trip.trip_id in seen])

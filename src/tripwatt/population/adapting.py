@@ -21,7 +21,7 @@ from tripwatt.hybrid.factors import UNITS, USUAL_SHARE, USUAL_SHARE_KM, USUAL_WH
 from tripwatt.hybrid.familiarity import Range
 from tripwatt.hybrid.learning import KINDS, MEMORY, Experts, Innovations
 from tripwatt.hybrid.parameters import on_road
-from tripwatt.hybrid.segments import require_measured
+from tripwatt.hybrid.segments import driven_roads, require_measured
 from tripwatt.parallel import one_blas_thread
 from tripwatt.population.prior import Population, Source, population
 from tripwatt.trips import Fleet, Trip
@@ -64,6 +64,8 @@ class Adaptation:
         Forecasts of these, each before it was learned.
     ranges : mapping of str to Range
         Of the quantities that forecasts compare with own trips; empty before the first.
+    roads : ndarray, shape (trips, 7), or None
+        Of the trips, as of `tripwatt.hybrid.segments.driven_roads`.
 
     Examples
     --------
@@ -73,7 +75,7 @@ class Adaptation:
     >>> known = new.with_trips(tw.synthetic_fleet(3, vehicle=car).trips)
     >>> known.model
     <ForecastModel Volkswagen ID.3 58 kWh, population corrector, 3 trips>
-    >>> again = new.with_evidence(known.evidence, known.ranges)
+    >>> again = new.with_evidence(known.evidence, known.ranges, known.roads)
     >>> again.changes == known.changes, len(again.innovations.sd_wh)
     (True, 3)
     """
@@ -84,6 +86,7 @@ class Adaptation:
     evidence: TripEvidence
     innovations: Innovations
     ranges: Mapping[str, Range] = field(default_factory=dict)
+    roads: FloatArray | None = None
 
     @classmethod
     def before_trips(cls, base: ForecastModel, vehicle: Vehicle, cars: Population) -> Adaptation:
@@ -127,9 +130,13 @@ class Adaptation:
         """
         table = segment_trips(trips, self.vehicle)
         evidence, ranges = TripEvidence.from_table(table, self.vehicle), training_ranges(table)
-        return self.with_evidence(evidence, _widened(self.ranges, ranges))
+        roads = driven_roads(trips, table)
+        roads = roads if self.roads is None else np.concatenate([self.roads, roads])
+        return self.with_evidence(evidence, _widened(self.ranges, ranges), roads)
 
-    def with_evidence(self, evidence: TripEvidence, ranges: Mapping[str, Range]) -> Adaptation:
+    def with_evidence(
+        self, evidence: TripEvidence, ranges: Mapping[str, Range], roads: FloatArray | None = None
+    ) -> Adaptation:
         """Learn trips of which the energies by factor are known already. O(trips x experts x factors^2).
 
         Parameters
@@ -138,6 +145,8 @@ class Adaptation:
             Of trips with measured energy, in the order in which they are learned.
         ranges : mapping of str to Range
             Of the quantities that forecasts compare with own trips, over all trips of the result.
+        roads : ndarray, shape (trips, 7), optional
+            As `Adaptation.roads`, of all trips of the result.
 
         Returns
         -------
@@ -151,6 +160,7 @@ class Adaptation:
             evidence=self.evidence + evidence,
             innovations=self.innovations + seen,
             ranges=ranges,
+            roads=roads,
         )
 
     @property
@@ -188,6 +198,7 @@ class Adaptation:
                 for name, o, p, s in zip(self.evidence.trip_ids, observed, predicted, own, strict=True)
             ),
             evidence_=self.evidence if len(self.evidence) else None,
+            roads_=self.roads,
         )
 
 

@@ -14,9 +14,13 @@ from typing import Final
 import numpy as np
 
 from tripwatt.arrays import FloatArray, distance_driven
-from tripwatt.routes.links import SHORTEST_STRETCH_M, LinkRoute, links_of_trip, plan_from_links
+from tripwatt.routes.links import SAME_SPEED, SHORTEST_STRETCH_M, LinkRoute, links_of_trip, plan_from_links
 from tripwatt.trips import Plan, Recorded, plan_from_trip
 from tripwatt.units import M_S_PER_KM_H
+
+CITY_KM_H: Final = 50.0
+COUNTRY_KM_H: Final = 100.0
+"""Free speed up to which a road is of the city, and of the country [km/h]."""
 
 CLASSES_KM_H: Final = (30.0, 50.0, 70.0, 100.0, 120.0, 130.0)
 PERCENTILE: Final = 90.0
@@ -158,11 +162,32 @@ def free_flow_links(trip: Recorded, length_m: float = LINK_M) -> tuple[LinkRoute
     if trip.has("speed_limit_m_s"):
         return _limit_links(driven, time, position, trip.array("speed_limit_m_s"))
     border = np.cumsum(driven.length_m)
-    link = np.clip(np.searchsorted(border, position, side="right"), 0, len(border) - 1)
-    free = np.array([_class_speed(speed[link == k]) for k in range(len(border))])
+    inner = np.searchsorted(position, border[:-1])
+    free = np.array([_class_speed(piece) for piece in np.split(speed, inner)])
     empty_road_s = driven.length_m / free
     route = replace(driven, travel_time_s=empty_road_s, moving_speed_m_s=free, free_flow=True)
     return route, driven.travel_time_s
+
+
+def driven_by_kind(trip: Recorded) -> FloatArray:
+    """Length [m] and time [s] that a trip has in city, country and on the motorway, shape (6,). O(samples).
+
+    Raises
+    ------
+    InvalidInput
+        As `links_of_trip`.
+
+    Examples
+    --------
+    >>> from tripwatt.synthetic import synthetic_fleet
+    >>> trip = synthetic_fleet(1).trips[0]
+    >>> bool(abs(driven_by_kind(trip)[:3].sum() / trip.distance_m - 1.0) < 0.01)
+    True
+    """
+    route, driven_s = free_flow_links(trip)
+    bounds = np.array([CITY_KM_H, COUNTRY_KM_H]) * M_S_PER_KM_H + SAME_SPEED
+    kind = np.searchsorted(bounds, route.moving_speed_m_s)
+    return np.concatenate([np.bincount(kind, part, 3) for part in (route.length_m, driven_s)])
 
 
 def _limit_links(
