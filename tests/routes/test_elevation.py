@@ -209,3 +209,24 @@ def test_a_damaged_raster_is_named(source, tmp_path, raster):
     (source / "a.tif").write_bytes(b"no raster")
     with pytest.raises(InvalidInput, match=r"cannot read the elevation tile: a\.tif"):
         converted(source, tmp_path / "out")
+
+
+def test_heights_at_places_are_bilinear_and_unknown_where_no_tile_is(source):
+    heights = hills(3601)
+    (source / "N47E009.hgt").write_bytes(packed(heights))
+    tiles = Elevation.from_folder(source)
+    rows, columns = np.array([10.0, 10.5, 3600.0, 1800.25]), np.array([20.0, 20.25, 0.0, 3599.5])
+    found = tiles.at(48.0 - rows / 3600.0, 9.0 + columns / 3600.0)
+    for row, column, height in zip(rows, columns, found, strict=True):
+        i, k = min(int(row), 3599), min(int(column), 3599)
+        v, u = row - i, column - k
+        corners = heights[i : i + 2, k : k + 2]
+        assert height == pytest.approx((np.outer([1 - v, v], [1 - u, u]) * corners).sum(), abs=1e-3)
+    elsewhere = tiles.at(np.array([47.5, 12.5, np.nan, 95.0]), np.array([9.5, 9.5, 9.5, 9.5]))
+    assert np.isfinite(elsewhere).tolist() == [True, False, False, False]
+
+
+def test_positions_all_over_the_world_are_none(source):
+    (source / "N47E009.hgt").write_bytes(packed(hills(1201)))
+    latitude, longitude = np.linspace(47.5, -80.0, 400), np.linspace(9.5, 170.0, 400)
+    assert np.isnan(Elevation.from_folder(source).at(latitude, longitude)).all()

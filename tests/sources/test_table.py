@@ -1,6 +1,7 @@
 """Any table through a mapping: units, signs, layouts, what is missing, and every wrong input in one message."""
 
 import datetime as dt
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -9,6 +10,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from tripwatt.arrays import FloatArray
 from tripwatt.auditing import audit
 from tripwatt.errors import InvalidInput
 from tripwatt.sources import read_logs
@@ -372,3 +374,33 @@ def test_the_index_that_pandas_writes_is_no_column(tmp_path):
     samples = read_canonical(tmp_path / "part.parquet")
     assert list(samples.columns) == ["time_s", "speed_m_s"]
     assert samples["time_s"].tolist() == every_third_or_so["time_s"].tolist()
+
+
+def test_heights_come_from_positions_where_a_file_has_none(tmp_path: Path) -> None:
+    time = np.arange(300.0)
+    log = pd.DataFrame(
+        {
+            "time_s": time,
+            "speed_m_s": 10.0,
+            "voltage_v": 350.0,
+            "current_a": 10.0,
+            "Latitude": 47.5 + time / 11_119.5,
+            "Longitude": 9.5,
+        }
+    )
+    (tmp_path / "logs").mkdir()
+    log.to_csv(tmp_path / "logs" / "flat.csv", index=False)
+    log.assign(elevation_m=12.0).to_csv(tmp_path / "logs" / "own.csv", index=False)
+
+    def hill(latitude: FloatArray, longitude: FloatArray) -> FloatArray:
+        assert longitude == pytest.approx(np.full(300, 9.5))
+        return 400.0 + 1000.0 * (latitude - 47.5)
+
+    without = {trip.trip_id: trip for trip in read_table(tmp_path / "logs").logs}
+    found = {trip.trip_id: trip for trip in read_table(tmp_path / "logs", heights=hill).logs}
+    assert not without["flat"].has("elevation_m")
+    assert found["flat"].array("elevation_m") == pytest.approx(400.0 + time / 11.1195)
+    assert (found["own"].array("elevation_m") == 12.0).all()
+    assert not {"Latitude", "latitude_deg"} & set(found["flat"].samples.columns), "positions are not kept"
+    unknown = read_table(tmp_path / "logs", heights=lambda latitude, _: np.full(len(latitude), np.nan))
+    assert not next(trip for trip in unknown.logs if trip.trip_id == "flat").has("elevation_m")

@@ -81,6 +81,13 @@ def add(
     ],
     dataset: DatasetOption = None,
     mapping: MappingOption = None,
+    elevation: Annotated[
+        Path | None,
+        option(
+            "FOLDER",
+            "A map, or a folder of elevation tiles: heights for logs with positions and without heights.",
+        ),
+    ] = None,
     strict: StrictOption = False,
     notes: NotesOption = False,
     as_json: JsonOption = False,
@@ -99,13 +106,20 @@ def add(
       tripwatt car add cars/my-leaf exports --mapping my.toml --notes
       # add one trip
       tripwatt car add cars/my-leaf drive.csv
+      # take the heights of the road from a map
+      tripwatt car add cars/my-leaf exports --elevation map
     """
     from tripwatt.auditing import audit
     from tripwatt.live import open_car
 
     own, shown, table = open_car(car), console(), dataset or "table"
+    more: dict[str, Any] = {}
+    if elevation is not None:
+        from tripwatt.routes.maps import Elevation
+
+        more["heights"] = Elevation.from_folder(elevation).at
     with progress(shown, "files") as advance:
-        fleet = read_logs(data, table, mapping, strict=strict, vehicle=own.vehicle, progress=advance)
+        fleet = read_logs(data, table, mapping, strict=strict, vehicle=own.vehicle, progress=advance, **more)
     if not as_json:
         print_reading(fleet, audit(fleet), every=notes)
     with progress(shown, "trips") as advance:
@@ -219,6 +233,11 @@ def _done(car: Path, own: Car, done: Learned) -> Answer:
         typer.echo(f"{car}: {done.added} trips added, {done.known} were known, {done.entries} in the diary")
         reasons = (why.partition(": ") for why in done.left_out)
         print_notes(f"left out: {group}" for group in alike((why, trip, 1, trip) for trip, _, why in reasons))
+        if done.flat:
+            typer.echo(
+                f"{done.flat} of {done.entries} new trips have no heights. Switch on the altitude in the app that logs them, or "
+                "give --elevation for logs with positions: that would narrow the forecasts most."
+            )
         _show_learned(about)
 
     return Answer({**asdict(done), "car": about}, shown)

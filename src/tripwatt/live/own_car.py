@@ -68,6 +68,8 @@ class Learned:
         New trips of the diary.
     left_out : tuple of str
         Given drives that are not in the diary, with the reason.
+    flat : int
+        New trips of the diary without heights: their climb is unknown.
 
     Examples
     --------
@@ -79,6 +81,7 @@ class Learned:
     known: int
     entries: int
     left_out: tuple[str, ...] = ()
+    flat: int = 0
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -104,7 +107,7 @@ class Car:
     ...     print(car.about()["trips"], car.model().vehicle.name, len(car.state()))
     0 nissan_leaf_24 2
     >>> car.add(tw.read_logs("exports", mapping="leaf_spy"))  # doctest: +SKIP
-    Learned(added=12, known=0, entries=11, left_out=())
+    Learned(added=12, known=0, entries=11, left_out=(), flat=0)
     """
 
     folder: Path
@@ -181,14 +184,14 @@ class Car:
             alone = [log for log in alone if log.trip_id not in ids]
             done = self.store.add(alone, car_model=self.vehicle.name, vehicle_id=self.name)
             given = frozenset(log.trip_id for log in alone)
-            entries, refused = self._learn(given, progress or (lambda done, total: None))
+            entries, refused, flat = self._learn(given, progress or (lambda done, total: None))
             changed = [f"{log.trip_id}: another log of this name was added before" for log in other]
             left_out = (*refused, *changed)
             if left_out:
                 reasons = {**self.left_out, **dict(text.partition(": ")[::2] for text in left_out)}
                 kept = dict([*reasons.items()][-MOST_LEFT_OUT:])
                 write_text(self.folder / LEFT_OUT, json.dumps(kept, indent=2) + "\n")
-        return Learned(done.added, done.known, entries, left_out)
+        return Learned(done.added, done.known, entries, left_out, flat)
 
     @property
     def left_out(self) -> dict[str, str]:
@@ -265,16 +268,17 @@ class Car:
 
     def _learn(
         self, given: frozenset[str], progress: Callable[[int, int], None]
-    ) -> tuple[int, tuple[str, ...]]:
+    ) -> tuple[int, tuple[str, ...], int]:
         fleet = Fleet(self.name, tuple(self.store.logs()))
         diary = self.diary
         judged = audit(fleet)
         left_out = [f"{trip}: {why}" for trip, why in judged.set_aside.items() if trip in given]
         ahead = [trip for trip in _by_date(judged.trips) if trip.trip_id not in diary.trip_ids]
         if not ahead:
-            return 0, tuple(left_out)
+            return 0, tuple(left_out), 0
         base, published = load_model(self.base), for_car(self.base, self.vehicle)
         known, model, entries = self._known(base), self.model(), []
+        flat = 0
         for number, trip in enumerate(ahead, start=1):
             try:
                 entries.append(
@@ -282,12 +286,13 @@ class Car:
                 )
                 known = known.with_trips([trip])
                 model = known.model
+                flat += not (trip.has("elevation_m") or trip.has("grade"))
             except InvalidInput as error:
                 left_out.append(f"{trip.trip_id}: {error}")
             progress(number, len(ahead))
         if entries:
             self._keep(known, fleet, judged, diary.with_entries(entries))
-        return len(entries), tuple(left_out)
+        return len(entries), tuple(left_out), flat
 
     def _known(self, base: ForecastModel) -> Adaptation:
         """What the car has learned; from its trips again where an older version of tripwatt learned them."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -67,7 +68,7 @@ def learn_finished(folder: Path | str, *, progress: Callable[[int, int], None] |
     Examples
     --------
     >>> learn_finished("cars/my-leaf")  # doctest: +SKIP
-    Learned(added=1, known=12, entries=1, left_out=())
+    Learned(added=1, known=12, entries=1, left_out=(), flat=0)
     """
     own = open_car(folder)
     names = finished_names(own.folder)
@@ -84,7 +85,7 @@ def learn_finished(folder: Path | str, *, progress: Callable[[int, int], None] |
     done = own.add(logs, progress=progress)
     write_text(own.folder / LIVE / TAUGHT, json.dumps({"trips": names}) + "\n")
     known = done.known + len(names) - len(new)
-    return Learned(done.added, known, done.entries, (*done.left_out, *unreadable))
+    return replace(done, known=known, left_out=(*done.left_out, *unreadable))
 
 
 def _taught(folder: Path) -> set[str]:

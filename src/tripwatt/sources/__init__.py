@@ -11,6 +11,7 @@ from tripwatt.errors import Fault, InvalidInput
 from tripwatt.trips import Fleet
 
 if TYPE_CHECKING:
+    from tripwatt.arrays import FloatArray
     from tripwatt.sources.tum_fetch import FolderReport
     from tripwatt.vehicles import Vehicle
 
@@ -30,6 +31,7 @@ def read_logs(
     strict: bool = False,
     vehicle: Vehicle | str | None = None,
     progress: Callable[[int, int], None] | None = None,
+    heights: Callable[[FloatArray, FloatArray], FloatArray] | None = None,
 ) -> Fleet:
     """Read all logs of a data set.
 
@@ -51,6 +53,9 @@ def read_logs(
         For tables without a mapping: the car, whose battery gives the energy of a state of charge.
     progress : callable, optional
         For tables: called with the files that were read and their number.
+    heights : callable, optional
+        For tables with positions and without heights: latitudes and longitudes [°] -> heights [m], such as
+        `tripwatt.routes.maps.Elevation.at` of a map or of a folder of tiles. The positions are not kept.
 
     Returns
     -------
@@ -76,7 +81,7 @@ def read_logs(
         from tripwatt.vehicles import load_vehicle
 
         car = load_vehicle(vehicle) if isinstance(vehicle, str) else vehicle
-        return read_table(path, mapping, strict=strict, vehicle=car, progress=progress)
+        return read_table(path, mapping, strict=strict, vehicle=car, progress=progress, heights=heights)
     if mapping is not None:
         raise InvalidInput.of(
             "mapping has no effect", "mapping", f"{mapping}", "only with the data set 'table'"

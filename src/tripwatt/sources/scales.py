@@ -60,21 +60,33 @@ def ways_of(table: TableFile, time_s: FloatArray, speed_m_s: FloatArray) -> Ways
     mean = 0.5 * (speed_m_s[1:] + speed_m_s[:-1])
     with np.errstate(invalid="ignore"):
         use = (step > 0.0) & (step <= LONGEST_STEP_S) & (mean < FASTEST_M_S)
-    columns = [next((n for n in table.names if form.search(words(n))), None) for form in (*PLACES, ODOMETER)]
-    latitude, longitude, odometer = (None if n is None else _degrees(table, n) for n in columns)
+    place, counter = positions_of(table), _named(table, ODOMETER)
+    odometer = None if counter is None else _degrees(table, counter)
     driven, on_map, counted, by_odometer = 0.0, 0.0, 0.0, 0.0
-    if latitude is not None and longitude is not None:
+    if place is not None:
+        latitude, longitude = place
         north = np.diff(latitude) * M_PER_DEGREE
         east = np.diff(longitude) * M_PER_DEGREE * np.cos(np.radians(latitude[1:]))
         with np.errstate(invalid="ignore"):
             seen = use & (mean > SLOWEST_M_S) & np.isfinite(north) & np.isfinite(east)
         driven, on_map = float((mean * step)[seen].sum()), float(np.hypot(north, east)[seen].sum())
     if odometer is not None and use.any():
-        to_m = 1609.344 if "mi" in (columns[2] or "").lower() else 1000.0
+        to_m = 1609.344 if "mi" in (counter or "").lower() else 1000.0
         moved = np.diff(odometer)
         both = use & np.isfinite(moved) & (moved >= 0.0)
         counted, by_odometer = float((mean * step)[both].sum()), to_m * float(moved[both].sum())
     return Ways(driven, on_map, counted, by_odometer)
+
+
+def positions_of(table: TableFile) -> tuple[FloatArray, FloatArray] | None:
+    """Latitude and longitude of each row [°], NaN where they are missing; None for a file without such columns."""
+    names = [_named(table, form) for form in PLACES]
+    latitude, longitude = (None if name is None else _degrees(table, name) for name in names)
+    return None if latitude is None or longitude is None else (latitude, longitude)
+
+
+def _named(table: TableFile, form: re.Pattern[str]) -> str | None:
+    return next((name for name in table.names if form.search(words(name))), None)
 
 
 def speed_unit_of(assumed: str, ways: Iterable[Ways]) -> str:

@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from tripwatt.arrays import by_key
+from tripwatt.arrays import FloatArray, by_key
 from tripwatt.errors import Fault, InvalidInput, raise_faults
 from tripwatt.sources.archives import unpacked
 from tripwatt.sources.clocks import decided_format
@@ -22,7 +22,7 @@ from tripwatt.sources.kinds import Kind, given_kind, proposed_kinds
 from tripwatt.sources.mapping import POWER, ColumnMapping, MappedColumn
 from tripwatt.sources.raw_drives import RawDrive, drives_of, joined, log_of, with_own_names, without_copies
 from tripwatt.sources.raw_files import NEEDED, RawFile, in_ours, opened, use_unit, with_seconds
-from tripwatt.sources.scales import Ways, air_unit_of, is_stated, speed_unit_of, ways_of
+from tripwatt.sources.scales import Ways, air_unit_of, is_stated, positions_of, speed_unit_of, ways_of
 from tripwatt.trips import COLUMNS, Flag, Fleet, Log
 from tripwatt.trips.inertia import WRONG_SIGN, apparent_mass
 from tripwatt.trips.reading import FileReading, ReadingReport
@@ -34,6 +34,7 @@ LARGEST_FOR_WAYS: Final = 40
 """Files, the largest ones, whose positions are looked at."""
 
 Progress = Callable[[int, int], None]
+Heights = Callable[[FloatArray, FloatArray], FloatArray]
 
 
 def read_table(
@@ -43,6 +44,7 @@ def read_table(
     strict: bool = False,
     vehicle: Vehicle | None = None,
     progress: Progress | None = None,
+    heights: Heights | None = None,
 ) -> Fleet:
     """Read trips from a CSV or Parquet file, a workbook, an archive, or a folder of them.
 
@@ -58,6 +60,9 @@ def read_table(
         The car: its battery gives the energy of a state of charge where a proposed mapping needs it.
     progress : callable, optional
         Called with the files that were read and their number.
+    heights : callable, optional
+        Latitudes and longitudes [°] -> heights [m], NaN where none is known. Files with positions and without heights get theirs so; the positions are
+        not kept.
 
     Returns
     -------
@@ -76,7 +81,9 @@ def read_table(
             kinds = [given_kind(place, mapping) if mapping is not None else _canonical(place)]
         else:
             kinds = proposed_kinds(place, vehicle)
-        fleet = read_kinds(Path(path), kinds, strict=strict, progress=progress, faults=faults)
+        fleet = read_kinds(
+            Path(path), kinds, strict=strict, progress=progress, faults=faults, heights=heights
+        )
     return fleet
 
 
@@ -87,6 +94,7 @@ def read_kinds(
     strict: bool = False,
     progress: Progress | None = None,
     faults: Sequence[Fault] = (),
+    heights: Heights | None = None,
 ) -> Fleet:
     """Read files by the mappings of their kinds; `faults` are those of files that could not be unpacked. See `read_table`."""
     todo = [(n, kind, path, names) for n, kind in enumerate(kinds) for path, names in kind.files.items()]
@@ -98,6 +106,7 @@ def read_kinds(
             file = RawFile(path, number, ColumnMapping("", {}), faults=[*kind.faults])
         else:
             file = opened(path, kind.mapping, names, number)
+            _add_heights(file, heights)
         done.append(path)
         if progress is not None:
             progress(len(done), len(todo))
@@ -122,6 +131,21 @@ def read_kinds(
         raise InvalidInput.of("no trips", f"{path}", got, "at least one trip")
     notes = [note for file in files for note in file.notes]
     return Fleet("table", tuple(logs), (*_fleet_notes(logs, files), *notes), report=report)
+
+
+def _add_heights(file: RawFile, heights: Heights | None) -> None:
+    """Heights at the positions of a file that has none of its own."""
+    if (
+        heights is None
+        or file.table is None
+        or not file.values
+        or {"elevation_m", "grade"} & set(file.values)
+    ):
+        return
+    place = positions_of(file.table)
+    if place is not None and np.isfinite(found := heights(*place)).any():
+        file.entries["elevation_m"] = MappedColumn("positions", "m")
+        file.values["elevation_m"] = found
 
 
 def _merge_alike(path: Path, faults: Sequence[Fault]) -> Iterator[Fault]:

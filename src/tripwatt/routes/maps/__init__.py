@@ -1,11 +1,13 @@
 """Maps of a region on this machine: roads, elevation, places and charging stations, made of an OpenStreetMap extract."""
 
+from tripwatt.routes.maps.elevation import Elevation
 from tripwatt.routes.maps.folder import ATTRIBUTION, MapFolder, build_map, open_map
 from tripwatt.routes.maps.index import PlaceIndex
 from tripwatt.routes.maps.stations import Station, near, read_stations, within
 
 __all__ = [
     "ATTRIBUTION",
+    "Elevation",
     "MapFolder",
     "PlaceIndex",
     "Station",

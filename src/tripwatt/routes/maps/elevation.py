@@ -12,8 +12,9 @@ import math
 import re
 import zipfile
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property, lru_cache
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
@@ -21,6 +22,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from tripwatt.arrays import FloatArray
 from tripwatt.containers import Budget, open_archive
 from tripwatt.errors import Fault, InvalidInput, install, raise_faults
 from tripwatt.files import read_file
@@ -36,6 +38,11 @@ HIGHEST_M: Final = 9000.0
 
 MARGIN_DEG: Final = 0.02
 """Roads of a map reach this far beyond its places [°]."""
+
+MOST_CELLS: Final = 100
+"""No drive crosses more: such places are no positions."""
+KEPT_CELLS: Final = 4
+"""Tiles that stay in memory, 52 MB each: the next drive begins where the last one ended."""
 
 NAME: Final = re.compile(r"([NS])(\d{2})([EW])(\d{3})", re.IGNORECASE)
 PACKED: Final = (".hgt", ".hgt.gz", ".zip")
@@ -133,6 +140,42 @@ class Elevation:
         raise_faults(dict.fromkeys(faults))
         tiles = len(cells) - len(missing)
         return {"known": tiles > 0, "source": "; ".join(credits), "tiles": tiles, "missing": missing}
+
+    def at(self, latitude_deg: FloatArray, longitude_deg: FloatArray) -> FloatArray:
+        """Heights at places, bilinear between those of the tiles. O(places + tiles).
+
+        Parameters
+        ----------
+        latitude_deg, longitude_deg : ndarray, shape (places,)
+            NaN where a place is not known.
+
+        Returns
+        -------
+        ndarray, shape (places,)
+            Metres above sea level, NaN where no tile has them.
+
+        Raises
+        ------
+        InvalidInput
+            When a tile is damaged.
+        """
+        from scipy.ndimage import map_coordinates  # slow to import
+
+        heights = np.full(len(latitude_deg), np.nan)
+        known = (np.abs(latitude_deg) < 90.0) & (np.abs(longitude_deg) < 180.0)
+        corners = np.floor(np.column_stack([latitude_deg, longitude_deg])[known]).astype(int)
+        cells, its = np.unique(corners, axis=0, return_inverse=True)
+        for number, (south, west) in enumerate(cells.tolist() if len(cells) <= MOST_CELLS else ()):
+            tile = self._kept((south, west))
+            if tile is not None:
+                here = np.flatnonzero(known)[its.ravel() == number]
+                rows, columns = south + 1.0 - latitude_deg[here], longitude_deg[here] - west
+                heights[here] = map_coordinates(tile, (ROWS - 1) * np.array([rows, columns]), order=1)
+        return heights
+
+    @cached_property
+    def _kept(self) -> Callable[[Cell], Heights | None]:
+        return lru_cache(KEPT_CELLS)(lambda cell: self._heights(cell, {}))
 
     def _heights(self, cell: Cell, credits: dict[str, None]) -> Heights | None:
         """Heights of a cell each arc-second, NaN for voids; None where no file has any. Adds whom to name."""
