@@ -33,6 +33,7 @@ def test_a_summary_counts_trips_that_are_better_than_physics():
         offsets=np.array([0, 2, 4]),
         last_rows=np.array([1, 3]),
         trip_ids=("a", "b"),
+        days=("mon", "tue"),
         simulated=lambda name: np.zeros(4),
     )
     hold_out = SimpleNamespace(scheme="s", trips="t", tested=np.arange(2), scored=np.arange(2), table=table)

@@ -156,15 +156,16 @@ class TestResults:
                 lambda *given, name=name: seen.setdefault(name, given) and {name: 1},
             )
         own = HeldOutForecasts.joined([kept(0.0), kept(1.0)], np.array([0, 1]))
-        found = forecast_scores(own, part, 7)
+        found = forecast_scores(own, part, 7, [1, 2])
         plain = {
-            name: [v if isinstance(v, int) else v.tolist() for v in given] for name, given in seen.items()
+            name: [v if isinstance(v, int | list) else v.tolist() for v in given]
+            for name, given in seen.items()
         }
         rows = {name: values.tolist() for name, values in vars(own).items()}
         assert plain["arrival_scores"] == [rows["shown"], rows["arrival"], rows["arrival_chance"], 7]
         assert plain["coverage_scores"] == [[10.0, 20.0], rows["low_wh"], rows["high_wh"], 7]
         assert plain["crps_scores"] == [[10.0, 20.0], [11.0, 22.0], rows["sd_wh"], rows["factors"]]
-        assert plain["update_scores"] == [[10.0, 20.0], rows["updates_wh"], 7]
+        assert plain["update_scores"] == [[10.0, 20.0], rows["updates_wh"], 7, [1, 2]]
         assert set(found) == {"arrival", "coverage_scores", "crps_scores", "update"}
 
     def test_strata_compare_with_the_model_without_physics(self, monkeypatch) -> None:
@@ -175,11 +176,13 @@ class TestResults:
 
         def strata_with(*names):
             specs = [SimpleNamespace(name=name) for name in names]
-            hold_out = SimpleNamespace(data=None, scored=None)
+            table = SimpleNamespace(days=["mon", "tue", "wed"])
+            hold_out = SimpleNamespace(data=None, scored=[0, 2], table=table)
             return strata(SimpleNamespace(specs=specs, ape=errors.__getitem__, hold_out=hold_out), 5)
 
-        ((kinds, own, other, seed),) = strata_with(FORECAST, WITHOUT_PHYSICS)
+        ((kinds, own, other, seed, days),) = strata_with(FORECAST, WITHOUT_PHYSICS)
         assert (kinds, own.tolist(), other.tolist(), seed) == ("kinds", [0.1, 0.2], [0.3, 0.4], 5)
+        assert days == ["mon", "wed"]
         assert strata_with(WITHOUT_PHYSICS) == []
         assert strata_with(FORECAST)[0][2] is None
 

@@ -127,3 +127,22 @@ def test_an_interval_near_zero_has_to_leave_it_out_for_every_seed():
     assert not leaves_out_zero((-0.1, -0.009), lambda seed: again(seed, 1))
     difference = paired_difference(np.array([0.1, 0.2, 0.35]), np.array([0.1, 0.1, 0.1]), 3)
     assert difference.significant is (difference.ci95[0] > 0.0)
+
+
+def test_trips_of_one_day_are_drawn_together() -> None:
+    """Ten days of four equal trips are no more than ten trips."""
+    by_day = np.random.default_rng(0).normal(0.1, 0.05, 10)
+    trips, days = np.repeat(by_day, 4), [f"day {k}" for k in np.repeat(np.arange(10), 4)]
+    of_days, of_trips = bootstrap_interval(trips, 0, days), bootstrap_interval(trips, 0)
+    assert np.subtract(*of_days) == pytest.approx(np.subtract(*bootstrap_interval(by_day, 0)), rel=1e-9)
+    assert of_days[0] < of_trips[0] < of_trips[1] < of_days[1]
+    each = bootstrap_interval(trips, 0, [f"{k:02d}" for k in range(40)])
+    assert each == pytest.approx(of_trips, rel=1e-9)
+
+
+def test_a_difference_of_days_is_not_one_of_trips() -> None:
+    a = np.repeat([0.12, 0.12, 0.02], [10, 10, 10])
+    b, days = np.full(30, 0.08), ["mon"] * 10 + ["tue"] * 10 + ["wed"] * 10
+    by_trip, by_day = paired_difference(a, b, 0), paired_difference(a, b, 0, days)
+    assert by_day.diff == by_trip.diff
+    assert by_day.ci95[0] < by_trip.ci95[0] < by_trip.ci95[1] < by_day.ci95[1]

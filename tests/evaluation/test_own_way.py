@@ -194,8 +194,9 @@ def test_tables_of_a_run(run):
     days = run.folds.query("scheme == 'leave_one_day_out'").pivot_table(
         index="trip", columns="model", values="ape", sort=False
     )
+    of_day = [run.results["days"][trip] for trip in days.index]
     assert run.compare("physics", "constant", hold_out=label) == paired_difference(
-        days["physics"].to_numpy(), days["constant"].to_numpy(), 0
+        days["physics"].to_numpy(), days["constant"].to_numpy(), 0, of_day
     )
     with pytest.raises(
         tw.InvalidInput, match="unknown model: compare: got 'x'; allowed: constant, linear4, physics"

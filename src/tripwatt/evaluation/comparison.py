@@ -146,10 +146,11 @@ class Comparison:
         }
 
     def paired(self, seed: int) -> list[dict[str, Any]]:
-        """Every pair of models over the scored trips."""
+        """Every pair of models over the scored trips, by days."""
+        days = [self.hold_out.table.days[i] for i in self.hold_out.scored]
         where = {"scheme": self.hold_out.scheme, "trips": self.hold_out.trips}
         return [
-            {"a": a, "b": b, **asdict(paired_difference(self.ape(a), self.ape(b), seed)), **where}
+            {"a": a, "b": b, **asdict(paired_difference(self.ape(a), self.ape(b), seed, days)), **where}
             for a, b in itertools.combinations((spec.name for spec in self.specs), 2)
         ]
 

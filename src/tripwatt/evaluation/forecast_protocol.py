@@ -175,10 +175,12 @@ class ForecastProtocol:
         for comparison in main:
             summary = comparison.summary(seed)
             add_crps_of_points(summary["models"], comparison.frame)
+            held = comparison.hold_out
+            days = [held.table.days[i] for i in held.tested]
             for name in summary["models"]:
                 forecasts, part = comparison.forecasts(name), comparison.rows_of(name)
                 if forecasts is not None:
-                    summary["models"][name] |= forecast_scores(forecasts, part, seed)
+                    summary["models"][name] |= forecast_scores(forecasts, part, seed, days)
                 if forecasts is not None and name == FORECAST:
                     insights.append(forecast_insight(comparison.hold_out, forecasts, part))
             summaries.append(summary)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -41,14 +42,16 @@ def add_crps_of_points(models: dict[str, Any], frame: pd.DataFrame) -> None:
         score["crps_wh"] = float((part["predicted_energy_wh"] - part["observed_energy_wh"]).abs().mean())
 
 
-def forecast_scores(forecasts: HeldOutForecasts, part: pd.DataFrame, seed: int) -> dict[str, Any]:
-    """Coverage, CRPS and update scores of the forecast in one hold-out; `part` has its rows of the folds."""
+def forecast_scores(
+    forecasts: HeldOutForecasts, part: pd.DataFrame, seed: int, days: Sequence[str] | None = None
+) -> dict[str, Any]:
+    """Coverage, CRPS and update scores of the forecast in one hold-out; `part` has its rows of the folds, `days` their days."""
     observed, centre = part["observed_energy_wh"].to_numpy(), part["predicted_energy_wh"].to_numpy()
     return {
         "arrival": arrival_scores(forecasts.shown, forecasts.arrival, forecasts.arrival_chance, seed),
         **coverage_scores(observed, forecasts.low_wh, forecasts.high_wh, seed),
         **crps_scores(observed, centre, forecasts.sd_wh, forecasts.factors),
-        "update": update_scores(observed, forecasts.updates_wh, seed),
+        "update": update_scores(observed, forecasts.updates_wh, seed, days),
     }
 
 
@@ -133,7 +136,8 @@ def strata(main: Comparison, seed: int) -> list[dict[str, Any]]:
         return []
     about = about_trips(main.hold_out.data, main.hold_out.scored)
     other = main.ape(WITHOUT_PHYSICS) if WITHOUT_PHYSICS in names else None
-    return strata_scores(strata_of(about), main.ape(FORECAST), other, seed)
+    days = [main.hold_out.table.days[i] for i in main.hold_out.scored]
+    return strata_scores(strata_of(about), main.ape(FORECAST), other, seed, days)
 
 
 def learning_curve(draws: Comparison, seed: int) -> list[dict[str, Any]]:

@@ -164,7 +164,9 @@ def crps_scores(
     }
 
 
-def update_scores(observed_wh: FloatArray, energies_wh: FloatArray, seed: int) -> dict[str, Any]:
+def update_scores(
+    observed_wh: FloatArray, energies_wh: FloatArray, seed: int, days: Sequence[str] | None = None
+) -> dict[str, Any]:
     """Errors of the re-forecast total by the fraction of the trip's time.
 
     Parameters
@@ -187,8 +189,8 @@ def update_scores(observed_wh: FloatArray, energies_wh: FloatArray, seed: int) -
             for k, name in enumerate(TOTALS)
         }
         low, high = (energies_wh[:, j, UPDATES.index(name)] for name in ("update_low", "update_high"))
-        beside = paired_difference(ape["update"], ape["no_update"], seed)
-        gauge = paired_difference(ape["update"], ape["naive_gauge"], seed)
+        beside = paired_difference(ape["update"], ape["no_update"], seed, days)
+        gauge = paired_difference(ape["update"], ape["naive_gauge"], seed, days)
         soc = ape["soc_only"][np.isfinite(ape["soc_only"])]
         scores[f"{fraction:g}"] = {
             "mape": float(ape["update"].mean()),
@@ -345,7 +347,11 @@ def _bins(by: str, values: FloatArray, edges: Sequence[float], unit: str) -> lis
 
 
 def strata_scores(
-    strata: Sequence[Stratum], ape: FloatArray, ape_data: FloatArray | None, seed: int
+    strata: Sequence[Stratum],
+    ape: FloatArray,
+    ape_data: FloatArray | None,
+    seed: int,
+    days: Sequence[str] | None = None,
 ) -> list[dict[str, Any]]:
     """Mean APE of hybrid and data-only model by stratum, with the paired difference where there are several trips."""
     rows = []
@@ -355,7 +361,8 @@ def strata_scores(
         row[FORECAST] = float(own.mean())
         if ape_data is not None:
             other = ape_data[stratum.members]
-            difference = paired_difference(own, other, seed)
+            its = None if days is None else np.array(days)[stratum.members].tolist()
+            difference = paired_difference(own, other, seed, its)
             row |= {WITHOUT_PHYSICS: float(other.mean()), "diff": difference.diff}
             row["diff_ci95"] = difference.ci95 if len(own) > 1 else None
         rows.append(row)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -91,8 +91,10 @@ def absolute_percentage_error(observed_wh: FloatArray, predicted_wh: FloatArray)
     return np.abs(predicted_wh - observed_wh) / np.abs(observed_wh)
 
 
-def bootstrap_interval(values: FloatArray, seed: int, *, draws: int = BOOTSTRAP_DRAWS) -> tuple[float, float]:
-    """95 % percentile interval of the mean over trips drawn with replacement. O(draws x trips).
+def bootstrap_interval(
+    values: FloatArray, seed: int, days: Sequence[str] | None = None, *, draws: int = BOOTSTRAP_DRAWS
+) -> tuple[float, float]:
+    """95 % percentile interval of the mean over trips drawn with replacement, or over days with all their trips. O(draws x trips).
 
     Examples
     --------
@@ -100,11 +102,15 @@ def bootstrap_interval(values: FloatArray, seed: int, *, draws: int = BOOTSTRAP_
     >>> bootstrap_interval(np.full(5, 0.1), seed=0)
     (0.1, 0.1)
     """
-    if len(values) == 1:  # every draw is the same
-        return round(float(values[0]), 12), round(float(values[0]), 12)
+    place = np.arange(len(values)) if days is None else np.unique(days, return_inverse=True)[1]
+    sums, trips = np.bincount(place, values), np.bincount(place)
+    if len(sums) == 1:  # every draw is the same
+        return round(float(values.mean()), 12), round(float(values.mean()), 12)
     interval = stats.bootstrap(
-        (values,),
-        np.mean,
+        (sums, trips),
+        lambda total, number, axis: total.sum(axis=axis) / number.sum(axis=axis),
+        paired=True,
+        vectorized=True,
         n_resamples=draws,
         confidence_level=CONFIDENCE,
         method="percentile",
@@ -147,7 +153,9 @@ def summarise_errors(observed_wh: FloatArray, predicted_wh: FloatArray, seed: in
     )
 
 
-def paired_difference(ape_a: FloatArray, ape_b: FloatArray, seed: int) -> PairedDifference:
+def paired_difference(
+    ape_a: FloatArray, ape_b: FloatArray, seed: int, days: Sequence[str] | None = None
+) -> PairedDifference:
     """Compare the APE of two models over the same trips.
 
     Parameters
@@ -158,6 +166,8 @@ def paired_difference(ape_a: FloatArray, ape_b: FloatArray, seed: int) -> Paired
         Those of the second.
     seed : int
         Of the bootstrap.
+    days : sequence of str, optional
+        Day of each trip: trips of one day have its weather and traffic in common, so that days are drawn.
 
     Returns
     -------
@@ -170,8 +180,8 @@ def paired_difference(ape_a: FloatArray, ape_b: FloatArray, seed: int) -> Paired
     False
     """
     difference = ape_a - ape_b
-    interval = bootstrap_interval(difference, seed)
-    sure = leaves_out_zero(interval, lambda other: bootstrap_interval(difference, seed + other))
+    interval = bootstrap_interval(difference, seed, days)
+    sure = leaves_out_zero(interval, lambda other: bootstrap_interval(difference, seed + other, days))
     return PairedDifference(float(difference.mean()), interval, sure)
 
 

@@ -115,7 +115,7 @@ class EvaluationRun:
         Returns
         -------
         PairedDifference
-            Mean APE of `a` less that of `b`, with its bootstrap interval over trips.
+            Mean APE of `a` less that of `b`, with its bootstrap interval over days.
 
         Raises
         ------
@@ -136,7 +136,8 @@ class EvaluationRun:
             for name in (a, b)
             if name not in ape
         )
-        return paired_difference(ape[a].to_numpy(), ape[b].to_numpy(), self.results["seed"])
+        days = [self.results["days"].get(trip, trip) for trip in ape.index]
+        return paired_difference(ape[a].to_numpy(), ape[b].to_numpy(), self.results["seed"], days)
 
     def plot(self, ax: Axes | None = None, *, hold_out: str | None = None) -> Figure:
         """Box plots of the error of each trip, one for each model.
@@ -207,6 +208,7 @@ def about_run(protocol: str, prepared: Prepared[Any], main: Comparison, seed: in
         "models": {spec.name: spec.title for spec in main.specs},
         "trips_read": [t.trip_id for t in shown.trips],
         "trips_used": {h.trips: [h.table.trip_ids[i] for i in h.scored] for h in prepared.hold_outs},
+        "days": dict(zip(main.hold_out.table.trip_ids, main.hold_out.table.days, strict=True)),
         "audit": [asdict(finding) for finding in prepared.audited.findings],
         "paired": main.paired(seed),
     }

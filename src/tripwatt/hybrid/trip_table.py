@@ -85,6 +85,14 @@ class TripTable:
         return tuple(t.trip_id for t in self.trips)
 
     @property
+    def days(self) -> tuple[str, ...]:
+        """Day of each trip; its id where it has no date."""
+        return tuple(
+            t.trip_id if t.context.started_at is None else f"{t.context.started_at:%Y-%m-%d}"
+            for t in self.trips
+        )
+
+    @property
     def groups(self) -> IntArray:
         """Index of the trip that each row belongs to, shape (rows,)."""
         return np.repeat(np.arange(len(self), dtype=np.int64), np.diff(self.offsets))

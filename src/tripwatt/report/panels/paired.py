@@ -23,7 +23,7 @@ def paired_differences(view: View) -> Content:
     shown = paired_with(pairs, best) or pairs
     said = (
         f"{on_paired(pairs, best)} A difference is significant if its interval does not contain 0 for any of 40 seeds of "
-        f"the bootstrap; the table has all {len(table.rows)} pairs."
+        f"the bootstrap over days; the table has all {len(table.rows)} pairs."
     )
     return Content(said, plot_paired_differences(view, shown), (table,))
 
