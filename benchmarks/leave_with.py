@@ -108,7 +108,7 @@ def over_http(service: Service, count: int) -> Iterator[Answer]:
         leave_with = asked.json()["leave_with"]
         soc, message = leave_with["soc_needed"], leave_with["message"]
         leaving = service.forecast({**trip, "soc": min(soc, 1.0)}).raise_for_status()
-        chance = leaving.json()["p_arrive"][f"{RESERVE:g}"]
+        chance = leaving.json()["p_arrive_by_soc"][f"{RESERVE:g}"]
         yield Answer(car, road, charge, probability, soc, chance, message)
 
 

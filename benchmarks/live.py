@@ -28,7 +28,7 @@ import httpx
 import numpy as np
 import pandas as pd
 from tests.live.brokers import MOSQUITTO, Sent, replay
-from tests.live.messages import NOON_S, abrp_messages, measured, over_a_bad_connection, samples_of
+from tests.live.messages import NOON, NOON_S, abrp_messages, measured, over_a_bad_connection, samples_of
 from tests.support.service_process import Service, serving
 from tools import DATA
 from tools.command import run
@@ -37,9 +37,11 @@ import tripwatt as tw
 from benchmarks.measure import Row, not_measured, report
 from tripwatt.forecasting import Forecast
 from tripwatt.live import RoadCar, TopicJoiner, issue_token
+from tripwatt.service.schemas import BMS_SOC
 from tripwatt.sources.tum import REFERENCE_TRIPS
 from tripwatt.synthetic import example_trip
 from tripwatt.trips import COLUMNS, Trip, plan_from_samples
+from tripwatt.trips.samples import columns_of
 
 FOLDS = 5
 SHARES = (0.25, 0.5, 0.75)
@@ -69,12 +71,15 @@ class Drive:
         step = max(1, round(len(samples) / 40_000))
         columns = {name: samples[name].iloc[::step] for name in samples.columns if name in COLUMNS}
         columns["time_s"] = columns["time_s"] - columns["time_s"].iloc[0]
-        lists = {n: [None if v != v else v for v in values.tolist()] for n, values in columns.items()}
-        return {"samples": lists, "departure_utc": NOON_S}
+        return {"samples": columns_of(pd.DataFrame(columns).rename(columns=BMS_SOC)), "departs_at": NOON}
 
     def at_departure(self) -> Forecast:
         """The forecast of the library at the departure."""
-        return tw.forecast(plan_from_samples(pd.DataFrame(self.plan["samples"], dtype=np.float64)))
+        return tw.forecast(
+            plan_from_samples(
+                pd.DataFrame(self.plan["samples"], dtype=np.float64).rename(columns={"bms_soc": "soc"})
+            )
+        )
 
     def updated(self) -> Forecast:
         """The same, updated with all that was sent."""

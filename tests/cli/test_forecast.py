@@ -30,13 +30,19 @@ def test_forecast_answers_with_the_keys_of_the_contract(run: Run, trip: Path) ->
     answer = run("forecast", trip, "--soc", 0.8, "--ambient", -5, "--reserve", 0.3, "--json")
     assert answer.code == 0
     found = json.loads(answer.out)
-    assert {"energy_wh", "quantiles_wh", "soc_arrival", "p_arrive", "series", "by_cause_wh", "flags"} <= set(
-        found
-    )
+    assert {
+        "energy_wh",
+        "quantiles_wh",
+        "soc_arrival",
+        "p_arrive_by_soc",
+        "series",
+        "by_cause_wh",
+        "flags",
+    } <= set(found)
     assert found["given"] == "the driven speed trace"
     assert found["series"]["displayed_soc"][0] == pytest.approx(0.8)
     assert found["series"]["displayed_soc"][-1] == pytest.approx(found["soc_arrival"])
-    assert found["p_arrive"]["0"] >= found["p_arrive"]["0.3"]
+    assert found["p_arrive_by_soc"]["0"] >= found["p_arrive_by_soc"]["0.3"]
     assert sum(found["by_cause_wh"].values()) == pytest.approx(found["energy_wh"])
     mild = json.loads(run("forecast", trip, "--soc", 0.8, "--ambient", 20, "--json").out)
     heavy = json.loads(run("forecast", trip, "--soc", 0.8, "--ambient", 20, "--payload", 300, "--json").out)

@@ -638,8 +638,8 @@ def test_a_battery_that_runs_empty(forecast):
 
 
 def test_probabilities_to_arrive_are_given_for_four_charges_and_the_reserve(forecast):
-    assert list(forecast.to_dict()["p_arrive"]) == ["0", "0.05", "0.1", "0.2"]
-    assert list(forecast.to_dict(0.15)["p_arrive"]) == ["0", "0.05", "0.1", "0.2", "0.15"]
+    assert list(forecast.to_dict()["p_arrive_by_soc"]) == ["0", "0.05", "0.1", "0.2"]
+    assert list(forecast.to_dict(0.15)["p_arrive_by_soc"]) == ["0", "0.05", "0.1", "0.2", "0.15"]
     assert list(forecast.to_dict()["quantiles_wh"]) == [
         *("0.025", "0.05", "0.1", "0.25", "0.5", "0.75", "0.9", "0.95", "0.975")
     ]

@@ -71,7 +71,13 @@ def test_emhass_charges_what_is_needed_before_the_departure_in_the_cheapest_step
     served: Served, tmp_path: Path, plug_w: float
 ) -> None:
     answered(served)
-    asked = {"car": "leaf", "probability": 0.9, "reserve": 0.1, "departure_utc": 1767598200, "plug_w": plug_w}
+    asked = {
+        "car": "leaf",
+        "probability": 0.9,
+        "reserve": 0.1,
+        "departs_at": "2026-01-05T07:30:00Z",
+        "plug_w": plug_w,
+    }
     need = served("/v1/need", params=asked).json()
     calls = dict(re.findall(r'`(\w+): "(\{\{.*?\}\})"`', PAGE.read_text("utf-8")))
     sensors = {"sensor.charge_to_leave_with": ("47", need)}

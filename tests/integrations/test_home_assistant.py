@@ -299,8 +299,9 @@ def test_6_states_follow_a_car_that_drives(hass: HomeAssistant, tmp_path: Path) 
 def follow(hass: HomeAssistant, served: Served) -> None:
     table = example_trip()
     started = time.time() - float(table["time_s"].iloc[-1]) - 60.0
+    leaves = dt.datetime.fromtimestamp(started, dt.UTC)
     samples = {name: table[name].tolist() for name in ("time_s", "speed_m_s", "elevation_m")}
-    served.plan("leaf", links=None, samples=samples, soc=0.6, departure_utc=started, reserve=0.2)
+    served.plan("leaf", links=None, samples=samples, soc=0.6, departs_at=leaves.isoformat(), reserve=0.2)
     added(hass, served)
     messages = [*abrp_messages(measured(table), started)]
     seen = []

@@ -14,6 +14,9 @@ from tripwatt.live import Sample
 NOON_S = 1_700_000_000.0
 """Departure of every replayed trip [s since 1970]."""
 
+NOON = "2023-11-14T22:13:20Z"
+"""The same in a request."""
+
 ABRP = {
     "speed_m_s": ("speed", 3.6),
     "displayed_soc": ("soc", 100.0),

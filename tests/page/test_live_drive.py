@@ -145,11 +145,16 @@ def test_an_old_message_a_lost_stream_and_a_deleted_car_are_said(
 ) -> None:
     page = opened
     document = {
-        "vehicle": "old",
+        "car": "old",
         "seconds_since_message": 185.0,
         "messages": {"new": 1, "doubled": 0, "late": 0},
         "soc": None,
-        "trip": {"departure_utc": 1.7e9, "duration_s": 60.0, "distance_m": 900.0, "samples": 60},
+        "trip": {
+            "departs_at": "2023-11-14T22:13:20Z",
+            "duration_s": 60.0,
+            "distance_m": 900.0,
+            "samples": 60,
+        },
         "plan": None,
         "usual_trip": None,
         "forecast": None,

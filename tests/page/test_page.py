@@ -99,7 +99,7 @@ def test_a_colder_trip_takes_more_and_its_probability_is_shown(look: Look) -> No
     assert sure.inner_text().count("outside the range") == 1
     assert headline(page) < before
     _, answer = asked(page, "/v1/forecast", lambda: slider(page, "Reserve to keep").fill("47"))
-    chance = answer["p_arrive"]["0.47"]
+    chance = answer["p_arrive_by_soc"]["0.47"]
     said = page.locator(".chance").inner_text()
     assert "47" in said
     assert ("more than 99" in said) or ("fewer than 1" in said) or f"{round(chance * 100)} in 100" in said
@@ -141,7 +141,7 @@ def test_who_leaves_with_what_the_page_shows_arrives_in_19_of_20_trips(look: Loo
         leave.get_by_text(f"Leave with {needed}\u00a0% to arrive").wait_for()
         for soc, verdict in ((needed, "good"), (needed - 1, "open")):
             found = answered(page, lambda: now.fill(str(soc)), **of, soc=soc / 100)  # noqa: B023
-            assert (found["p_arrive"][f"{reserve / 100:g}"] >= 0.95) == (verdict == "good")
+            assert (found["p_arrive_by_soc"][f"{reserve / 100:g}"] >= 0.95) == (verdict == "good")
             page.locator(f".chance-{verdict}").wait_for()
         leave.get_by_text(f"Leave with {needed}\u00a0% to arrive").wait_for()  # whatever charge the plan has
 
@@ -289,7 +289,7 @@ def test_a_road_of_unknown_heights_is_judged_by_its_chances(look: Look) -> None:
     half = slider(page, "Battery at departure")
     answer = answered(page, lambda: half.fill("35"), soc=0.35)
     assert answer["climb"]["terrain"] == "unknown"
-    assert 0.95 < answer["p_arrive"]["0.1"] < 0.99
+    assert 0.95 < answer["p_arrive_by_soc"]["0.1"] < 0.99
     page.locator(".chance-good").get_by_text("Very likely").wait_for()
     changes = f"With a climb of {answer['climb']['changes_at_m']['0.1']:,.0f}\u00a0m"
     page.locator("details.sure summary").click()
@@ -299,10 +299,10 @@ def test_a_road_of_unknown_heights_is_judged_by_its_chances(look: Look) -> None:
     country = page.get_by_label("Terrain")
     sent, steep = asked(page, "/v1/forecast", lambda: country.select_option("mountains"))
     assert sent["terrain"] == steep["climb"]["terrain"] == "mountains"
-    assert 0.5 < steep["p_arrive"]["0.1"] < 0.95
+    assert 0.5 < steep["p_arrive_by_soc"]["0.1"] < 0.95
     page.locator(".chance-open").get_by_text("Likely").wait_for()
     _, flat = asked(page, "/v1/forecast", lambda: country.select_option("flat"))
-    assert flat["p_arrive"]["0.1"] > answer["p_arrive"]["0.1"]
+    assert flat["p_arrive_by_soc"]["0.1"] > answer["p_arrive_by_soc"]["0.1"]
     page.locator(".chance-good").get_by_text("Almost certain").wait_for()
 
 

@@ -196,10 +196,6 @@ HARMLESS: dict[str, Callable[[Any], Any]] = {
     "name of a parameter of a path": lambda d: d["paths"].update(
         {"/v1/cars/{name}": d["paths"].pop("/v1/cars/{car}")}
     ),
-    "an old name that is not promised": lambda d: (
-        schema("ForecastResponse", "energy_wh")(d).update(deprecated=True),
-        d["components"]["schemas"]["ForecastResponse"]["required"].remove("energy_wh"),
-    ),
     "bytes in place of a text": lambda d: d["paths"]["/v1/telemetry"]["post"]["parameters"][0][
         "schema"
     ].update(format="binary"),

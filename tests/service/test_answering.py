@@ -67,7 +67,7 @@ def test_python_gives_the_numbers_of_the_service(service: Service) -> None:
             "quantiles_wh",
             "soc_arrival",
             "soc_quantiles",
-            "p_arrive",
+            "p_arrive_by_soc",
             "series",
             "by_cause_wh",
         )
@@ -283,7 +283,7 @@ def test_a_forecast_that_is_not_finite_is_refused(field: str, wrong: float) -> N
         "soc_arrival": 0.5,
         "battery_loss_wh": 1.0,
         "quantiles_wh": {"0.5": 1.0},
-        "p_arrive": {"0": 1.0},
+        "p_arrive_by_soc": {"0": 1.0},
         "series": {"time_s": [0.0, 1.0]},
     }
     assert require_finite(answer) == answer

@@ -351,7 +351,7 @@ def test_all_faults_come_together_with_suggestions(service: Service) -> None:
         "/v1/forecast/update",
         json={
             "samples": {"time_s": [0, 1, 1], "speed_m_s": [0, 1, 2], "speed_kmh": [1, 2, 3]},
-            "observed": {"time_s": [0, 1], "soc": [2, 0.5]},
+            "observed": {"time_s": [0, 1], "bms_soc": [2, 0.5]},
             "model": "bmw_i3_tu",
             "vehicle": "vw_id4",
             "resreve": 0.1,

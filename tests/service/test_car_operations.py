@@ -317,7 +317,7 @@ def test_a_token_makes_the_car_send_at_once(service: Service) -> None:
     assert service.client.post("/v1/telemetry", json=message).status_code == 401
     token = service.client.post("/v1/cars/on-road/token").json()["token"]
     sent = service.client.post("/v1/telemetry", json={**message, "token": token})
-    assert (sent.status_code, sent.json()["vehicle"]) == (200, "on-road")
+    assert (sent.status_code, sent.json()["car"]) == (200, "on-road")
     other = service.client.post("/v1/cars/on-road/token").json()["token"]
     assert service.client.post("/v1/telemetry", json={**message, "token": token}).status_code == 401
     assert service.client.post("/v1/telemetry", json={**message, "token": other}).status_code == 200

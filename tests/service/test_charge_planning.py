@@ -36,10 +36,7 @@ def answered(served: Served) -> dict[str, Any]:
     path, _, query = get[-1].replace("my-leaf", "leaf").removeprefix("localhost:8000").partition("?")
     found = served(path, params={name: values[0] for name, values in parse_qs(query).items()})
     assert found.status_code == 200, found.text
-    document = {**found.json(), "car": "my-leaf"}
-    assert document.pop("vehicle") == "leaf"  # the old names of `car` and `energy_quantile_wh`
-    assert document.pop("energy_wh") == document["energy_quantile_wh"]
-    return document
+    return {**found.json(), "car": "my-leaf"}
 
 
 def test_the_answer_of_the_page_is_that_of_the_service(served: Served) -> None:
@@ -84,7 +81,7 @@ def test_the_sensors_and_automations_of_the_page_take_the_answer(served: Served)
     found = answered(served)
     rest, automations, _, evcc, emhass = configurations()
     (source,) = rest["rest"]
-    assert "ambient_temperature_degc=-3.5&departure_utc=2026-01-05T07:00:00Z" in filled(
+    assert "ambient_temperature_degc=-3.5&departs_at=2026-01-05T07:00:00Z" in filled(
         source["resource_template"], sensors={"weather.home": ("cloudy", {"temperature": -3.5})}
     )
     sensors: dict[str, tuple[str, dict[str, Any]]] = {}
@@ -165,9 +162,8 @@ def test_every_request_of_the_page_asks_what_the_service_takes(served: Served) -
     for query in asked:
         given = re.sub(r"&\w+=$", "", query.replace("my-leaf", "leaf"))
         parameters = {name: values[0] for name, values in parse_qs(given).items()}
-        assert set(parameters) <= {"car", "probability", "reserve", "plug_w", "departure_utc", "distance_km"}
-        found = served("/v1/need", params=parameters)
-        assert (found.status_code, "deprecation" in found.headers) == (200, False)
+        assert set(parameters) <= {"car", "probability", "reserve", "plug_w", "departs_at", "distance_km"}
+        assert served("/v1/need", params=parameters).status_code == 200
 
 
 def test_names_of_sensors_follow_from_their_titles() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import importlib
 import re
 import subprocess
@@ -43,7 +42,6 @@ def document(complete: Service, tmp_path_factory: pytest.TempPathFactory) -> Pat
 def raw(complete: Service) -> dict[str, Any]:
     """The responses without a client."""
     trip = PLANNED_REQUEST | {"soc": 0.8}
-    trip.pop("displayed_soc", None)
     update = {**trip, "observed": OBSERVED}
     post, put = complete.client.post, complete.client.put
     return {
@@ -110,11 +108,9 @@ def test_a_python_client_has_every_operation(
     links = models.RouteJsonBody.from_dict({"links": PLANNED_REQUEST["links"]})
     assert ask("routes.route", body=links, speed_m_s=14.0).distance_m == pytest.approx(12_800.0, rel=1e-3)
     assert models.ProblemDocumentType.KEY_USED == "/problems/key-used"
-    for name in ("P_ARRIVE", "ENERGY_WH"):  # an old name may be missing, others may not
-        rest = {key: value for key, value in raw["forecast"].items() if key != name.lower()}
-        is_old = name == "P_ARRIVE"
-        with contextlib.nullcontext() if is_old else pytest.raises(KeyError):
-            assert models.ForecastResponse.from_dict(rest).p_arrive == types.UNSET
+    rest = {key: value for key, value in raw["forecast"].items() if key != "energy_wh"}
+    with pytest.raises(KeyError):
+        models.ForecastResponse.from_dict(rest)
     cars = importlib.import_module("tripwatt_client.api.library.get_models")
     first = cars.sync_detailed(client=client)
     again = cars.sync_detailed(client=client, if_none_match=first.headers["etag"])

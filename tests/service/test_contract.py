@@ -1,4 +1,4 @@
-"""What all operations share: parameters, chosen fields, entity tags, keys of repeated requests, old names, and the document of it all."""
+"""What all operations share: parameters, chosen fields, entity tags, keys of repeated requests, and the document of it all."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tests.support.service_process import Service
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting.document import ForecastResponse
 from tripwatt.service.app import Api
-from tripwatt.service.contract import OLD_NAMES, Repeats, chosen, known_parameters, tagged
+from tripwatt.service.contract import Repeats, chosen, known_parameters, tagged
 from tripwatt.service.problems import TITLES, Problem, pointer_to
 from tripwatt.service.settings import Settings
 
@@ -45,16 +45,12 @@ def test_no_schema_has_what_generators_stumble_over(document: dict[str, Any]) ->
         assert not ({"oneOf", "anyOf", "allOf"} & schema.keys() and "properties" in schema)
 
 
-def test_problems_are_told_apart_and_old_names_marked(document: dict[str, Any]) -> None:
+def test_problems_are_told_apart_and_nothing_is_deprecated(document: dict[str, Any]) -> None:
     schemas = document["components"]["schemas"]
     assert schemas["ProblemDocument"]["properties"]["type"]["enum"] == [
         f"/problems/{kind}" for kind in TITLES
     ]
-    forecast = schemas["ForecastResponse"]["properties"]
-    assert (forecast["p_arrive"].get("deprecated"), "deprecated" in forecast["p_arrive_by_soc"]) == (
-        True,
-        False,
-    )
+    assert b'"deprecated"' not in orjson.dumps(document)
     marked = {o["operationId"] for o in operations(document) if o.get("x-internal")}
     assert marked == {"get_view", "get_tile", "get_examples", "get_example"}
 
@@ -163,64 +159,28 @@ def test_what_does_not_change_has_a_tag(service: Service, path: str) -> None:
     assert service.client.get(path, headers={"If-None-Match": 'W/"0"'}).content == first.content
 
 
-def test_old_names_are_announced(service: Service, drive: dict[str, Any]) -> None:
-    samples = drive["samples"]
-    charges = [0.8] * len(samples["time_s"])
-    old, new = (
-        service.client.post("/v1/forecast", json=drive | {"samples": samples | {name: charges}})
-        for name in ("soc", "bms_soc")
-    )
-    assert old.json() == new.json()
-    assert re.fullmatch(r"@\d{10}", old.headers["deprecation"])
-    assert "deprecation" not in new.headers
-    assert 'title="soc of samples"' in old.headers["link"]
-    assert service.client.post("/v1/plan", json={}).headers["link"] == (
-        '</openapi.json>; rel="deprecation"; title="/v1/plan"'
-    )
-    assert "deprecation" not in service.client.post("/v1/journeys", json={}).headers
-
-
 @pytest.mark.parametrize(
-    ("method", "path", "given", "names"),
+    ("method", "path", "given", "where"),
     [
         ("POST", "/v1/journeys", {"weather": {"rain_mm_h": 1.0}}, "weather"),
         ("POST", "/v1/journeys", {"depart": "2026-02-01T07:30:00+01:00"}, "depart"),
-        ("POST", "/v1/reachable", {"departure_utc": 1769927400.0}, "departure_utc as a number"),
+        ("POST", "/v1/reachable", {"departure_utc": "2026-02-01T07:30:00+01:00"}, "departure_utc"),
+        ("POST", "/v1/reachable", {"departs_at": 1769927400.0}, "departs_at"),
+        ("POST", "/v1/forecast", {"displayed_soc": 0.5}, "displayed_soc"),
+        ("POST", "/v1/forecast", {"samples": {"soc": [0.5]}}, "samples.soc"),
         ("PUT", "/v1/live/leaf/plan", {"depart": 1769927400, "soc": 0.5}, "depart"),
-        ("PUT", "/v1/live/leaf/plan", {"departure_utc": 1769927400}, "departure_utc as a number"),
-        ("PUT", "/v1/live/leaf/plan", {"samples": {"soc": [0.5]}}, "soc of samples"),
-        ("POST", "/v1/forecast/batch", {"samples": {"soc": [0.5]}}, "soc of samples"),
-        ("GET", "/v1/need", {"distance_km": 30, "depart": "2026-02-01T07:30:00Z"}, "depart"),
-        ("GET", "/v1/need", {"distance_km": 30, "departure_utc": 1769927400}, "departure_utc as a number"),
-        ("POST", "/v1/plan", {"weather": {}, "depart": 1}, "/v1/plan, depart, weather"),
-        ("POST", "/v1/journeys", {"departure_utc": "2026-02-01T07:30:00+01:00", "soc": 0.5}, ""),
-        ("GET", "/v1/need", {"distance_km": 30, "departure_utc": "2026-02-01T07:30:00Z", "vehicle": "vw_id3"}, ""),
-        ("POST", "/v1/journeys", {"stops": ['"weather":{"', "depart"]}, ""),
+        ("PUT", "/v1/live/leaf/plan", {"departs_at": 1769927400}, "departs_at"),
+        ("GET", "/v1/need", {"distance_km": 30, "departure_utc": "2026-02-01T07:30:00Z"}, "departure_utc"),
+        ("GET", "/v1/need", {"distance_km": 30, "departs_at": 1769927400}, "departs_at"),
+        ("GET", "/v1/need", {"vehicle": "leaf"}, "distance_km, trip"),
     ],
 )  # fmt: skip
-def test_every_old_name_is_announced_and_named(
-    complete: Service, method: str, path: str, given: dict[str, Any], names: str
+def test_a_name_that_was_replaced_is_refused(
+    complete: Service, method: str, path: str, given: dict[str, Any], where: str
 ) -> None:
-    kind = {"Content-Type": "application/x-ndjson" if path.endswith("batch") else "application/json"}
-    body = {"params": given} if method == "GET" else {"content": orjson.dumps(given), "headers": kind}
-    headers = complete.client.request(method, path, **body).headers
-    if not names:
-        assert ("deprecation" in headers, "link" in headers) == (False, False)
-        return
-    assert re.fullmatch(r"@\d{10}", headers["deprecation"])
-    assert headers["link"] == f'</openapi.json>; rel="deprecation"; title="{names}"'
-
-
-def test_every_old_name_of_a_request_is_looked_for_and_on_the_page(document: dict[str, Any]) -> None:
-    page = (ROOT / "docs" / "howto" / "build-on-it.md").read_text("utf-8")
-    asked = set[str]()
-    for name, schema in document["components"]["schemas"].items():
-        if name.endswith("Request"):
-            of_lists = [o for one in schema["properties"].values() for o in (one, *one.get("anyOf", ()))]
-            for fields in (schema, *of_lists):
-                asked |= {n for n, one in fields.get("properties", {}).items() if one.get("deprecated")}
-    assert asked == {"soc", "weather"}
-    assert all(any(name in old for old in OLD_NAMES) and f"| `{name}`" in page for name in asked)
+    found = complete.client.request(method, path, **{"params" if method == "GET" else "json": given})
+    assert found.status_code == 422
+    assert where in {fault["where"].removeprefix("query.") for fault in found.json()["faults"]}
 
 
 def test_the_page_of_the_forecast_has_its_fields_and_who_takes_a_departure(document: dict[str, Any]) -> None:
@@ -229,37 +189,21 @@ def test_the_page_of_the_forecast_has_its_fields_and_who_takes_a_departure(docum
     assert set(re.findall(r"^\| `(\w+)` \|", of_forecast, re.MULTILINE)) == set(
         ForecastResponse.__annotations__
     )
-    (sentence,) = re.findall(r"`departure_utc` is a field of (.*?),\n", page)
+    (sentence,) = re.findall(r"`departs_at` is a field of (.*?),\n", page)
     schemas, taking = document["components"]["schemas"], set[str]()
 
     def takes(schema: dict[str, Any]) -> bool:
         fields = schemas[schema["$ref"].rpartition("/")[2]].get("properties", {}) if "$ref" in schema else {}
-        return "departure_utc" in fields or any(takes(one) for one in fields.values())
+        return "departs_at" in fields or any(takes(one) for one in fields.values())
 
     for path, of_path in document["paths"].items():
         for one in of_path.values():
             bodies = one.get("requestBody", {}).get("content", {}).values()
             names = {p["name"] for p in one.get("parameters", ())}
-            if not one.get("deprecated") and (
-                "departure_utc" in names or any(takes(b["schema"]) for b in bodies)
-            ):
+            if "departs_at" in names or any(takes(b["schema"]) for b in bodies):
                 taking.add(path)
     assert set(re.findall(r"`(/[^`]+)`", sentence)) == taking
     assert all("description" in field for field in schemas["VerdictDocument"]["properties"].values())
-
-
-def test_no_old_name_of_a_response_is_required(document: dict[str, Any]) -> None:
-    old = {
-        (name, one)
-        for name, schema in document["components"]["schemas"].items()
-        for one, field in schema.get("properties", {}).items()
-        if field.get("deprecated") and one not in schema.get("required", ())
-    }
-    assert {("ForecastResponse", "p_arrive"), ("LiveCarsResponse", "vehicles"), ("LiveTripDocument", "departure_utc"),
-            ("NeedResponse", "energy_wh"), ("TelemetryResponse", "vehicle")} <= old  # fmt: skip
-    for name, schema in document["components"]["schemas"].items():
-        required = set(schema.get("required", ()))
-        assert not {one for one in required if schema["properties"][one].get("deprecated")}, name
 
 
 def test_every_answer_is_described(document: dict[str, Any]) -> None:
@@ -286,7 +230,7 @@ def test_headers_are_in_the_document(document: dict[str, Any]) -> None:
         assert "Idempotency-Key" in [p["name"] for p in paths[path]["post"]["parameters"]]
     forecast = paths["/v1/forecast"]["post"]
     assert "parameters" not in forecast or all(p["in"] == "query" for p in forecast["parameters"])
-    assert forecast["responses"]["200"]["headers"].keys() == {"Deprecation"}
+    assert "headers" not in forecast["responses"]["200"]
     assert all("Retry-After" in forecast["responses"][status]["headers"] for status in ("429", "503"))
     assert "headers" not in forecast["responses"]["422"]
 

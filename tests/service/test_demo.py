@@ -67,7 +67,7 @@ def test_the_car_has_a_diary_and_a_drive_of_this_moment(made: Settings) -> None:
 
 def test_the_drive_has_the_samples_of_its_example_from_its_beginning_on() -> None:
     times, speeds = [10.0 + 0.5 * k for k in range(41)], [float(k) for k in range(41)]
-    trip = {"request": {"samples": {"time_s": times, "speed_m_s": speeds}}, "observed": {"soc": speeds}}
+    trip = {"request": {"samples": {"time_s": times, "speed_m_s": speeds}}, "observed": {"bms_soc": speeds}}
     found = [*demo._samples(trip, 1000.0)]
     assert [time_s for time_s, _ in found] == [1000.0, 1005.0, 1010.0, 1015.0]
     assert [values for _, values in found] == [{"speed_m_s": k, "soc": k} for k in (0.0, 10.0, 20.0, 30.0)]

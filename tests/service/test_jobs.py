@@ -53,7 +53,7 @@ def test_without_folders_there_is_the_model_of_the_package(jobs: Jobs) -> None:
 def test_a_forecast_has_the_name_and_the_reserve_of_its_request(jobs: Jobs) -> None:
     found = jobs.forecast(body_of(trip="mine", soc=0.5, reserve=0.35))
     assert found["trip"] == "mine"
-    assert "0.35" in found["p_arrive"]
+    assert "0.35" in found["p_arrive_by_soc"]
     assert found == jobs.run({"kind": "forecast"}, body_of(trip="mine", soc=0.5, reserve=0.35))
 
 
@@ -312,10 +312,10 @@ def test_every_value_of_a_forecast_is_finite(name: str) -> None:
         "soc_arrival": 0.5,
         "battery_loss_wh": 1.0,
         "quantiles_wh": {"0.5": 1.0},
-        "p_arrive": {"0": 1.0},
+        "p_arrive_by_soc": {"0": 1.0},
         "series": {"time_s": [0.0, 1.0]},
     }
     assert require_finite(found) == found
-    for spoiled in ({name: float("nan")}, {"p_arrive": {"0": float("inf")}}):
+    for spoiled in ({name: float("nan")}, {"p_arrive_by_soc": {"0": float("inf")}}):
         with pytest.raises(InvalidInput, match="no forecast"):
             require_finite(found | spoiled)

@@ -69,7 +69,7 @@ def test_six_examples_begin_with_the_charge_that_is_shown() -> None:
         assert request["trip"] == example["trip"] == name
         assert 0.0 <= request["soc"] <= 1.0
         assert list(request["samples"])[:2] == ["time_s", "speed_m_s"]
-        assert list(observed) == ["time_s", "voltage_v", "current_a", "soc"]
+        assert list(observed) == ["time_s", "voltage_v", "current_a", "bms_soc"]
         assert example["vehicle"] == "bmw_i3_60ah"
 
 
@@ -79,7 +79,9 @@ def test_the_charge_of_an_example_is_the_first_measured_one_as_shown() -> None:
     charge = load_model().fitted_parts("examples")[1].charge
     battery = load_vehicle("bmw_i3_60ah").battery
     for example in examples().values():
-        managed = example["observed"]["soc"][0]
+        managed = example["observed"]["bms_soc"][0]
         shown = battery.displayed_from_soc(managed) if charge is None else charge.displayed(managed)
         assert example["request"]["soc"] == min(max(float(shown), 0.0), 1.0)
-        assert example["observed"]["soc"][1] is None or example["observed"]["soc"][1] <= managed + 0.01
+        assert (
+            example["observed"]["bms_soc"][1] is None or example["observed"]["bms_soc"][1] <= managed + 0.01
+        )

@@ -16,7 +16,7 @@ import httpx
 import orjson
 import pandas as pd
 import pytest
-from tests.live.messages import NOON_S, abrp_messages, measured
+from tests.live.messages import NOON, NOON_S, abrp_messages, measured
 from tests.support.service_process import TOKEN, Service, serving, wait_for
 from tests.support.service_schema import conformance
 
@@ -71,13 +71,13 @@ def plan() -> dict[str, Any]:
         "battery_temperature_degc": 12.0,
         "cabin_setpoint_degc": 21.0,
         "reserve": 0.3,
-        "departure_utc": NOON_S,
+        "departs_at": NOON,
     }
 
 
 def own_forecast(plan: dict[str, Any]) -> Forecast:
     """The forecast of a plan at its departure, by the library."""
-    left_out = ("samples", "reserve", "departure_utc")
+    left_out = ("samples", "reserve", "departs_at")
     departure = tw.Departure(**{name: value for name, value in plan.items() if name not in left_out})
     return tw.forecast(plan_from_samples(pd.DataFrame(plan["samples"]), departure=departure))
 
@@ -169,7 +169,7 @@ def test_the_forecast_on_the_way_is_that_of_update(
     assert (found["forecast"]["reserve"], found["forecast"]["measured_until_s"]) == (0.3, 399.0)
     assert found["messages"] == {"new": 400, "doubled": 0, "late": 0}
     assert found["faults"] == []
-    assert found["trip"]["departure_utc"] == NOON_S
+    assert dt.datetime.fromisoformat(found["trip"]["departs_at"]).timestamp() == NOON_S
     assert served("/v1/live/zoe").json()["forecast"] is None
 
 
@@ -202,7 +202,7 @@ def test_what_the_plan_leaves_unknown_is_what_the_messages_show(served: Served) 
     served.put({"links": LINKS})
     own = tw.forecast(LINKS, tw.Departure(soc=0.61, ambient_temperature_degc=-7.0))
     assert served("/v1/live/leaf").json()["forecast"]["energy_wh"] == pytest.approx(own.energy_wh, abs=1e-6)
-    served.put({"links": LINKS, "displayed_soc": 0.5, "ambient_temperature_degc": 20.0})
+    served.put({"links": LINKS, "soc": 0.5, "ambient_temperature_degc": 20.0})
     own = tw.forecast(LINKS, tw.Departure(soc=0.5, ambient_temperature_degc=20.0))
     found = served("/v1/live/leaf").json()["forecast"]
     assert found["energy_wh"] == pytest.approx(own.energy_wh, abs=1e-6)
@@ -230,14 +230,14 @@ def test_without_a_plan_the_road_is_that_of_the_usual_trip(served: Served, drive
 
 
 def need(served: Served, **asked: Any) -> httpx.Response:
-    return served("/v1/need", params={"vehicle": "leaf", **asked})
+    return served("/v1/need", params={"car": "leaf", **asked})
 
 
 def test_the_need_of_a_plan_is_a_quantile_and_the_charge_to_leave_with(served: Served) -> None:
     served.send(message(0.0, speed=0, soc=30.0))
     served.put({"links": LINKS, "soc": 0.8, "ambient_temperature_degc": -5.0, "reserve": 0.25})
     own = tw.forecast(LINKS, tw.Departure(soc=0.8, ambient_temperature_degc=-5.0))
-    found = need(served, probability=0.95, departure_utc=NOON_S, plug_w=3700.0).json()
+    found = need(served, probability=0.95, departs_at=NOON, plug_w=3700.0).json()
     until = {name: found.pop(name) for name in ("wall_wh", "charging_s", "preheat")}
     codes = [flag["code"] for flag in found.pop("flags")]
     assert codes == ["no_description", *(flag.code for flag in own.flags)]
@@ -249,13 +249,12 @@ def test_the_need_of_a_plan_is_a_quantile_and_the_charge_to_leave_with(served: S
     assert until["preheat"] == heat.to_dict(leaves)
     assert found == {
         "car": "leaf",
-        "vehicle": "leaf",
         "plan": "given",
         "usual_trip": None,
         "probability": 0.95,
         "reserve": 0.25,
         "expected_wh": pytest.approx(own.energy_wh, abs=1e-6),
-        **dict.fromkeys(("energy_quantile_wh", "energy_wh"), pytest.approx(own.quantile(0.95), abs=1e-6)),
+        "energy_quantile_wh": pytest.approx(own.quantile(0.95), abs=1e-6),
         "soc_needed": pytest.approx(own.soc_needed(0.25, 0.95), abs=1e-9),
         "wh_per_display": pytest.approx(own.charge.wh_per_display, abs=1e-6),
         "message": leave_in_words(own.soc_needed(0.25, 0.95), 0.25, 0.95),
@@ -268,7 +267,7 @@ def test_the_need_of_a_plan_is_a_quantile_and_the_charge_to_leave_with(served: S
     warm = need(served, reserve=0.0, ambient_temperature_degc=20.0).json()
     own = tw.forecast(LINKS, tw.Departure(soc=0.8, ambient_temperature_degc=20.0))
     assert (warm["probability"], warm["reserve"]) == (0.9, 0.0)
-    assert warm["energy_wh"] == pytest.approx(own.quantile(0.9), abs=1e-6)
+    assert warm["energy_quantile_wh"] == pytest.approx(own.quantile(0.9), abs=1e-6)
     assert warm["soc_needed"] == pytest.approx(own.soc_needed(0.0, 0.9), abs=1e-9)
     served.send(message(1.0, speed=0, soc=99.0))
     assert need(served).json()["charge_wh"] == 0.0
@@ -343,13 +342,6 @@ def test_a_plan_that_is_taken_is_answered_with_the_state_of_the_car(served: Serv
     assert found.json()["plan"] == "given"
 
 
-def test_a_car_on_the_road_by_its_old_name_is_announced(served: Served) -> None:
-    served.put({"links": LINKS, "soc": 0.5})
-    old, new = (served("/v1/need", params={name: "leaf"}) for name in ("vehicle", "car"))
-    assert (old.status_code, new.status_code) == (200, 200)
-    assert ("deprecation" in old.headers, "deprecation" in new.headers) == (True, False)
-
-
 def test_the_need_without_a_plan_is_that_of_the_usual_trip(served: Served, drive: pd.DataFrame) -> None:
     car = _cars(served).by_name("leaf")
     for sent in abrp_messages(drive):
@@ -357,16 +349,16 @@ def test_the_need_without_a_plan_is_that_of_the_usual_trip(served: Served, drive
     assert car.received_s is not None
     car.end_when_silent(car.received_s + SILENCE_S)
     (log,) = car.logs()
-    found = need(served, departure_utc=NOON_S + 86_400.0 + 1800.0).json()
+    found = need(served, departs_at="2023-11-15T22:43:20Z").json()
     air = tw.Departure(ambient_temperature_degc=car.last_air_degc(car.now_s()))
     assert air.ambient_temperature_degc == pytest.approx(drive["ambient_temperature_degc"].iloc[-1])
     own = tw.load_model().forecast(plan_from_links(links_of_trip(log)), air)
     shown = float(drive["displayed_soc"].iloc[-1])
     assert (found["plan"], found["usual_trip"], found["soc"]) == ("usual", log.trip_id, pytest.approx(shown))
-    assert found["energy_wh"] == pytest.approx(own.quantile(0.9), abs=1e-6)
+    assert found["energy_quantile_wh"] == pytest.approx(own.quantile(0.9), abs=1e-6)
     assert found["charge_wh"] == 0.0
-    for departure_utc in (NOON_S + 86_400.0 + 6.0 * 3600.0, NOON_S - 86_400.0):
-        assert need(served, departure_utc=departure_utc).status_code == 404
+    for departs_at in ("2023-11-16T04:13:20Z", "2023-11-13T22:13:20Z"):
+        assert need(served, departs_at=departs_at).status_code == 404
 
 
 @pytest.mark.parametrize(
@@ -377,7 +369,7 @@ def test_the_need_without_a_plan_is_that_of_the_usual_trip(served: Served, drive
         {"probability": 1.0},
         {"reserve": -0.1},
         {"reserve": 1.1},
-        {"departure_utc": 5},
+        {"departs_at": 5},
         {"plug_w": -1},
         {"ambient_temperature_degc": 58},
         {"probability": "nan"},
@@ -387,7 +379,7 @@ def test_a_need_has_bounds(served: Served, asked: dict[str, Any]) -> None:
     served.put({"links": LINKS})
     assert need(served, **asked).status_code == 422
     assert need(served).status_code == 200
-    assert need(served, vehicle="none").status_code == 404
+    assert need(served, car="none").status_code == 404
 
 
 def test_the_signals_of_a_speed_trace_count_before_those_of_messages(
@@ -438,7 +430,7 @@ def test_a_message_may_have_any_form_that_senders_use(served: Served) -> None:
         found = served("/v1/telemetry", "POST", **more)
         assert (found.status_code, found.json()) == (
             200,
-            {"status": "ok", "car": "leaf", "vehicle": "leaf", "arrival": "new", "ignored": []},
+            {"status": "ok", "car": "leaf", "arrival": "new", "ignored": []},
         )
     assert served.send(tlm).json()["arrival"] == "doubled"
     assert served("/v1/live/leaf").json()["messages"] == {"new": 7, "doubled": 1, "late": 0}
@@ -518,10 +510,10 @@ def test_a_message_that_is_none_is_a_problem(
         ([], 422, ["body"]),
         ({"links": LINKS, "colour": 1}, 422, ["colour"]),
         ({"links": LINKS, "observed": {"time_s": [0, 1]}}, 422, ["observed"]),
-        ({"links": LINKS, "departure_utc": "now"}, 422, ["departure_utc"]),
-        ({"links": LINKS, "departure_utc": True}, 422, ["departure_utc"]),
-        ({"links": LINKS, "departure_utc": 5.0}, 422, ["departure_utc"]),
-        ({"links": LINKS, "departure_utc": None}, 200, []),
+        ({"links": LINKS, "departs_at": "now"}, 422, ["departs_at"]),
+        ({"links": LINKS, "departs_at": True}, 422, ["departs_at"]),
+        ({"links": LINKS, "departs_at": 5.0}, 422, ["departs_at"]),
+        ({"links": LINKS, "departs_at": None}, 200, []),
     ],
 )
 def test_a_plan_is_a_forecast_request(served: Served, plan: Any, status: int, where: list[str]) -> None:
@@ -570,7 +562,7 @@ def test_without_a_folder_of_cars_the_service_follows_none(monkeypatch: pytest.M
         ("/v1/live/leaf", "GET"),
         ("/v1/live/leaf/plan", "PUT"),
         ("/v1/live/leaf/events", "GET"),
-        ("/v1/need?vehicle=leaf", "GET"),
+        ("/v1/need?car=leaf", "GET"),
     ):
         found = asyncio.run(ask(path, method))
         assert (found.status_code, found.json()["type"]) == (501, "/problems/no-live")
@@ -644,7 +636,7 @@ def test_the_stream_of_a_car_that_is_deleted_ends(served: Served, monkeypatch: p
         return found
 
     assert asyncio.run(listen()) == 1
-    assert [row["vehicle"] for row in served("/v1/live").json()["vehicles"]] == ["zoe"]
+    assert [row["car"] for row in served("/v1/live").json()["cars"]] == ["zoe"]
 
 
 def test_a_forecast_that_a_diary_keeps_is_made_without_listeners(

@@ -78,7 +78,7 @@ def test_the_need_and_the_range_of_a_parked_car_are_those_of_the_library(publish
     own = tw.forecast(tw.read_route(LINKS), tw.Departure(ambient_temperature_degc=4.0), vehicle="vw_id3")
     assert PROBABILITY == 0.9
     assert found["need"]["probability"] == 0.9
-    assert found["need"]["energy_wh"] == pytest.approx(own.quantile(0.9), rel=1e-6)
+    assert found["need"]["energy_quantile_wh"] == pytest.approx(own.quantile(0.9), rel=1e-6)
     needed = own.soc_needed(0.2, 0.9)
     assert found["need"]["soc_needed"] == pytest.approx(needed, abs=1e-9)
     charging_s = (needed - 0.12) * own.charge.wh_per_display / CHARGER / PLUG_W * 3600.0

@@ -125,8 +125,8 @@ def test_a_trip_of_the_road_enters_the_diary_and_teaches_without_a_restart(
     start_s = time.time() - 6.0 * HOUR_S
     (tmp_path / "logs").mkdir()
     with followed(cars, tmp_path / "logs") as service:
-        assert service.client.get("/v1/live").json()["vehicles"] == [
-            {"car": "leaf", "vehicle": "leaf", "seconds_since_message": None, "on_trip": False}
+        assert service.client.get("/v1/live").json()["cars"] == [
+            {"car": "leaf", "seconds_since_message": None, "on_trip": False}
         ]
         by_book = service.forecast({**plan, "model": "leaf"}).json()["energy_wh"]
         at_departure = service.client.put("/v1/live/leaf/plan", json=plan).json()["forecast"]

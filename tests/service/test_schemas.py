@@ -163,10 +163,6 @@ def test_the_defaults_of_a_request() -> None:
     assert Link(length_m=1.0).model_dump(exclude_none=True) == {"length_m": 1.0}
 
 
-def test_the_charge_has_two_names() -> None:
-    assert check_request({"displayed_soc": 0.4}, ForecastRequest).soc == 0.4
-
-
 def test_an_update_needs_measurements() -> None:
     assert [fault.where for fault in faults_of(UpdateRequest, {})] == ["observed"]
 
@@ -186,7 +182,7 @@ def test_the_schema_of_samples_has_the_bounds_of_the_columns() -> None:
     columns = schema["properties"]
     assert columns["time_s"]["items"] == {"type": "number", "minimum": 0.0}
     assert columns["speed_m_s"]["items"] == {"type": "number", "minimum": 0.0, "maximum": 90.0}
-    assert columns["soc"]["items"] == {"type": ["number", "null"], "minimum": 0.0, "maximum": 1.0}
+    assert columns["bms_soc"]["items"] == {"type": ["number", "null"], "minimum": 0.0, "maximum": 1.0}
     assert columns["time_s"]["minItems"] == 3
     assert columns["time_s"]["description"] == "time of the sample, increasing [s]"
 
@@ -194,10 +190,9 @@ def test_the_schema_of_samples_has_the_bounds_of_the_columns() -> None:
 def test_the_charge_of_the_battery_management_has_a_name_of_its_own() -> None:
     columns = {"time_s": [0.0, 1.0, 2.0], "speed_m_s": [0.0, 1.0, 0.0]}
     charges = [0.5, 0.5, 0.4]
-    new, old = (parse_samples({**columns, name: charges}, Limits()) for name in ("bms_soc", "soc"))
-    assert new["soc"].tolist() == old["soc"].tolist() == charges
-    with pytest.raises(InvalidInput, match="given twice"):
-        parse_samples({**columns, "soc": charges, "bms_soc": charges}, Limits())
+    assert parse_samples({**columns, "bms_soc": charges}, Limits())["soc"].tolist() == charges
+    with pytest.raises(InvalidInput, match="did you mean 'bms_soc'"):
+        parse_samples({**columns, "soc": charges}, Limits())
 
 
 def test_the_schema_of_measurements_needs_two_samples() -> None:
@@ -249,8 +244,6 @@ def test_ten_unknown_fields_get_a_suggestion() -> None:
 def test_only_unknown_fields_get_a_suggestion() -> None:
     (wrong,) = faults_of(ForecastRequest, {"reserve": "x"})
     assert wrong.fix == ""
-    (other_name,) = faults_of(ForecastRequest, {"displayed_so": 1})
-    assert other_name.fix == "did you mean 'displayed_soc'?"
     (strange,) = faults_of(ForecastRequest, {"zzz": 1})
     assert strange.fix == ""
 
@@ -282,7 +275,7 @@ def test_samples_become_a_table() -> None:
 
 
 def test_all_types_of_numbers_are_numbers() -> None:
-    observed = parse_observed({"time_s": [0, 1.5, 2], "soc": [1, None, 0.5]}, Limits())
+    observed = parse_observed({"time_s": [0, 1.5, 2], "bms_soc": [1, None, 0.5]}, Limits())
     assert observed["soc"].tolist()[::2] == [1.0, 0.5]
     assert frozenset({float, int, type(None)}) == NUMBER_TYPES
 
@@ -313,10 +306,10 @@ def test_the_duration_of_samples_is_that_between_first_and_last() -> None:
 
 
 def test_two_measurements_are_enough() -> None:
-    observed = {"time_s": [0.0, 1.0], "soc": [0.5, 0.5]}
+    observed = {"time_s": [0.0, 1.0], "bms_soc": [0.5, 0.5]}
     assert len(parse_observed(observed, Limits())) == 2
     with pytest.raises(InvalidInput):
-        parse_observed({"time_s": [0.0], "soc": [0.5]}, Limits())
+        parse_observed({"time_s": [0.0], "bms_soc": [0.5]}, Limits())
     with pytest.raises(InvalidInput, match=r"observed\.time_s"):
         parse_observed(observed, Limits(samples=1))
 

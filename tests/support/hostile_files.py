@@ -91,11 +91,11 @@ def absurd(forecast: Any) -> str:
         energy,
         document["soc_arrival"],
         *document["quantiles_wh"].values(),
-        *document["p_arrive"].values(),
+        *document["p_arrive_by_soc"].values(),
     ]
     if not all(math.isfinite(value) for value in scalars):
         return "a number that is not finite"
-    if not all(0.0 <= p <= 1.0 for p in (document["soc_arrival"], *document["p_arrive"].values())):
+    if not all(0.0 <= p <= 1.0 for p in (document["soc_arrival"], *document["p_arrive_by_soc"].values())):
         return "a charge or a probability beyond 0 and 1"
     if not forecast.plan.has_road and energy < 0.0:
         return f"{energy:.0f} Wh on a level road"

@@ -14,7 +14,6 @@ import typer.main
 from tools import DOCS, ROOT
 from tools.docs import pages
 from tripwatt.cli import app
-from tripwatt.service.contract import OLD_NAMES
 from tripwatt.trips.departure import ASKED
 
 PAGE = DOCS / "reference" / "cli.md"
@@ -105,11 +104,10 @@ def render() -> str:
 
 def departure() -> str:
     """The table of the fields of a departure."""
-    rows = ["| field | option | in a request | what it is |", "|---|---|---|---|"]
+    rows = ["| field | option | what it is |", "|---|---|---|"]
     for name, field in ASKED.items():
-        wire = ", ".join(f"`{one}`" for one in field.wire or (name,) if one not in OLD_NAMES)
         allowed = "" if field.column is None else f" {field.allowed}."
-        rows.append(f"| `{name}` | `{field.option}` | {wire} | {field.help}{allowed} |")
+        rows.append(f"| `{name}` | `{field.option}` | {field.help}{allowed} |")
     return "\n".join(rows)
 
 

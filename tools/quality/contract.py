@@ -180,10 +180,7 @@ def _misfits_of_one(
     lost = (of.keys() - wanted_of.keys() if closed else ()) if to_service else wanted_of.keys() - of.keys()
     yield from (f"{where}.{name}: field is removed" for name in sorted(lost))
     words = "is required" if to_service else "may be missing"
-    still = {
-        name for name in of if of[name].get("deprecated")
-    }  # the service sends an old name until it is removed
-    unsure = set(b.get("required", ())) - set(a.get("required", ())) - set(lost) - still
+    unsure = set(b.get("required", ())) - set(a.get("required", ())) - set(lost)
     yield from (f"{where}.{name}: field {words}" for name in sorted(unsure))
     inner = [(f".{name}", of[name], wanted_of[name]) for name in of if name in wanted_of]
     inner += [

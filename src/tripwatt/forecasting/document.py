@@ -111,10 +111,8 @@ class ForecastResponse(TypedDict):
     missing_wh: Annotated[Missing, "Wh, least, expected and most"]
     wh_per_display: Annotated[float, "Wh"]
     """energy of a whole display [Wh]"""
-    p_arrive_by_soc: dict[str, float]
+    p_arrive_by_soc: Annotated[dict[str, float], "1, by displayed state of charge at the end"]
     """probability to arrive with at least this displayed state of charge; 0: at all"""
-    p_arrive: Annotated[dict[str, float], "1, by displayed state of charge at the end"]
-    """deprecated: old name of `p_arrive_by_soc`"""
     climb: UnknownClimbDocument | None
     """null where the heights of the road are known"""
     leave_with: Annotated[LeaveWith | None, "soc_needed, reserve, probability, message"]

@@ -711,7 +711,7 @@ class Forecast:
         Parameters
         ----------
         reserve : float, optional
-            Displayed state of charge to arrive with: one more entry of `p_arrive`.
+            Displayed state of charge to arrive with: one more entry of `p_arrive_by_soc`.
         probability : float, optional
             0.5 to 1: also the charge to leave with, to arrive with the reserve (0 without one) with this probability.
 
@@ -1038,7 +1038,6 @@ def forecast_document(
     early, expected, late = forecast.empty_at_m
     least, middle, most = forecast.missing_wh
     energies_wh, charges = quantiles(forecast, QUANTILES)
-    chances = {f"{level:g}": forecast.p_arrive(level) for level in levels}
     return {
         "trip": forecast.plan.trip_id,
         "given": forecast.given,
@@ -1049,8 +1048,7 @@ def forecast_document(
         "wh_per_display": forecast.charge.wh_per_display,
         "empty_at_m": {"early": early, "expected": expected, "late": late},
         "missing_wh": {"least": least, "expected": middle, "most": most},
-        "p_arrive_by_soc": chances,
-        "p_arrive": chances,
+        "p_arrive_by_soc": {f"{level:g}": forecast.p_arrive(level) for level in levels},
         "climb": climb_document(forecast, levels),
         "leave_with": None if probability is None else leave_document(forecast, reserve or 0.0, probability),
         "series": Series(**{name: values.tolist() for name, values in forecast._series().items()}),  # type: ignore[typeddict-item]

@@ -51,8 +51,6 @@ class LiveTripDocument(TypedDict):
 
     departs_at: str
     """UTC"""
-    departure_utc: float
-    """deprecated: old form of `departs_at` [s since 1970]"""
     duration_s: float
     distance_m: float
     samples: int
@@ -73,8 +71,6 @@ class LiveDocument(TypedDict):
 
     car: str
     """name of its folder"""
-    vehicle: str
-    """deprecated: old name of `car`"""
     seconds_since_message: float | None
     """null before the first message"""
     messages: LiveMessages

@@ -39,7 +39,7 @@ class LivePlan:
 
     Examples
     --------
-    >>> plan = LivePlan({"links": [{"length_m": 500.0, "speed_m_s": 10.0}], "displayed_soc": 0.8})
+    >>> plan = LivePlan({"links": [{"length_m": 500.0, "speed_m_s": 10.0}], "soc": 0.8})
     >>> plan.road.departure, plan.departure_s is None
     (Departure(soc=0.8), True)
     """
@@ -61,7 +61,8 @@ class LivePlan:
         given = {name: value for name, value in self.request.items() if value is not None}
         try:
             if "samples" in given:
-                columns = {name: np.array(values, np.float64) for name, values in given["samples"].items()}
+                lists = given["samples"].items()
+                columns = {name.removeprefix("bms_"): np.array(values, np.float64) for name, values in lists}
                 plan = plan_from_samples(canonical_samples(columns), "samples")
             else:
                 route = route_from_links(given["links"])
@@ -71,13 +72,8 @@ class LivePlan:
         except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
             got = f"{type(error).__name__}: {error}"[:200]
             raise InvalidInput.of("no road", "plan", got, "links or samples of a request") from error
-        known = {
-            name: given[wire]
-            for name, field in ASKED.items()
-            for wire in reversed((*field.wire, name))
-            if wire in given and name != "departs_at"
-        }
-        return plan.with_departure(Departure(**known))
+        known = ASKED.keys() & given.keys() - {"departs_at"}
+        return plan.with_departure(Departure(**{name: given[name] for name in known}))
 
     @classmethod
     def from_trip(cls, trip: Recorded) -> LivePlan | None:

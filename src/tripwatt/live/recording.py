@@ -463,7 +463,6 @@ class Recorder:
         trip = self.trip
         return {
             "car": self.name,
-            "vehicle": self.name,
             "seconds_since_message": None if self.received_s is None else max(0.0, now_s - self.received_s),
             "messages": self.counts.copy(),
             "held": len(self._sender.held),
@@ -473,7 +472,6 @@ class Recorder:
             if trip is None
             else {
                 "departs_at": dt.datetime.fromtimestamp(trip.start_s, dt.UTC).isoformat(),
-                "departure_utc": trip.start_s,
                 "duration_s": trip.last_s - trip.start_s,
                 "distance_m": trip.distance_m,
                 "samples": len(trip),

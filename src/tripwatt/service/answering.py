@@ -9,7 +9,7 @@ import orjson
 from starlette.requests import Request
 from starlette.responses import Response
 
-from tripwatt.service.contract import Repeats, mark_old_names, tagged
+from tripwatt.service.contract import Repeats, tagged
 from tripwatt.service.metrics import Metrics
 from tripwatt.service.openapi import JSON
 from tripwatt.service.pool import WorkerPool
@@ -62,10 +62,7 @@ class Answering:
         parts: list[bytes] = []
         bodies = self.batch_bodies if large else self.bodies
         await bodies.read(request, media_types, most_bytes, limits.body_timeout_s, parts.append)
-        body = parts[0] if len(parts) == 1 else b"".join(parts)
-        if JSON in media_types:
-            mark_old_names(request, body)
-        return body
+        return parts[0] if len(parts) == 1 else b"".join(parts)
 
     async def job(
         self, request: Request, kind: str, body: bytes = b"", media_type: str = JSON, **parameters: Any

@@ -31,7 +31,7 @@ from tripwatt.service.advice_schemas import AdviceResponse, DifferenceDocument
 from tripwatt.service.answering import Answering, json_response
 from tripwatt.service.batching import LineSplitter, forecast_lines
 from tripwatt.service.car_operations import CarOperations
-from tripwatt.service.contract import Fields, mark_old_names, only
+from tripwatt.service.contract import Fields, only
 from tripwatt.service.example_requests import UPLOADS
 from tripwatt.service.fleet_operations import FleetOperations
 from tripwatt.service.jobs import Jobs
@@ -79,7 +79,7 @@ CORS_METHODS: Final = ("GET", "POST", "PUT", "DELETE")
 CORS_HEADERS: Final = ("Authorization", "Content-Type", "Idempotency-Key", "If-None-Match", "X-Request-ID")
 """What a page of another origin may ask with, beside what a browser always lets pass."""
 
-CORS_EXPOSED: Final = ("Deprecation", "ETag", "Link", "Retry-After", "X-Request-ID")
+CORS_EXPOSED: Final = ("ETag", "Retry-After", "X-Request-ID")
 """What it may read of the headers of a response, beside what a browser always shows."""
 
 MAX_ZOOM: Final = 22
@@ -262,7 +262,6 @@ class Api:
             request, BATCH_TYPES, limits.batch_bytes, limits.body_timeout_s, splitter.take
         )
         lines = splitter.lines()
-        mark_old_names(request, lines[0][: limits.body_bytes])  # a longer line is refused
         self._require_place_for_batch()  # another body may have been faster
         self.running_batches += 1
         return BatchResponse(forecast_lines(lines, self.pool, self.metrics, fields), self._end_batch)
@@ -281,7 +280,7 @@ class Api:
         speed = speed_m_s if speed_m_s is not None and math.isfinite(speed_m_s) else None
         return await self.answering.job(request, "route", body, speed_m_s=speed)
 
-    @openapi.operation("POST /v1/journeys", "journeys", PlanResponse, PlanRequest, alias="/v1/plan")
+    @openapi.operation("POST /v1/journeys", "journeys", PlanResponse, PlanRequest)
     async def plan(self, request: Request, fields: Fields = None) -> Response:
         """Plan a journey: roads, their forecasts, the charge to leave with, a charging stop."""
         self._require_map()
@@ -310,10 +309,8 @@ class Api:
     @openapi.operation("GET /v1/need", "journeys", NeedAnswer, also=("no-plan", "no-live"))
     async def get_need(self, request: Request, query: Annotated[NeedQuery, Query()]) -> Response:
         """Return what some kilometres or a usual trip need, without a road; without either, what the next trip of a car on the road needs."""
-        if query.distance_km is None and query.trip is None and (query.car or query.vehicle) is not None:
-            if query.car is None:
-                mark_old_names(request, b"", "vehicle")
-            return await self.live.next_need(request, query)
+        if query.distance_km is None and query.trip is None and query.car is not None:
+            return await self.live.next_need(request, query.car, query)
         return await self.answering.job(request, "distance", **await self.live.job_of(query))
 
     @openapi.operation("GET /v1/range", "journeys", RangeResponse)

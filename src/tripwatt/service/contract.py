@@ -9,7 +9,6 @@ import re
 from collections.abc import Awaitable, Callable
 from typing import Annotated, Any, Final, get_type_hints
 
-import orjson
 from cachetools import TTLCache
 from fastapi import Query
 from fastapi.params import Depends
@@ -25,17 +24,6 @@ KEPT_FOR_S: Final = 86_400.0
 """Responses that are kept by `Idempotency-Key`, and how long [s]."""
 
 VALID_KEY: Final = re.compile(r"[\x21-\x7e]{1,255}")
-
-DEPRECATED_SINCE: Final = "@1795564800"
-"""Of the names that 0.3 replaces, as in the header `Deprecation` (RFC 9745): 2026-11-25."""
-
-OLD_NAMES: Final = {
-    "depart": re.compile(rb'"depart"\s*:'),
-    "departure_utc as a number": re.compile(rb'"departure_utc"\s*:\s*"?\d[\d.eE+]*"?\s*[,}]'),
-    "soc of samples": re.compile(rb'"soc"\s*:\s*\['),
-    "weather": re.compile(rb'"weather"\s*:\s*\{'),
-}
-"""Old names in the JSON of a request."""
 
 Fields = Annotated[
     str | None,
@@ -65,18 +53,6 @@ def known_parameters(handler: Callable[..., Any], path: str) -> list[Depends]:
         )
 
     return [Depends(check)]
-
-
-def mark_old_names(request: Request, body: bytes, *names: str) -> None:
-    """Note old names, and those in the JSON of a request: its response gets the header `Deprecation`, and a `Link` with them."""
-    old = (name for name, pattern in OLD_NAMES.items() if pattern.search(body))
-    request.state.deprecated = (*getattr(request.state, "deprecated", ()), *names, *old)
-
-
-async def mark_old_address(request: Request) -> None:
-    """Note the old path of a request, and the old names in its query."""
-    route, query = request.scope["route"], orjson.dumps(dict(request.query_params))
-    mark_old_names(request, query, *([route.path] if route.deprecated else []))
 
 
 def chosen(document: Any, fields: str | None) -> Any:

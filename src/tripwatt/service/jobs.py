@@ -186,11 +186,9 @@ class Jobs:
     def need(self, body: bytes, job: Mapping[str, Any]) -> dict[str, Any]:
         """Return what a `ForecastRequest` needs with the probability of the job: energy, charge, and what to do until then."""
         request, forecast = self._forecast(body, ForecastRequest, job)
-        quantile_wh = forecast.quantile(job["probability"])
         needed = {
             "expected_wh": forecast.energy_wh,
-            "energy_quantile_wh": quantile_wh,
-            "energy_wh": quantile_wh,
+            "energy_quantile_wh": forecast.quantile(job["probability"]),
             "soc_needed": forecast.soc_needed(request.reserve, job["probability"]),
             "wh_per_display": forecast.charge.wh_per_display,
         }
@@ -481,7 +479,7 @@ def require_finite(forecast: Mapping[str, Any]) -> dict[str, Any]:
         When a value is not finite: no car can drive the trip.
     """
     scalars = [forecast["energy_wh"], forecast["soc_arrival"], forecast["battery_loss_wh"]]
-    by_name = (forecast[name].values() for name in ("quantiles_wh", "p_arrive"))
+    by_name = (forecast[name].values() for name in ("quantiles_wh", "p_arrive_by_soc"))
     sums = [sum(values) for values in (scalars, *by_name, *forecast["series"].values())]
     if not all(map(math.isfinite, sums)):  # one value that is not finite makes the sum so
         raise _no_forecast()

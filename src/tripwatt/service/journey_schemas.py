@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from pydantic import AwareDatetime, ConfigDict, Field, RootModel, create_model
+from pydantic import ConfigDict, Field, RootModel, create_model
 
 from tripwatt.advice.preheating import PLUG_W
 from tripwatt.forecasting.document import FlagDocument, ForecastResponse
 from tripwatt.service import schemas
 from tripwatt.service.advice_schemas import UntilDeparture
 from tripwatt.service.live_schemas import NeedResponse
-from tripwatt.trips import ASKED, COLUMNS, QUANTITIES
+from tripwatt.trips import ASKED
 
 
 class PlaceRequest(schemas.StrictModel):
@@ -26,22 +26,10 @@ Stop = Annotated[str, Field(min_length=1, max_length=200)] | PlaceRequest
 """A place: its name, latitude and longitude as text, or an object."""
 
 
-class WeatherRequest(schemas.StrictModel):
-    """Weather by hand, for the whole journey: the fields of the departure under their old names."""
-
-    temperature_degc: float | None = schemas.bounded(COLUMNS, "ambient_temperature_degc")
-    wind_speed_m_s: float = schemas.bounded(QUANTITIES, "wind_speed_m_s", 0.0)
-    wind_from_deg: float = schemas.bounded(QUANTITIES, "wind_from_deg", 0.0)
-    rain_mm_h: float = schemas.bounded(QUANTITIES, "rain_mm_h", 0.0)
-    pressure_pa: float | None = schemas.bounded(QUANTITIES, "pressure_pa")
-
-
 class _Departs(schemas.DepartureRequest, schemas.CarRequest):
     """The car, and what is known at departure."""
 
-    departs_at: AwareDatetime | None = schemas.asked("departs_at", ASKED["departs_at"])[1]
-    weather: WeatherRequest | None = Field(None, json_schema_extra={"deprecated": True})
-    """old form of wind_speed_m_s, wind_from_deg, rain_mm_h and pressure_pa"""
+    departs_at: schemas.Time | None = schemas.asked("departs_at", ASKED["departs_at"])[1]
 
 
 class PlanRequest(_Departs):
@@ -99,13 +87,13 @@ else:
 class RangeQuery(_DepartureQuery):
     """A charge, the kind of road and the car."""
 
-    departs_at: AwareDatetime | None = schemas.asked("departs_at", ASKED["departs_at"])[1]
+    departs_at: schemas.Time | None = schemas.asked("departs_at", ASKED["departs_at"])[1]
     kind: Literal["city", "country", "motorway", "mixed"] = "mixed"
     """kind of road; mixed: nothing is known of it"""
     model: str | None = Field(None, max_length=100)
     """one of /v1/models; default: the first one"""
     vehicle: str | None = Field(None, min_length=1, max_length=100)
-    """one of /v1/vehicles; default: the car of the model; deprecated without a distance or trip: the name of a car on the road, in place of `car`"""
+    """one of /v1/vehicles; default: the car of the model"""
     car: str | None = Field(None, max_length=100)
     """one of /v1/cars, in place of model and vehicle; without a distance or trip, a car on the road"""
     vehicle_figures: str | None = Field(None, max_length=1000)
@@ -155,7 +143,7 @@ class DistanceNeed(UntilDeparture):
     kind: str
     """kind of road; "trip" for a known trip"""
     energy_wh: float
-    """median [Wh]; in the need of a car on the road, an old name of `energy_quantile_wh`"""
+    """median [Wh]"""
     energy_quantile_wh: float
     """not exceeded with the probability `quantile` [Wh]"""
     quantile: float

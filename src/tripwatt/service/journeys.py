@@ -24,7 +24,6 @@ from tripwatt.journey import (
 )
 from tripwatt.service.journey_schemas import JourneyAdviceRequest, PlaceRequest, PlanRequest, ReachRequest
 from tripwatt.service.schemas import departure_of
-from tripwatt.trips import Departure
 
 
 @dataclass(frozen=True)
@@ -63,7 +62,7 @@ class JourneyJobs:
         return advise(journey, reserve=request.reserve, chance=request.chance, others=later).to_dict()
 
     def _forecaster(self, request: PlanRequest | ReachRequest, model: ForecastModel) -> RoadForecaster:
-        return RoadForecaster(model, departure_of_journey(request), self._atlas().weather)
+        return RoadForecaster(model, departure_of(request), self._atlas().weather)
 
     def _journey(self, request: PlanRequest, forecaster: RoadForecaster) -> Journey:
         atlas = self._atlas()
@@ -138,12 +137,3 @@ def place_of(stop: str | PlaceRequest) -> str | Place:
     if isinstance(stop, str):
         return stop
     return Place(stop.latitude_deg, stop.longitude_deg, stop.name)
-
-
-def departure_of_journey(request: PlanRequest | ReachRequest) -> Departure:
-    """The departure of a request, with the weather in its old form where the request has it."""
-    known = departure_of(request)
-    if request.weather is None:
-        return known
-    old = request.weather.model_dump()
-    return Departure(ambient_temperature_degc=old.pop("temperature_degc"), **old).merge(known)

@@ -11,7 +11,7 @@ from tripwatt.certification import certified_interval
 from tripwatt.forecasting import load_model
 from tripwatt.physics.battery import usable_energy_wh
 from tripwatt.service.problems import Problem
-from tripwatt.service.schemas import ExampleSummary, ForecastRequest
+from tripwatt.service.schemas import BMS_SOC, ExampleSummary, ForecastRequest
 from tripwatt.synthetic import synthetic_fleet
 from tripwatt.trips.samples import columns_of
 from tripwatt.vehicles import Vehicle, load_vehicle, vehicle_names
@@ -74,7 +74,7 @@ def examples() -> dict[str, dict[str, Any]]:
             "ambient_temperature_degc": at_departure.get("ambient_temperature_degc"),
             "observed_energy_wh": trip.observed_energy_wh,
             "request": {"trip": trip.trip_id, "samples": columns_of(trip.samples[route]), **at_departure},
-            "observed": columns_of(trip.samples[measured]),
+            "observed": columns_of(trip.samples[measured].rename(columns=BMS_SOC)),
         }
     return by_trip
 

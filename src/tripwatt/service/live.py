@@ -170,10 +170,9 @@ class LiveCars:
             fix = "send messages in the order of their times"
             raise InvalidInput.of("message too late", "utc", f"{sample.time_s:.3f}", allowed, fix)
         ignored = [fault_document(fault) for fault in sample.faults]
-        names = {"car": car.name, "vehicle": car.name}
         return {
             "status": "held" if arrival == "held" else "ok",
-            **names,
+            "car": car.name,
             "arrival": arrival,
             "ignored": ignored,
         }
@@ -278,7 +277,6 @@ class LiveCars:
             return result
         return {
             "car": car.name,
-            "vehicle": car.name,
             "plan": "given" if plan.usual_trip is None else "usual",
             "usual_trip": plan.usual_trip,
             "probability": how["probability"],
@@ -308,13 +306,12 @@ class LiveCars:
         cars = [
             {
                 "car": row["car"],
-                "vehicle": row["car"],
                 "seconds_since_message": row["seconds_since_message"],
                 "on_trip": row["trip"] is not None,
             }
             for row in rows
         ]
-        return {"cars": cars, "vehicles": cars}
+        return {"cars": cars}
 
     def stream(self, car: RoadCar) -> EventSourceResponse:
         """The forecasts of a car as server-sent events.

@@ -36,13 +36,9 @@ from tripwatt.service.problems import Problem, invalid_input, refusal
 from tripwatt.service.receiving import media_type, request_id, require_accepts
 from tripwatt.service.schemas import check_request, parse_json
 from tripwatt.service.settings import Settings
-from tripwatt.trips import ASKED
 
 MOST_MESSAGE_BYTES: Final = 65_536
 """Largest message of a car; those of senders have less than 2 kB."""
-
-DEPARTS: Final = (*ASKED["departs_at"].wire, "departs_at")
-"""Names of the time of departure in a request."""
 
 MOST_FORM_FIELDS: Final = 20
 
@@ -134,7 +130,7 @@ class LiveOperations:
         """Give the plan of the trip that a car is on, or of its next one; it is kept until that trip has ended."""
         followed = self.cars.by_name(car)
         plan = _parsed(await self.read_body(request, (openapi.JSON,)))
-        leaves = check_request({name: plan.pop(name) for name in DEPARTS if name in plan}, LiveDeparture)
+        leaves = check_request({"departs_at": plan.pop("departs_at", None)}, LiveDeparture)
         result = await self.cars.set_plan(followed, plan, leaves.departure_s)
         if result.status == 200:
             return json_response(await self.cars.document(followed))
@@ -149,12 +145,12 @@ class LiveOperations:
             del given["car"]
         return await self._cars.job_without_road(self._cars.cars[query.car], given)
 
-    async def next_need(self, request: Request, query: NeedQuery) -> Response:
+    async def next_need(self, request: Request, car: str, query: NeedQuery) -> Response:
         """Return what the next trip of a car needs: energy at a quantile, charge to leave with, energy to charge."""
         require_accepts(request, openapi.JSON)
         leaves = time.time() if query.departs_at is None else query.departs_at.timestamp()
         needed = await self.cars.need(
-            self.cars.by_name(query.car or query.vehicle or ""),
+            self.cars.by_name(car),
             {"probability": query.probability, "departure_s": leaves, "plug_w": query.plug_w},
             query.model_dump(include={"reserve", "ambient_temperature_degc"}, exclude_none=True),
         )

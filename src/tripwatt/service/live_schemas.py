@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Any, Literal, get_type_hints
 
-from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, TypeAdapter, create_model
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, create_model
 
 from tripwatt.forecasting.document import FlagDocument
 from tripwatt.live.documents import LiveDocument, LiveForecastDocument, LiveMessages, LiveTripDocument
 from tripwatt.service.advice_schemas import UntilDeparture
-from tripwatt.service.schemas import ForecastRequest, ProblemFault, ResponseModel, StrictModel, asked
+from tripwatt.service.schemas import ForecastRequest, ProblemFault, ResponseModel, StrictModel, Time, asked
 from tripwatt.trips import ASKED
 
 
@@ -30,8 +30,6 @@ class TelemetryResponse(ResponseModel):
     status: Literal["ok", "held"]
     """`held`: the message waits until later ones confirm its time"""
     car: str
-    vehicle: str
-    """deprecated: old name of `car`"""
     arrival: Literal["new", "doubled", "held"]
     """only a new message counts; one that is too late to count is refused"""
     ignored: list[ProblemFault]
@@ -41,8 +39,8 @@ class TelemetryResponse(ResponseModel):
 class LiveDeparture(StrictModel):
     """When a car leaves."""
 
-    departs_at: AwareDatetime | None = asked("departs_at", ASKED["departs_at"])[1]
-    """departure, also in s since 1970; default: the start of the trip. Earlier messages do not count"""
+    departs_at: Time | None = asked("departs_at", ASKED["departs_at"])[1]
+    """departure; default: the start of the trip. Earlier messages do not count"""
 
     @property
     def departure_s(self) -> float | None:
@@ -58,8 +56,6 @@ class NeedResponse(UntilDeparture):
     """What the next trip of a car needs, for charge planning."""
 
     car: str
-    vehicle: str
-    """deprecated: old name of `car`"""
     plan: Literal["given", "usual"]
     """the plan that was given, or the road of an earlier trip that began at about this time of day"""
     usual_trip: str | None
@@ -72,8 +68,6 @@ class NeedResponse(UntilDeparture):
     """expected energy of the trip [Wh]"""
     energy_quantile_wh: float
     """not exceeded with the probability [Wh]"""
-    energy_wh: float
-    """deprecated: old name of `energy_quantile_wh`"""
     soc_needed: float
     """displayed state of charge to leave with; above 1 where a full battery does not suffice, 0 where any charge does"""
     message: str
@@ -118,8 +112,6 @@ class LiveCarSummary(ResponseModel):
     """A car that the service follows."""
 
     car: str
-    vehicle: str
-    """deprecated: old name of `car`"""
     seconds_since_message: float | None
     """null before the first message"""
     on_trip: bool
@@ -129,5 +121,3 @@ class LiveCarsResponse(ResponseModel):
     """The cars that the service follows, by name."""
 
     cars: list[LiveCarSummary]
-    vehicles: list[LiveCarSummary]
-    """deprecated: old name of `cars`"""

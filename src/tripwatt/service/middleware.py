@@ -22,7 +22,6 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from uvicorn.middleware.proxy_headers import ProxyHeadersMiddleware
 
 from tripwatt.errors import excerpt
-from tripwatt.service.contract import DEPRECATED_SINCE
 from tripwatt.service.metrics import Metrics
 from tripwatt.service.problems import SAFE_METHODS, Problem
 from tripwatt.service.settings import Settings
@@ -270,10 +269,6 @@ class _RequestHandling:
     def _add_headers(self, message: Message) -> None:
         headers = MutableHeaders(scope=message)
         headers["X-Request-ID"] = self.request_id
-        if names := self.scope["state"].get("deprecated"):
-            headers["Deprecation"] = DEPRECATED_SINCE
-            link = f'<{self.middleware.settings.prefix}/openapi.json>; rel="deprecation"'
-            headers.append("Link", f'{link}; title="{", ".join(names)}"')
         for name, value in SECURITY_HEADERS.items():
             headers.setdefault(name, value)
         headers.setdefault("Cache-Control", "no-store")

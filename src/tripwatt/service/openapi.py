@@ -7,12 +7,12 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final, TypeVar
 
-from fastapi import Depends, FastAPI
+from fastapi import FastAPI
 from pydantic import TypeAdapter
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from starlette.responses import Response
 
-from tripwatt.service.contract import known_parameters, mark_old_address
+from tripwatt.service.contract import known_parameters
 from tripwatt.service.example_requests import EXAMPLES
 from tripwatt.service.problems import MEDIA_TYPE, SAFE_METHODS, TITLES
 from tripwatt.service.schemas import ProblemDocument
@@ -48,7 +48,6 @@ KEY: Final = "Idempotency-Key"
 HEADERS: Final = {
     TAG: "the `ETag` that the client has: a 304 has no content",
     KEY: "of a request that may come twice, 1 to 255 characters: the second one gets the response of the first, for a day",
-    "Deprecation": "the request has old names, which are the title of `Link` (RFC 9745)",
     "ETag": "changes with the content",
     "Retry-After": "seconds to wait",
 }
@@ -76,8 +75,6 @@ class Operation:
         Kinds of problems beside those that follow from body, parameters and tag.
     only : tuple of str or None
         All kinds of problems, where they do not follow.
-    alias : str
-        An earlier path; empty for none.
     header : str
         A header of the request that the operation heeds: `TAG` or `KEY`; empty for none.
     internal : bool
@@ -95,14 +92,13 @@ class Operation:
     takes: Mapping[str, Content]
     also: tuple[str, ...] = ()
     only: tuple[str, ...] | None = None
-    alias: str = ""
     header: str = ""
     internal: bool = False
     description: str = ""
     more: Mapping[str, Any] = field(default_factory=dict)
 
     def add_to(self, app: FastAPI, handler: Callable[..., Any]) -> None:
-        """Add the operation and its alias to an application."""
+        """Add the operation to an application."""
         extra = {**self.more, **({"x-internal": True} if self.internal else {})}
         if self.takes:
             extra["requestBody"] = {"required": True, "content": _contents(self.takes)}
@@ -110,29 +106,26 @@ class Operation:
         if self.method not in SAFE_METHODS:
             kinds = (*kinds, "foreign-site")
         checks = known_parameters(handler, self.path) if "invalid-input" in kinds else []
-        tag = ["ETag"] if self.header == TAG else []
         answer = {"description": self._description(), "content": _contents(self.answer)}
-        answers = {200: answer | _headers("Deprecation", *tag), **_problems(kinds)}
-        if tag:
-            answers[304] = {"description": "The client has it already", **_headers(*tag)}
+        answers = {200: answer, **_problems(kinds)}
+        if self.header == TAG:
+            answer |= _headers("ETag")
+            answers[304] = {"description": "The client has it already", **_headers("ETag")}
         if self.header:
             heeded = {"name": self.header, "in": "header", "description": HEADERS[self.header], **TEXT}
             extra["parameters"] = [heeded]
-        for path in (self.path, self.alias):
-            if path:
-                app.add_api_route(
-                    path,
-                    handler,
-                    methods=[self.method],
-                    operation_id=handler.__name__ + ("_alias" if path == self.alias else ""),
-                    tags=[self.tag],
-                    dependencies=[*checks, Depends(mark_old_address)],
-                    response_class=Response,
-                    response_model=None,
-                    responses=answers,
-                    openapi_extra=extra,
-                    deprecated=True if path == self.alias else None,
-                )
+        app.add_api_route(
+            self.path,
+            handler,
+            methods=[self.method],
+            operation_id=handler.__name__,
+            tags=[self.tag],
+            dependencies=checks,
+            response_class=Response,
+            response_model=None,
+            responses=answers,
+            openapi_extra=extra,
+        )
 
     def models(self) -> set[type]:
         """Return the schemas of request and response."""
@@ -151,7 +144,7 @@ class Operation:
 
 
 class Schemas(GenerateJsonSchema):
-    """Schemas of which generated clients make optional fields: some count a field with a `default` as required. Old names are marked."""
+    """Schemas of which generated clients make optional fields: some count a field with a `default` as required."""
 
     def default_schema(self, schema: Any) -> JsonSchemaValue:
         """Return the schema of a field that has a default."""
@@ -228,11 +221,6 @@ def add_operations(app: FastAPI, owners: Iterable[object], *, with_token: bool) 
             if with_token:
                 security["token"] = {"type": "http", "scheme": "bearer"}
                 derived["security"] = [{"token": []}]
-            for schema in schemas["$defs"].values():
-                for name, of_field in schema.get("properties", {}).items():
-                    if str(of_field.get("description", "")).startswith("deprecated: "):
-                        of_field["deprecated"] = True
-                        schema["required"] = [one for one in schema["required"] if one != name]
             derived["components"] = {"schemas": schemas["$defs"], "securitySchemes": security}
             app.openapi_schema = derived
         return app.openapi_schema

@@ -10,7 +10,7 @@ import pandas as pd
 from tripwatt.errors import InvalidInput
 from tripwatt.routes import Track, is_links_table, parse_route, plan_from_route, route_from_track
 from tripwatt.routes.link_objects import fields_of_route
-from tripwatt.service.schemas import require_duration
+from tripwatt.service.schemas import BMS_SOC, require_duration
 from tripwatt.service.settings import Limits
 from tripwatt.sources.canonical import canonical_of_text
 from tripwatt.trips import Flag, gap_flags, raise_faults, time_faults
@@ -64,7 +64,7 @@ def _response(samples: pd.DataFrame, limits: Limits, flags: tuple[Flag, ...] = (
     raise_faults(time_faults(time, "upload"))
     flags = flags or gap_flags(time)
     return {
-        "samples": columns_of(samples),
+        "samples": columns_of(samples.rename(columns=BMS_SOC)),
         "links": None,
         "elevation": None,
         "duration_s": float(time[-1] - time[0]),

@@ -11,9 +11,9 @@ import numpy as np
 import orjson
 import pandas as pd
 from pydantic import (
-    AliasChoices,
     AwareDatetime,
     BaseModel,
+    BeforeValidator,
     ConfigDict,
     Field,
     ValidationError,
@@ -21,8 +21,8 @@ from pydantic import (
     WithJsonSchema,
     create_model,
     field_validator,
-    model_validator,
 )
+from pydantic_core import PydanticKnownError
 
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import MOST_HINTS, Fault, InvalidInput, did_you_mean, excerpt, raise_faults
@@ -42,8 +42,8 @@ MIN_OBSERVED: Final = 2
 MIN_DURATION_S: Final = 1.0
 """Shortest trip: the simulation has steps of one second."""
 
-BMS_SOC: Final = "bms_soc"
-"""The column `soc` of a table, the state of charge of the battery management, in a request: there, `soc` is the displayed one."""
+BMS_SOC: Final = {"soc": "bms_soc"}
+"""The column of the battery management's state of charge in a table, and over HTTP: there, `soc` is the displayed one."""
 
 PROBLEM_KINDS: Final[dict[str, Any]] = {
     "enum": [f"/problems/{kind}" for kind in TITLES],
@@ -57,17 +57,12 @@ NUMBER_TYPES: Final = frozenset({float, int, NoneType})
 
 def _columns_schema(required: list[str], min_items: int, meaning: str) -> dict[str, Any]:
     properties = {}
-    named = {**COLUMNS, BMS_SOC: COLUMNS["soc"]}
-    for name, column in named.items():
+    for name, column in COLUMNS.items():
         bounds = {"minimum": column.minimum, "maximum": column.maximum}
         kind = {"type": "number" if name in required else ["number", "null"]}
         item = kind | ({"minimum": 0.0} if name == "time_s" else bounds)
-        meant = (
-            f"deprecated: old name of `{BMS_SOC}`" if name == "soc" else f"{column.meaning} [{column.unit}]"
-        )
-        properties[name] = {"type": "array", "items": item, "minItems": min_items, "description": meant}
-        if name == "soc":
-            properties[name]["deprecated"] = True
+        of_list = {"minItems": min_items, "description": f"{column.meaning} [{column.unit}]"}
+        properties[BMS_SOC.get(name, name)] = {"type": "array", "items": item, **of_list}
     return {
         "type": "object",
         "properties": properties,
@@ -146,15 +141,6 @@ class StrictModel(BaseModel):
 
     model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, use_attribute_docstrings=True)
 
-    @model_validator(mode="before")
-    @classmethod
-    def _null_under_another_name_is_left_out(cls, data: Any) -> Any:
-        if not isinstance(data, dict):
-            return data
-        aliases = (field.validation_alias for field in cls.model_fields.values())
-        names = {name for alias in aliases if isinstance(alias, AliasChoices) for name in alias.choices}
-        return {k: v for k, v in data.items() if v is not None or k not in names}
-
     @field_validator("reserve", mode="before", check_fields=False)
     @classmethod
     def _null_is_the_default(cls, value: Any, info: ValidationInfo) -> Any:
@@ -215,6 +201,16 @@ class CarRequest(StrictModel):
     """of the model of a fleet: who drives"""
 
 
+def _text_of_time(given: Any) -> Any:
+    """Refuse numbers, which pydantic takes as seconds since 1970."""
+    if given is not None and not str(given)[4:].startswith("-"):
+        raise PydanticKnownError("datetime_type")
+    return given
+
+
+Time = Annotated[AwareDatetime, BeforeValidator(_text_of_time)]
+
+
 def asked(name: str, field: DepartureField) -> tuple[Any, Any]:
     """Type and schema of a field of the table in a request; its schema also has what a form needs."""
     kind: Any = Literal[field.choices] if field.choices else float
@@ -223,13 +219,10 @@ def asked(name: str, field: DepartureField) -> tuple[Any, Any]:
         unit, rules = f" [{field.column.unit}]", {"ge": field.column.minimum, "le": field.column.maximum}
     elif field.type == "time":
         first, last = (dt.datetime.fromtimestamp(time_s, dt.UTC) for time_s in (FIRST_TIME_S, LAST_TIME_S))
-        kind, unit = AwareDatetime, "; with its time zone"
+        kind, unit = Time, "; with its time zone"
         rules = {"strict": False, "ge": first, "le": last}
     elif field.several:
         kind, rules = list[kind], {"max_length": len(field.choices)}
-    if field.wire:
-        rules["alias"] = field.wire[0]
-        rules["validation_alias"] = AliasChoices(*dict.fromkeys((*field.wire, name)))
     form: dict[str, Any] = {"x-label": field.label, "x-unit": field.unit, "x-option": field.option}
     described = field.help.removesuffix(".") + unit
     return kind | None, Field(None, description=described, json_schema_extra=form, **rules)
@@ -475,7 +468,7 @@ def check_request(document: Any, model: type[RequestModel]) -> RequestModel:
         return model.model_validate(document)
     except ValidationError as error:
         errors = error.errors(include_url=False, include_context=False)
-    raise InvalidInput(faults_of(errors, [*model.model_fields, "displayed_soc"]))
+    raise InvalidInput(faults_of(errors, model.model_fields))
 
 
 def faults_of(errors: Iterable[Mapping[str, Any]], known: Iterable[str]) -> Iterator[Fault]:
@@ -571,8 +564,8 @@ def _columns(value: Any, where: str, limits: Limits) -> dict[str, FloatArray]:
         raise InvalidInput.of("not an object", where, excerpt(value), "an object of lists of numbers")
     faults = []
     columns: dict[str, FloatArray] = {}
-    if {"soc", BMS_SOC} <= value.keys():
-        faults.append(Fault("column given twice", f"{where}.{BMS_SOC}", "soc, its old name, too", "one"))
+    if "soc" in value:
+        faults.append(Fault("unknown column", f"{where}.soc", fix=did_you_mean("soc", BMS_SOC.values())))
     for name, values in value.items():
         field = f"{where}.{name}"[:80]
         if not isinstance(values, list):
@@ -584,6 +577,6 @@ def _columns(value: Any, where: str, limits: Limits) -> dict[str, FloatArray]:
             got = excerpt(values[first])
             faults.append(Fault("not a number", f"{field}[{first}]", got, "a number, or null where unknown"))
         else:
-            columns["soc" if name == BMS_SOC else name] = np.array(values, dtype=np.float64)
+            columns["soc" if name == "bms_soc" else name] = np.array(values, dtype=np.float64)
     raise_faults(faults)
     return columns

@@ -33,8 +33,6 @@ class Field:
         Option of the command line; two fields of one option are given as `A@B`. Empty without one.
     metavar : str
         What the help of the option shows for the value.
-    wire : tuple of str
-        Names in a request, the first one is current; its own name when empty.
 
     Examples
     --------
@@ -51,7 +49,6 @@ class Field:
     type: str = ""
     option: str = ""
     metavar: str = ""
-    wire: tuple[str, ...] = ()
 
     @property
     def unit(self) -> str:

@@ -113,23 +113,6 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
-    "/v1/plan": {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        get?: never;
-        put?: never;
-        /** @deprecated */
-        post: operations["plan_alias"];
-        delete?: never;
-        options?: never;
-        head?: never;
-        patch?: never;
-        trace?: never;
-    };
     "/v1/journeys/difference": {
         parameters: {
             query?: never;
@@ -640,15 +623,13 @@ export interface components {
                 battery_temperature_degc?: (number | null)[];
                 voltage_v?: (number | null)[];
                 current_a?: (number | null)[];
-                /** @deprecated */
-                soc?: (number | null)[];
+                bms_soc?: (number | null)[];
                 displayed_soc?: (number | null)[];
                 motor_torque_nm?: (number | null)[];
                 heating_power_w?: (number | null)[];
                 requested_heating_power_w?: (number | null)[];
                 aircon_power_w?: (number | null)[];
                 climate_power_w?: (number | null)[];
-                bms_soc?: (number | null)[];
             } | null;
             links?: components["schemas"]["Link"][] | null;
             elevation?: components["schemas"]["Elevation"] | null;
@@ -974,15 +955,13 @@ export interface components {
                 battery_temperature_degc?: (number | null)[];
                 voltage_v?: (number | null)[];
                 current_a?: (number | null)[];
-                /** @deprecated */
-                soc?: (number | null)[];
+                bms_soc?: (number | null)[];
                 displayed_soc?: (number | null)[];
                 motor_torque_nm?: (number | null)[];
                 heating_power_w?: (number | null)[];
                 requested_heating_power_w?: (number | null)[];
                 aircon_power_w?: (number | null)[];
                 climate_power_w?: (number | null)[];
-                bms_soc?: (number | null)[];
             } | null;
             links?: components["schemas"]["Link"][] | null;
             elevation?: components["schemas"]["Elevation"] | null;
@@ -1004,10 +983,6 @@ export interface components {
             missing_wh: components["schemas"]["Missing"];
             wh_per_display: number;
             p_arrive_by_soc: {
-                [key: string]: number;
-            };
-            /** @deprecated */
-            p_arrive?: {
                 [key: string]: number;
             };
             climb: components["schemas"]["UnknownClimbDocument"] | null;
@@ -1062,9 +1037,7 @@ export interface components {
             rain_mm_h?: number | null;
             pressure_pa?: number | null;
             tyre_pressure?: number | null;
-            departure_utc?: string | null;
-            /** @deprecated */
-            weather?: components["schemas"]["WeatherRequest"] | null;
+            departs_at?: string | null;
             stops: (string | components["schemas"]["PlaceRequest"])[];
             reserve?: number | null;
             alternatives?: number;
@@ -1160,15 +1133,11 @@ export interface components {
         };
         LiveCarSummary: {
             car: string;
-            /** @deprecated */
-            vehicle?: string;
             seconds_since_message: number | null;
             on_trip: boolean;
         };
         LiveCarsResponse: {
             cars: components["schemas"]["LiveCarSummary"][];
-            /** @deprecated */
-            vehicles?: components["schemas"]["LiveCarSummary"][];
         };
         LiveForecastDocument: {
             energy_wh: number;
@@ -1224,26 +1193,22 @@ export interface components {
                 battery_temperature_degc?: (number | null)[];
                 voltage_v?: (number | null)[];
                 current_a?: (number | null)[];
-                /** @deprecated */
-                soc?: (number | null)[];
+                bms_soc?: (number | null)[];
                 displayed_soc?: (number | null)[];
                 motor_torque_nm?: (number | null)[];
                 heating_power_w?: (number | null)[];
                 requested_heating_power_w?: (number | null)[];
                 aircon_power_w?: (number | null)[];
                 climate_power_w?: (number | null)[];
-                bms_soc?: (number | null)[];
             } | null;
             links?: components["schemas"]["Link"][] | null;
             elevation?: components["schemas"]["Elevation"] | null;
             reserve?: number | null;
             probability?: number | null;
-            departure_utc?: string | null;
+            departs_at?: string | null;
         };
         LiveResponse: {
             car: string;
-            /** @deprecated */
-            vehicle?: string;
             seconds_since_message: number | null;
             messages: components["schemas"]["LiveMessages"];
             held: number;
@@ -1260,8 +1225,6 @@ export interface components {
         };
         LiveTripDocument: {
             departs_at: string;
-            /** @deprecated */
-            departure_utc?: number;
             duration_s: number;
             distance_m: number;
             samples: number;
@@ -1353,8 +1316,6 @@ export interface components {
             charging_s: number | null;
             preheat: components["schemas"]["PreheatDocument"] | null;
             car: string;
-            /** @deprecated */
-            vehicle?: string;
             /** @enum {string} */
             plan: "given" | "usual";
             usual_trip: string | null;
@@ -1362,8 +1323,6 @@ export interface components {
             reserve: number;
             expected_wh: number;
             energy_quantile_wh: number;
-            /** @deprecated */
-            energy_wh?: number;
             soc_needed: number;
             message: string;
             wh_per_display: number;
@@ -1459,9 +1418,7 @@ export interface components {
             rain_mm_h?: number | null;
             pressure_pa?: number | null;
             tyre_pressure?: number | null;
-            departure_utc?: string | null;
-            /** @deprecated */
-            weather?: components["schemas"]["WeatherRequest"] | null;
+            departs_at?: string | null;
             stops: (string | components["schemas"]["PlaceRequest"])[];
             reserve?: number | null;
             alternatives?: number;
@@ -1587,9 +1544,7 @@ export interface components {
             rain_mm_h?: number | null;
             pressure_pa?: number | null;
             tyre_pressure?: number | null;
-            departure_utc?: string | null;
-            /** @deprecated */
-            weather?: components["schemas"]["WeatherRequest"] | null;
+            departs_at?: string | null;
             start: string | components["schemas"]["PlaceRequest"];
             reserve?: number | null;
         };
@@ -1679,8 +1634,6 @@ export interface components {
             /** @enum {string} */
             status: "ok" | "held";
             car: string;
-            /** @deprecated */
-            vehicle?: string;
             /** @enum {string} */
             arrival: "new" | "doubled" | "held";
             ignored: components["schemas"]["ProblemFault"][];
@@ -1732,15 +1685,13 @@ export interface components {
                 battery_temperature_degc?: (number | null)[];
                 voltage_v?: (number | null)[];
                 current_a?: (number | null)[];
-                /** @deprecated */
-                soc?: (number | null)[];
+                bms_soc?: (number | null)[];
                 displayed_soc?: (number | null)[];
                 motor_torque_nm?: (number | null)[];
                 heating_power_w?: (number | null)[];
                 requested_heating_power_w?: (number | null)[];
                 aircon_power_w?: (number | null)[];
                 climate_power_w?: (number | null)[];
-                bms_soc?: (number | null)[];
             } | null;
             links?: components["schemas"]["Link"][] | null;
             elevation?: components["schemas"]["Elevation"] | null;
@@ -1758,15 +1709,13 @@ export interface components {
                 battery_temperature_degc?: (number | null)[];
                 voltage_v?: (number | null)[];
                 current_a?: (number | null)[];
-                /** @deprecated */
-                soc?: (number | null)[];
+                bms_soc?: (number | null)[];
                 displayed_soc?: (number | null)[];
                 motor_torque_nm?: (number | null)[];
                 heating_power_w?: (number | null)[];
                 requested_heating_power_w?: (number | null)[];
                 aircon_power_w?: (number | null)[];
                 climate_power_w?: (number | null)[];
-                bms_soc?: (number | null)[];
             };
         };
         UploadResponse: {
@@ -1816,13 +1765,6 @@ export interface components {
             settlements: components["schemas"]["PlaceDocument"][];
             stations: components["schemas"]["StationDocument"][];
             attribution: string;
-        };
-        WeatherRequest: {
-            temperature_degc?: number | null;
-            wind_speed_m_s?: number;
-            wind_from_deg?: number;
-            rain_mm_h?: number;
-            pressure_pa?: number | null;
         };
         WholeDocument: {
             duration_s: number;
@@ -1941,7 +1883,6 @@ export type VehicleSummary = components['schemas']['VehicleSummary'];
 export type VehiclesResponse = components['schemas']['VehiclesResponse'];
 export type VerdictDocument = components['schemas']['VerdictDocument'];
 export type ViewResponse = components['schemas']['ViewResponse'];
-export type WeatherRequest = components['schemas']['WeatherRequest'];
 export type WholeDocument = components['schemas']['WholeDocument'];
 export type $defs = Record<string, never>;
 export interface operations {
@@ -1962,7 +1903,6 @@ export interface operations {
         responses: {
             200: {
                 headers: {
-                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -1988,7 +1928,6 @@ export interface operations {
         responses: {
             200: {
                 headers: {
-                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2012,7 +1951,6 @@ export interface operations {
         responses: {
             200: {
                 headers: {
-                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2036,7 +1974,6 @@ export interface operations {
         responses: {
             200: {
                 headers: {
-                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2062,7 +1999,6 @@ export interface operations {
         responses: {
             200: {
                 headers: {
-                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2095,7 +2031,6 @@ export interface operations {
         responses: {
             200: {
                 headers: {
-                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2121,33 +2056,6 @@ export interface operations {
         responses: {
             200: {
                 headers: {
-                    Deprecation?: string;
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["PlanResponse"];
-                };
-            };
-        };
-    };
-    plan_alias: {
-        parameters: {
-            query?: {
-                fields?: string;
-            };
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        requestBody: {
-            content: {
-                "application/json": components["schemas"]["PlanRequest"];
-            };
-        };
-        responses: {
-            200: {
-                headers: {
-                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2171,7 +2079,6 @@ export interface operations {
         responses: {
             200: {
                 headers: {
-                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2195,7 +2102,6 @@ export interface operations {
         responses: {
             200: {
                 headers: {
-                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2219,7 +2125,6 @@ export interface operations {
         responses: {
             200: {
                 headers: {
-                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2237,7 +2142,7 @@ export interface operations {
                 cabin_temperature_degc?: number;
                 battery_temperature_degc?: number;
                 payload_mass_kg?: number;
-                departure_utc?: string;
+                departs_at?: string;
                 climate?: "auto" | "off" | "heat" | "cool";
                 extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights" | "heated_seats")[];
                 terrain?: "unknown" | "flat" | "hilly" | "mountains";
@@ -2267,7 +2172,6 @@ export interface operations {
         responses: {
             200: {
                 headers: {
-                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2285,7 +2189,7 @@ export interface operations {
                 cabin_temperature_degc?: number;
                 battery_temperature_degc?: number;
                 payload_mass_kg?: number;
-                departure_utc?: string;
+                departs_at?: string;
                 climate?: "auto" | "off" | "heat" | "cool";
                 extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights" | "heated_seats")[];
                 terrain?: "unknown" | "flat" | "hilly" | "mountains";
@@ -2309,7 +2213,6 @@ export interface operations {
         responses: {
             200: {
                 headers: {
-                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2332,7 +2235,6 @@ export interface operations {
         responses: {
             200: {
                 headers: {
-                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2354,7 +2256,6 @@ export interface operations {
         responses: {
             200: {
                 headers: {
-                    Deprecation?: string;
                     ETag?: string;
                     [name: string]: unknown;
                 };
@@ -2381,7 +2282,6 @@ export interface operations {
         responses: {
             200: {
                 headers: {
-                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2405,7 +2305,6 @@ export interface operations {
         responses: {
             200: {
                 headers: {
-                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2427,7 +2326,6 @@ export interface operations {
         responses: {
             200: {
                 headers: {
-                    Deprecation?: string;
                     ETag?: string;
                     [name: string]: unknown;
                 };
@@ -2452,7 +2350,6 @@ export interface operations {
         responses: {
             200: {
                 headers: {
-                    Deprecation?: string;
                     ETag?: string;
                     [name: string]: unknown;
                 };
@@ -2477,7 +2374,6 @@ export interface operations {
         responses: {
             200: {
                 headers: {
-                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2497,7 +2393,6 @@ export interface operations {
         responses: {
             200: {
                 headers: {
-                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2519,7 +2414,6 @@ export interface operations {
         responses: {
             200: {
                 headers: {
-                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2539,7 +2433,6 @@ export interface operations {
         responses: {
             200: {
                 headers: {
-                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2559,7 +2452,6 @@ export interface operations {
         responses: {
             200: {
                 headers: {
-                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2579,7 +2471,6 @@ export interface operations {
         responses: {
             200: {
                 headers: {
-                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2603,7 +2494,6 @@ export interface operations {
         responses: {
             200: {
                 headers: {
-                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2629,7 +2519,6 @@ export interface operations {
         responses: {
             200: {
                 headers: {
-                    Deprecation?: string;
                     ETag?: string;
                     [name: string]: unknown;
                 };
@@ -2660,7 +2549,6 @@ export interface operations {
         responses: {
             200: {
                 headers: {
-                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2680,7 +2568,6 @@ export interface operations {
         responses: {
             200: {
                 headers: {
-                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2702,7 +2589,6 @@ export interface operations {
         responses: {
             200: {
                 headers: {
-                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2728,7 +2614,6 @@ export interface operations {
         responses: {
             200: {
                 headers: {
-                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2750,7 +2635,6 @@ export interface operations {
         responses: {
             200: {
                 headers: {
-                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2770,7 +2654,6 @@ export interface operations {
         responses: {
             200: {
                 headers: {
-                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2796,7 +2679,6 @@ export interface operations {
         responses: {
             200: {
                 headers: {
-                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2818,7 +2700,6 @@ export interface operations {
         responses: {
             200: {
                 headers: {
-                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2840,7 +2721,6 @@ export interface operations {
         responses: {
             200: {
                 headers: {
-                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2864,7 +2744,6 @@ export interface operations {
         responses: {
             200: {
                 headers: {
-                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2892,7 +2771,6 @@ export interface operations {
         responses: {
             200: {
                 headers: {
-                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2919,7 +2797,6 @@ export interface operations {
         responses: {
             200: {
                 headers: {
-                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {
@@ -2948,7 +2825,6 @@ export interface operations {
         responses: {
             200: {
                 headers: {
-                    Deprecation?: string;
                     [name: string]: unknown;
                 };
                 content: {

@@ -251,7 +251,6 @@ export const faults = computed(() => {
 
 const FIELDS = [
   ...Array.from({ length: MOST_STOPS }, (_, k) => `stops[${k}]`),
-  "displayed_soc",
   ...ASKED,
   "reserve",
   "model",

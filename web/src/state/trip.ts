@@ -28,7 +28,7 @@ import {
 } from "./conditions";
 
 const ROAD = ["time_s", "speed_m_s", "elevation_m", "grade"];
-const MEASURED = ["time_s", "voltage_v", "current_a", "soc", "displayed_soc"];
+const MEASURED = ["time_s", "voltage_v", "current_a", "bms_soc", "displayed_soc"];
 
 export type Source = "journey" | "distance" | "examples" | "upload" | "links";
 
@@ -85,14 +85,16 @@ export function tripFromExample(example: Example): Trip {
   };
 }
 
-/** The first sample, with the displayed state of charge as `soc`; the `soc` of a log is that of the battery management. */
+/** The first sample, with the displayed state of charge as `soc`. */
 function firstOf(samples: Columns): Record<string, unknown> {
   const first = Object.fromEntries(Object.entries(samples).map(([name, column]) => [name, column[0]]));
   return { ...first, soc: first.displayed_soc };
 }
 
 function isMeasured(columns: Columns): boolean {
-  return ("voltage_v" in columns && "current_a" in columns) || "soc" in columns || "displayed_soc" in columns;
+  return (
+    ("voltage_v" in columns && "current_a" in columns) || "bms_soc" in columns || "displayed_soc" in columns
+  );
 }
 
 export function tripFromRoute(route: Route, title: string, source: Source): Trip {

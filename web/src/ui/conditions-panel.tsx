@@ -276,7 +276,7 @@ export function ConditionsPanel() {
           setting={setting}
           label={words.fields[setting]}
           value={now[setting]}
-          faults={[...faultsOf(setting), ...(setting === "soc" ? faultsOf("displayed_soc") : [])]}
+          faults={faultsOf(setting)}
           onChange={(si) => change({ [setting]: si })}
         />
       ))}

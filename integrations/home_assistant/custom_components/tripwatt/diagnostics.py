@@ -17,7 +17,6 @@ SECRET: Final = {
     CONF_CALENDARS,
     "usual_trip",
     "departs_at",
-    "departure_utc",
     "starts_at",
 }
 """The token, addresses, and when somebody leaves the house."""

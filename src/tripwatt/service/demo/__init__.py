@@ -110,7 +110,7 @@ def _samples(trip: Mapping[str, Any], begins_s: float) -> Drive:
     after_s = np.array(measured["time_s"]) - measured["time_s"][0]
     kept = np.searchsorted(after_s, np.arange(0.0, after_s[-1], EVERY_S))
     for k in kept.tolist():
-        yield begins_s + float(after_s[k]), {name: measured[name][k] for name in names}
+        yield begins_s + float(after_s[k]), {name.removeprefix("bms_"): measured[name][k] for name in names}
 
 
 def send(samples: Drive, url: str, token: str) -> None:
