@@ -243,7 +243,7 @@ class CarOperations:
         learning = self.learning.get(car)
         if learning is None:
             return None
-        nothing = dict.fromkeys(("added", "known", "entries")) | {"left_out": [], "faults": []}
+        nothing = dict.fromkeys(("added", "known", "entries", "flat")) | {"left_out": [], "faults": []}
         if learning.result is None:
             done, total = read_progress(require_folder(self.settings.cars) / car, learning.upload)
             return {"state": "running", "done": done, "total": total, **nothing}

@@ -252,6 +252,8 @@ class LearningDocument(ResponseModel):
     """new trips of the diary"""
     left_out: list[str]
     """drives that are not learned, with the reason; the first ones"""
+    flat: int | None
+    """new trips of the diary without heights: with the altitude of the app that logs them forecasts would be narrower"""
     faults: list[ProblemFault]
 
 

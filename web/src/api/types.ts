@@ -1107,6 +1107,7 @@ export interface components {
             known: number | null;
             entries: number | null;
             left_out: string[];
+            flat: number | null;
             faults: components["schemas"]["ProblemFault"][];
         };
         LeaveWith: {

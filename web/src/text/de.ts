@@ -699,6 +699,8 @@ const de: Text = {
     learning: (done, total) => `Lernt: Fahrt ${done} von ${total}`,
     learnedNow: (trips, known) =>
       `${count(trips, { one: "# neue Fahrt gelernt", other: "# neue Fahrten gelernt" })}; ${count(known, { one: "# Log war bekannt", other: "# Logs waren bekannt" })}.`,
+    flat: (trips) =>
+      `${count(trips, { one: "# davon hat", other: "# davon haben" })} keine Höhen: Die Höhe in der App einzuschalten, die aufzeichnet, würde die Prognosen am stärksten eingrenzen.`,
     leftOut: (reasons) => `Ausgelassen: ${reasons}.`,
     nothingYet: "Noch keine Fahrten: Die Prognosen sind die der veröffentlichten Werte.",
     learnedFrom: (trips) => count(trips, { one: "Aus # Fahrt gelernt", other: "Aus # Fahrten gelernt" }),

@@ -691,6 +691,8 @@ export const en = {
     learning: (done: number, total: number) => `Learning: trip ${done} of ${total}`,
     learnedNow: (trips: number, known: number) =>
       `${count(trips, { one: "# new trip learned", other: "# new trips learned" })}; ${count(known, { one: "# log was known", other: "# logs were known" })}.`,
+    flat: (trips: number) =>
+      `${count(trips, { one: "# of them has", other: "# of them have" })} no heights: switching on the altitude in the app that logs would narrow the forecasts most.`,
     leftOut: (reasons: string) => `Left out: ${reasons}.`,
     nothingYet: "No trips yet: its forecasts are those of its published values.",
     learnedFrom: (trips: number) =>

@@ -261,7 +261,8 @@ function Progress({ of }: { of: OwnCar }) {
   if (learning.state === "failed") return <FaultList faults={learning.faults} />;
   return (
     <p class="note" role="status">
-      {words.learnedNow(learning.entries ?? 0, learning.known ?? 0)}
+      {words.learnedNow(learning.entries ?? 0, learning.known ?? 0)}{" "}
+      {learning.flat ? words.flat(learning.flat) : ""}
     </p>
   );
 }
