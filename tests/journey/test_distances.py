@@ -245,3 +245,10 @@ def test_what_own_trips_take_more_than_typical_roads_is_learned() -> None:
         PRIOR_TRIPS + 20.0
     )
     assert roads.share(10_000.0, True) == pytest.approx(left**0.5)
+
+
+def test_an_hour_of_standstill_does_not_widen_the_way_to_work() -> None:
+    prior, length = road_prior(), np.array([[0.0, 10_000.0, 0.0]] * 10 + [[3_000.0, 0.0, 0.0]])
+    usual = OwnRoads(prior, length[:10], np.full(10, 1000.0), np.array([0.1, 0.1, 0.1]))
+    stood = replace(usual, length_m=length, driving_wh=np.append(usual.driving_wh, 30_000.0))
+    assert stood.at(10_000.0).share(10_000.0, True) < usual.at(10_000.0).share(10_000.0, True) + 0.04

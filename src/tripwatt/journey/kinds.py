@@ -153,6 +153,8 @@ class RoadPrior:
 
 NEAR: Final = 0.5
 """Standard deviation of the logarithm of the distance within which own trips count for a distance."""
+MOST_ERROR: Final = 1.0
+"""Trips that take twice as much as typical roads, or nothing, are standstill with the car switched on, or a few metres."""
 PRIOR_TRIPS: Final = 5.0
 """Weight of the roads of all logs beside own trips, in trips near a distance."""
 
@@ -197,7 +199,9 @@ class OwnRoads:
         city, country, motorway = ((PRIOR_TRIPS * np.array(self.prior.usual) + near @ own) / trips).tolist()
 
         def errors(shares: FloatArray, is_known: bool) -> tuple[float, tuple[float, ...]]:
-            error = self.driving_wh / (driven_m * (shares @ self.wh_m)) - 1.0
+            error = np.clip(
+                self.driving_wh / (driven_m * (shares @ self.wh_m)) - 1.0, -MOST_ERROR, MOST_ERROR
+            )
             more = float(near @ error / trips)
             square = PRIOR_TRIPS * self.prior.share(distance_m, is_known) ** 2 + near @ (error - more) ** 2
             return more, (float(square / trips), 0.0)
