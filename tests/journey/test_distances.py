@@ -13,6 +13,7 @@ from tools import DATA
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import ForecastModel
+from tripwatt.forecasting.ranges import UNKNOWN_AIR_SD_K
 from tripwatt.journey.distances import NODES_M, KindForecaster, node_values, own_roads
 from tripwatt.journey.kinds import (
     KINDS,
@@ -27,6 +28,7 @@ from tripwatt.journey.kinds import (
     shares_of,
     shares_over,
 )
+from tripwatt.physics.conditions import UNKNOWN_AMBIENT_DEGC
 from tripwatt.population.adapting import adaptation
 from tripwatt.trips import Departure, Trip
 
@@ -235,7 +237,7 @@ def test_need_and_range_use_the_own_roads(commuter: ForecastModel) -> None:
 def test_what_own_trips_take_more_than_typical_roads_is_learned() -> None:
     """The same distances and speeds with twice the driving energy: the need follows by the weight of the trips."""
     prior, length = road_prior(), np.array([[0.0, 10_000.0, 0.0]] * 20)
-    plain = OwnRoads(prior, length, np.full(20, 1000.0), np.array([0.1, 0.1, 0.1]))
+    plain = OwnRoads(prior, length, np.full(20, 1000.0), np.array([0.1, 0.1, 0.1]), np.full((20, 2), np.nan))
     double = replace(plain, driving_wh=np.full(20, 2000.0))
     assert plain.at(10_000.0).more == pytest.approx((0.0, 0.0))
     weight = 20.0 / (PRIOR_TRIPS + 20.0)
@@ -249,6 +251,39 @@ def test_what_own_trips_take_more_than_typical_roads_is_learned() -> None:
 
 def test_an_hour_of_standstill_does_not_widen_the_way_to_work() -> None:
     prior, length = road_prior(), np.array([[0.0, 10_000.0, 0.0]] * 10 + [[3_000.0, 0.0, 0.0]])
-    usual = OwnRoads(prior, length[:10], np.full(10, 1000.0), np.array([0.1, 0.1, 0.1]))
+    usual = OwnRoads(
+        prior, length[:10], np.full(10, 1000.0), np.array([0.1, 0.1, 0.1]), np.full((10, 2), np.nan)
+    )
     stood = replace(usual, length_m=length, driving_wh=np.append(usual.driving_wh, 30_000.0))
     assert stood.at(10_000.0).share(10_000.0, True) < usual.at(10_000.0).share(10_000.0, True) + 0.04
+
+
+def test_the_air_of_a_day_is_that_of_own_trips_around_it() -> None:
+    """Winters of -5 and summers of 25 degrees; without a date all of the year; without trips the usual one."""
+    day = np.arange(0.0, 730.0, 10.0)
+    degc = 10.0 - 15.0 * np.cos(2.0 * np.pi * day / 365.25)
+    roads = OwnRoads(
+        road_prior(),
+        np.full((len(day), 3), 1000.0),
+        np.full(len(day), 300.0),
+        np.full(3, 0.1),
+        np.column_stack([degc, day]),
+    )
+    winter, summer, unknown = (roads.usual_air(one) for one in (5.0 + 3 * 365.25, 180.0, np.nan))
+    assert winter[0] < 1.0 < 19.0 < summer[0]
+    assert unknown[0] == pytest.approx(10.0, abs=1.0)
+    assert max(winter[1], summer[1]) < 9.5 < unknown[1]
+    nothing = replace(roads, air=np.full((len(day), 2), np.nan)).usual_air(180.0)
+    assert nothing == (UNKNOWN_AMBIENT_DEGC, UNKNOWN_AIR_SD_K)
+
+
+def test_the_season_of_own_trips_takes_the_place_of_an_unknown_temperature(commuter: ForecastModel) -> None:
+    """All own trips are at 20 degrees: the need is that of warm air, less certain than a known one, and says what is assumed."""
+    unknown, known = tw.need(20, model=commuter), tw.need(20, departure=MILD, model=commuter)
+    usual = tw.need(
+        20, departure=replace(MILD, ambient_temperature_degc=UNKNOWN_AMBIENT_DEGC), model=commuter
+    )
+    assert unknown.energy_wh == pytest.approx(known.energy_wh, rel=0.03)
+    assert unknown.energy_wh < usual.energy_wh
+    assert unknown.interval_wh[1] - unknown.interval_wh[0] > known.interval_wh[1] - known.interval_wh[0]
+    assert "ambient_temperature_degc" in {flag.subject for flag in unknown.flags}

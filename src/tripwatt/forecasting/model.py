@@ -99,7 +99,7 @@ class ForecastModel:
         Each of them as it was forecast while its inner fold was held out.
     evidence_ : TripEvidence or None
         What the training trips show of the factors by which the car differs from its simulation: for models of other cars.
-    roads_ : ndarray, shape (trips, 7), or None
+    roads_ : ndarray, shape (trips, 9), or None
         Of the car's own trips, as of `tripwatt.hybrid.segments.driven_roads`, for forecasts without a road.
     flags : tuple of Flag
         What every forecast of it flags first, such as a car without trips; empty for a model of its own trips.

@@ -108,7 +108,13 @@ def unknown_state_sd_wh(
     return float(np.linalg.norm(parts))
 
 
-def unknown_air_sd_wh(vehicle: Vehicle, plan: Plan, usual_wh: float) -> float:
+def unknown_air_sd_wh(
+    vehicle: Vehicle,
+    plan: Plan,
+    usual_wh: float,
+    usual_degc: float = UNKNOWN_AMBIENT_DEGC,
+    sd_k: float = UNKNOWN_AIR_SD_K,
+) -> float:
     """Standard deviation of a trip's energy by an unknown outside temperature [Wh].
 
     The trip is simulated in the air of the three-point rule of Gauss and Hermite: what cold costs does not rise evenly.
@@ -118,7 +124,9 @@ def unknown_air_sd_wh(vehicle: Vehicle, plan: Plan, usual_wh: float) -> float:
     vehicle : Vehicle
     plan : Plan
     usual_wh : float
-        Its simulated energy at `UNKNOWN_AMBIENT_DEGC`.
+        Its simulated energy at the usual temperature.
+    usual_degc, sd_k : float
+        Usual outside temperature [°C] and its standard deviation [K].
 
     Examples
     --------
@@ -127,10 +135,10 @@ def unknown_air_sd_wh(vehicle: Vehicle, plan: Plan, usual_wh: float) -> float:
     >>> 300.0 < unknown_air_sd_wh(car, plan, tw.simulate(plan, car).simulated_energy_wh) < 800.0
     True
     """
-    far_k = np.sqrt(3.0) * UNKNOWN_AIR_SD_K
+    far_k = np.sqrt(3.0) * sd_k
     cold, warm = (
         simulate_trip(
-            vehicle, plan.with_departure(Departure(ambient_temperature_degc=UNKNOWN_AMBIENT_DEGC + kelvin))
+            vehicle, plan.with_departure(Departure(ambient_temperature_degc=usual_degc + kelvin))
         ).simulated_energy_wh
         for kelvin in (-far_k, far_k)
     )

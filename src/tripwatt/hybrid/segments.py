@@ -257,7 +257,7 @@ def segment_table(
         "payload_mass_kg": departure.payload_mass_kg or 0.0,
         **{name: _known(getattr(departure, name)) for name in TEMPERATURES},
         "soc": _known(departure.bms_soc),
-        "day": _day(departure.departs_at),
+        "day": day_of(departure.departs_at),
         "winter": {"winter": 1.0, "summer": 0.0}.get(departure.season or "", np.nan),
     }
     simulated = np.asarray(features["simulated_w"])
@@ -318,13 +318,18 @@ def segment_trips(trips: Sequence[Trip], vehicle: Vehicle) -> SegmentTable:
 
 
 def driven_roads(trips: Sequence[Trip], table: SegmentTable) -> FloatArray:
-    """What trips show of a car's roads: length [m] and time [s] in city, country and motorway, and the simulated energy of `DRIVING` [Wh].
+    """What trips show of a car's roads and of its air, shape (trips that have links, 9).
 
-    Shape (trips that have links, 7).
+    Length [m] and time [s] in city, country and motorway, the simulated energy of `DRIVING` [Wh], the outside temperature at departure [°C] and its day
+    [days since 1970], NaN where they are unknown.
     """
-    energy = table.totals_wh(driving_w(table)).tolist()
-    cut = [(or_none(driven_by_kind, trip), wh) for trip, wh in zip(trips, energy, strict=True)]
-    return np.array([(*by_kind, wh) for by_kind, wh in cut if by_kind is not None]).reshape(-1, 7)
+    rows = [
+        np.full(6, np.nan) if cut is None else cut
+        for cut in (or_none(driven_by_kind, trip) for trip in trips)
+    ]
+    about = table.features[["ambient_temperature_degc", "day"]].to_numpy(dtype=np.float64)[table.offsets[:-1]]
+    driven = np.column_stack([np.array(rows), table.totals_wh(driving_w(table)), about])
+    return np.asarray(driven[np.isfinite(driven[:, 0])])
 
 
 def driving_w(table: SegmentTable) -> FloatArray:
@@ -392,7 +397,7 @@ def _beside(table: SegmentTable, new: SegmentTable) -> SegmentTable:
     return replace(table, features=new.features, simulated_w=new.simulated_w, observed_w=observed)
 
 
-def _day(at: dt.datetime | None) -> float:
+def day_of(at: dt.datetime | None) -> float:
     """Days since 1970; a time without a zone counts as UTC on every machine."""
     if at is None:
         return np.nan

@@ -13,7 +13,8 @@ import numpy as np
 
 from tripwatt.arrays import FloatArray
 from tripwatt.forecasting import Forecast, ForecastModel
-from tripwatt.hybrid.segments import DRIVING
+from tripwatt.forecasting.ranges import unknown_air_sd_wh
+from tripwatt.hybrid.segments import DRIVING, day_of
 from tripwatt.journey.kinds import (
     KINDS,
     UNKNOWN,
@@ -39,6 +40,7 @@ BAND: Final = (0.05, 0.95)
 HALF: Final = (0.25, 0.75)
 CAUTIOUS: Final = 0.95
 """19 of 20 trips."""
+ASSUMED: Final = "usual_value_assumed"
 OF_CHARGE: Final = frozenset({"battery_empty", "battery_full", "no_elevation", "soc_assumed"})
 """Flags of the roads that are forecast, which are not the trip that is asked for; nor is the charge that they start with."""
 
@@ -230,7 +232,7 @@ class Doubt:
             "own trips": shares["car"] * any(flag.code == "no_trips_of_car" for flag in forecast.flags),
             "kind": shares["road"] * by_kind,
             "ambient_temperature_degc": shares["weather"]
-            * (forecast.plan.departure.ambient_temperature_degc is None),
+            * any(f.subject == "ambient_temperature_degc" and f.code == ASSUMED for f in forecast.flags),
         }
         most = max(missing, key=lambda name: missing[name])
         narrower = 1.0 - math.sqrt(1.0 - missing[most])
@@ -309,12 +311,28 @@ class KindForecaster:
         shares = self.shares if self.known else roads.usual
         if self.named and (self.known or self.own is None):
             shares = shares_over(shares, length_m)
-        forecast = self.model.forecast(replace(roads.plan(length_m, shares), link_m=None), self.departure)
-        share = roads.share(length_m, self.known)
+        plan, share = replace(roads.plan(length_m, shares), link_m=None), roads.share(length_m, self.known)
         if self.own is None:
+            forecast = self.model.forecast(plan, self.departure)
             return replace(forecast, route_sd_wh=share * abs(forecast.energy_wh))
+        forecast = self._in_usual_air(plan, self.own)
         drive = forecast.drive.with_more_driving(roads.more[not self.known])
         return replace(forecast, drive=drive, route_sd_wh=share * drive.driving_wh)
+
+    def _in_usual_air(self, plan: Plan, own: OwnRoads) -> Forecast:
+        """The forecast of a plan; where no outside temperature is given, in that of the car's own trips around the day."""
+        if self.departure.ambient_temperature_degc is not None:
+            return self.model.forecast(plan, self.departure)
+        degc, sd_k = own.usual_air(day_of(self.departure.departs_at))
+        forecast = self.model.forecast(plan, replace(self.departure, ambient_temperature_degc=degc))
+        usual_wh = forecast.drive.simulation.simulated_energy_wh
+        air_wh = unknown_air_sd_wh(self.model.vehicle, plan, usual_wh, degc, sd_k)
+        assumed = Flag(ASSUMED, "ambient_temperature_degc", degc, "degc")
+        return replace(
+            forecast,
+            state_sd_wh=math.hypot(forecast.state_sd_wh, air_wh),
+            flags=(*forecast.flags, assumed),
+        )
 
     def _roads(self, length_m: float) -> RoadPrior:
         return self.prior if self.own is None else self.own.at(length_m)

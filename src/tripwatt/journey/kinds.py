@@ -19,6 +19,8 @@ import numpy as np
 
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import InvalidInput
+from tripwatt.forecasting.ranges import UNKNOWN_AIR_SD_K
+from tripwatt.physics.conditions import UNKNOWN_AMBIENT_DEGC
 from tripwatt.routes.links import LinkRoute, plan_from_links
 from tripwatt.trips import Plan
 from tripwatt.units import M_S_PER_KM_H
@@ -153,6 +155,9 @@ class RoadPrior:
 
 NEAR: Final = 0.5
 """Standard deviation of the logarithm of the distance within which own trips count for a distance."""
+SEASON_DAYS: Final = 20.0
+"""Standard deviation of the day of the year within which own trips count for the air of a day."""
+DAYS_OF_YEAR: Final = 365.25
 MOST_ERROR: Final = 1.0
 """Trips that take twice as much as typical roads, or nothing, are standstill with the car switched on, or a few metres."""
 PRIOR_TRIPS: Final = 5.0
@@ -173,12 +178,15 @@ class OwnRoads:
         Simulated energy without climate control and climb.
     wh_m : ndarray, shape (3,)
         The same of a typical road of each kind [Wh/m].
+    air : ndarray, shape (trips, 2)
+        Outside temperature [°C] and day [days since 1970] of each departure; NaN where unknown.
     """
 
     prior: RoadPrior
     length_m: FloatArray
     driving_wh: FloatArray
     wh_m: FloatArray
+    air: FloatArray
 
     @classmethod
     def from_trips(
@@ -189,7 +197,7 @@ class OwnRoads:
         s_m = USUAL_M / np.array(prior.speed_m_s) + time_s.sum(axis=0)
         own = replace(prior, speed_m_s=tuple(((USUAL_M + length_m.sum(axis=0)) / s_m).tolist()))
         typical = [driving_wh(own.plan(TYPICAL_M, (a, b, c))) for a, b, c in np.eye(3).tolist()]
-        return cls(own, length_m, driven[:, 6], np.array(typical) / TYPICAL_M)
+        return cls(own, length_m, driven[:, 6], np.array(typical) / TYPICAL_M, driven[:, 7:])
 
     def at(self, distance_m: float) -> RoadPrior:
         """Roads of a distance [m]: own trips count by how near their distance is. O(trips)."""
@@ -210,6 +218,17 @@ class OwnRoads:
         usual = (city, country, motorway)
         all_more, unknown = errors(np.array(usual), False)
         return RoadPrior(self.prior.speed_m_s, usual, known, unknown, (more, all_more))
+
+    def usual_air(self, day: float) -> tuple[float, float]:
+        """Outside temperature [°C] around a day of the year where the car drives, and its standard deviation [K]; of all the year where the day is NaN."""
+        degc, its_day = self.air[np.isfinite(self.air[:, 0])].T
+        apart = np.abs(its_day - day) % DAYS_OF_YEAR
+        near = np.exp(-0.5 * (np.minimum(apart, DAYS_OF_YEAR - apart) / SEASON_DAYS) ** 2)
+        near = np.where(np.isfinite(near), near, float(not np.isfinite(day)))
+        trips = PRIOR_TRIPS + near.sum()
+        mean = float((PRIOR_TRIPS * UNKNOWN_AMBIENT_DEGC + near @ degc) / trips)
+        usual = PRIOR_TRIPS * (UNKNOWN_AIR_SD_K**2 + (UNKNOWN_AMBIENT_DEGC - mean) ** 2)
+        return mean, float(np.sqrt((usual + near @ (degc - mean) ** 2) / trips))
 
 
 def rounded_shares(length_m: FloatArray) -> Shares:

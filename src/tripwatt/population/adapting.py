@@ -64,7 +64,7 @@ class Adaptation:
         Forecasts of these, each before it was learned.
     ranges : mapping of str to Range
         Of the quantities that forecasts compare with own trips; empty before the first.
-    roads : ndarray, shape (trips, 7), or None
+    roads : ndarray, shape (trips, 9), or None
         Of the trips, as of `tripwatt.hybrid.segments.driven_roads`.
 
     Examples
@@ -145,7 +145,7 @@ class Adaptation:
             Of trips with measured energy, in the order in which they are learned.
         ranges : mapping of str to Range
             Of the quantities that forecasts compare with own trips, over all trips of the result.
-        roads : ndarray, shape (trips, 7), optional
+        roads : ndarray, shape (trips, 9), optional
             As `Adaptation.roads`, of all trips of the result.
 
         Returns
