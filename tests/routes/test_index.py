@@ -3,7 +3,6 @@
 import sqlite3
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -320,10 +319,11 @@ def test_the_work_for_a_word_is_bounded_by_the_index(tmp_path):
     assert len(asked) == 6  # one question for each key, with a limit
 
 
-def test_an_index_of_an_older_version_has_stations_of_unknown_plugs(tmp_path):
+def test_an_index_without_plugs_is_a_fault_with_a_fix(tmp_path):
     station = Station(47.0, 9.0, "A", 5e4, direct_current=True, plugs=("type2", "type2_combo"))
     made = written(tmp_path, [station])
     assert made.stations() == (station,)
     with closing(sqlite3.connect(made.path)) as database, database:
         database.execute("ALTER TABLE stations DROP COLUMN plugs")
-    assert PlaceIndex(made.path).stations() == (replace(station, plugs=()),)
+    with pytest.raises(InvalidInput, match="tripwatt map build"):
+        PlaceIndex(made.path).stations()

@@ -87,8 +87,8 @@ def test_a_job_gets_its_body_whole() -> None:
     assert served.post("/v1/forecast/update", parts()).status_code == 200
     assert served.post("/v1/vehicles", b"").status_code == 200
     assert served.pool.jobs == [
-        ({"kind": "forecast"}, b"[1]"),
-        ({"kind": "update"}, b"[1]"),
+        ({"kind": "forecast", "fields": None}, b"[1]"),
+        ({"kind": "update", "fields": None}, b"[1]"),
         ({"kind": "describe"}, b""),
     ]
 
@@ -180,7 +180,7 @@ def test_what_jobs_of_journeys_are_told() -> None:
         {"kind": "places", "text": "x", "limit": 10},
         {"kind": "view", "bounds_deg": [0.0, 0.0, 1.0, 1.0], "limit": 200},
         {"kind": "tile", "zoom": 3, "column": 2, "row": 1},
-        {"kind": "plan"},
+        {"kind": "plan", "fields": None},
         {"kind": "reach"},
     ]
 

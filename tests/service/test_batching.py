@@ -79,7 +79,7 @@ class Pool:
         self.hold = False
 
     async def run(self, job: dict[str, Any], body: bytes, *, may_queue: bool = False) -> JobResult:
-        assert job == {"kind": "forecast"}
+        assert job == {"kind": "forecast", "fields": None}
         assert may_queue
         self.running += 1
         self.most = max(self.most, self.running)

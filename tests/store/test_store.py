@@ -20,7 +20,6 @@ from tripwatt.store.rows import (
     log_from_rows,
     month_of,
     samples_table,
-    stored_findings,
     stored_log,
     trips_table,
 )
@@ -79,7 +78,7 @@ def test_logs_come_back_as_they_were_logged(store):
     assert rows["odd"]["energy_std_wh"] is None
     assert rows["back"]["energy_from"] == "unknown"
     assert rows["back"]["energy_wh"] is None
-    assert "set aside" in {f.consequence for f in stored_findings(rows["back"])}
+    assert "set aside" in {f["consequence"] for f in json.loads(rows["back"]["findings"])}
 
 
 def test_rows_sum_up_the_sound_drives(store):

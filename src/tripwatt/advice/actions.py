@@ -257,11 +257,6 @@ def _of_load(known: Departure) -> Iterator[Action]:
         yield Action("less_luggage", "load", "some", lighter, LUGGAGE_KG)
 
 
-def other_road(number: int) -> Action:
-    """Take another road of a journey: its place among the journey's roads, from 1."""
-    return Action("other_road", "road", "none", {}, float(number))
-
-
 def with_action(corridor: Corridor, action: Action, forecast: Forecast, road: Road) -> ChargingPlan | None:
     """Plan the stops of a journey again with an action, which has a forecast and a road; None where none is sure enough.
 

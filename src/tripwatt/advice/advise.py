@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
-from tripwatt.advice.actions import ALONE, EFFORTS, Action, actions, other_road, with_action
+from tripwatt.advice.actions import ALONE, EFFORTS, Action, actions, with_action
 from tripwatt.advice.pacing import Pace
 from tripwatt.advice.preheating import LEAST_WH
 from tripwatt.errors import InvalidInput, or_none
@@ -266,7 +266,8 @@ def advise(
         forecast = _made(trip, departure, car, model)
     now = forecast.p_arrive(reserve)
     roads = trip.roads[1:] if isinstance(trip, Journey) else ()
-    ways = [*((other_road(k), road.forecast) for k, road in enumerate(roads, 1)), *others]
+    other = (Action("other_road", "road", "none", {}, float(k)) for k in range(1, len(roads) + 1))
+    ways = [*zip(other, (road.forecast for road in roads), strict=True), *others]
     again = maker_like(forecast)
     every = [_advised(forecast, again, (action,), reserve) for action in actions(forecast)]
     every += [

@@ -175,11 +175,11 @@ def _audit_log(trip: Recorded) -> tuple[list[Recorded], list[Finding]]:
     samples, findings = ranges.blank_infinite(trip.samples, trip.trip_id)
     samples, cuts, more = stamps.mend_stamps(samples, trip.trip_id)
     findings += more
-    missing = list(ranges.missing_columns(samples, trip.trip_id))
-    findings += missing
-    if len(samples) < 2 or any(f.consequence == "set aside" for f in missing):
-        if len(samples) < 2:
-            findings.append(whole(samples, trip.trip_id, "fewer than two samples are left", "set aside"))
+    more = list(ranges.missing_columns(samples, trip.trip_id))
+    if len(samples) < 2:
+        more.append(whole(samples, trip.trip_id, "fewer than two samples are left", "set aside"))
+    findings += more
+    if any(f.consequence == "set aside" for f in more):
         return [], findings
     samples, more = ranges.blank_impossible(samples, trip.trip_id)
     findings += more
@@ -227,7 +227,7 @@ def _legs(trip: Recorded, samples: pd.DataFrame, cuts: Sequence[Cut]) -> tuple[l
 def driven_m(samples: pd.DataFrame) -> float:
     """Way of the samples with a speed [m]."""
     speed, time = array(samples, "speed_m_s"), array(samples, "time_s")
-    known = np.isfinite(speed)
+    known = np.isfinite(speed) & np.isfinite(time)
     return float(np.trapezoid(speed[known], time[known]))
 
 

@@ -165,7 +165,7 @@ def described(
     usual = usual_figures(kind)
     filled = {key: usual[key] if given[key] is None else float(given[key]) for key in usual}  # type: ignore[arg-type]
     figures = _figures(given, filled, kind, heat_pump, title or _title(given, kind, procedure))
-    document = similar_document(figures, class_values(without))
+    document = similar_document(figures, class_values(frozenset(without)))
     name = f"described_{zlib.crc32(repr((filled, given, kind, heat_pump, procedure)).encode()):08x}"
     try:
         car = vehicle_from_document(with_anchor(document, anchors()[CLASS]), name, name)

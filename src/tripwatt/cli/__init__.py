@@ -98,7 +98,8 @@ def main() -> None:
     --------
     >>> main()  # doctest: +SKIP
     """
-    signal.signal(signal.SIGTERM, _terminate)
+    # It ends as an exception does, so that worker processes and temporary files are removed.
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(TERMINATED))
     try:
         app(prog_name="tripwatt")
     except TripwattError as error:
@@ -127,8 +128,3 @@ def main() -> None:
 def _fail(text: str, code: int = 2) -> NoReturn:
     typer.echo(f"error: {text}", err=True)
     raise SystemExit(code) from None
-
-
-def _terminate(number: int, frame: object) -> NoReturn:
-    """End as an exception does, so that worker processes and temporary files are removed."""
-    raise SystemExit(TERMINATED)

@@ -14,6 +14,7 @@ import typer
 from tripwatt.cli.options import Answer, Logs, SetOption, VehicleOption, option, require_effect
 from tripwatt.cli.output import check_writable, finished_folds, unfinished_folder, write_whole
 from tripwatt.cli.printing import console, print_notes, print_table, progress
+from tripwatt.cli.sentences import forecast_in_words, held_out_in_words
 from tripwatt.errors import Check, Fault, InvalidInput, raise_faults
 from tripwatt.files import folder_lock
 
@@ -217,7 +218,6 @@ def _show(run: EvaluationRun, out: Path, lead: str) -> None:
 
 def _example_in_words() -> str:
     """A forecast of the example trip with the model that comes with the package."""
-    from tripwatt.cli.sentences import forecast_in_words
     from tripwatt.forecasting import load_model
     from tripwatt.synthetic import example_trip
     from tripwatt.trips import plan_from_samples
@@ -231,8 +231,6 @@ def _median_trip_in_words(run: EvaluationRun) -> str:
     """The held-out forecast of the trip with the median error; empty where the protocol makes no forecasts."""
     if run.forecast is None:
         return ""
-    from tripwatt.cli.sentences import held_out_in_words
-
     trips = run.forecast.trips
     error = (trips["energy_wh"] / trips["observed_energy_wh"] - 1.0).abs()
     middle = trips.loc[error.sort_values(kind="stable").index[(len(error) - 1) // 2]]

@@ -13,6 +13,7 @@ from tripwatt.cli.departing import DepartingNow
 from tripwatt.cli.options import Answer, argument, model_of, option, options_named
 from tripwatt.cli.output import write_bytes, write_text
 from tripwatt.cli.printing import print_notes, print_table
+from tripwatt.cli.sentences import chance_to_arrive, forecast_in_words, where_empty
 from tripwatt.errors import Check, Fault, InvalidInput, raise_faults
 
 if TYPE_CHECKING:
@@ -137,8 +138,6 @@ def _draw(forecast: Forecast, plot: Path) -> None:
 
 def _where_empty(forecast: Forecast) -> list[tuple[str, str]]:
     """Rows with where the battery runs empty and what it lacks, where it may on this trip."""
-    from tripwatt.cli.sentences import where_empty
-
     early, expected, _ = forecast.empty_at_m
     if early is None:
         return []
@@ -172,8 +171,6 @@ def _unknown_climb(forecast: Forecast, reserve: float) -> list[tuple[str, str]]:
 
 def forecast_rows(forecast: Forecast, reserve: float) -> list[tuple[str, str]]:
     """Rows of a table: energy, charge at arrival, probability to arrive, and what an unknown climb changes."""
-    from tripwatt.cli.sentences import chance_to_arrive
-
     low, high = forecast.interval(0.9)
     return [
         ("energy", f"{forecast.energy_wh / 1000.0:.2f} kWh"),
@@ -187,7 +184,6 @@ def forecast_rows(forecast: Forecast, reserve: float) -> list[tuple[str, str]]:
 
 
 def _show_forecast(forecast: Forecast, reserve: float) -> None:
-    from tripwatt.cli.sentences import forecast_in_words
     from tripwatt.physics.chain import CAUSE_NAMES
     from tripwatt.trips.messages import leave_in_words
     from tripwatt.trips.showing import period

@@ -13,7 +13,9 @@ import typer
 from tripwatt.cli.departing import Departing
 from tripwatt.cli.options import Answer, argument, option, options_named
 from tripwatt.cli.printing import print_notes, print_table
+from tripwatt.cli.sentences import chance, chance_to_arrive, journey_in_words
 from tripwatt.errors import Check
+from tripwatt.trips.showing import period
 from tripwatt.units import SECONDS_PER_MINUTE
 
 if TYPE_CHECKING:
@@ -196,9 +198,6 @@ def places(
 
 
 def _show(journey: Journey) -> None:
-    from tripwatt.cli.sentences import chance, chance_to_arrive, journey_in_words
-    from tripwatt.trips.showing import period
-
     typer.echo(f"From {' to '.join(place.described for place in journey.stops)}.")
     for sentence in journey_in_words(journey):
         typer.echo(sentence)
@@ -235,25 +234,20 @@ def _show(journey: Journey) -> None:
 
 def _show_stops(journey: Journey) -> None:
     """The stops to charge of the fastest plan."""
-    from tripwatt.cli.sentences import chance
-    from tripwatt.trips.showing import period
-
     plan, leaves = journey.charging_plans[0], journey.verdict.departs_at
-    rows = []
-    for stop in plan.stops:
-        full = stop.if_full
-        rows.append(
-            (
-                stop.station.place.title,
-                f"{stop.position_m / 1000.0:.0f} km",
-                _clock(leaves, stop.arrives_after_s) if leaves else period(stop.arrives_after_s),
-                f"{100.0 * stop.soc_arrival:.0f} % ({100.0 * stop.soc_interval[0]:.0f} to {100.0 * stop.soc_interval[1]:.0f} %)",
-                f"{100.0 * stop.soc_leave:.0f} %",
-                period(stop.charging_s),
-                chance(stop.p_reach),
-                "-" if full is None else f"{full.station.place.title}, {period(full.more_s)} more",
-            )
+    rows = [
+        (
+            stop.station.place.title,
+            f"{stop.position_m / 1000.0:.0f} km",
+            _clock(leaves, stop.arrives_after_s) if leaves else period(stop.arrives_after_s),
+            f"{100.0 * stop.soc_arrival:.0f} % ({100.0 * stop.soc_interval[0]:.0f} to {100.0 * stop.soc_interval[1]:.0f} %)",
+            f"{100.0 * stop.soc_leave:.0f} %",
+            period(stop.charging_s),
+            chance(stop.p_reach),
+            f"{full.station.place.title}, {period(full.more_s)} more" if (full := stop.if_full) else "-",
         )
+        for stop in plan.stops
+    ]
     columns = (
         "stop",
         "after",

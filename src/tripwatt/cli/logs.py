@@ -24,6 +24,7 @@ from tripwatt.cli.options import (
 )
 from tripwatt.cli.output import write_text
 from tripwatt.cli.printing import console, print_findings, print_json, print_notes, print_reading, print_table
+from tripwatt.errors import Fault, InvalidInput
 
 MAPPINGS = (
     "Mappings from the columns of your tables to canonical columns: list, show, suggest and apply them."
@@ -145,7 +146,6 @@ def show(name: Annotated[str, argument("NAME", "A name from `tripwatt mapping li
       # save a copy to edit
       tripwatt mapping show torque > my.toml
     """
-    from tripwatt.errors import Fault, InvalidInput
     from tripwatt.sources.mapping import shipped_mappings, shipped_text
 
     if name not in shipped_mappings():
@@ -216,7 +216,6 @@ def apply(
       tripwatt forecast my-model trip.csv
     """
     from tripwatt.auditing import audit as run_audit
-    from tripwatt.errors import InvalidInput
     from tripwatt.trips import COLUMNS
 
     if out.suffix.lower() != ".csv":

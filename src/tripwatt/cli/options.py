@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple
 import typer
 
 from tripwatt.cli.printing import print_json
-from tripwatt.errors import Fault, InvalidInput, extras_faults, places_named, raise_faults
+from tripwatt.errors import Fault, extras_faults, or_none, places_named, raise_faults
 
 if TYPE_CHECKING:
     from tripwatt.forecasting import ForecastModel
@@ -148,10 +148,7 @@ def _single_tum_trip(path: Path) -> Fleet | None:
     from tripwatt.sources.tum_overview import read_overview
     from tripwatt.trips import Fleet
 
-    try:
-        files, _ = trip_files(path.parent)
-    except InvalidInput:
-        return None
+    files, _ = or_none(trip_files, path.parent) or ({}, [])
     trip_id = next((name for name, file in files.items() if file.name == path.name), None)
     if trip_id is None:
         return None

@@ -7,7 +7,7 @@ import shutil
 import stat
 from collections.abc import Callable
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from tripwatt.errors import InvalidInput, system_errors
 from tripwatt.files import replace_folder, restore_folder, write_file
@@ -97,19 +97,10 @@ def _can_be_exchanged(out: Path) -> bool:
 def _fill(made: Path, out: Path, write: Callable[[Path], None]) -> None:
     """Fill a new folder, with what the older one has beside it."""
     write(made)
-    if not out.is_dir():
-        return
-    shutil.copymode(out, made)
-    for entry in out.iterdir():
-        copy = made / entry.name
-        if entry.name == ".unfinished" or os.path.lexists(copy):
-            continue
-        if entry.is_symlink():
-            copy.symlink_to(os.readlink(entry))
-        elif entry.is_dir():
-            shutil.copytree(entry, copy, symlinks=True, copy_function=_link)
-        else:
-            _link(str(entry), str(copy))
+    if out.is_dir():
+        left = {".unfinished", *os.listdir(made)}
+        how: dict[str, Any] = {"symlinks": True, "copy_function": _link, "dirs_exist_ok": True}
+        shutil.copytree(out, made, ignore=lambda place, _: left if Path(place) == out else (), **how)
 
 
 def _link(source: str, target: str) -> None:

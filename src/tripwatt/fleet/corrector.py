@@ -37,13 +37,6 @@ class FleetTrees:
 
     text: str = ""
 
-    @property
-    def booster(self) -> Any:
-        """The booster of the text."""
-        import lightgbm
-
-        return lightgbm.Booster(model_str=self.text)
-
     def predict(self, table: SegmentTable) -> FloatArray:
         """Residual power [W], shape (segments,)."""
         if not self.text:
@@ -77,7 +70,9 @@ class FleetTrees:
 @lru_cache(maxsize=8)
 def _booster(text: str) -> Any:
     """A booster by its text; a few are kept, since reading one takes longer than a forecast."""
-    return FleetTrees(text).booster
+    import lightgbm
+
+    return lightgbm.Booster(model_str=text)
 
 
 def choose_rounds(

@@ -150,19 +150,13 @@ def map_store(
     progress : callable, optional
         Called with (finished tasks, all tasks).
     """
-    open_tasks = []
-    finished = 0
-    for task in tasks:
-        result = _finished(task)
-        if result is None:
-            open_tasks.append(task)
-        else:
-            finished += 1
-            yield result
-    for result in map_bounded(executor, workers, rows_of_file, open_tasks):
-        finished += 1
+    there = [_finished(task) for task in tasks]
+    yield from (result for result in there if result is not None)
+    open_tasks = [task for task, result in zip(tasks, there, strict=True) if result is None]
+    made = map_bounded(executor, workers, rows_of_file, open_tasks)
+    for number, result in enumerate(made, len(tasks) - len(open_tasks) + 1):
         if progress is not None:
-            progress(finished, len(tasks))
+            progress(number, len(tasks))
         yield result
 
 

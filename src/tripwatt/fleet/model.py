@@ -335,13 +335,11 @@ def _charges(sample: SampledTrips) -> dict[str, ChargeScale]:
     assert sample.table.charge is not None
     observed = sample.table.totals_wh(sample.table.observed_power_w)
     models = np.array([group[0] for group in sample.groups])
-    scales = {}
-    for name in sorted(set(models.tolist())):
-        its = models == name
-        scale = ChargeScale.from_readings(sample.table.charge[its], observed[its])
-        if scale is not None:
-            scales[name] = scale
-    return scales
+    rows = {name: models == name for name in sorted(set(models.tolist()))}
+    scales = {
+        n: ChargeScale.from_readings(sample.table.charge[its], observed[its]) for n, its in rows.items()
+    }
+    return {name: scale for name, scale in scales.items() if scale is not None}
 
 
 def update_fleet(

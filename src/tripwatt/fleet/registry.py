@@ -121,15 +121,8 @@ def compare(champion: FleetModel, challenger: FleetModel, sample: SampledTrips, 
     rng = np.random.default_rng(seed)
     draws = difference[rng.integers(len(names), size=(BOOTSTRAP, len(names)))].mean(axis=1)
     low, high = np.quantile(draws, (0.025, 0.975))
-    return Comparison(
-        len(sample),
-        len(names),
-        float(own.mean()),
-        float(new.mean()),
-        float(difference.mean()),
-        float(low),
-        float(high),
-    )
+    figures = own.mean(), new.mean(), difference.mean(), low, high
+    return Comparison(len(sample), len(names), *map(float, figures))
 
 
 @dataclass(frozen=True, slots=True)
@@ -318,14 +311,12 @@ class FollowedModel:
 
     def get(self) -> FleetModel:
         """The model; at most one caller at a time reads a new version, the others go on with the old one."""
-        try:
+        with suppress(InvalidInput):  # no pointer: the version before goes on
             if self._registry.current() != self._last and self._lock.acquire(blocking=False):
                 try:
                     self._read()
                 finally:
                     self._lock.release()
-        except InvalidInput:
-            pass  # no pointer: the version before goes on
         return self._held[1]
 
     def _read(self) -> None:

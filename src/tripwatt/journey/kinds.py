@@ -236,7 +236,7 @@ def rounded_shares(length_m: FloatArray) -> Shares:
 
     Examples
     --------
-    >>> rounded_shares(np.array([3000.0, 9000.0, 2000.0]))
+    >>> rounded_shares(np.array([3000.0, 8000.0, 3000.0]))
     (0.25, 0.5, 0.25)
     """
     exact = QUARTERS * length_m / length_m.sum()

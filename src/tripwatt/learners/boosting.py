@@ -21,8 +21,6 @@ from tripwatt.learners.correlation import LARGEST, Correlation
 from tripwatt.learners.rounds import boost, write_leaf_values
 from tripwatt.learners.trees import ClusteredTrees, Sample, keep_arguments, sum_of_trees
 
-DEFAULT_GRID: dict[str, list[Any]] = {"max_leaf_nodes": [3, 6], "min_leaf_weight": [1.0, 4.0]}
-
 
 class ClusteredBoosting(ClusteredTrees):
     """Gradient boosting of trees as a marginal, GEE-type model, stopped by leave-groups-out cross-validation.
@@ -106,7 +104,7 @@ class ClusteredBoosting(ClusteredTrees):
         "subsample",
         "correlation",
     )
-    default_grid = DEFAULT_GRID
+    default_grid = MappingProxyType({"max_leaf_nodes": [3, 6], "min_leaf_weight": [1.0, 4.0]})
     allowed = MappingProxyType(
         {
             "n_rounds": ("an integer >= 1", lambda v: v >= 1),

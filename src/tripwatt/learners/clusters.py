@@ -5,7 +5,7 @@ The group (subject, site, session ...) is the unit: it weighs, it is drawn, it i
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -71,10 +71,6 @@ class Columns:
                 faults.append(Fault("text in a numeric column", f"column {name}", str(X[name].dtype)))
         raise_faults(faults)
         return pd.DataFrame(encoded, index=X.index, columns=X.columns)
-
-    def categorical_positions(self, names: Sequence[str]) -> list[int]:
-        """Positions of the columns with levels."""
-        return [position for position, name in enumerate(names) if name in self.levels]
 
 
 @dataclass(frozen=True)

@@ -17,9 +17,16 @@ import pandas as pd
 
 from tripwatt.arrays import BoolArray, FloatArray, IntArray
 from tripwatt.learners.clusters import Clusters, Loss, ScoreRows, folds_of, mean_over_groups
-from tripwatt.learners.trees import ClusteredTrees, Sample, Trees, TreeShape, keep_arguments, sum_of_trees
+from tripwatt.learners.trees import (
+    ClusteredTrees,
+    Sample,
+    Trees,
+    TreeShape,
+    keep_arguments,
+    leaf_numbers,
+    sum_of_trees,
+)
 
-DEFAULT_GRID: dict[str, list[Any]] = {"max_leaf_nodes": [6, 12, 24], "max_features": [0.34, 0.67, 1.0]}
 _CHUNK = 16_384  # rows whose leaf numbers are held at a time
 
 
@@ -32,7 +39,6 @@ class _Grown:
 
     setting: dict[str, Any]
     trees: Trees
-    counts: IntArray
     leaves: IntArray
     values: FloatArray
 
@@ -111,7 +117,7 @@ class ClusteredForest(ClusteredTrees):
     """
 
     settings_names = ("max_leaf_nodes", "max_depth", "min_leaf_weight", "max_features")
-    default_grid = DEFAULT_GRID
+    default_grid = MappingProxyType({"max_leaf_nodes": [6, 12, 24], "max_features": [0.34, 0.67, 1.0]})
     allowed = MappingProxyType(
         dict.fromkeys(("n_trees", "min_oob_trees"), ("an integer >= 1", lambda v: v >= 1))
     )
@@ -226,7 +232,7 @@ class ClusteredForest(ClusteredTrees):
         if len(fold_labels) < 2:
             enough[:] = False
         forests = [self._grow(sample, counts, setting, seed) for setting in self._settings()]
-        best = self._choices(forests, sample, held, without)
+        best = self._choices(forests, sample, counts == 0, held, without)
         fold_of_row = fold_of_group[clusters.codes]
         prediction = np.empty(len(rows))
         for fold in range(len(fold_labels)):
@@ -257,7 +263,7 @@ class ClusteredForest(ClusteredTrees):
         total = np.bincount(flat, (weights * np.where(weights > 0, sample.y, 0.0)).ravel(), size)
         weight_in = np.bincount(flat, weights.ravel(), size)
         values = np.divide(total, weight_in, out=np.zeros(size), where=weight_in > 0)
-        return _Grown(setting, trees, counts, leaves, values.reshape(len(leaves), n_leaves))
+        return _Grown(setting, trees, leaves, values.reshape(len(leaves), n_leaves))
 
     def _refit(self, sample: Sample, allowed: BoolArray, seed: int) -> tuple[_Grown, BoolArray]:
         """Forest of the allowed groups alone, tuned by its own out-of-bag error.
@@ -276,12 +282,16 @@ class ClusteredForest(ClusteredTrees):
         return self._grow(sample, counts, settings[best], seed), np.ones(len(counts), dtype=bool)
 
     def _choices(
-        self, forests: list[_Grown], sample: Sample, held: BoolArray, without: BoolArray
+        self,
+        forests: list[_Grown],
+        sample: Sample,
+        out_of_bag: BoolArray,
+        held: BoolArray,
+        without: BoolArray,
     ) -> IntArray:
         """Best setting of each fold, by trees out of bag for the fold and for the group that is scored."""
         if len(forests) == 1:
             return np.zeros(len(held), dtype=np.int64)
-        out_of_bag = forests[0].counts == 0
         errors = np.array([_nested_losses(forest, sample, out_of_bag, without) for forest in forests])
         errors[:, held] = np.nan
         return np.asarray(np.argmin([[mean_over_groups(e) for e in error] for error in errors], axis=0))
@@ -299,11 +309,7 @@ class ClusteredForest(ClusteredTrees):
         result = np.empty(len(rows))
         for start in range(0, len(rows), _CHUNK):
             part = slice(start, start + _CHUNK)
-            leaves = np.zeros((len(self.position_), len(rows[part])), dtype=np.int64)
-            split = self.position_ >= 0
-            if split.any():
-                numbers = self.booster_.predict(rows[part], pred_leaf=True, num_threads=1)
-                leaves[split] = np.asarray(numbers).reshape(leaves.shape[1], -1).T
+            leaves = leaf_numbers(self.booster_, self.position_, rows[part])
             values = np.take_along_axis(self.values_, leaves, axis=1)
             result[part] = _masked_mean(values, used[:, part])
         return result

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import types
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass, field
 from typing import Any, Final, Self
 
 import numpy as np
@@ -51,6 +51,7 @@ class KernelTerm:
     length: float = 1.0
 
 
+@dataclass(eq=False, repr=False)
 class AdditiveGP:
     """Additive Gaussian process on cluster totals.
 
@@ -85,26 +86,20 @@ class AdditiveGP:
     True
     """
 
-    means_: dict[str, float]
-    sds_: dict[str, float]
-    ranges_: dict[str, tuple[float, float]]
-    points_: dict[int, FloatArray]
-    whiteners_: dict[int, FloatArray]
+    terms: Sequence[KernelTerm]
+    _: KW_ONLY
+    effect_sd: float
+    share_column: str | None = None
+    share_sd: float = 0.05
+    df: float | None = 4.0
+    means_: dict[str, float] = field(init=False)
+    sds_: dict[str, float] = field(init=False)
+    ranges_: dict[str, tuple[float, float]] = field(init=False)
+    points_: dict[int, FloatArray] = field(init=False)
+    whiteners_: dict[int, FloatArray] = field(init=False)
 
-    def __init__(
-        self,
-        terms: Sequence[KernelTerm],
-        *,
-        effect_sd: float,
-        share_column: str | None = None,
-        share_sd: float = 0.05,
-        df: float | None = 4.0,
-    ) -> None:
-        self.terms = tuple(terms)
-        self.effect_sd = effect_sd
-        self.share_column = share_column
-        self.share_sd = share_sd
-        self.df = df
+    def __post_init__(self) -> None:
+        self.terms = tuple(self.terms)
 
     def fit(
         self,

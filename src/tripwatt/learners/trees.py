@@ -109,14 +109,14 @@ class Trees:
         self.booster: Any = None if self._data is None else lightgbm.Booster(self._parameters, self._data)
         self._n_kept = 0
 
-    def grow(self, gradient: FloatArray, weight: FloatArray, seed: int) -> bool:
-        """Add the tree that fits `gradient / weight` by weighted least squares; False if it is a lone leaf.
+    def grow(self, gradient: FloatArray, weight: FloatArray, seed: int) -> None:
+        """Add the tree that fits `gradient / weight` by weighted least squares; it may be a lone leaf.
 
         The seed restarts the draw of columns, so that a tree depends on nothing but its own arguments.
         """
         if self.booster is None:  # no column has two values
             self.position.append(-1)
-            return False
+            return
         if self._reseed:
             self.booster.reset_parameter({"feature_fraction_seed": seed})
         finished = self.booster.update(fobj=lambda _prediction, _data: (-gradient, weight))
@@ -124,10 +124,9 @@ class Trees:
             if self._n_kept == 0:
                 self._restart()  # a lone first tree would stay in the booster
             self.position.append(-1)
-            return False
+            return
         self.position.append(self._n_kept)
         self._n_kept += 1
-        return True
 
     def with_values(self, values: Sequence[FloatArray]) -> tuple[Any, IntArray]:
         """The booster with the values of each tree's leaves, and the place of each tree in it (-1 for a lone leaf)."""
@@ -138,14 +137,7 @@ class Trees:
 
     def leaves(self, X: FloatArray, first: int = 0) -> IntArray:
         """Leaf of each row in each tree from `first` on, shape (n_trees - first, n_rows)."""
-        wanted = np.array(self.position[first:], dtype=np.int64)
-        result = np.zeros((wanted.size, len(X)), dtype=np.int64)
-        split = wanted >= 0
-        if split.any():
-            span = {"start_iteration": int(wanted[split][0]), "num_iteration": int(split.sum())}
-            kept = self.booster.predict(X, **span, pred_leaf=True, num_threads=1)
-            result[split] = np.asarray(kept).reshape(len(X), -1).T
-        return result
+        return leaf_numbers(self.booster, np.array(self.position[first:], dtype=np.int64), X)
 
 
 @dataclass(frozen=True)
@@ -282,7 +274,7 @@ class ClusteredTrees(RegressorMixin, BaseEstimator):
         clusters = Clusters.from_groups(groups, len(rows))
         kept = thinned_rows(clusters.codes, self.max_rows_per_group)
         codes = clusters.codes[kept]
-        categorical = self.columns_.categorical_positions(column_names(self))
+        categorical = [k for k, name in enumerate(column_names(self)) if name in self.columns_.levels]
         sample = Sample(
             grower=TreeGrower(rows[kept], categorical, self.max_bins),
             y=target[kept],
@@ -306,6 +298,17 @@ def keep_arguments(estimator: Any, arguments: Mapping[str, Any]) -> None:
     for name, value in arguments.items():
         if value is not estimator:
             setattr(estimator, name, value)
+
+
+def leaf_numbers(booster: Any, position: IntArray, X: FloatArray) -> IntArray:
+    """Leaf of each row in each tree, shape (n_trees, n_rows), of successive places in the booster (-1 for a lone leaf)."""
+    result = np.zeros((position.size, len(X)), dtype=np.int64)
+    split = position >= 0
+    if split.any():
+        span = {"start_iteration": int(position[split][0]), "num_iteration": int(split.sum())}
+        kept = booster.predict(X, **span, pred_leaf=True, num_threads=1)
+        result[split] = np.asarray(kept).reshape(len(X), -1).T
+    return result
 
 
 def sum_of_trees(booster: Any, X: FloatArray, first: int, n_trees: int) -> FloatArray:

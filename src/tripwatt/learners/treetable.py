@@ -54,8 +54,7 @@ class TreeTable:
     leaf_value: FloatArray
 
     def __post_init__(self) -> None:
-        faults = list(self._faults())
-        raise_faults(faults)
+        raise_faults(self._faults())
 
     def __len__(self) -> int:
         return len(self.leaf_value)

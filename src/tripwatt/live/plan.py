@@ -11,7 +11,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from tripwatt.errors import InvalidInput, damage
+from tripwatt.errors import InvalidInput, damage, or_none
 from tripwatt.files import read_file, write_text
 from tripwatt.routes import links_of_trip, plan_from_links, route_from_links
 from tripwatt.routes.link_objects import fields_of_route, route_with_elevation
@@ -78,10 +78,8 @@ class LivePlan:
     @classmethod
     def from_trip(cls, trip: Recorded) -> LivePlan | None:
         """The road of a finished trip; None where its samples give none."""
-        try:
-            return cls(fields_of_route(links_of_trip(trip)), usual_trip=trip.trip_id)
-        except InvalidInput:
-            return None
+        links = or_none(links_of_trip, trip)
+        return None if links is None else cls(fields_of_route(links), usual_trip=trip.trip_id)
 
     def write(self, folder: Path) -> None:
         """Write the plan into the folder `live` of a car.

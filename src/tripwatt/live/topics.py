@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
-from tripwatt.errors import InvalidInput
+from tripwatt.errors import InvalidInput, or_none
 from tripwatt.live.telemetry import Sample, format_of, is_set, is_sound, number_of
 from tripwatt.sources.mapping import POWER
 
@@ -168,11 +168,8 @@ class TopicJoiner:
         parked = is_set(self.format.parked, self._flags)
         if parked:
             values["speed_m_s"] = 0.0
-        try:
-            charging = is_set(self.format.charging, self._flags)
-            return Sample(self._open_s, self.format.with_current(values), charging, parked)
-        except InvalidInput:
-            return None  # its time cannot be one
+        values, charging = self.format.with_current(values), is_set(self.format.charging, self._flags)
+        return or_none(Sample, self._open_s, values, charging, parked)  # its time may be none
 
     def _whole(self, payload: bytes, received_s: float) -> Sample | None:
         """The sample of a message with all values; None where it is none."""

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from itertools import groupby
+from operator import itemgetter
 from typing import Any, Final
 
 from tripwatt.report.tables import DASH, Table, number, span
@@ -64,10 +66,8 @@ def charge_rows(name: str, arrival: Mapping[str, Any], level: float) -> Iterable
 
 def intervals_table(caption: str, rows: Iterable[tuple[str, ...]]) -> Table:
     """The rows as a table; a set of trips is named in its first row alone."""
-    shown, before = [], None
-    for row in rows:
-        shown.append(row if row[0] != before else ("", *row[1:]))
-        before = row[0]
+    sets = (enumerate(of_set) for _, of_set in groupby(rows, key=itemgetter(0)))
+    shown = (("" if number else row[0], *row[1:]) for of_set in sets for number, row in of_set)
     return Table(caption, COLUMNS, tuple(shown), text_columns=frozenset({0, 1}))
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Final
 
+from tripwatt.arrays import by_key
 from tripwatt.report.model_styles import model_style
 from tripwatt.report.tables import DASH, Column, Table, in_percent, tabulated
 from tripwatt.report.view import Record, View, is_known, named_evaluation
@@ -34,9 +35,7 @@ def short_list(view: View) -> list[str]:
     if len(names) <= SHORT_ROWS:
         return names
     models = view.main["models"]
-    kinds: dict[str, list[str]] = {}
-    for name in names:
-        kinds.setdefault(model_style(name).kind, []).append(name)
+    kinds = by_key(names, lambda name: model_style(name).kind)
     best = {kind: min(of_kind, key=lambda m: _error(models[m])) for kind, of_kind in kinds.items()}
     if view.best is not None:
         best[model_style(view.best).kind] = view.best

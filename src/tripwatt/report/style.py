@@ -146,13 +146,11 @@ def cut_at(values: FloatArray) -> float:
 
 
 def mark_beyond(axes: Axes, values: FloatArray, limit: float, y: float, colour: str) -> None:
-    """Marks at the edge, with their number, for values that the axis does not reach."""
-    for side, beyond in ((1.0, int((values > limit).sum())), (-1.0, int((values < -limit).sum()))):
-        if beyond:
-            axes.plot(side * limit, y, marker=">" if side > 0 else "<", color=colour, ms=6, clip_on=False)
-            offset = (-7, 5) if side > 0 else (7, 5)
-            align = "right" if side > 0 else "left"
-            annotate(axes, f"{beyond} beyond", (side * limit, y), offset, ha=align)
+    """A mark at the edge, with their number, for values that the axis does not reach."""
+    beyond = int((values > limit).sum())
+    if beyond:
+        axes.plot(limit, y, marker=">", color=colour, ms=6, clip_on=False)
+        annotate(axes, f"{beyond} beyond", (limit, y), (-7, 5), ha="right")
 
 
 def thinned(frame: pd.DataFrame, most: int = 500) -> pd.DataFrame:

@@ -216,8 +216,8 @@ def speed_profile(
     allowed = np.minimum(np.append(cell_speed[0], cell_speed), np.append(cell_speed, cell_speed[-1]))
     at_speed_s = running_sum(np.repeat(length / cells / speed, cells))
     if rng is not None:
-        steadiness = np.exp(style.fluctuation * _smooth_noise(at_speed_s, style.fluctuation_time_s, rng))
-        pressure = 1.0 - 2.0 * style.fluctuation * (1.0 + _smooth_noise(at_speed_s, PEDAL_TIME_S, rng))
+        steadiness = np.exp(style.fluctuation * smooth_noise(at_speed_s, style.fluctuation_time_s, rng))
+        pressure = 1.0 - 2.0 * style.fluctuation * (1.0 + smooth_noise(at_speed_s, PEDAL_TIME_S, rng))
         effort = np.clip(pressure[1:], LEAST_EFFORT, 1.0)
     else:
         steadiness, effort = np.ones_like(position), None
@@ -332,7 +332,8 @@ def column_faults(rules: Iterable[LinkRule]) -> Iterator[Fault]:
             yield Fault("link out of range", where, got, allowed)
 
 
-def _smooth_noise(at: FloatArray, memory: float, rng: np.random.Generator) -> FloatArray:
+def smooth_noise(at: FloatArray, memory: float, rng: np.random.Generator) -> FloatArray:
+    """A smooth random function at rising places, see `smooth_field`."""
     return np.interp(at, *smooth_field(float(at[-1]), memory, rng))
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -26,6 +25,7 @@ ROAD_SPEED_M_S: Final[Mapping[str, float]] = {
 """Mean speed [m/s] by OpenStreetMap's class of road where nothing better is known: the values of OSRM's car profile."""
 
 DEEPEST: Final = 64
+_Line = tuple[FloatArray, float, list[str]]  # points, speed [m/s], times
 """Geometries inside geometries."""
 
 
@@ -62,13 +62,6 @@ def read_geojson(source: bytes | str | Path, *, where: str | None = None) -> Tra
     return track_from_geojson(Node(parse_json(data, name), name))
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class _Line:
-    points: FloatArray
-    speed_m_s: float
-    times: list[str]
-
-
 def track_from_geojson(document: Node) -> Track:
     """As `read_geojson`, from the parsed text."""
     lines: list[_Line] = []
@@ -76,11 +69,11 @@ def track_from_geojson(document: Node) -> Track:
     if not lines:
         allowed = "a GeoJSON document with a LineString"
         raise InvalidInput.of("no line", document.where, "no LineString", allowed)
-    points = np.concatenate([line.points for line in lines])
+    points = np.concatenate([line for line, _, _ in lines])
     require_on_earth(points[:, 0], points[:, 1], document.where)
     # the piece that joins two lines has the speed of the second one
-    speed = np.concatenate([np.full(len(line.points), line.speed_m_s) for line in lines])[1:]
-    time, started_at, flags = times_of([text for line in lines for text in line.times], document.where)
+    speed = np.concatenate([np.full(len(line), speed_m_s) for line, speed_m_s, _ in lines])[1:]
+    time, started_at, flags = times_of([text for _, _, texts in lines for text in texts], document.where)
     if skipped:
         flags = (*flags, Flag("geometries_skipped", "geometries", float(skipped), "1"))
     return Track(points[:, 0], points[:, 1], points[:, 2], time, speed, started_at, flags)
@@ -108,7 +101,7 @@ def _collect(node: Node, properties: Node, lines: list[_Line], depth: int) -> in
     texts = _texts(properties, sum(map(len, coordinates)))
     speed = _speed(properties)
     for points in coordinates:
-        lines.append(_Line(points, speed, texts[: len(points)]))
+        lines.append((points, speed, texts[: len(points)]))
         texts = texts[len(points) :]
     return 0
 

@@ -31,7 +31,7 @@ from tripwatt.service.advice_schemas import AdviceResponse, DifferenceDocument
 from tripwatt.service.answering import Answering, json_response
 from tripwatt.service.batching import LineSplitter, forecast_lines
 from tripwatt.service.car_operations import CarOperations
-from tripwatt.service.contract import Fields, only
+from tripwatt.service.contract import Fields
 from tripwatt.service.example_requests import UPLOADS
 from tripwatt.service.fleet_operations import FleetOperations
 from tripwatt.service.jobs import Jobs
@@ -182,12 +182,9 @@ class Api:
     """
 
     def __init__(self, settings: Settings, log: Log) -> None:
-        def log_event(event: str, **more: Any) -> None:
-            log(event=event, **more)
-
         self.settings = settings
         self.metrics = Metrics()
-        self.pool = WorkerPool(settings, log_event)
+        self.pool = WorkerPool(settings, log)
         self.metrics.waiting.set_function(lambda: self.pool.waiting)
         self.metrics.workers.set_function(lambda: self.pool.ready)
         self.metrics.lost.set_function(lambda: self.pool.lost)
@@ -196,7 +193,7 @@ class Api:
         jobs = Jobs.from_folders(settings.models, settings.limits)  # raises faults before a worker starts
         self.kept = self.answering.job if jobs.fleets else self.answering.kept
         self.live = LiveOperations(settings, self.pool, self.answering.read, log)
-        self.cars = CarOperations(self.answering, lambda: self.live.cars, log_event)
+        self.cars = CarOperations(self.answering, lambda: self.live.cars, log)
         self.app: FastAPI = FastAPI(
             title="tripwatt",
             version=tripwatt.__version__,
@@ -225,12 +222,12 @@ class Api:
     @openapi.operation("POST /v1/forecast", "forecast", ForecastResponse, schemas.ForecastRequest)
     async def forecast(self, request: Request, fields: Fields = None) -> Response:
         """Forecast a trip from a speed trace or from the links of a planned route."""
-        return await self.answering.body_job(request, "forecast", **only(fields))
+        return await self.answering.body_job(request, "forecast", fields=fields)
 
     @openapi.operation("POST /v1/forecast/update", "forecast", ForecastResponse, schemas.UpdateRequest)
     async def update(self, request: Request, fields: Fields = None) -> Response:
         """Update the forecast of a trip with the samples measured so far."""
-        return await self.answering.body_job(request, "update", **only(fields))
+        return await self.answering.body_job(request, "update", fields=fields)
 
     @openapi.operation(
         "POST /v1/forecast/difference", "forecast", DifferenceDocument, schemas.DifferenceRequest
@@ -284,7 +281,7 @@ class Api:
     async def plan(self, request: Request, fields: Fields = None) -> Response:
         """Plan a journey: roads, their forecasts, the charge to leave with, a charging stop."""
         self._require_map()
-        return await self.answering.body_job(request, "plan", **only(fields))
+        return await self.answering.body_job(request, "plan", fields=fields)
 
     @openapi.operation(
         "POST /v1/journeys/difference", "journeys", DifferenceDocument, JourneyDifferenceRequest

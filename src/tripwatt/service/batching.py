@@ -11,7 +11,6 @@ from typing import Any, Final
 import orjson
 
 from tripwatt.errors import Fault
-from tripwatt.service.contract import only
 from tripwatt.service.metrics import Metrics
 from tripwatt.service.pool import WorkerPool, cancel
 from tripwatt.service.problems import Problem, invalid_input
@@ -103,7 +102,7 @@ async def forecast_lines(
         A forecast or a problem document and a line feed, in the order of the requests.
     """
     running: deque[asyncio.Task[bytes]] = deque()
-    remaining, job = iter(lines), {"kind": "forecast", **only(fields)}
+    remaining, job = iter(lines), {"kind": "forecast", "fields": fields}
     most_running = pool.settings.workers + QUEUED_JOBS
     try:
         while True:

@@ -172,12 +172,14 @@ class CarJobs:
         """Learn the trips of an upload, and drop it; return what became of them."""
         own = self.car(name)
         tables = uploaded(own.folder, upload)
-        progress = tables.parent / PROGRESS
+        file = tables.parent / PROGRESS
         try:
             fleet = read_kinds(tables, kinds_of(tables, request, own.vehicle))
         except InvalidInput as error:
             raise _by_file(error, tables) from error
-        done = own.add(fleet, progress=lambda n, total: _write_progress(progress, n, total))
+        done = own.add(
+            fleet, progress=lambda n, of: write_bytes(file, orjson.dumps({"done": n, "total": of}))
+        )
         shutil.rmtree(tables.parent, ignore_errors=True)
         return _learned(done)
 
@@ -283,10 +285,6 @@ def read_progress(folder: Path, upload: str) -> tuple[int, int | None]:
         return int(progress["done"]), int(progress["total"])
     except (OSError, ValueError, KeyError, TypeError):
         return 0, None
-
-
-def _write_progress(path: Path, done: int, total: int) -> None:
-    write_bytes(path, orjson.dumps({"done": done, "total": total}))
 
 
 def _by_file(error: InvalidInput, tables: Path) -> InvalidInput:

@@ -78,7 +78,7 @@ class CarOperations:
         Its pool shows cars and reads logs.
     live : callable
         Returns the cars on the road; what it raises is passed on.
-    log_event : callable
+    log : callable
         As of `WorkerPool`.
 
     Attributes
@@ -89,12 +89,10 @@ class CarOperations:
         By name of the car.
     """
 
-    def __init__(
-        self, answering: Answering, live: Callable[[], LiveCars], log_event: Callable[..., None]
-    ) -> None:
+    def __init__(self, answering: Answering, live: Callable[[], LiveCars], log: Callable[..., None]) -> None:
         self.answering, self.live, self.settings = answering, live, answering.settings
         limits = replace(self.settings.limits, timeout_s=self.settings.limits.learn_s)
-        self.learners = WorkerPool(replace(self.settings, workers=1, limits=limits), log_event)
+        self.learners = WorkerPool(replace(self.settings, workers=1, limits=limits), log)
         self.learning: dict[str, Learning] = {}
         self._started = False
         self._places, self._unpacking = asyncio.Semaphore(MOST_PLACES), asyncio.Lock()
@@ -103,8 +101,8 @@ class CarOperations:
     async def running(self) -> AsyncIterator[None]:
         """Learn what cars finish on the road; stop with the service: what was learned by then is kept."""
         folder = self.settings.cars
-        watched = [] if folder is None else [RoadTrips(folder, self.learn_finished)]
-        watches = [asyncio.ensure_future(road_trips.watch()) for road_trips in watched]
+        watched = () if folder is None else (RoadTrips(folder, self.learn_finished).watch(),)
+        watches = [*map(asyncio.ensure_future, watched)]
         try:
             yield
         finally:

@@ -79,11 +79,6 @@ def chosen(document: Any, fields: str | None) -> Any:
     return {name: document[name] for name in names}
 
 
-def only(fields: str | None) -> dict[str, str]:
-    """The parameter of a job for the named fields."""
-    return {} if fields is None else {"fields": fields}
-
-
 def tagged(request: Request, content: bytes, media_type: str) -> Response:
     """A document that seldom changes, with its entity tag; without content where the client has it already."""
     tag = f'W/"{hashlib.sha256(content).hexdigest()[:20]}"'

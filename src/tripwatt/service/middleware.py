@@ -12,10 +12,10 @@ import ipaddress
 import re
 import secrets
 import time
-from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from typing import Any, Final
 
+from cachetools import LRUCache
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import RedirectResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -75,7 +75,7 @@ class TokenBuckets:
 
     def __init__(self, rate_per_s: float, burst: int) -> None:
         self.rate_per_s, self.burst = rate_per_s, float(burst)
-        self.by_client: OrderedDict[str, tuple[float, float]] = OrderedDict()
+        self.by_client: LRUCache[str, tuple[float, float]] = LRUCache(MAX_CLIENTS)
 
     def wait_s(self, client: str, now: float) -> float:
         """Take a token of a client.
@@ -85,12 +85,10 @@ class TokenBuckets:
         float
             0 if there was a token, else the time [s] until the next one.
         """
-        tokens, last = self.by_client.pop(client, (self.burst, now))
+        tokens, last = self.by_client.get(client, (self.burst, now))
         tokens = min(self.burst, tokens + (now - last) * self.rate_per_s)
         wait_s = 0.0 if tokens >= 1.0 else (1.0 - tokens) / self.rate_per_s
         self.by_client[client] = (tokens if wait_s else tokens - 1.0, now)
-        if len(self.by_client) > MAX_CLIENTS:
-            self.by_client.popitem(last=False)
         return wait_s
 
 

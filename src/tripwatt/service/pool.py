@@ -182,7 +182,7 @@ class WorkerPool:
     Parameters
     ----------
     settings : Settings
-    log_event : callable
+    log : callable
         Called with the name of an event of a worker and its details as keywords.
 
     Attributes
@@ -193,9 +193,9 @@ class WorkerPool:
         Workers lost since the start.
     """
 
-    def __init__(self, settings: Settings, log_event: Callable[..., None]) -> None:
+    def __init__(self, settings: Settings, log: Callable[..., None]) -> None:
         self.settings = settings
-        self.log_event = log_event
+        self.log = log
         self.waiting = 0
         self.lost = 0
         self._idle: asyncio.Queue[Worker] = asyncio.Queue()
@@ -269,7 +269,7 @@ class WorkerPool:
             async with asyncio.timeout(self.settings.limits.timeout_s):
                 result = await worker.run(frame)
         except TimeoutError as error:
-            self.log_event("worker hung", pid=worker.process.pid)
+            self.log(event="worker hung", pid=worker.process.pid)
             await worker.kill()
             raise WorkerLost from error
         except BaseException:
@@ -294,15 +294,15 @@ class WorkerPool:
         code = await worker.process.wait()
         self._workers.discard(worker)
         self.lost += 1
-        self.log_event("worker lost", pid=worker.process.pid, code=code)
+        self.log(event="worker lost", pid=worker.process.pid, code=code)
         delay_s = FIRST_RESTART_DELAY_S
         while True:
             try:
                 await self._start_worker()
             except (OSError, WorkerLost, TimeoutError) as error:
-                self.log_event("worker did not start", error=repr(error))
+                self.log(event="worker did not start", error=repr(error))
                 await asyncio.sleep(delay_s)
                 delay_s = min(2.0 * delay_s, MAX_RESTART_DELAY_S)
             else:
-                self.log_event("worker started", ready=self.ready)
+                self.log(event="worker started", ready=self.ready)
                 return

@@ -127,7 +127,8 @@ def refusal(status: int, content: bytes, instance: str) -> Response:
 
 def fault_document(fault: Fault) -> dict[str, str]:
     """Return the fields of a fault that are not empty, with long texts cut and unencodable characters replaced."""
-    return {name: _printable(text) for name, text in fault.texts.items()}
+    cut = {name: text[:MAX_TEXT_LENGTH] for name, text in fault.texts.items()}
+    return {name: text.encode("utf-8", "replace").decode() for name, text in cut.items()}
 
 
 def _with_pointer(fault: Mapping[str, str]) -> dict[str, str]:
@@ -151,10 +152,6 @@ def pointer_to(where: str) -> str | None:
     if where.startswith(OUTSIDE) or not IN_BODY.fullmatch(where):
         return None
     return "/" + re.sub(r"\[(\d+)\]", r".\1", where).replace(".", "/")
-
-
-def _printable(text: str) -> str:
-    return text[:MAX_TEXT_LENGTH].encode("utf-8", "replace").decode()
 
 
 def invalid_input(faults: Sequence[Fault]) -> Problem:

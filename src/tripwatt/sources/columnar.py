@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, Final, TypeVar
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
+import pyarrow.compute as pc
 
 from tripwatt.arrays import FloatArray
 from tripwatt.containers import MOST_CONTENT_BYTES
@@ -33,7 +35,6 @@ from tripwatt.trips import raise_faults
 from tripwatt.trips.reading import FileReading
 
 if TYPE_CHECKING:
-    import pyarrow as pa
     import pyarrow.parquet as pq
 
 Item = TypeVar("Item")
@@ -148,8 +149,6 @@ class ParquetTable:
         InvalidInput
             When it is larger, has values that are neither numbers, times nor texts, or cannot be read.
         """
-        import pyarrow as pa
-
         where, rows = f"{self.path} column {name!r}", self.file.metadata.num_rows
         column, size = None, self.inflated[name]
         try:
@@ -171,8 +170,6 @@ class ParquetTable:
         return column
 
     def _column(self, name: str) -> pd.Series:
-        import pyarrow as pa
-
         column = self.read(name)
         try:
             return pd.Series(column.to_pandas())
@@ -256,7 +253,6 @@ def open_table(
 
 
 def _open_parquet(path: Path, faults: list[Fault] | None) -> ParquetTable:
-    import pyarrow as pa
     import pyarrow.parquet as pq
 
     content = read_file(path)
@@ -292,19 +288,14 @@ def require_small_columns(path: Path) -> None:
 
 
 def _is_plain(of: pa.DataType) -> bool:
-    from pyarrow import types
-
-    of = of.value_type if types.is_dictionary(of) else of
-    texts = (types.is_string, types.is_large_string, types.is_binary, types.is_large_binary)
-    kinds = (types.is_primitive, types.is_decimal, types.is_null, *texts)
+    of = of.value_type if pa.types.is_dictionary(of) else of
+    texts = (pa.types.is_string, pa.types.is_large_string, pa.types.is_binary, pa.types.is_large_binary)
+    kinds = (pa.types.is_primitive, pa.types.is_decimal, pa.types.is_null, *texts)
     return any(kind(of) for kind in kinds)
 
 
 def _text_size(chunk: pa.Array) -> int:
     """Bytes of the texts of the rows; 0 for numbers."""
-    import pyarrow as pa
-    import pyarrow.compute as pc
-
     if not pa.types.is_dictionary(chunk.type) or pa.types.is_primitive(chunk.type.value_type):
         return int(chunk.nbytes)
     return pc.sum(pc.binary_length(chunk.dictionary).take(chunk.indices)).as_py() or 0

@@ -21,7 +21,7 @@ import pyarrow as pa
 import pyarrow.csv as pa_csv
 
 from tripwatt.arrays import FloatArray
-from tripwatt.errors import Fault, InvalidInput, and_more
+from tripwatt.errors import Fault, InvalidInput, and_more, excerpt
 from tripwatt.files import read_file, shipped_toml
 from tripwatt.sources.mapping import UNITS
 from tripwatt.trips.headers import DELIMITERS
@@ -141,7 +141,7 @@ def open_delimited(path: Path, content: bytes | None = None, names: Sequence[str
     offset, line, delimiter, own = _header(path, data)
     if own is None:
         if not names:
-            got = f"a first line of values: {_excerpt(decode(data[offset : offset + 40]))}"
+            got = f"a first line of values: {excerpt(decode(data[offset : offset + 40]))}"
             fix = "add the header of the other files"
             raise InvalidInput.of("no header", f"{path}", got, "names of columns in the first line", fix)
         return Delimited(path, tuple(names), delimiter, data, offset, line - 1)
@@ -362,9 +362,10 @@ def read_numbers(
     InvalidInput
         Without `faults`, with every row of the wrong length and every cell that is not a number.
     """
-    reason = ""
+    reason, nulls = "", {"null_values": list(NULL_TEXTS), "quoted_strings_can_be_null": True}
     try:
-        columns = _fast_numbers(source, wanted, decimal)
+        table = _parsed(source, wanted, pa.float64(), **nulls, decimal_point=decimal)
+        columns = [np.asarray(column.to_numpy(), dtype=np.float64) for column in table]
         if all(np.nanmax(np.abs(values), initial=0.0) <= LARGEST_NUMBER for values in columns):
             return columns
     except _UNREADABLE as error:
@@ -400,12 +401,6 @@ def numbers_of(cells: Sequence[str], decimal: str) -> tuple[FloatArray, list[int
             value = _value(text.replace(",", ".")) if _DECIMAL_COMMA.fullmatch(text) else None
         values[i] = np.nan if value is None else value
     return values, bad
-
-
-def _fast_numbers(source: Delimited, wanted: Sequence[int], decimal: str) -> list[FloatArray]:
-    nulls = {"null_values": list(NULL_TEXTS), "quoted_strings_can_be_null": True}
-    table = _parsed(source, wanted, pa.float64(), **nulls, decimal_point=decimal)
-    return [np.asarray(column.to_numpy(), dtype=np.float64) for column in table]
 
 
 _UNREADABLE: Final = (pa.ArrowInvalid, pa.ArrowKeyError, UnicodeDecodeError)
@@ -464,7 +459,7 @@ def _cut_off_fault(source: Delimited, line: int, width: int, cells: Sequence[str
     return Fault(
         "truncated file",
         source.where(line, source.names[position]),
-        f"the last line ends in {_excerpt(cells[-1])}, field {len(cells)} of {width}",
+        f"the last line ends in {excerpt(cells[-1])}, field {len(cells)} of {width}",
         f"{width} fields and a line break",
         "fetch the file again, or delete the last line to use the rest",
     )
@@ -496,10 +491,6 @@ def _cell_faults(
             what, fix = "decimal comma", "export the file with a decimal point"
         elif _value(text.replace(decimal, ".")) is not None:
             what, allowed = "number out of range", f"a finite number of at most {LARGEST_NUMBER:g}"
-        got = _excerpt(text) + (and_more(bad) if counted else "")
+        got = excerpt(text) + (and_more(bad) if counted else "")
         where = source.where(line, source.names[position])
         yield Fault(what, where, got, allowed, fix, count=len(bad) if counted else 1)
-
-
-def _excerpt(text: str) -> str:
-    return repr(text if len(text) <= 40 else text[:37] + "...")

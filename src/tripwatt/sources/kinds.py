@@ -10,7 +10,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, InvalidInput, or_none
 from tripwatt.files import file_head, parse_toml
 from tripwatt.physics.battery import open_circuit_voltage, usable_energy_wh
 from tripwatt.sources.columnar import open_table, table_files
@@ -212,9 +212,8 @@ def _headers(
 
 def _fits(file: Path, names: tuple[str, ...]) -> bool:
     """Whether the first row of a file without a header has a cell for each name."""
-    try:
-        head = open_delimited(file, file_head(file, HEAD_BYTES), names)
-    except InvalidInput:
+    head = or_none(open_delimited, file, file_head(file, HEAD_BYTES), names)
+    if head is None:
         return False
     cells, named = first_row(head), len([name for name in names if name])
     return len(cells) in (named, len(names)) or (not cells[-1] and len(cells) - 1 in (named, len(names)))

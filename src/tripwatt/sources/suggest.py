@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import FloatArray, IntArray
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, InvalidInput, or_none
 from tripwatt.sources.clocks import clock_only, decided_format
 from tripwatt.sources.columnar import TableFile, open_table, table_files
 from tripwatt.sources.delimited import column_key
@@ -240,10 +240,10 @@ def _readable(path: Path, names: Sequence[str]) -> tuple[TableFile, dict[str, Fl
     commas, cells = 0, 0
     for name in dict.fromkeys(n for n in table.names if n):
         faults.clear()
-        try:
-            (values,) = table.numbers([name])
-        except InvalidInput:
+        read = or_none(table.numbers, [name])
+        if read is None:
             continue
+        (values,) = read
         known = int(np.isfinite(values).sum())
         by_comma = sum(fault.count for fault in faults if fault.what == "decimal comma")
         if sum(fault.count for fault in faults) - by_comma <= MOST_BAD * known:
@@ -318,9 +318,7 @@ def _stamped(table: TableFile, name: str) -> Guess | None:
 def _with_unit(ours: str, name: str, table: TableFile, values: FloatArray | None) -> Guess | None:
     """The guess with its unit, from the name if it has one, else from the values; None where they cannot be it."""
     if values is None:
-        if ours != "time_s":
-            return None
-        return _stamped(table, name)
+        return _stamped(table, name) if ours == "time_s" else None
     known = values[np.isfinite(values)]
     if not len(known):
         return None

@@ -6,6 +6,7 @@ wrong and are never read.
 
 from __future__ import annotations
 
+import contextlib
 import datetime as dt
 import itertools
 import re
@@ -47,14 +48,9 @@ def read_overview(path: Path, trip_ids: Sequence[str]) -> tuple[dict[str, Contex
     """
     if not path.exists():
         return {}, [Flag("sheet_missing", path.name)]
-    rows = _sheet_rows(path)
     contexts: dict[str, Context] = {}
     notes: list[Flag] = []
-    for row in rows:
-        match = _TRIP_ID.fullmatch(_text(row.get("trip")))
-        if match is None:
-            continue
-        trip_id = f"Trip{match[1].upper()}"
+    for trip_id, row in _trip_rows(path):
         if trip_id in contexts:
             notes.append(Flag("sheet_row_twice", trip_id, path.name))
             continue
@@ -78,13 +74,16 @@ def read_durations(path: Path) -> dict[str, float]:
     InvalidInput
         When the sheet is there but cannot be read.
     """
-    durations: dict[str, float] = {}
-    for row in _sheet_rows(path) if path.exists() else []:
+    minutes = {trip_id: row.get("duration") for trip_id, row in (_trip_rows(path) if path.exists() else ())}
+    return {trip_id: 60.0 * each for trip_id, each in minutes.items() if isinstance(each, int | float)}
+
+
+def _trip_rows(path: Path) -> Iterator[tuple[str, Mapping[str, object]]]:
+    """The rows of trips, each with the id of its trip."""
+    for row in _sheet_rows(path):
         match = _TRIP_ID.fullmatch(_text(row.get("trip")))
-        minutes = row.get("duration")
-        if match and isinstance(minutes, int | float):
-            durations[f"Trip{match[1].upper()}"] = 60.0 * minutes
-    return durations
+        if match is not None:
+            yield f"Trip{match[1].upper()}", row
 
 
 def _sheet_rows(path: Path) -> list[Mapping[str, object]]:
@@ -129,10 +128,8 @@ def _departure(cell: object, trip_id: str, sheet: str, notes: list[Flag]) -> dt.
     if isinstance(cell, dt.datetime):
         return cell.replace(tzinfo=None)
     text = _text(cell)
-    try:  # 2019-06-25_13-21-14 and 2019_12_08_09-38-26 both occur
+    with contextlib.suppress(ValueError):  # 2019-06-25_13-21-14 and 2019_12_08_09-38-26 both occur
         return dt.datetime.strptime(_NOT_A_DIGIT.sub("-", text), "%Y-%m-%d-%H-%M-%S")
-    except ValueError:
-        pass
     if text:
         notes.append(Flag("value_not_used", f"{sheet}, departure of {trip_id}", text[:40]))
     return None
@@ -140,16 +137,12 @@ def _departure(cell: object, trip_id: str, sheet: str, notes: list[Flag]) -> dt.
 
 def _setpoint(cell: object, trip_id: str, sheet: str, notes: list[Flag]) -> float | None:
     text = _text(cell).replace(",", ".")
-    if not text:
-        return None
-    try:
-        value = float(text)
-    except ValueError:
-        value = float("nan")
     low, high = _SETPOINT_RANGE_DEGC
-    if low <= value <= high:
-        return value
-    notes.append(Flag("value_not_used", f"{sheet}, set-point of {trip_id}", text[:40]))
+    with contextlib.suppress(ValueError):
+        if low <= float(text) <= high:
+            return float(text)
+    if text:
+        notes.append(Flag("value_not_used", f"{sheet}, set-point of {trip_id}", text[:40]))
     return None
 
 

@@ -1,7 +1,6 @@
 """Logs of many vehicles in Delta tables: `create_store`, `open_store`; with the extra `tripwatt[fleet]`."""
 
 from tripwatt.store.adding import add_files
-from tripwatt.store.rows import stored_findings
 from tripwatt.store.store import Added, FileTrips, TripStore, create_store, open_store, read_file
 
 __all__ = [
@@ -12,5 +11,4 @@ __all__ = [
     "create_store",
     "open_store",
     "read_file",
-    "stored_findings",
 ]

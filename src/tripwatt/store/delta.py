@@ -11,12 +11,11 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, TypeVar
+from typing import Any, Final, TypeVar
+
+import pyarrow as pa
 
 from tripwatt.errors import Fault, InvalidInput, install
-
-if TYPE_CHECKING:
-    import pyarrow as pa
 
 Result = TypeVar("Result")
 
@@ -204,12 +203,8 @@ class DeltaFolder:
         int
             Rows that were deleted.
         """
-        return int(
-            self._repeated(lambda table: table.delete(predicate, writer_properties=_writing())).get(
-                "num_deleted_rows"
-            )
-            or 0
-        )
+        done = self._repeated(lambda table: table.delete(predicate, writer_properties=_writing()))
+        return int(done.get("num_deleted_rows") or 0)
 
     def compact(self, target_size: int) -> dict[str, Any]:
         """Merge small data files of each partition up to a size [bytes]."""
@@ -268,8 +263,6 @@ class DeltaFolder:
 
     def data_files(self) -> Iterator[DataFile]:
         """Data files of the newest version, by name."""
-        import pyarrow as pa
-
         actions = pa.table(self.open().get_add_actions(flatten=True)).to_pylist()
         for action in sorted(actions, key=lambda a: str(a["path"])):
             yield DataFile(

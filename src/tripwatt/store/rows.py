@@ -14,7 +14,7 @@ import numpy as np
 import pyarrow as pa
 
 from tripwatt.arrays import FloatArray
-from tripwatt.auditing import Finding, audit
+from tripwatt.auditing import Finding, audit, driven_m
 from tripwatt.trips import COLUMNS, Context, Log, Recorded, observed_energy, table_of
 
 COUNTED: Final = "observed_energy_wh"
@@ -138,7 +138,7 @@ def stored_log(log: Recorded, vehicle_id: str, car_model: str, buckets: int) -> 
         "car_model": car_model,
         "driver": log.context.driver,
         "started_at": None if started is None else started.isoformat(),
-        "distance_m": sum(_distance(drive) for drive in drives),
+        "distance_m": sum(driven_m(drive.samples) for drive in drives),
         "duration_s": sum(drive.duration_s for drive in drives),
         "energy_wh": energy,
         "energy_std_wh": std,
@@ -163,12 +163,6 @@ def _unchanged(log: Recorded, drives: Sequence[Recorded]) -> bool:
         getattr(drive, name) == getattr(log, name) for name in ("trip_id", "context", "observed_energy_wh")
     )
     return all(same) and drive.samples.equals(log.samples)
-
-
-def _distance(drive: Recorded) -> float:
-    speed, time = drive.array("speed_m_s"), drive.array("time_s")
-    known = np.isfinite(speed) & np.isfinite(time)
-    return float(np.trapezoid(speed[known], time[known]))
 
 
 def _ambient(drive: Recorded) -> float | None:
@@ -250,28 +244,3 @@ def log_from_rows(row: Mapping[str, Any], columns: Mapping[str, FloatArray]) -> 
         started_at=None if started is None else dt.datetime.fromisoformat(started),
     )
     return Log(row["trip_id"], samples, context, observed_energy(samples), None, std, common)
-
-
-def stored_findings(row: Mapping[str, Any]) -> tuple[Finding, ...]:
-    """Read the findings of a row of `trips`.
-
-    Parameters
-    ----------
-    row : mapping
-        With the column `findings`.
-
-    Returns
-    -------
-    tuple of Finding
-        What the audit of the log found when it was added.
-
-    Examples
-    --------
-    >>> row = {"findings": '[{"drive": "A", "from_s": 0, "to_s": 9, "what": "no speed", "consequence": "cut"}]'}
-    >>> stored_findings(row)[0].what
-    'no speed'
-    """
-    return tuple(
-        Finding(f["drive"], f["from_s"], f["to_s"], f["what"], f["consequence"])
-        for f in json.loads(row["findings"])
-    )

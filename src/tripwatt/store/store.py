@@ -13,10 +13,12 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby, islice, pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
+import pyarrow.compute as pc
 
 from tripwatt.arrays import IntArray, by_key
 from tripwatt.auditing import Finding, audit
@@ -34,9 +36,6 @@ from tripwatt.store.rows import (
     trips_table,
 )
 from tripwatt.trips import Fleet, Log, Recorded, raise_faults
-
-if TYPE_CHECKING:
-    import pyarrow as pa
 
 FORMAT: Final = 1
 BUCKETS: Final = 16
@@ -269,11 +268,9 @@ class TripStore:
         InvalidInput
             With every one whose vehicle has another log of the same id, there or among themselves.
         """
-        import pyarrow.dataset as ds
-
         vehicles = sorted({s.row["vehicle_id"] for s in stored})
         buckets = sorted({s.row["bucket"] for s in stored})
-        where = ds.field("bucket").isin(buckets) & ds.field("vehicle_id").isin(vehicles)
+        where = pc.field("bucket").isin(buckets) & pc.field("vehicle_id").isin(vehicles)
         columns = ["digest", "vehicle_id", "trip_id"]
         rows = table.to_pyarrow_dataset().to_table(columns=columns, filter=where)
         known, *names = (rows[name].to_pylist() for name in columns)
@@ -334,12 +331,8 @@ class TripStore:
         where = _where(self.buckets, vehicle_id, car_model, since, until)
         table = self.rows.read([*columns, *order], where)
         by = [("vehicle_id", "ascending"), ("started_at", "ascending"), ("trip_id", "ascending")]
-        if table.num_rows > 1:
-            import pyarrow.compute as pc
-
-            index = pc.sort_indices(table, sort_keys=by)
-            table = table.take(index if limit is None else index[:limit])
-        listed: pd.DataFrame = table.select(list(columns)).slice(0, limit).to_pandas()
+        table = table.take(pc.sort_indices(table, sort_keys=by)[:limit])
+        listed: pd.DataFrame = table.select(list(columns)).to_pandas()
         return listed
 
     def logs(self, rows: Sequence[Mapping[str, Any]] | None = None, **which: Any) -> Iterator[Log]:
@@ -377,9 +370,8 @@ class TripStore:
             One for each log, None where a value is unknown.
         """
         frame = self.trips(columns=TRIPS.names, **which)
-        values = frame.astype(object).where(frame.notna(), None)
-        names = [str(name) for name in values.columns]
-        return [dict(zip(names, row, strict=True)) for row in values.to_numpy().tolist()]
+        rows: list[Any] = frame.astype(object).where(frame.notna(), None).to_dict("records")
+        return rows
 
     def file_trips(self, rows: Iterable[Mapping[str, Any]]) -> list[FileTrips]:
         """Find the data files of some logs, each with the logs that may be in it. O(files + logs).
@@ -456,9 +448,7 @@ class TripStore:
     def _drop_orphans(self, older_s: float = ORPHANS_AFTER_S) -> int:
         """Drop samples of batches that no row of `trips` has, once they are older than any writer is at work."""
         before = f"{time.time_ns() - int(older_s * 1e9):020d}"
-        import pyarrow.dataset as ds
-
-        batches = self.samples.read(["batch"], ds.field("batch") < before)["batch"].unique().to_pylist()
+        batches = self.samples.read(["batch"], pc.field("batch") < before)["batch"].unique().to_pylist()
         kept = set(self.rows.read(["batch"])["batch"].unique().to_pylist())
         lost = sorted(set(batches) - kept)
         return self.samples.delete(f"batch IN ({_sql_texts(lost)})") if lost else 0
@@ -484,10 +474,8 @@ class TripStore:
         InvalidInput
             When the store holds nothing of such a vehicle.
         """
-        import pyarrow.dataset as ds
-
         bucket = bucket_of(vehicle_id, self.buckets)
-        its = (ds.field("bucket") == bucket) & (ds.field("vehicle_id") == vehicle_id)
+        its = (pc.field("bucket") == bucket) & (pc.field("vehicle_id") == vehicle_id)
         erased = []
         for folder in (self.rows, self.samples):
             digests = sorted(set(folder.read(["digest"], its)["digest"].to_pylist()))
@@ -645,7 +633,6 @@ def read_file(
     ...         print(row["vehicle_id"], len(log) == row["samples"])
     V1 True
     """
-    import pyarrow as pa
     import pyarrow.parquet as pq
 
     wanted = {(row["batch"], row["digest"]): row for row in rows}
@@ -669,9 +656,6 @@ def read_file(
 
 def _chosen_rows(keys: pa.Table, wanted: Iterable[tuple[str, str]]) -> IntArray:
     """Row numbers of the wanted logs, log by log in the order of samples: merging files mixes their rows."""
-    import pyarrow as pa
-    import pyarrow.compute as pc
-
     digests = sorted({digest for _, digest in wanted})
     batches = sorted({batch for batch, _ in wanted})
     by_digest = pc.index_in(keys["digest"].cast(pa.string()), pa.array(digests, pa.string()))
@@ -693,18 +677,16 @@ def _where(
     since: dt.date | str | None,
     until: dt.date | str | None,
 ) -> Any:
-    import pyarrow.dataset as ds
-
     parts = []
     if vehicle_id is not None:
-        parts.append(ds.field("bucket") == bucket_of(vehicle_id, buckets))
-        parts.append(ds.field("vehicle_id") == vehicle_id)
+        parts.append(pc.field("bucket") == bucket_of(vehicle_id, buckets))
+        parts.append(pc.field("vehicle_id") == vehicle_id)
     if car_model is not None:
-        parts.append(ds.field("car_model") == car_model)
+        parts.append(pc.field("car_model") == car_model)
     if since is not None:
-        parts.append(ds.field("started_at") >= _iso(since, "since"))
+        parts.append(pc.field("started_at") >= _iso(since, "since"))
     if until is not None:
-        parts.append(ds.field("started_at") < _iso(until, "until"))
+        parts.append(pc.field("started_at") < _iso(until, "until"))
     where = None
     for part in parts:
         where = part if where is None else where & part

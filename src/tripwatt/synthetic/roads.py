@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from tripwatt.arrays import FloatArray
-from tripwatt.routes.driver import SpeedProfile, draw_dwell, smooth_field, speed_profile
+from tripwatt.routes.driver import SpeedProfile, draw_dwell, smooth_noise, speed_profile
 from tripwatt.synthetic.scenario import ROADS, WHEEL, Scenario, stream
 from tripwatt.units import M_S_PER_KM_H
 
@@ -111,8 +111,8 @@ def draw_links(scenario: Scenario, rng: np.random.Generator) -> tuple[FloatArray
 def draw_elevation(distance_m: float, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
     """Position and height [m] every 25 m: hills on two scales around a height above the sea."""
     position = np.arange(0.0, distance_m + 25.0, 25.0)
-    hills = rng.uniform(3.0, 12.0) * np.interp(position, *smooth_field(position[-1], 600.0, rng))
-    valleys = rng.uniform(8.0, 25.0) * np.interp(position, *smooth_field(position[-1], 4000.0, rng))
+    hills = rng.uniform(3.0, 12.0) * smooth_noise(position, 600.0, rng)
+    valleys = rng.uniform(8.0, 25.0) * smooth_noise(position, 4000.0, rng)
     slope = np.diff(hills + valleys) / 25.0
     climbs = 25.0 * np.cumsum(np.clip(slope, -STEEPEST_GRADE, STEEPEST_GRADE))
     return position, rng.uniform(450.0, 620.0) + np.concatenate(([0.0], climbs))
@@ -126,11 +126,8 @@ def drive_route(scenario: Scenario, seed: int, step_s: float) -> RoadDrive:
     profile = speed_profile(
         length, speed, dwell_s=dwell, style=scenario.driver.style, rng=wheel, step_s=step_s
     )
-    distance = float(profile.position_m[-1])
-    position, height = draw_elevation(distance, rng)
-    turns = rng.uniform(0.0, 2.0 * math.pi) + 1.2 * np.interp(
-        profile.position_m, *smooth_field(distance, 2000.0, rng)
-    )
+    position, height = draw_elevation(float(profile.position_m[-1]), rng)
+    turns = rng.uniform(0.0, 2.0 * math.pi) + 1.2 * smooth_noise(profile.position_m, 2000.0, rng)
     return RoadDrive(
         profile=profile,
         elevation_m=np.interp(profile.position_m, position, height),

@@ -179,11 +179,6 @@ def draw_day(seed: int, number: int) -> Day:
     )
 
 
-def _draw_duration_s(route: str, rng: np.random.Generator) -> float:
-    longest = 1700.0 if route == "highway" else 2500.0
-    return float(np.clip(1250.0 * math.exp(0.4 * rng.normal()), 820.0, longest))
-
-
 LONG_DRIVE_SOC: Final = 0.9
 
 
@@ -214,7 +209,8 @@ def draw_scenarios(n_trips: int, seed: int) -> Iterator[Scenario]:
         for place in range(min(int(of_day.integers(1, 5)), n_trips - made)):
             rng = stream(seed, TRIPS, number, place)
             route = str(rng.choice(["city", "rural", "highway", "mixed"], p=[0.25, 0.3, 0.15, 0.3]))
-            duration_s = _draw_duration_s(route, rng)
+            longest_s = 1700.0 if route == "highway" else 2500.0
+            duration_s = float(np.clip(1250.0 * math.exp(0.4 * rng.normal()), 820.0, longest_s))
             use = EXPECTED_USE * EXPECTED_SPEED_M_S[route] * duration_s / 1000.0
             if soc < 0.15 + 1.5 * use:
                 soc = float(rng.uniform(0.75, 0.88))  # charged while parked

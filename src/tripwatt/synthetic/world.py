@@ -15,7 +15,7 @@ import numpy as np
 from tripwatt.arrays import FloatArray
 from tripwatt.physics import DriveConditions, simulate
 from tripwatt.physics.battery import BatteryRun, discharge
-from tripwatt.routes.driver import autoregression, smooth_field
+from tripwatt.routes.driver import autoregression, smooth_noise
 from tripwatt.synthetic.roads import RoadDrive
 from tripwatt.synthetic.scenario import AIR, NOISE, WORLD, Scenario, stream
 from tripwatt.units import (
@@ -214,13 +214,13 @@ def draw_ambient(scenario: Scenario, time_s: FloatArray, rng: np.random.Generato
     course = scenario.day.temperature_at(scenario.hour) + (
         scenario.day.temperature_at(scenario.hour + 1.0) - scenario.day.temperature_at(scenario.hour)
     ) * (time_s / 3600.0)
-    local = np.interp(time_s, *smooth_field(float(time_s[-1]), 400.0, rng))
+    local = smooth_noise(time_s, 400.0, rng)
     return np.asarray(course + 0.5 * local, dtype=np.float64)
 
 
 def compressor_hunting(time_s: FloatArray, rng: np.random.Generator) -> FloatArray:
     """Factor around 1 by which a compressor takes more or less than its cooling needs."""
-    wave = np.interp(time_s, *smooth_field(float(time_s[-1]), HUNTING_TIME_S, rng))
+    wave = smooth_noise(time_s, HUNTING_TIME_S, rng)
     return np.maximum(1.0 + HUNTING_SHARE * wave, 0.5)
 
 

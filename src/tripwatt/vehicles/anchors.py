@@ -67,18 +67,6 @@ def anchors() -> Mapping[str, Anchor]:
     return types.MappingProxyType(by_car)
 
 
-def anchored_document(name: str, document: Mapping[str, Any]) -> dict[str, Any]:
-    """The document of a car with its anchor in place of its own entries; unchanged without one.
-
-    Examples
-    --------
-    >>> document = anchored_document("vw_id4_pro", {"name": "ID.4"})
-    >>> document["anchor"]
-    'road_load'
-    """
-    return with_anchor(document, anchors().get(name))
-
-
 def with_anchor(document: Mapping[str, Any], anchor: Anchor | None) -> dict[str, Any]:
     """The document with the entries of an anchor in place of its own."""
     if anchor is None:

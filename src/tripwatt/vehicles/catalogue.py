@@ -13,7 +13,7 @@ import dataclasses
 import math
 import statistics
 import types
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import Final
@@ -269,12 +269,13 @@ def usual_linear_part_s_m() -> float:
     return statistics.median(run.b_n_s_m / run.weight_n for run in map(Coastdown.of_parts, rows))
 
 
-def class_values(without: Collection[str] = ()) -> ClassValues:
+@cache
+def class_values(without: frozenset[str] = frozenset()) -> ClassValues:
     """Medians of the measured coast-downs of the table. O(cars log cars).
 
     Parameters
     ----------
-    without : collection of str
+    without : frozenset of str
         Cars that take no part, to hold the class values against them.
 
     Notes
@@ -287,11 +288,6 @@ def class_values(without: Collection[str] = ()) -> ClassValues:
     >>> values.drag_area_m2["sedan"] < values.drag_area_m2["suv"] < values.drag_area_m2["pickup"]
     True
     """
-    return _class_values(frozenset(without))
-
-
-@cache
-def _class_values(without: frozenset[str]) -> ClassValues:
     runs = [
         (row["body"][0].value, Coastdown.of_parts(row))
         for name, row in catalogue().items()

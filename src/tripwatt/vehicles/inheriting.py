@@ -36,18 +36,15 @@ def data_folder() -> Any:
 def bundled_text(name: str) -> str | None:
     """Text of a shared file or of a bundled car, None when there is neither."""
     folder = data_folder()
-    for place in (folder / "shared", folder):
-        file = place / f"{name}.toml"
-        if file.is_file():
-            return str(file.read_text(encoding="utf-8"))
-    return None
+    files = (place / f"{name}.toml" for place in (folder / "shared", folder))
+    return next((str(file.read_text(encoding="utf-8")) for file in files if file.is_file()), None)
 
 
 @cache
 def _bundled(name: str, depth: int) -> tuple[dict[str, Any], tuple[Fault, ...]]:
     """A bundled file with what it takes over, and its faults. It is read, never changed."""
     faults: list[Fault] = []
-    document = _inherit(tomllib.loads(bundled_text(name) or ""), f"{name}.toml", faults, depth)
+    document = inherit(tomllib.loads(bundled_text(name) or ""), f"{name}.toml", faults, depth)
     return document, tuple(faults)
 
 
@@ -63,7 +60,7 @@ def bundled_bases() -> tuple[str, ...]:
     return tuple(sorted(f.name[:-5] for f in files if f.name.endswith(".toml")))
 
 
-def inherit(document: Mapping[str, Any], where: str, faults: list[Fault]) -> dict[str, Any]:
+def inherit(document: Mapping[str, Any], where: str, faults: list[Fault], depth: int = 0) -> dict[str, Any]:
     """The document with what it takes over and the licences filled in, and without the keys that control this.
 
     Parameters
@@ -74,6 +71,8 @@ def inherit(document: Mapping[str, Any], where: str, faults: list[Fault]) -> dic
         Its file, for messages.
     faults : list of Fault
         Takes what is wrong.
+    depth : int
+        Documents that extend one another down to this one.
 
     Examples
     --------
@@ -81,10 +80,6 @@ def inherit(document: Mapping[str, Any], where: str, faults: list[Fault]) -> dic
     >>> car["body"]["driver_mass_kg"]["value"]
     75.0
     """
-    return _inherit(document, where, faults, depth=0)
-
-
-def _inherit(document: Mapping[str, Any], where: str, faults: list[Fault], depth: int) -> dict[str, Any]:
     document = with_licences(document, where, faults)
     own = {k: v for k, v in document.items() if k not in ("extends", "scaled")}
     result: dict[str, Any] = {}

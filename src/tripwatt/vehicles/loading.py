@@ -14,7 +14,7 @@ from typing import Any
 
 from tripwatt.errors import InvalidInput, excerpt
 from tripwatt.files import MOST_TEXT_BYTES, parse_toml, read_text_file
-from tripwatt.vehicles.anchors import anchored_document
+from tripwatt.vehicles.anchors import anchors, with_anchor
 from tripwatt.vehicles.catalogue import catalogue, class_values, table_names
 from tripwatt.vehicles.charging import charging_section
 from tripwatt.vehicles.inheriting import bundled_text, data_folder
@@ -87,7 +87,7 @@ def load_vehicle(
 
 def _from_library(name: str, preset: str, overrides: Mapping[str, float | str]) -> Vehicle:
     require_vehicle(name)
-    document = anchored_document(name, library_document(name))
+    document = with_anchor(library_document(name), anchors().get(name))
     return vehicle_from_document(document, name, f"{name}.toml", preset, overrides)
 
 
@@ -157,8 +157,7 @@ def find_vehicles(words: str) -> tuple[str, ...]:
     >>> find_vehicles("kona")
     ('hyundai_kona_64', 'hyundai_kona_39')
     """
-    wanted = [_plain(word) for word in words.split()]
-    wanted = [word for word in wanted if word]
+    wanted = [word for word in map(_plain, words.split()) if word]
     matching = []
     for name, title in vehicle_titles().items():
         years = _years(title)

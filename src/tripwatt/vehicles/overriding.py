@@ -54,14 +54,3 @@ def parse_overrides(texts: Iterable[str]) -> dict[str, float | str]:
                 result[key] = value
     raise_faults(faults)
     return result
-
-
-def spelled_out(overrides: Mapping[str, float | str]) -> dict[str, float | str]:
-    """Overrides with their short names replaced by `section.key`.
-
-    Examples
-    --------
-    >>> spelled_out({"mass": 1300.0})
-    {'body.curb_mass_kg': 1300.0}
-    """
-    return {ALIASES.get(key, key): value for key, value in overrides.items()}

@@ -19,7 +19,7 @@ from typing import Any, Final
 from tripwatt.errors import Fault, did_you_mean, excerpt, raise_faults
 from tripwatt.vehicles.inheriting import data_folder, inherit
 from tripwatt.vehicles.licences import licence_faults, with_licences
-from tripwatt.vehicles.overriding import spelled_out
+from tripwatt.vehicles.overriding import ALIASES
 from tripwatt.vehicles.parts import ROAD_LOADS, Battery, RoadLoad
 from tripwatt.vehicles.relations import relation_faults, table_faults
 from tripwatt.vehicles.vehicle import ANCHORS, OPTIONAL_SECTIONS, SECTIONS, Entry, Value, Vehicle
@@ -91,7 +91,7 @@ def vehicle_from_document(
             entry = _entry(section, key, raw, where, faults)
             if entry is not None:
                 entries[f"{section}.{key}"] = entry
-    overrides = spelled_out(overrides)
+    overrides = {ALIASES.get(key, key): value for key, value in overrides.items()}
     for key, value in overrides.items():
         _override(entries, key, value, faults)
     left_out = OPTIONAL_SECTIONS - tables.keys() if preset != "default" else frozenset()

@@ -366,10 +366,7 @@ _LOSSES: Final = {f.name: f.metadata["lossless"] for f in fields(Drivetrain) if 
 
 def _loss_fields(shaft_w: float, speed_rad_s: float, drivetrain: Drivetrain) -> tuple[str, ...]:
     """Entries without which the loss would be at least a fifth smaller."""
-    whole = _loss(shaft_w, speed_rad_s, drivetrain)
-    names = []
-    for name, value in _LOSSES.items():
-        changed: dict[str, Any] = {name: value}
-        if _loss(shaft_w, speed_rad_s, replace(drivetrain, **changed)) < 0.8 * whole:
-            names.append(name)
+    most = 0.8 * _loss(shaft_w, speed_rad_s, drivetrain)
+    without = {name: replace(drivetrain, **{name: value}) for name, value in _LOSSES.items()}
+    names = [name for name, car in without.items() if _loss(shaft_w, speed_rad_s, car) < most]
     return tuple(f"drivetrain.{name}" for name in names) or ("drivetrain.motor_loss_factor",)

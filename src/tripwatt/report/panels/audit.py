@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 
 from tripwatt.report.panel import Content, panel
@@ -36,10 +37,9 @@ def on_audit(view: View) -> str:
     words = {"reference": "the reference set", "audited": "the audited set", "all": "the unaudited set"}
     parts = [f"{words.get(name, name)} has {number} trips" for name, number in counts.items()]
     audit = view.results.get("audit") or ()
-    done: dict[str, set[str]] = {}
-    for finding in audit:
-        done.setdefault(str(finding.get("consequence") or "noted"), set()).add(str(finding.get("trip")))
-    tally = listed([f"{len(trips)} {what}" for what, trips in sorted(done.items())])
+    pairs = {(str(finding.get("consequence") or "noted"), str(finding.get("trip"))) for finding in audit}
+    done = Counter(consequence for consequence, _ in pairs)
+    tally = listed([f"{trips} {what}" for what, trips in sorted(done.items())])
     counted = (
         f"the audit has {len(audit)} findings (trips: {tally})" if audit else "the audit has no findings"
     )

@@ -31,8 +31,7 @@ def study_scores(view: View) -> Mapping[str, Record]:
 
 def forms(view: View) -> list[str]:
     """The simulations of the studies, the one of the table first."""
-    known = study_scores(view)
-    return [name for name in (SIMULATION, *(form.name for form in FORMS)) if name in known]
+    return shown((SIMULATION, *(form.name for form in FORMS)), study_scores(view))
 
 
 def shown(names: Sequence[str], scores: Mapping[str, Record]) -> list[str]:

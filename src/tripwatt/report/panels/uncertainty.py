@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
+from scipy.stats import binom, kstest
 
 from tripwatt.arrays import FloatArray
 from tripwatt.evaluation.forecast_scores import UPDATE_LEVEL
@@ -153,8 +154,6 @@ def pit(view: View) -> Content:
 
 def on_pit(pit: FloatArray, given: str) -> str:
     """The share of the trips above the median, and a test of uniformity."""
-    from scipy.stats import kstest
-
     test = kstest(pit, "uniform")
     verdict = "do not differ" if test.pvalue >= 0.05 else "differ"
     return (
@@ -165,8 +164,6 @@ def on_pit(pit: FloatArray, given: str) -> str:
 
 def plot_pit(view: View, pit: FloatArray) -> Figure:
     """Histogram of the probability that the forecast gave to less than was measured; flat for a calibrated forecast."""
-    from scipy.stats import binom
-
     figure, axes = plotted(view, 3.2, "Where the measured energy falls in the forecast", view.note_given)
     n = len(pit)
     low, high = binom.ppf([0.025, 0.975], n, 1.0 / PIT_BINS)

@@ -56,11 +56,8 @@ class MapFolder:
             return ""
         south, west, north, east = map(float, self.info["bounds_deg"])
         names = [place.title for place in self.index.settlements(south, west, north, east, MOST_NAMED)]
-        around = (
-            f" around {' and '.join((', '.join(names[:-1]), names[-1]) if names[1:] else names)}"
-            if names
-            else ""
-        )
+        *others, last = names or [""]
+        around = f" around {', '.join(others)}{' and ' if others else ''}{last}" if last else ""
         return f"{_span(south, north, 'SN')} and {_span(west, east, 'WE')}{around} ({self.info['extract']})"
 
     @cached_property

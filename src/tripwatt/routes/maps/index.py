@@ -355,8 +355,8 @@ class PlaceIndex:
         with self._damage_is_a_fault():
             rows = self.database.execute("SELECT * FROM stations").fetchall()
             return tuple(
-                Station(lat, lon, name, w, bool(dc), bool(known), tuple("".join(plugs).split()))
-                for lat, lon, name, w, dc, known, *plugs in rows  # an index of an older version has no plugs
+                Station(lat, lon, name, w, bool(dc), bool(known), tuple(plugs.split()))
+                for lat, lon, name, w, dc, known, plugs in rows
             )
 
 

@@ -8,7 +8,7 @@ keys, whatever the number of words.
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from typing import Final
 
 FIRST_LETTERS: Final = 5
@@ -91,11 +91,10 @@ def mistakes(typed: str, word: str) -> tuple[int, int]:
     return min(row), row[-1]
 
 
-def ranked(texts: Iterable[tuple[int, list[str]]]) -> Iterator[tuple[str, int]]:
+def ranked(texts: Iterable[tuple[int, list[str]]]) -> Iterable[tuple[str, int]]:
     """Each word of texts that come in the order of their ranks, with the first rank."""
-    seen: set[str] = set()
+    first: dict[str, int] = {}
     for rank, words in texts:
         for word in words:
-            if word not in seen:
-                seen.add(word)
-                yield word, rank
+            first.setdefault(word, rank)
+    return first.items()

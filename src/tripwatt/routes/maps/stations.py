@@ -12,6 +12,7 @@ from types import MappingProxyType
 from typing import Any, Final
 
 import numpy as np
+import pandas as pd
 
 from tripwatt.errors import Fault, InvalidInput, excerpt, raise_faults
 from tripwatt.files import read_text_file
@@ -122,7 +123,8 @@ def read_stations(path: Path | str) -> tuple[Station, ...]:
         raise InvalidInput.of("too many stations", path.name, f"{len(rows)}", f"at most {MOST_STATIONS}")
     faults, columns = [], []
     for column, (low, high) in BOUNDS.items():
-        values = np.array([_number(row[column]) for row in rows])
+        cells = pd.Series([row[column] for row in rows], dtype=object)
+        values = pd.to_numeric(cells, errors="coerce").to_numpy(dtype=np.float64)
         wrong = np.flatnonzero(~((values >= low) & (values <= high)))
         if len(wrong):
             where = f"{path.name}, column '{column}', row {wrong[0] + 1}"
@@ -135,14 +137,6 @@ def read_stations(path: Path | str) -> tuple[Station, ...]:
         Station(latitude, longitude, name, 1000.0 * kw, direct_current=1000.0 * kw >= DIRECT_FROM_W)
         for latitude, longitude, kw, name in zip(*columns, called, strict=True)
     )
-
-
-def _number(cell: str | None) -> float:
-    """The number of a cell; NaN where it has none."""
-    try:
-        return float(cell or "nan")
-    except ValueError:
-        return float("nan")
 
 
 def within(
