@@ -287,3 +287,12 @@ def test_the_season_of_own_trips_takes_the_place_of_an_unknown_temperature(commu
     assert unknown.energy_wh < usual.energy_wh
     assert unknown.interval_wh[1] - unknown.interval_wh[0] > known.interval_wh[1] - known.interval_wh[0]
     assert "ambient_temperature_degc" in {flag.subject for flag in unknown.flags}
+
+
+def test_a_car_whose_trips_have_no_road_has_the_roads_of_all_logs(commuter: ForecastModel) -> None:
+    nothing = replace(commuter, roads_=np.empty((0, 9)))
+    assert own_roads(nothing, road_prior()) is None
+    found, usual = (
+        tw.need(20, departure=MILD, model=car) for car in (nothing, replace(commuter, roads_=None))
+    )
+    assert found == usual

@@ -13,13 +13,15 @@ from hypothesis import strategies as st
 from tripwatt.arrays import FloatArray
 from tripwatt.auditing import audit
 from tripwatt.errors import InvalidInput
+from tripwatt.physics import simulate_trip
 from tripwatt.sources import read_logs
 from tripwatt.sources.canonical import read_canonical
 from tripwatt.sources.mapping import load_mapping, parse_mapping, shipped_mappings
 from tripwatt.sources.suggest import suggest_mapping
 from tripwatt.sources.table import read_table
-from tripwatt.trips import Fleet
+from tripwatt.trips import Fleet, plan_from_trip
 from tripwatt.trips.messages import message
+from tripwatt.vehicles import load_vehicle
 
 MAPPING = """
 [columns]
@@ -404,3 +406,26 @@ def test_heights_come_from_positions_where_a_file_has_none(tmp_path: Path) -> No
     assert not {"Latitude", "latitude_deg"} & set(found["flat"].samples.columns), "positions are not kept"
     unknown = read_table(tmp_path / "logs", heights=lambda latitude, _: np.full(len(latitude), np.nan))
     assert not next(trip for trip in unknown.logs if trip.trip_id == "flat").has("elevation_m")
+
+
+def test_a_log_whose_first_positions_are_missing_is_simulated_on_the_heights_that_are_known(
+    tmp_path: Path,
+) -> None:
+    """A receiver without a fix writes nothing, or zeros, where no tile is."""
+    time = np.arange(300.0)
+    speed = 10.0 + 2.0 * np.sin(time / 20.0)
+    log = pd.DataFrame({"time_s": time, "speed_m_s": speed, "voltage_v": 350.0, "current_a": 2.0 * speed})
+    latitude, longitude = 47.5 + time / 11_119.5, np.full(300, 9.5)
+    latitude[:20], longitude[:20] = np.nan, np.nan
+    latitude[20:30], longitude[20:30] = 0.0, 0.0
+    log.assign(Latitude=latitude, Longitude=longitude).to_csv(tmp_path / "drive.csv", index=False)
+
+    def hill(north: FloatArray, east: FloatArray) -> FloatArray:
+        return np.where(north > 40.0, 400.0 + 1000.0 * (north - 47.5), np.nan)
+
+    (trip,) = audit(read_table(tmp_path / "drive.csv", heights=hill)).trips
+    assert np.isfinite(trip.array("elevation_m")).sum() == 270
+    run = simulate_trip(load_vehicle("vw_id3"), plan_from_trip(trip))
+    climbed_m = 1000.0 * (latitude[-1] - latitude[30])
+    mass_kg = load_vehicle("vw_id3").body.test_mass_kg
+    assert run.by_cause_wh["climb"] == pytest.approx(mass_kg * 9.81 * climbed_m / 3600.0, rel=0.1)

@@ -349,7 +349,8 @@ def own_roads(model: ForecastModel, prior: RoadPrior) -> OwnRoads | None:
         parts = simulate_trip(model.vehicle, plan).by_cause_wh
         return sum(parts[cause] for cause in DRIVING)
 
-    return None if model.roads_ is None else OwnRoads.from_trips(prior, model.roads_, driving_wh)
+    driven = model.roads_
+    return None if driven is None or not len(driven) else OwnRoads.from_trips(prior, driven, driving_wh)
 
 
 @lru_cache(maxsize=256)
