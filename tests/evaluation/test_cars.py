@@ -130,3 +130,19 @@ def test_a_public_set_is_known_by_its_own_name(data_dir, tmp_path) -> None:
     file.write_text('[i3]\nlogs = "mine"\nvehicle = "bmw_i3_60ah"\n', encoding="utf-8")
     (car,) = protocol.read_cars(file)
     assert (car.name, car.dataset, len(car.trips)) == ("i3", "tum", 2)
+
+
+def test_drawn_trips_are_learned_in_the_order_of_their_dates(cars) -> None:
+    _, evidence, _ = evidence_of(cars[0], cars[0].dataset)
+    dated = replace(evidence, day=np.arange(len(evidence), dtype=float))
+    seen = []
+
+    def learner(known, asked):
+        seen.append(known.day)
+        return np.zeros(len(asked))
+
+    protocol._curve(learner, dated, [3], 5, 0, needs_trips=True)
+    drawn = [day for day in seen if len(day) == 3]
+    assert len(drawn) == 5
+    assert all((np.diff(day) > 0.0).all() for day in drawn)
+    assert len({tuple(day) for day in drawn}) > 1

@@ -54,4 +54,8 @@ def test_a_summary_counts_trips_that_are_better_than_physics():
     (pair,) = comparison.paired(0)
     assert (pair["a"], pair["b"]) == ("physics", "better")
     assert pair["diff"] == pytest.approx((0.05 + 0.0) / 2, **EXACT)
+    assert pair["ci95"][0] < pair["diff"] < pair["ci95"][1]
+    table.days = ("mon", "mon")
+    (of_one_day,) = comparison.paired(0)
+    assert of_one_day["ci95"] == pytest.approx([pair["diff"]] * 2, abs=1e-9)
     assert comparison.frame["trip"].tolist() == ["a", "b", "a", "b"]

@@ -104,6 +104,9 @@ def test_updates_against_their_baselines():
         assert found["mape_ci95"] == pytest.approx((0.0, 0.1), abs=1e-9)
         assert found["coverage"] == pytest.approx(2 / 3, **EXACT)  # on a bound is inside
         assert found["interval_width_wh"] == pytest.approx((200.0 + 300.0 + 99.0) / 3, **EXACT)
+    on_one_day = update_scores(observed, energies, 0, ["mon"] * 3)["0.5"]
+    assert on_one_day["diff_ci95"] == pytest.approx([on_one_day["diff"]] * 2, abs=1e-9)
+    assert on_one_day["diff_gauge_ci95"] == pytest.approx([on_one_day["diff_gauge"]] * 2, abs=1e-9)
     without = energies.copy()
     without[:, :, UPDATES.index("soc_only")] = np.nan
     assert update_scores(observed, without, seed=0)["0.5"]["soc_only"] is None

@@ -213,7 +213,8 @@ def test_own_trips_teach_which_roads_a_distance_has(commuter: ForecastModel) -> 
     assert far.usual[2] > 0.75 > road_prior().usual[2]
     assert near.speed_m_s[0] == pytest.approx(30.0 / 3.6, rel=0.1)
     # far from any own trip the roads are those of all logs
-    assert own.at(2_000_000.0).usual == pytest.approx(road_prior().usual, abs=0.02)
+    far_m = 2_000_000.0
+    assert own.at(far_m).usual == pytest.approx(shares_over(road_prior().usual, far_m), abs=0.02)
     # equal trips leave less open than strangers' roads
     for known in (True, False):
         assert near.share(8_000.0, known) < road_prior().share(8_000.0, known)
@@ -286,6 +287,7 @@ def test_the_season_of_own_trips_takes_the_place_of_an_unknown_temperature(commu
     assert unknown.energy_wh == pytest.approx(known.energy_wh, rel=0.03)
     assert unknown.energy_wh < usual.energy_wh
     assert unknown.interval_wh[1] - unknown.interval_wh[0] > known.interval_wh[1] - known.interval_wh[0]
+    assert unknown.doubt.weather > known.doubt.weather + 0.01
     assert "ambient_temperature_degc" in {flag.subject for flag in unknown.flags}
 
 
@@ -296,3 +298,10 @@ def test_a_car_whose_trips_have_no_road_has_the_roads_of_all_logs(commuter: Fore
         tw.need(20, departure=MILD, model=car) for car in (nothing, replace(commuter, roads_=None))
     )
     assert found == usual
+
+
+def test_a_holiday_of_a_commuter_is_not_driven_through_towns() -> None:
+    """No own trip is as long: the town of all logs does not grow with the distance either."""
+    model = adaptation(tw.load_model(), _drives(8.0, 30.0, 5), tw.load_vehicle("vw_id3")).model
+    far = tw.need(180, departure=MILD, model=model)
+    assert 3.6 * far.distance_m / far.duration_s > 50.0

@@ -204,7 +204,8 @@ class OwnRoads:
         driven_m = self.length_m.sum(axis=1)
         near = np.exp(-0.5 * (np.log(driven_m / distance_m) / NEAR) ** 2)
         trips, own = PRIOR_TRIPS + near.sum(), self.length_m / driven_m[:, None]
-        city, country, motorway = ((PRIOR_TRIPS * np.array(self.prior.usual) + near @ own) / trips).tolist()
+        all_logs = np.array(shares_over(self.prior.usual, distance_m))
+        city, country, motorway = ((PRIOR_TRIPS * all_logs + near @ own) / trips).tolist()
 
         def errors(shares: FloatArray, is_known: bool) -> tuple[float, tuple[float, ...]]:
             error = np.clip(

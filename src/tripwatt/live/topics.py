@@ -169,7 +169,7 @@ class TopicJoiner:
         if parked:
             values["speed_m_s"] = 0.0
         values, charging = self.format.with_current(values), is_set(self.format.charging, self._flags)
-        return or_none(Sample, self._open_s, values, charging, parked)  # its time may be none
+        return or_none(Sample, self._open_s, values, charging, parked)  # a time out of its bounds
 
     def _whole(self, payload: bytes, received_s: float) -> Sample | None:
         """The sample of a message with all values; None where it is none."""
