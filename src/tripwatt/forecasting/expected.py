@@ -66,13 +66,17 @@ class ExpectedTrip:
         return self.table.simulated_w + self.correction_w
 
     def with_more_driving(self, share: float) -> ExpectedTrip:
-        """The same where driving takes a share more than is simulated."""
-        return replace(self, correction_w=self.correction_w + share * driving_w(self.table))
+        """The same where driving takes a share more."""
+        return replace(self, correction_w=self.correction_w + share * self._driving_w)
 
     @property
     def driving_wh(self) -> float:
-        """Simulated energy of `tripwatt.hybrid.segments.DRIVING` [Wh]."""
-        return float((driving_w(self.table) * self.table.hours).sum())
+        """Expected energy of driving, without climb, climate control and the season [Wh]."""
+        return float((self._driving_w * self.table.hours).sum())
+
+    @property
+    def _driving_w(self) -> FloatArray:
+        return driving_w(self.table) + self.corrector.predict_driving(self.table)
 
     @cached_property
     def climate_w(self) -> FloatArray | None:

@@ -41,7 +41,7 @@ from tripwatt.hybrid.correctors import corrector_name
 from tripwatt.hybrid.factors import TripEvidence
 from tripwatt.hybrid.familiarity import Range
 from tripwatt.hybrid.outside import fitted_outside
-from tripwatt.hybrid.segments import driven_roads
+from tripwatt.hybrid.segments import driven_roads, driving_w
 from tripwatt.parallel import one_blas_thread
 from tripwatt.physics import simulate_trip
 from tripwatt.routes.terrain import net_climbs
@@ -100,7 +100,8 @@ class ForecastModel:
     evidence_ : TripEvidence or None
         What the training trips show of the factors by which the car differs from its simulation: for models of other cars.
     roads_ : ndarray, shape (trips, 9), or None
-        Of the car's own trips, as of `tripwatt.hybrid.segments.driven_roads`, for forecasts without a road.
+        Of the training trips, as of `tripwatt.hybrid.segments.driven_roads`, for forecasts without a road. The energy of driving is as
+        corrected; that of a model on another car is simulated, and `evidence_` holds what corrects it.
     flags : tuple of Flag
         What every forecast of it flags first, such as a car without trips; empty for a model of its own trips.
 
@@ -166,15 +167,17 @@ class ForecastModel:
         <ForecastModel BMW i3 60 Ah, linear corrector, 9 trips>
         """
         table = segment_trips(trips, self.vehicle)
-        self.roads_ = driven_roads(trips, table)
         again = None if car_of is None else shown_by(trips, table, self.vehicle, car_of)
-        return self.fit_segments(
+        self.fit_segments(
             table,
             routes=linked_trips(trips, self.vehicle),
             free_flow=FreeFlowTrips.from_trips(trips, self.vehicle),
             again=again,
             progress=progress,
         )
+        corrector, _ = self.fitted_parts("fit")
+        self.roads_ = driven_roads(trips, table, driving_w(table) + corrector.predict_driving(table))
+        return self
 
     @one_blas_thread
     def fit_segments(

@@ -22,6 +22,8 @@ from tripwatt.vehicles import Vehicle
 
 EVERYTHING: Final = "everything"
 CLIMATE: Final = ("heating", "cooling")
+BY_SPEED: Final = ("rolling", "air", "drivetrain", "base_load", "transients")
+"""Factors whose energy over that of driving differs from road to road in the same air."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -367,5 +369,16 @@ class FactorCorrector(PowerCorrector):
 
     def predict_climate(self, table: SegmentTable) -> FloatArray:
         """The part of heating and cooling [W]."""
-        its = [NAMES.index(name) for name in CLIMATE]
-        return np.asarray(factor_power(table, self.mass_kg)[:, its] @ self.mean[its])
+        return self._part(factor_power(table, self.mass_kg), CLIMATE)
+
+    def predict_driving(self, table: SegmentTable) -> FloatArray:
+        """The part of `BY_SPEED` [W]."""
+        return self._part(factor_power(table, self.mass_kg), BY_SPEED)
+
+    def driving_wh(self, evidence: TripEvidence) -> FloatArray:
+        """The part of `BY_SPEED` in the energy of trips that were learned [Wh], shape (trips,)."""
+        return self._part(evidence.factors_wh, BY_SPEED)
+
+    def _part(self, rows: FloatArray, names: Sequence[str]) -> FloatArray:
+        its = [NAMES.index(name) for name in names]
+        return np.asarray(rows[:, its] @ self.mean[its])

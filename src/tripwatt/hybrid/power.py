@@ -140,6 +140,22 @@ class PowerCorrector:
         """
         return None
 
+    def predict_driving(self, table: SegmentTable) -> FloatArray:
+        """Predict the part of `predict` that the speeds of the road decide.
+
+        Parameters
+        ----------
+        table : SegmentTable
+            Segments; their measured power is not used.
+
+        Returns
+        -------
+        ndarray, shape (rows,)
+            Power [W]: all but climate control, where that is known.
+        """
+        climate = self.predict_climate(table)
+        return self.predict(table) - (0.0 if climate is None else climate)
+
 
 def smooth_terms(corrector: str) -> tuple[KernelTerm, ...]:
     """The smooth terms of a corrector, from `kernels.toml`.

@@ -317,19 +317,18 @@ def segment_trips(trips: Sequence[Trip], vehicle: Vehicle) -> SegmentTable:
     )
 
 
-def driven_roads(trips: Sequence[Trip], table: SegmentTable) -> FloatArray:
-    """What trips show of a car's roads and of its air, shape (trips that have links, 9).
+def driven_roads(trips: Sequence[Trip], table: SegmentTable, driving: FloatArray) -> FloatArray:
+    """What trips show of a car's roads and of its air, shape (trips, 9).
 
-    Length [m] and time [s] in city, country and motorway, the simulated energy of `DRIVING` [Wh], the outside temperature at departure [°C] and its day
-    [days since 1970], NaN where they are unknown.
+    Length [m] and time [s] in city, country and motorway, NaN for a trip without links; the energy of a power `driving` [Wh]; the outside temperature at
+    departure [°C] and its day [days since 1970], NaN where they are unknown.
     """
     rows = [
         np.full(6, np.nan) if cut is None else cut
         for cut in (or_none(driven_by_kind, trip) for trip in trips)
     ]
     about = table.features[["ambient_temperature_degc", "day"]].to_numpy(dtype=np.float64)[table.offsets[:-1]]
-    driven = np.column_stack([np.array(rows), table.totals_wh(driving_w(table)), about])
-    return np.asarray(driven[np.isfinite(driven[:, 0])])
+    return np.column_stack([np.array(rows), table.totals_wh(driving), about])
 
 
 def driving_w(table: SegmentTable) -> FloatArray:

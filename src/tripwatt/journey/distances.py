@@ -14,7 +14,8 @@ import numpy as np
 from tripwatt.arrays import FloatArray
 from tripwatt.forecasting import Forecast, ForecastModel
 from tripwatt.forecasting.ranges import unknown_air_sd_wh
-from tripwatt.hybrid.segments import DRIVING, day_of
+from tripwatt.hybrid.factors import FactorCorrector
+from tripwatt.hybrid.segments import day_of
 from tripwatt.journey.kinds import (
     KINDS,
     UNKNOWN,
@@ -25,7 +26,6 @@ from tripwatt.journey.kinds import (
     shares_of,
     shares_over,
 )
-from tripwatt.physics import simulate_trip
 from tripwatt.population import for_car
 from tripwatt.trips import Departure, Flag, Plan, Trip
 from tripwatt.trips.columns import require_fraction, require_number
@@ -314,10 +314,10 @@ class KindForecaster:
         plan, share = replace(roads.plan(length_m, shares), link_m=None), roads.share(length_m, self.known)
         if self.own is None:
             forecast = self.model.forecast(plan, self.departure)
-            return replace(forecast, route_sd_wh=share * abs(forecast.energy_wh))
+            return _on_a_road(forecast, share * abs(forecast.energy_wh))
         forecast = self._in_usual_air(plan, self.own)
         drive = forecast.drive.with_more_driving(roads.more[not self.known])
-        return replace(forecast, drive=drive, route_sd_wh=share * drive.driving_wh)
+        return _on_a_road(replace(forecast, drive=drive), share * drive.driving_wh)
 
     def _in_usual_air(self, plan: Plan, own: OwnRoads) -> Forecast:
         """The forecast of a plan; where no outside temperature is given, in that of the car's own trips around the day."""
@@ -341,16 +341,26 @@ class KindForecaster:
         return int(np.clip(np.searchsorted(NODES_M, distance_m) - 1, 0, len(NODES_M) - 2))
 
 
+def _on_a_road(forecast: Forecast, sd_wh: float) -> Forecast:
+    """The forecast with what a road leaves open. The scores of held-out trips, whose speeds are known, hold for the rest of the variance."""
+    wider = replace(forecast, route_sd_wh=sd_wh)
+    known, usual = float(wider.energy_sd_wh[-1]) ** 2, forecast.uncertainty
+    open_share = (wider.route_sd_wh**2 + wider.state_sd_wh**2) / known
+    return replace(wider, uncertainty=replace(usual, scores=usual.scores.with_other_causes(open_share)))
+
+
 @lru_cache(maxsize=64)
 def own_roads(model: ForecastModel, prior: RoadPrior) -> OwnRoads | None:
     """Roads of the trips that a model has learned beside those of all logs; None where it has learned none."""
-
-    def driving_wh(plan: Plan) -> float:
-        parts = simulate_trip(model.vehicle, plan).by_cause_wh
-        return sum(parts[cause] for cause in DRIVING)
-
-    driven = model.roads_
-    return None if driven is None or not len(driven) else OwnRoads.from_trips(prior, driven, driving_wh)
+    if model.roads_ is None or model.evidence_ is None:
+        return None
+    driven, corrector = model.roads_.copy(), model.corrector_
+    if isinstance(corrector, FactorCorrector):
+        driven[:, 6] += corrector.driving_wh(model.evidence_)
+    driven = driven[np.isfinite(driven[:, 0])]
+    if not len(driven):
+        return None
+    return OwnRoads.from_trips(prior, driven, lambda plan: model.forecast(plan).drive.driving_wh)
 
 
 @lru_cache(maxsize=256)

@@ -48,8 +48,8 @@ QUARTERS: Final = 4
 TOWN_M: Final = 15_000.0
 """A named kind has its share of town up to this distance, and no more town beyond: the logs of the TUM show 3 to 5 km of it on
 trips of any length. A trip between two places does not pass more of them because it is longer."""
-TYPICAL_M: Final = 20_000.0
-"""Length of the typical road with which own trips are compared."""
+TYPICAL_M: Final = (5_000.0, 40_000.0)
+"""Lengths of the typical roads with which own trips are compared; their energy is linear in the length."""
 PATTERN_M: Final = 10_000.0
 """Length over which the classes of a road repeat."""
 END_S_PER_M_S: Final = 0.7
@@ -175,9 +175,9 @@ class OwnRoads:
     length_m : ndarray, shape (trips, 3)
         Driven in city, country and motorway.
     driving_wh : ndarray, shape (trips,)
-        Simulated energy without climate control and climb.
-    wh_m : ndarray, shape (3,)
-        The same of a typical road of each kind [Wh/m].
+        Expected energy of the driven speeds, without climb, climate control and the season.
+    typical_wh : ndarray, shape (2, 3)
+        The same of typical roads of each kind, of the lengths `TYPICAL_M`.
     air : ndarray, shape (trips, 2)
         Outside temperature [°C] and day [days since 1970] of each departure; NaN where unknown.
     """
@@ -185,19 +185,20 @@ class OwnRoads:
     prior: RoadPrior
     length_m: FloatArray
     driving_wh: FloatArray
-    wh_m: FloatArray
+    typical_wh: FloatArray
     air: FloatArray
 
     @classmethod
     def from_trips(
         cls, prior: RoadPrior, driven: FloatArray, driving_wh: Callable[[Plan], float]
     ) -> OwnRoads:
-        """From what trips show, as of `tripwatt.hybrid.segments.driven_roads`, and the energy of a plan."""
+        """From what trips with links show, as of `tripwatt.hybrid.segments.driven_roads`, and the energy of a plan."""
         length_m, time_s = driven[:, :3], driven[:, 3:6]
         s_m = USUAL_M / np.array(prior.speed_m_s) + time_s.sum(axis=0)
         own = replace(prior, speed_m_s=tuple(((USUAL_M + length_m.sum(axis=0)) / s_m).tolist()))
-        typical = [driving_wh(own.plan(TYPICAL_M, (a, b, c))) for a, b, c in np.eye(3).tolist()]
-        return cls(own, length_m, driven[:, 6], np.array(typical) / TYPICAL_M, driven[:, 7:])
+        kinds: list[Shares] = [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)]
+        typical = [[driving_wh(own.plan(far, kind)) for kind in kinds] for far in TYPICAL_M]
+        return cls(own, length_m, driven[:, 6], np.array(typical), driven[:, 7:])
 
     def at(self, distance_m: float) -> RoadPrior:
         """Roads of a distance [m]: own trips count by how near their distance is. O(trips)."""
@@ -205,12 +206,15 @@ class OwnRoads:
         near = np.exp(-0.5 * (np.log(driven_m / distance_m) / NEAR) ** 2)
         trips, own = PRIOR_TRIPS + near.sum(), self.length_m / driven_m[:, None]
         all_logs = np.array(shares_over(self.prior.usual, distance_m))
+        short, long = TYPICAL_M
+        by_kind = self.typical_wh[0] + np.outer(
+            (driven_m - short) / (long - short), self.typical_wh[1] - self.typical_wh[0]
+        )
         city, country, motorway = ((PRIOR_TRIPS * all_logs + near @ own) / trips).tolist()
 
         def errors(shares: FloatArray, is_known: bool) -> tuple[float, tuple[float, ...]]:
-            error = np.clip(
-                self.driving_wh / (driven_m * (shares @ self.wh_m)) - 1.0, -MOST_ERROR, MOST_ERROR
-            )
+            typical = np.maximum((shares * by_kind).sum(axis=1), 1.0)
+            error = np.clip(self.driving_wh / typical - 1.0, -MOST_ERROR, MOST_ERROR)
             more = float(near @ error / trips)
             square = PRIOR_TRIPS * self.prior.share(distance_m, is_known) ** 2 + near @ (error - more) ** 2
             return more, (float(square / trips), 0.0)

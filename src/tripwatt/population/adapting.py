@@ -21,7 +21,7 @@ from tripwatt.hybrid.factors import UNITS, USUAL_SHARE, USUAL_SHARE_KM, USUAL_WH
 from tripwatt.hybrid.familiarity import Range
 from tripwatt.hybrid.learning import KINDS, MEMORY, Experts, Innovations
 from tripwatt.hybrid.parameters import on_road
-from tripwatt.hybrid.segments import driven_roads, require_measured
+from tripwatt.hybrid.segments import driven_roads, driving_w, require_measured
 from tripwatt.parallel import one_blas_thread
 from tripwatt.population.prior import Population, Source, population
 from tripwatt.trips import Fleet, Trip
@@ -65,7 +65,7 @@ class Adaptation:
     ranges : mapping of str to Range
         Of the quantities that forecasts compare with own trips; empty before the first.
     roads : ndarray, shape (trips, 9), or None
-        Of the trips, as of `tripwatt.hybrid.segments.driven_roads`.
+        Of the trips, as of `tripwatt.hybrid.segments.driven_roads`, with the simulated energy of driving.
 
     Examples
     --------
@@ -130,7 +130,7 @@ class Adaptation:
         """
         table = segment_trips(trips, self.vehicle)
         evidence, ranges = TripEvidence.from_table(table, self.vehicle), training_ranges(table)
-        roads = driven_roads(trips, table)
+        roads = driven_roads(trips, table, driving_w(table))
         roads = roads if self.roads is None else np.concatenate([self.roads, roads])
         return self.with_evidence(evidence, _widened(self.ranges, ranges), roads)
 

@@ -6,10 +6,14 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Final
 
 import numpy as np
 
 from tripwatt.arrays import FloatArray
+
+T4_VARIANCE: Final = 2.0
+"""Of a t distribution with four degrees of freedom."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +55,29 @@ class ConformalScores:
             The absolute values, sorted.
         """
         return cls(np.sort(np.abs(np.asarray(standardised, dtype=np.float64))))
+
+    def with_other_causes(self, share: float) -> ConformalScores:
+        """Scores of an error of whose variance a share has a cause that no held-out trip has. That part is of a t distribution.
+
+        Parameters
+        ----------
+        share : float
+            0 to 1.
+
+        Returns
+        -------
+        ConformalScores
+            As many.
+
+        Examples
+        --------
+        >>> scores = ConformalScores.from_errors([3.0] * 20)
+        >>> scores.with_other_causes(0.0).factor(0.9), round(scores.with_other_causes(0.5).factor(0.9), 2)
+        (3.0, 2.37)
+        """
+        n = len(self.values)
+        usual = np.array([t4_half_width(k / (n + 1)) for k in range(1, n + 1)]) / math.sqrt(T4_VARIANCE)
+        return ConformalScores(np.sqrt((1.0 - share) * self.values**2 + share * usual**2))
 
     def factor(self, level: float) -> float:
         """Half width of a central interval of the given level, in standard deviations.
