@@ -84,6 +84,16 @@ def places(built: MapFolder) -> Atlas:
     )
 
 
+def test_an_atlas_has_the_heights_of_its_map(places: Atlas, built: MapFolder) -> None:
+    assert places.heights is not None
+    south, north, elsewhere = places.heights(np.array([47.1, 47.2, 51.0]), np.array([9.52, 9.61, 0.0]))
+    assert (south, north) == pytest.approx((600.0, 700.0), abs=1.0)
+    assert np.isnan(elsewhere)
+    flat = replace(built, info={**built.info, "terrain": {}})
+    assert replace(places, folder=flat).heights is None
+    assert replace(places, folder=None).heights is None
+
+
 def test_a_town_outside_of_the_map_is_no_street_inside(places: Atlas) -> None:
     with pytest.raises(InvalidInput) as caught:
         places.find("Feldkirch", "stops[1]")

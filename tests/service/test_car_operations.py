@@ -32,6 +32,7 @@ from tripwatt.hybrid.factors import NAMES, UNITS
 from tripwatt.hybrid.learning import KINDS
 from tripwatt.live import create_car, open_car
 from tripwatt.service.car_jobs import CarJobs
+from tripwatt.service.car_schemas import LogsRequest
 from tripwatt.service.problems import Problem
 from tripwatt.synthetic import synthetic_fleet
 
@@ -341,6 +342,26 @@ def test_the_operations_on_cars_conform_to_their_description(service: Service) -
 def car_jobs(folder: Path) -> CarJobs:
     create_car(folder / "car", "bmw_i3_60ah")
     return CarJobs(folder)
+
+
+def test_logs_with_positions_get_the_heights_of_the_map(tmp_path: Path) -> None:
+    create_car(tmp_path / "car", "bmw_i3_60ah")
+    samples = synthetic_fleet(1).logs[0].samples.drop(columns=["elevation_m", "grade"], errors="ignore")
+    way_deg = np.cumsum(samples["speed_m_s"].to_numpy()) / 111_195.0
+    content = samples.assign(latitude=47.3, longitude=9.2 + 0.5 * way_deg).to_csv(index=False).encode()
+    seen: list[int] = []
+
+    def hill(latitude_deg: np.ndarray, longitude_deg: np.ndarray) -> np.ndarray:
+        seen.append(len(latitude_deg))
+        return np.full(len(longitude_deg), 500.0)
+
+    own = CarJobs(tmp_path, hill)
+    own.store("car", "first001", "a.csv", content, 10**8)
+    assert own.logs("car", "first001", LogsRequest())["faults"] == []
+    assert own.learn("car", "first001", LogsRequest())["flat"] == 0
+    assert seen == [len(samples)] * 2
+    (trip,) = open_car(tmp_path / "car").store.logs()
+    assert trip.array("elevation_m") == pytest.approx(np.full(len(samples), 500.0))
 
 
 def stored(own: CarJobs, place: Path, name: str, content: bytes, most_bytes: int = 3000) -> dict[str, int]:

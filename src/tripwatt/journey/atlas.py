@@ -9,11 +9,12 @@ from typing import Final
 
 from tripwatt.errors import Check, InvalidInput
 from tripwatt.routes.maps import ATTRIBUTION, MapFolder, Station, open_map, read_stations, within
-from tripwatt.routes.maps.elevation import MARGIN_DEG
+from tripwatt.routes.maps.elevation import MARGIN_DEG, Elevation
 from tripwatt.routes.places import Place
 from tripwatt.routes.routers import Router, ValhallaRouter, is_server, open_server
 from tripwatt.routes.search import PlaceSearch, find_place, open_search
 from tripwatt.routes.weather import WeatherServer, WeatherSource
+from tripwatt.sources.table import Heights
 
 MAP_VARIABLE: Final = "TRIPWATT_MAP"
 """Environment variable of the map or router that is used where none is named."""
@@ -22,11 +23,7 @@ Bounds = tuple[float, float, float, float]
 """South, west, north and east [°]."""
 
 NO_MAP: Final = "build a map with tripwatt map build, or name a router by its URL"
-
-
 LARGER: Final = "build a map of a larger region for places outside of it"
-
-"""A part of an atlas."""
 
 
 @dataclass(frozen=True)
@@ -104,6 +101,13 @@ class Atlas:
     def has_tiles(self) -> bool:
         """Whether the router has tiles of its roads, to draw a map."""
         return isinstance(self.router, ValhallaRouter) and self.router.ask_tile is not None
+
+    @property
+    def heights(self) -> Heights | None:
+        """Heights at latitudes and longitudes, as `tripwatt.routes.maps.Elevation.at`; None for a map without them."""
+        if self.folder is None or not self.folder.info["terrain"].get("known"):
+            return None
+        return Elevation.from_folder(self.folder.folder).at
 
     @property
     def covers(self) -> str:

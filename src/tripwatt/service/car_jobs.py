@@ -30,7 +30,7 @@ from tripwatt.service.problems import MAX_FAULTS, Problem, fault_document
 from tripwatt.sources.archives import unpack
 from tripwatt.sources.kinds import Changes, Kind, proposed_kinds
 from tripwatt.sources.mapping import TIME_STAMPS, UNITS
-from tripwatt.sources.table import read_kinds
+from tripwatt.sources.table import Heights, read_kinds
 from tripwatt.trips import Fleet
 from tripwatt.trips.reading import Alike, FileReading, ReadingReport
 from tripwatt.vehicles import Vehicle
@@ -62,11 +62,14 @@ class CarJobs:
     ----------
     folder : Path or None
         None for a service without cars.
+    heights : callable or None
+        As for `tripwatt.read_logs`: those of the service's map.
     models : LRUCache
         Models in memory, by name: what they were read from, and the model.
     """
 
     folder: Path | None = None
+    heights: Heights | None = None
     models: LRUCache[str, tuple[tuple[int, ...], ForecastModel]] = field(
         default_factory=lambda: LRUCache(MOST_KEPT_MODELS)
     )
@@ -155,7 +158,7 @@ class CarJobs:
         kinds = kinds_of(tables, request, own.vehicle)
         preview, faults, report = None, [], None
         try:
-            fleet = read_kinds(tables, kinds)
+            fleet = read_kinds(tables, kinds, heights=self.heights)
             preview, report = preview_of(fleet), fleet.report
         except InvalidInput as error:
             faults = [fault_document(fault) for fault in _by_file(error, tables).faults[:MAX_FAULTS]]
@@ -174,7 +177,8 @@ class CarJobs:
         tables = uploaded(own.folder, upload)
         file = tables.parent / PROGRESS
         try:
-            fleet = read_kinds(tables, kinds_of(tables, request, own.vehicle))
+            kinds = kinds_of(tables, request, own.vehicle)
+            fleet = read_kinds(tables, kinds, heights=self.heights)
         except InvalidInput as error:
             raise _by_file(error, tables) from error
         done = own.add(

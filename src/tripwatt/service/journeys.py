@@ -24,6 +24,7 @@ from tripwatt.journey import (
 )
 from tripwatt.service.journey_schemas import JourneyAdviceRequest, PlaceRequest, PlanRequest, ReachRequest
 from tripwatt.service.schemas import departure_of
+from tripwatt.sources.table import Heights
 
 
 @dataclass(frozen=True)
@@ -43,6 +44,11 @@ class JourneyJobs:
         """Open the atlas of the settings; none where they name no map."""
         named = AtlasSettings(**settings)
         return cls(open_atlas(named) if named.map else None)
+
+    @property
+    def heights(self) -> Heights | None:
+        """Those of the atlas."""
+        return None if self.atlas is None else self.atlas.heights
 
     def plan(self, request: PlanRequest, model: ForecastModel) -> dict[str, Any]:
         """Return the response to a `PlanRequest`."""

@@ -93,7 +93,7 @@ def main() -> None:
     models = {name: Path(folder) for name, folder in first[0]["models"].items()}
     journeys = JourneyJobs.from_settings(first[0]["atlas"])
     folder = first[0].get("cars")
-    cars = CarJobs(None if folder is None else Path(folder))
+    cars = CarJobs(None if folder is None else Path(folder), journeys.heights)
     jobs = Jobs.from_folders(models, Limits(**first[0]["limits"]), journeys, cars, log_json)
     jobs.warm_up()
     gc.collect()
