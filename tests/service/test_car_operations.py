@@ -104,7 +104,9 @@ def learned(service: Service, car: str, upload: str, **more: Any) -> dict[str, A
     assert response.status_code == 200, response.text
     assert response.json()["learning"]["state"] in ("running", "done")
     for _ in range(600):
-        found: dict[str, Any] = service.client.get(f"/v1/cars/{car}").json()
+        answer = service.client.get(f"/v1/cars/{car}")
+        assert answer.status_code == 200, answer.text
+        found: dict[str, Any] = answer.json()
         if found["learning"]["state"] != "running":
             return found
         time.sleep(0.1)
