@@ -139,16 +139,21 @@ def simulated() -> Probe:
     return rounded({f"simulation {n}": [of_simulation(car, p) for p in plans()] for n, car in cars.items()})
 
 
+def models() -> dict[str, ForecastModel]:
+    """A fitted car, the others that take its model over, and one of these with own trips."""
+    cars = [load_vehicle(name) for name in CARS]
+    model, last = ForecastModel(cars[0], corrector="gp").fit(trips()), cars[2]
+    own = tw.adapt(model, synthetic_fleet(OWN_TRIPS, SEED, vehicle=last).trips, last)
+    return {car.name: for_car(model, car) for car in cars} | {"own trips": own}
+
+
 def computed() -> Probe:
     """The probe of the code as it is. Some seconds."""
-    roads, cars = plans(), [load_vehicle(name) for name in CARS]
-    parts = {"identification": [of_identification(cars[0])]}
+    roads, of_cars = plans(), models()
+    parts = {"identification": [of_identification(load_vehicle(CARS[0]))]}
     parts["default corrector"] = of_split()
-    model = ForecastModel(cars[0], corrector="gp").fit(trips())
-    models = {car.name: for_car(model, car) for car in cars}
-    last = cars[2]
-    models["own trips"] = tw.adapt(model, synthetic_fleet(OWN_TRIPS, SEED, vehicle=last).trips, last)
-    for name, of_car in models.items():
+    model = of_cars[CARS[0]]
+    for name, of_car in of_cars.items():
         parts[f"forecast {name}"] = [of_forecast(of_car.forecast(plan)) for plan in roads]
     parts["forecast on links"] = [of_forecast(model.forecast(plan_on_links(t, LINK_M))) for t in trips()]
     flat = [Plan.from_samples(p.trip_id, p.samples.drop(columns="elevation_m"), p.departure) for p in roads]
