@@ -38,6 +38,8 @@ class PowerCorrector:
     True
     >>> corrector.predict_climate(table) is None, corrector.clone_tuned() is corrector
     (True, False)
+    >>> bool((corrector.predict_driving(table) == power_w).all())
+    True
     """
 
     refit: ClassVar[str] = "fit a new ForecastModel"

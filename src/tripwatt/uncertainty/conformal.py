@@ -57,7 +57,9 @@ class ConformalScores:
         return cls(np.sort(np.abs(np.asarray(standardised, dtype=np.float64))))
 
     def with_other_causes(self, share: float) -> ConformalScores:
-        """Scores of an error of whose variance a share has a cause that no held-out trip has. That part is of a t distribution.
+        """Give the scores of an error of whose variance a share has a cause that no held-out trip has.
+
+        That part has a t distribution.
 
         Parameters
         ----------
