@@ -1,6 +1,6 @@
 """Anchors of the library and how well its cars meet their certified consumption: `python -m benchmarks.anchors`.
 
-`--write` computes the anchors again with the physics of the day, and renews `anchors.csv` and the table in docs/reference/library.md. Run it
+`--write` computes the anchors again with the physics of the day, and renews `anchors.csv` and the bars in docs/reference/library.md. Run it
 after every change of the physics or of the table of cars.
 """
 
@@ -195,14 +195,20 @@ def bars() -> Iterator[Row]:
 
 
 def render(outcomes: Sequence[Outcome]) -> str:
-    """Markdown: the bars, and every car with its errors before and after."""
+    """Markdown: the bars, and what explains a car that misses them."""
     lines = ["| bar | limit | figure | met |", "|---|---:|---:|---|"]
     for bar, figure in figures_of_bars(outcomes).items():
         shown = f"{figure:.0f}" if bar.startswith("cars") else f"{100 * figure:.1f} %"
         limit = f"{BARS[bar]:g}" if bar.startswith("cars") else f"{100 * BARS[bar]:g} %"
         lines.append(f"| {bar} | {limit} | {shown} | {'yes' if met(bar, figure) else 'no'} |")
-    lines += [
-        "",
+    titles = {o.name: o.title for o in outcomes}
+    lines += ["", *(f"- {titles[name]}: {reason}." for name, reason in REASONS.items() if name in titles)]
+    return "\n".join(lines)
+
+
+def render_cars(outcomes: Sequence[Outcome]) -> str:
+    """Markdown: every car with its errors before and after."""
+    lines = [
         "| car | name | held against | before | loss | after | rows |",
         "|---|---|---|---:|---|---:|---|",
     ]
@@ -217,22 +223,19 @@ def render(outcomes: Sequence[Outcome]) -> str:
             f"| {o.title} | `{o.name}` | {what} | {100 * o.before.mean():+.1f} % | {o.anchor.loss} "
             f"| {100 * o.after.mean():+.1f} % | {rows} |"
         )
-    titles = {o.name: o.title for o in outcomes}
-    lines += ["", *(f"- {titles[name]}: {reason}." for name, reason in REASONS.items() if name in titles)]
     return "\n".join(lines)
 
 
 def main(write: bool = False) -> None:
-    """Print the table. `--write` computes the anchors again and renews table and page."""
+    """Print the bars and the cars. `--write` computes the anchors again and renews their file and the page."""
     if write:
         own, outcomes = compute()
         write_anchors(own)
     else:
         outcomes = committed()
-    table = render(outcomes)
-    print(table)
+    print(f"{render(outcomes)}\n\n{render_cars(outcomes)}")
     if write:
-        pages.renew("reference/library.md", "anchors", table)
+        pages.renew("reference/library.md", "anchors", render(outcomes))
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@ on). Whether their energy is that at the wall or at the battery is not stated, s
 23 degC: the ratio of both is free of that. How warm the cabin is kept is not stated either, so the city schedule is simulated with
 climate control off and at 22 degC, with the coast-down and weight of the row and, of everything else, the car of the library that is
 nearest. Nothing is fitted to these rows.
-`--write` renews the table of docs/reference/library.md. Needs the lists of `TRIPWATT_CATALOGUE`.
+`--write` renews the summary in docs/reference/library.md. Needs the lists of `TRIPWATT_CATALOGUE`.
 """
 
 from __future__ import annotations
@@ -181,7 +181,7 @@ def sentences() -> str:
 
 
 def render(rows: list[ColdRow]) -> str:
-    """Markdown: each row, the mean and the median over all, and the loss of range."""
+    """Markdown: each row."""
     lines = [
         "| car | 20 °F FTP | UDDS | cold over warm, measured | simulated, climate off | simulated, cabin of 22 °C |",
         "|---|---:|---:|---:|---:|---:|",
@@ -190,12 +190,16 @@ def render(rows: list[ColdRow]) -> str:
         f"| {row.title} | {row.cold_kwh:.1f} | {row.city_kwh:.1f} | {row.measured:.2f} | {row.off:.2f} | {row.heated:.2f} |"
         for row in rows
     ]
+    return "\n".join(lines)
+
+
+def summary(rows: list[ColdRow]) -> str:
+    """Markdown: the mean and the median over all rows, and the loss of range."""
     means = [np.mean([getattr(row, name) for row in rows]) for name in ("measured", "off", "heated")]
     medians = [np.median([getattr(row, name) for row in rows]) for name in ("measured", "off", "heated")]
     inside = sum(row.off <= row.measured <= row.heated for row in rows)
-    lines += [
-        "",
-        f"{len(rows)} rows, kWh/100 mi. Mean rise in the cold: measured {means[0]:.2f}, simulated {means[1]:.2f} without and {means[2]:.2f} "
+    lines = [
+        f"{len(rows)} rows. Mean rise in the cold: measured {means[0]:.2f}, simulated {means[1]:.2f} without and {means[2]:.2f} "
         f"with climate control; {inside} measured rows lie between both. Medians: {medians[0]:.2f}, {medians[1]:.2f} and {medians[2]:.2f}; read as energy at the "
         f"battery, with {CHARGED:.0%} of the wall's arriving there, the measured one is {medians[0] / CHARGED:.2f}.",
         "",
@@ -207,11 +211,11 @@ def render(rows: list[ColdRow]) -> str:
 
 
 def main(write: bool = False) -> None:
-    """Print the table. `--write` renews that of docs/reference/library.md."""
-    table = render(compute())
-    print(table)
+    """Print rows and summary. `--write` renews the summary in docs/reference/library.md."""
+    rows = compute()
+    print(f"{render(rows)}\n\n{summary(rows)}")
     if write:
-        pages.renew("reference/library.md", "cold", table)
+        pages.renew("reference/library.md", "cold", summary(rows))
 
 
 if __name__ == "__main__":

@@ -9,7 +9,7 @@ them, VED logs have no torque and no voltage at rest worth the name.
 The i3 stands there twice: with its published values, and with values that are identified from the same signals on the other half
 of the trips (`tripwatt.hybrid.identification`), so that no value has seen the seconds that it is held against.
 
-Prints the tables as Markdown; with ``--docs``, writes docs/explanation/stages.md and its figures; with ``--identify``, prints the values from
+Prints all tables as Markdown; with ``--docs``, writes docs/explanation/stages.md, which has the figures and the tables that they do not show; with ``--identify``, prints the values from
 every second trip. Needs TRIPWATT_DATA. Costs one simulation of each trip and car, and arrays.
 """
 
@@ -38,14 +38,18 @@ SPEEDS_KM_H: Final = (0.0, 10.0, 30.0, 50.0, 70.0, 100.0, 150.0)
 TORQUES_NM: Final = (-90.0, -50.0, -20.0, 20.0, 50.0, 90.0, 260.0)
 HEAD: Final = """# Each stage of the simulation against its own signal
 
-`python -m benchmarks.stages --docs` writes this page from the logs of the BMW i3 (TUM) and of two Nissan Leafs (VED). The
-sum of a trip can be right although its parts are wrong, so each part stands beside the signal that measures it: means
-over seconds, with the default car and nothing fitted; for the BMW i3 also with values that are identified from these signals on
-the other half of the trips ([how](../decisions/physics-07-identification.md)). Warm trips have outside air of 15 °C and more. The standing car
-is the median power at standstill less that of climate control. Torque and power of a log are not of exactly the same
-moment, so the loss while braking is indicative. VED logs change speed and current at different moments: their bins of
-speed are blurred. The air conditioner, the heat capacity of the cabin and the moving load of the Leaf have values from the logs of the BMW i3
-([the values](../reference/vehicles.md#values-from-the-logs-of-one-car)). Blower, rear window and seats are no part of heater and air conditioner in any log, and none here.
+The sum of a trip can be right although its parts are wrong, so each part stands beside the signal that measures it, in the logs of the
+BMW i3 (TUM) and of two Nissan Leafs (VED): means over seconds, with the default car and nothing fitted; for the BMW i3 also with values
+that are identified from these signals on the other half of the trips ([how](../decisions/physics-07-identification.md)).
+`python -m benchmarks.stages` prints more: shaft, drive and climate power by speed, the loss of motor and inverter by torque, and the
+voltage at rest.
+
+Warm trips have outside air of 15 °C and more. Drive power is that of the battery less climate control and less the standing car, which
+is the median power at standstill without climate control. VED logs change speed and current at different moments: their bins of speed
+are blurred.
+The air conditioner, the heat capacity of the cabin and the moving load of the Leaf have values from the logs of the BMW i3
+([the values](../reference/vehicles.md#values-from-the-logs-of-one-car)). No log has blower, rear window and seats as part of heater and
+air conditioner.
 
 """
 WARM_DEGC: Final = 15.0
@@ -240,7 +244,8 @@ def _compared(groups: Any, measured: str) -> pd.DataFrame:
     return table.reset_index()
 
 
-SHARES: Final = ("difference", "bias of trips", "mean error")
+BASE, CHARGE, TRIPS = "Base load [W]", "Energy of the whole charge [kWh]", "Energy of trips"
+"""Titles of the tables that the page shows; its figures have the powers over speed."""
 
 
 def tables_of(vehicle: Vehicle, rows: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
@@ -250,12 +255,12 @@ def tables_of(vehicle: Vehicle, rows: pd.DataFrame) -> Iterator[tuple[str, pd.Da
     yield "Drive power: battery less climate control less the standing car [W]", by_speed(rows, "drive")
     if rows["torque_nm"].notna().any():
         yield "Loss of motor and inverter at steady torque [W]", loss_by_torque(rows)
-    yield "Base load [W]", base_loads(rows, vehicle.auxiliaries.moving_load_w)
+    yield BASE, base_loads(rows, vehicle.auxiliaries.moving_load_w)
     yield "Heater and air conditioner [W]", climate_power(rows)
     if rows["torque_nm"].notna().any():
         yield "Voltage at rest [V]", resting_voltage(rows)
-        yield "Energy of the whole charge [kWh]", energy_per_charge(rows)
-    yield "Energy of trips", trip_errors(rows)
+        yield CHARGE, energy_per_charge(rows)
+    yield TRIPS, trip_errors(rows)
 
 
 def markdown(table: pd.DataFrame) -> str:
@@ -307,14 +312,14 @@ def figure(rows: pd.DataFrame, place: Path) -> None:
 
 
 def main(docs: bool = False, identified: bool = False) -> None:
-    """Print the page. `--docs` writes it and its figures, `--identified` prints the values from every second trip of the i3."""
+    """Print all tables. `--docs` writes the page and its figures, `--identified` prints the values from every second trip of the i3."""
     i3, leaf = load_vehicle("bmw_i3_60ah"), load_vehicle("nissan_leaf_24")
     tum = read_logs(DATA / "tum").reference_trips()
     if identified:
         print(identify([stage_record(trip, i3) for trip in tum[::2]], i3))
         return
     ved = audit(read_logs(DATA / "ved", dataset="ved")).trips
-    parts = []
+    parts, shown = [], []
     for title, place, vehicle, cars, trips in (
         ("BMW i3, TUM logs", "bmw_i3_60ah", i3, [i3] * len(tum), tum),
         (
@@ -327,15 +332,15 @@ def main(docs: bool = False, identified: bool = False) -> None:
         ("Nissan Leaf, VED logs", "nissan_leaf_24", leaf, [leaf] * len(ved), ved),
     ):
         rows = read_seconds(cars, trips)
-        parts.append(f"## {title}")
-        parts += [f"### {head}\n\n{markdown(table)}" for head, table in tables_of(vehicle, rows)]
-        parts.append(f"![Measured and simulated power over speed: {title}](../images/stages-{place}.png)")
+        tables = {head: f"### {head}\n\n{markdown(table)}" for head, table in tables_of(vehicle, rows)}
+        parts += [f"## {title}", *tables.values()]
+        picture = f"![Measured and simulated power over speed: {title}](../images/stages-{place}.png)"
+        shown += [f"## {title}", picture, *(tables[head] for head in (BASE, CHARGE, TRIPS) if head in tables)]
         if docs:
             figure(rows, DOCS / "images" / f"stages-{place}.png")
-    text = "\n\n".join(parts) + "\n"
-    print(text)
+    print("\n\n".join(parts))
     if docs:
-        (DOCS / "explanation" / "stages.md").write_text(HEAD + text, encoding="utf-8")
+        (DOCS / "explanation" / "stages.md").write_text(HEAD + "\n\n".join(shown) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

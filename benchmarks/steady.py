@@ -4,7 +4,7 @@
 License; bmwi3owner.com, 2014). Each is simulated twice, as the driven trace and as a planned route of one link of the same mean speed: a warm
 car of the tested mass, a flat road and calm air. The tests name a season and no temperature (`SEASON_DEGC`). Between testers and days one car
 differs by about 5 %. These tests were in sight when the losses at speed were chosen, so that the figures are development figures; whoever
-has other tests gives their file: `--tests FILE`. `--write` renews the tables of docs/reference/library.md, with the consumption of every car.
+has other tests gives their file: `--tests FILE`. `--write` renews the table of docs/reference/library.md.
 """
 
 from __future__ import annotations
@@ -174,10 +174,10 @@ def render_cars() -> str:
 
 
 def main(write: bool = False, tests: Annotated[Path, Option()] = TESTS) -> None:
-    """Print the tests of a file. `--write` renews the tables of docs/reference/library.md."""
-    print(render(compute(tests)))
+    """Print the tests of a file and every car. `--write` renews the table of docs/reference/library.md."""
+    print(f"{render(compute(tests))}\n\n{render_cars()}")
     if write:
-        pages.renew("reference/library.md", "steady", f"{render(compute())}\n\n{render_cars()}")
+        pages.renew("reference/library.md", "steady", render(compute()))
 
 
 if __name__ == "__main__":

@@ -56,8 +56,8 @@ def not_ready(root: Path = ROOT) -> Iterator[str]:
         yield f"{number} is a version between releases: set that of the release in pyproject.toml, CITATION.cff and integrations/home_assistant."
     if _git(root, "status", "--porcelain"):
         yield "There are changes that are not committed."
-    if not (root / "docs" / "whatsnew" / f"{number}.md").is_file():
-        yield f"docs/whatsnew/{number}.md is missing: move the unreleased changes of CHANGELOG.md there."
+    if not section(root, f"{number}"):
+        yield f"CHANGELOG.md has no section [{number}]: give the unreleased changes this title."
     if f"\nversion: {number}\n" not in (root / "CITATION.cff").read_text("utf-8"):
         yield f"CITATION.cff has another version than {number}."
     if number <= last:
@@ -125,13 +125,15 @@ def provenance(root: Path, built: Mapping[str, bytes]) -> dict[str, Any]:
     }
 
 
-def notes(root: Path = ROOT) -> str:
-    """The release notes: the page of the version, or the unreleased changes where it has none."""
-    page = root / "docs" / "whatsnew" / f"{project(root)['version']}.md"
-    if page.is_file():
-        return page.read_text("utf-8")
+def section(root: Path, name: str) -> str:
+    """A section of the change log; empty where it has none of the name."""
     text = (root / "CHANGELOG.md").read_text("utf-8")
-    return text.partition("## [Unreleased]\n")[2].partition("\n## [")[0].strip() + "\n"
+    return text.partition(f"\n## [{name}]")[2].partition("\n")[2].partition("\n## ")[0].strip()
+
+
+def notes(root: Path = ROOT) -> str:
+    """The release notes: the section of the version, or the unreleased changes where there is none."""
+    return (section(root, project(root)["version"]) or section(root, "Unreleased")) + "\n"
 
 
 def readme_commands(text: str) -> tuple[list[str], str]:

@@ -15,7 +15,7 @@ needs_list = pytest.mark.skipif(
 def test_ratios_by_hand() -> None:
     row = cold_rows.ColdRow("car", 30.0, 20.0, 120.0, 180.0, 100.0)
     assert (row.measured, row.off, row.heated) == (1.5, 1.2, 1.8)
-    assert "1 measured rows lie between both" in cold_rows.render([row])
+    assert "1 measured rows lie between both" in cold_rows.summary([row])
     assert "| car | 30.0 | 20.0 | 1.50 | 1.20 | 1.80 |" in cold_rows.render([row])
 
 
@@ -26,4 +26,4 @@ def test_measured_rises_lie_between_no_heating_and_a_warm_cabin() -> None:
     assert all(row.off < row.measured < row.heated for row in rows)
     three = next(row for row in rows if row.title == "Tesla Model 3 Long Range AWD 2022")
     assert three.measured == pytest.approx(25.0 / 18.3, rel=0.01)
-    assert cold_rows.render(rows) in pages.of_page("reference/library.md", "cold")
+    assert cold_rows.summary(rows) == pages.of_page("reference/library.md", "cold")

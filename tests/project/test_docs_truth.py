@@ -37,11 +37,6 @@ RUN_MODULE = re.compile(r"python3? -m ((?:tripwatt|benchmarks|tools)[\w.]*)")
 COMMAND = re.compile(r"^ *(?:\$ )?(?:\w+=\S* )*(?:\.venv/bin/|python3? -m )?tripwatt (.+)")
 
 
-def current(page: Path) -> str:
-    """The text of a page; nothing of a release, which is history."""
-    return "" if page.parent.name == "whatsnew" else page.read_text("utf-8")
-
-
 def code_of(text: str) -> list[str]:
     """Inline code and the lines of code blocks, continued lines joined."""
     blocks = [block.replace("\\\n", " ") for block in FENCED.findall(text)]
@@ -163,7 +158,7 @@ def anchors(page: Path) -> frozenset[str]:
 
 
 def dead_names(page: Path) -> list[str]:
-    text = current(page)
+    text = page.read_text("utf-8")
     code = code_of(text)
     # Decisions are history: they keep the names of their time.
     modules = [] if page.parent.name == "decisions" else list(dead_modules(code))

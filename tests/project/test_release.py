@@ -19,7 +19,10 @@ from tools.quality.contract import released
 
 pytest.importorskip("hatchling", reason="no hatchling: `make check` installs it to build the wheel")
 NEXT = f"{released().stem.split('.')[0]}.{int(released().stem.split('.')[1]) + 1}.0"
-FILES = ("pyproject.toml", "README.md", "LICENSE", "NOTICE", "CITATION.cff", "CHANGELOG.md", ".gitignore")
+FILES = ("pyproject.toml", "README.md", "LICENSE", "NOTICE", "CITATION.cff", ".gitignore")
+CHANGES = (
+    f"# Changes\n\n## [Unreleased]\n\n- Next.\n\n## [{NEXT}] - 2027-01-01\n\n- New.\n\n## [0.1.0]\n\n- Old.\n"
+)
 
 
 def git(folder: Path, *words: str) -> None:
@@ -56,15 +59,14 @@ def clone(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for name, old in (("pyproject.toml", number), ("CITATION.cff", cited())):
         text = (folder / name).read_text("utf-8")
         (folder / name).write_text(text.replace(f"{old}\n", f"{NEXT}\n").replace(f'"{old}"', f'"{NEXT}"'))
-    (folder / "docs" / "whatsnew").mkdir(parents=True)
-    (folder / "docs" / "whatsnew" / f"{NEXT}.md").write_text(f"# {NEXT}\n")
+    (folder / "CHANGELOG.md").write_text(CHANGES)
     git(folder, "init", "--quiet")
     git(folder, "add", "--all")
     git(folder, "commit", "--quiet", "-m", "all")
     return folder
 
 
-def test_a_clone_with_a_version_and_its_page_is_ready(clone: Path) -> None:
+def test_a_clone_with_a_version_and_its_changes_is_ready(clone: Path) -> None:
     assert list(release.not_ready(clone)) == []
 
 
@@ -81,7 +83,7 @@ def rewrite(name: str, old: str, new: str) -> Callable[[Path], None]:
     ("change", "words"),
     [
         (lambda folder: (folder / "new.txt").write_text("new"), "not committed"),
-        (lambda folder: (folder / "docs" / "whatsnew" / f"{NEXT}.md").unlink(), f"{NEXT}.md is missing"),
+        (rewrite("CHANGELOG.md", f"## [{NEXT}]", "## [9.9.9]"), f"no section [{NEXT}]"),
         (rewrite("CITATION.cff", f"version: {NEXT}", "version: 9.9.9"), "CITATION.cff has another version"),
         (rewrite("pyproject.toml", f'"{NEXT}"', f'"{released().stem}"'), f"{released().stem} is released"),
         (
@@ -140,13 +142,12 @@ def test_builds_that_differ_are_refused(clone: Path, monkeypatch: pytest.MonkeyP
         release.build_twice(clone)
 
 
-def test_notes_are_the_page_of_the_version_or_what_is_unreleased(clone: Path, tmp_path: Path) -> None:
-    assert release.notes(clone) == f"# {NEXT}\n"
+def test_notes_are_the_section_of_the_version_or_what_is_unreleased(clone: Path, tmp_path: Path) -> None:
+    assert release.notes(clone) == "- New.\n"
     copy = tmp_path / "copy"
     subprocess.run(["git", "clone", "--quiet", f"{clone}", f"{copy}"], check=True)
-    (copy / "docs" / "whatsnew" / f"{NEXT}.md").unlink()
-    (copy / "CHANGELOG.md").write_text("# Changes\n\n## [Unreleased]\n\n- New.\n\n## [0.1.0]\n\n- Old.\n")
-    assert release.notes(copy) == "- New.\n"
+    rewrite("CHANGELOG.md", f"## [{NEXT}]", "## [9.9.9]")(copy)
+    assert release.notes(copy) == "- Next.\n"
 
 
 def test_the_commands_of_the_readme_are_those_that_are_tried() -> None:

@@ -11,20 +11,20 @@ import threading
 from collections.abc import Callable, Iterator
 from functools import partial
 from html.parser import HTMLParser
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote, urljoin, urlsplit
 
 import pytest
 from tests.support import ROOT
-from tools.docs import gallery, render_pages
+from tools.docs import gallery, render_pages, write_cli
 from tools.docs import pages as parts
 from tools.docs.site import conf
-from tools.docs.site.build import WORDS, versions_table, with_words
+from tools.docs.site.build import WORDS, with_words
 from tools.quality.page import browsing, chromium
 
 import tripwatt
+from tripwatt.vehicles import vehicle_names
 
 DOCS = ROOT / "docs"
 RUNNABLE = sorted(
@@ -171,11 +171,8 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for name in ("sphinx", "myst_parser", "numpydoc", "furo"):
         pytest.importorskip(name, reason="needs the extra tripwatt[docs]")
     out = tmp_path_factory.mktemp("site") / "site"
-    older = out / "versions" / "0.1.0"
-    older.mkdir(parents=True)
-    (older / "index.html").write_text("of 0.1.0", "utf-8")
     built = subprocess.run(
-        [sys.executable, "-m", "tools.docs.site.build", str(out), "--release"],
+        [sys.executable, "-m", "tools.docs.site.build", str(out)],
         capture_output=True,
         text=True,
         cwd=ROOT,
@@ -206,13 +203,11 @@ def test_every_example_of_the_gallery_is_a_page_that_its_thumbnail_leads_to(page
         assert f"../_images/{name}.png" in pages[f"gallery/{name}.html"].assets
 
 
-def test_old_addresses_lead_to_the_pages_of_now(site: Path) -> None:
-    for old, new in {
-        "car": "howto/own-car",
-        "service": "reference/service",
-        "model": "explanation/car-model",
-    }.items():
-        assert f'url={new}.html"' in (site / f"{old}.html").read_text("utf-8")
+def test_the_pages_of_commands_and_cars_have_their_long_tables(pages: dict[str, Found], site: Path) -> None:
+    named = dict(write_cli.commands(write_cli.typer.main.get_command(write_cli.app)))
+    assert {name.replace(" ", "-") for name in named} <= pages["reference/cli.html"].places
+    text = (site / "reference" / "library.html").read_text("utf-8")
+    assert [name for name in vehicle_names() if f">{name}<" not in text] == []
 
 
 def test_every_name_of_the_door_is_described(site: Path, pages: dict[str, Found]) -> None:
@@ -261,25 +256,8 @@ def test_the_front_page_shows_the_product_the_table_and_how_to_install(
         text.index(f"{head}¶") for head in ("Five lines", "How far it is off", "Install", "Where to begin")
     ]
     assert places == sorted(places)
-    for page in ("howto/troubleshooting", "explanation/questions", "whatsnew/index", "gallery/index"):
+    for page in ("howto/troubleshooting", "explanation/questions", "gallery/index"):
         assert f"{page}.html" in first.links
-
-
-def kept_releases() -> list[str]:
-    """Versions of `docs/whatsnew` whose sites are kept here, the newest first; one between releases has no page."""
-    return [name for name in (version("tripwatt"), "0.1.0") if (DOCS / "whatsnew" / f"{name}.md").is_file()]
-
-
-def test_releases_stand_beside_the_site(site: Path, pages: dict[str, Found]) -> None:
-    own = version("tripwatt")
-    assert (site / "versions" / "0.1.0" / "index.html").read_text("utf-8") == "of 0.1.0"
-    assert f"versions/{own}/index.html" in pages
-    links = pages["whatsnew/index.html"].links
-    assert {f"../versions/{name}/index.html" for name in kept_releases()} <= set(links)
-    assert "../../0.1.0/index.html" in pages[f"versions/{own}/whatsnew/index.html"].links
-    rows = [line for line in versions_table(["0.1.0"]).splitlines() if re.match(r"\| \d", line)]
-    assert [line.split()[1] for line in rows] == ["0.2.0", "0.1.0"]
-    assert ["versions/0.1.0" in line for line in rows] == [False, True]
 
 
 def test_formulas_are_drawn_without_a_script(site: Path) -> None:
@@ -428,7 +406,4 @@ def test_the_site_opens_and_searches_from_a_folder(site: Path, browser: Any) -> 
         page.goto(f"{(site / 'search.html').as_uri()}?q={words}")
         first[words] = found_first(page)
     assert first == SEARCHED
-    page.goto((site / "whatsnew" / "index.html").as_uri())
-    page.get_by_role("link", name="its site").first.click()
-    page.wait_for_url(f"**/versions/{kept_releases()[0]}/index.html")
     assert said == []

@@ -16,10 +16,7 @@ from tools import DOCS, ROOT
 from tools.command import run
 from tripwatt import errors
 
-PAGES: Final = (
-    ROOT / "README.md",
-    *(page for page in sorted(DOCS.rglob("*.md")) if page.parent.name != "whatsnew"),
-)
+PAGES: Final = (ROOT / "README.md", *sorted(DOCS.rglob("*.md")))
 SWITCH: Final = Path("src/tripwatt/errors.py")
 
 SENTENCES: Final = (

@@ -1,4 +1,4 @@
-"""Write docs/reference/cli.md, the pages that `--help` shows, and the example of the README: ``python -m tools.docs.write_cli``."""
+"""What `--help` shows as Markdown, for the site; writes the example of the README and the fields of a departure: ``python -m tools.docs.write_cli``."""
 
 from __future__ import annotations
 
@@ -11,38 +11,13 @@ from typing import Any
 
 import typer.main
 
-from tools import DOCS, ROOT
+from tools import ROOT
 from tools.docs import pages
 from tripwatt.cli import app
 from tripwatt.trips.departure import ASKED
 
-PAGE = DOCS / "reference" / "cli.md"
 BAR = "\\|"
 """How a table cell holds a bar."""
-
-HEAD = """# The command line
-
-<!-- written by tools/docs/write_cli.py from what `--help` shows; do not edit -->
-
-Each command calls the public function of the same name. Tables and JSON go to standard output; progress, notes and errors
-go to standard error. With `--json`, standard output is one JSON document.
-
-| exit code | meaning |
-|---:|---|
-| 0 | success |
-| 1 | success with warnings: trips of the data set are missing, the proposed mapping is incomplete, a trip of a batch has no forecast |
-| 2 | invalid input: one message lists all faults, and no file is written; also where an output cannot be written, such as on a full disk |
-| 70 | an error of tripwatt itself: one sentence names it; with `TRIPWATT_TRACEBACK=1` in the environment the traceback stands before it |
-| 130 | interrupted from the keyboard |
-| 143 | terminated |
-
-**Output is never partial.** `tripwatt evaluate` writes into `OUT.unfinished` (into `OUT/.unfinished` if OUT exists). At
-the end it renames this folder to OUT. If OUT contains older results, the command moves them away first, beginning with
-`results.json`, and writes the new `results.json` last. If `results.json` exists, the other files in OUT belong to it. An
-interrupted run keeps its finished folds for `--resume`. `tripwatt fit` and `tripwatt map build` write beside MODEL and FOLDER and
-exchange the names; an older model or map goes only after the new one is complete. A command that was killed, or that ended on a full
-disk, may be repeated as it was: no trip counts twice.
-"""
 
 
 def commands(command: Any, name: str = "tripwatt") -> Iterator[tuple[str, Any]]:
@@ -98,8 +73,8 @@ def _paragraphs(text: str) -> list[str]:
 
 
 def render() -> str:
-    """The whole page."""
-    return "\n".join([HEAD, *(f"{section(n, c)}\n" for n, c in commands(typer.main.get_command(app)))])
+    """Every command, for the page docs/reference/cli.md of the site."""
+    return "\n".join(f"{section(n, c)}\n" for n, c in commands(typer.main.get_command(app)))
 
 
 def departure() -> str:
@@ -133,6 +108,5 @@ def example() -> str:
 
 
 if __name__ == "__main__":
-    PAGE.write_text(render(), encoding="utf-8")
     pages.renew(ROOT / "README.md", "example", example())
     pages.renew("reference/forecast.md", "departure", departure())

@@ -62,8 +62,8 @@ def filled(page: str, results: Path = RESULTS) -> str:
 
 
 def pages() -> list[Path]:
-    """README and every page of the docs but decisions and releases, which keep the figures of their time."""
-    docs = (page for page in DOCS.rglob("*.md") if page.parent.name not in ("decisions", "whatsnew"))
+    """README and every page of the docs but decisions, which keep the figures of their time."""
+    docs = (page for page in DOCS.rglob("*.md") if page.parent.name != "decisions")
     return [ROOT / "README.md", *sorted(docs)]
 
 

@@ -1,8 +1,8 @@
-"""Build the documentation's site: ``python -m tools.docs.site.build [FOLDER] [--release]`` (`make docs`).
+"""Build the documentation's site: ``python -m tools.docs.site.build [FOLDER]`` (`make docs`).
 
 The pages of `docs` stay as a code host shows them. A copy of them is staged with the project's pages (how to contribute,
-changes, licences) and with one generated page for each public package, and Sphinx makes the site of the copy. A warning is
-an error. With `--release` the site is kept under `versions`, beside those of the releases before.
+changes, licences), with one generated page for each public package, and with the long tables of commands and cars at the end of their
+pages. Sphinx makes the site of the copy. A warning is an error.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ import sys
 import tempfile
 import tomllib
 import warnings
-from collections.abc import Sequence
-from importlib.metadata import version
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import Final
 
+from benchmarks import anchors, steady
 from sphinx.application import Sphinx
 from sphinx.pycode import ModuleAnalyzer
 from sphinx.util.docutils import docutils_namespace, patch_docutils
 
 from tools import DOCS, ROOT
-from tools.docs import gallery
+from tools.docs import gallery, write_cli
 from tools.docs import pages as parts
 
 HERE: Final = Path(__file__).resolve().parent
@@ -79,32 +79,16 @@ PACKAGES: Final = (
 WORDS: Final[dict[str, list[str]]] = tomllib.loads((HERE / "words.toml").read_text("utf-8"))
 """Page -> words that people search it by, which become entries of its index."""
 
-VERSIONS: Final = "versions"
-"""Folder of the site with the sites of releases, which a new build keeps."""
-
 LONGEST_VALUE: Final = 100
 """Characters of a constant's value that are shown."""
-
-FOLDERS: Final = ("howto", "explanation", "reference")
-"""Folders of pages that were once beside the first page, those with new pages first."""
-RENAMED: Final = {"car": "own-car", "model": "car-model"}
-REDIRECT: Final = '<!doctype html><meta charset="utf-8"><meta http-equiv="refresh" content="0; url={0}"><a href="{0}">{0}</a>\n'
 
 _LINK = re.compile(r"(?<=\]\()([^):#\s]+)(?=[#)])")
 _TARGET = re.compile(r'^<a id="([\w-]+)"></a>$', re.MULTILINE)
 _DIRECTIVE: Final = {"class": "autoclass", "exception": "autoexception", "function": "autofunction"}
 
 
-def stage(folder: Path, kept: Sequence[str] = ()) -> None:
-    """Write everything that Sphinx reads.
-
-    Parameters
-    ----------
-    folder : Path
-        An empty folder.
-    kept : sequence of str
-        Releases whose sites stand beside the new one.
-    """
+def stage(folder: Path) -> None:
+    """Write everything that Sphinx reads into an empty folder."""
     for page in sorted(DOCS.rglob("*.md")):
         _write(folder / page.relative_to(DOCS), _relinked(page, page.relative_to(DOCS)))
     for name, place in PROJECT.items():
@@ -114,13 +98,11 @@ def stage(folder: Path, kept: Sequence[str] = ()) -> None:
         _write(folder / place, text)
     for name in PACKAGES:
         _write(folder / "api" / f"{name}.md", package_page(importlib.import_module(name)))
-    with (folder / "reference" / "python.md").open("a", encoding="utf-8") as file:
-        file.write("\n".join(["", "## Every public name", "", "```{toctree}", ":titlesonly:", "", ""]))
-        file.write("\n".join([*(f"../api/{name}" for name in PACKAGES), "```", ""]))
+    for name, text in appended():
+        with (folder / name).open("a", encoding="utf-8") as file:
+            file.write(f"\n{text}\n")
     for name in gallery.NAMES:
         _write(folder / "gallery" / f"{name}.md", gallery.page_of(name))
-    with (folder / "whatsnew" / "index.md").open("a", encoding="utf-8") as file:
-        file.write(f"\n{versions_table(kept)}")
     index, readme = folder / "index.md", (ROOT / "README.md").read_text("utf-8")
     _write(index, parts.with_part(index.read_text("utf-8"), "results", parts.part(readme, "results")))
     for name, words in WORDS.items():
@@ -129,38 +111,24 @@ def stage(folder: Path, kept: Sequence[str] = ()) -> None:
         shutil.copytree(DOCS / name, folder / name)
 
 
+def appended() -> Iterator[tuple[str, str]]:
+    """Page and what the site has at its end: the pages of packages, what `--help` shows, and the tables of all cars."""
+    packages = (f"../api/{name}" for name in PACKAGES)
+    tree = ["## Every public name", "", "```{toctree}", ":titlesonly:", "", *packages, "```"]
+    yield "reference/python.md", "\n".join(tree)
+    yield "reference/cli.md", write_cli.render()
+    yield (
+        "reference/library.md",
+        f"## Every car and its certification\n\n{anchors.render_cars(anchors.committed())}",
+    )
+    yield "reference/library.md", f"## Every car at steady speed\n\n{steady.render_cars()}"
+
+
 def with_words(text: str, words: Sequence[str]) -> str:
     """A page with entries of the index below its title: the search puts a page first that has what is typed as an entry."""
     title, _, rest = text.partition("\n")
     entries = [f"   ! {word}" for word in words]
     return "\n".join([title, "", "```{eval-rst}", ".. index::", *entries, "", "```", rest])
-
-
-def versions_table(kept: Sequence[str]) -> str:
-    """The table of versions: when each was released, what it changed, and its site.
-
-    Parameters
-    ----------
-    kept : sequence of str
-        Releases whose sites stand beside the new one.
-
-    Returns
-    -------
-    str
-        Markdown with a row for each release of `docs/whatsnew`, newest first.
-    """
-    lines = [
-        f"This site is of {version('tripwatt')} and the changes since.",
-        "",
-        "| version | released | changes | documentation |",
-        "|---|---|---|---|",
-    ]
-    pages = {tuple(map(int, p.stem.split("."))): p for p in DOCS.glob("whatsnew/[0-9]*.md")}
-    for _, page in sorted(pages.items(), reverse=True):
-        day = re.search(r"[Rr]eleased on ([\d-]+)", page.read_text("utf-8"))
-        site = f'<a href="../{VERSIONS}/{page.stem}/index.html">its site</a>' if page.stem in kept else "–"
-        lines.append(f"| {page.stem} | {day[1] if day else '–'} | [what is new]({page.name}) | {site} |")
-    return "\n".join([*lines, ""])
 
 
 def _write(place: Path, text: str) -> None:
@@ -304,23 +272,13 @@ def _kind(thing: object) -> str:
     return "function" if inspect.isroutine(thing) else "data"
 
 
-def redirect(site: Path) -> None:
-    """Lead from the addresses of the pages before they were in folders to those that they have."""
-    pages = {p.stem: p for folder in FOLDERS for p in sorted((site / folder).glob("*.html"))}
-    for name, page in (pages | {old: pages[new] for old, new in RENAMED.items()}).items():
-        place = page.relative_to(site).as_posix()
-        (site / f"{name}.html").write_text(REDIRECT.format(place), "utf-8")
-
-
-def build(out: Path, *, release: bool = False) -> str:
+def build(out: Path) -> str:
     """Build the site.
 
     Parameters
     ----------
     out : Path
-        Folder of the site. A site that was there is replaced, if the new one has no warning; those of releases in it stay.
-    release : bool
-        Whether to keep it as the site of its version.
+        Folder of the site. A site that was there is replaced, if the new one has no warning.
 
     Returns
     -------
@@ -329,8 +287,7 @@ def build(out: Path, *, release: bool = False) -> str:
     """
     with tempfile.TemporaryDirectory() as folder:
         pages, trees, fresh = (Path(folder, name) for name in ("pages", "trees", "site"))
-        own = {version("tripwatt")} if release else set()
-        stage(pages, sorted(own | {p.name for p in out.glob(f"{VERSIONS}/*")}))
+        stage(pages)
         said = io.StringIO()
         with patch_docutils(HERE), docutils_namespace(), warnings.catch_warnings():
             warnings.simplefilter("ignore", DeprecationWarning)  # of Sphinx's extensions among themselves
@@ -339,19 +296,10 @@ def build(out: Path, *, release: bool = False) -> str:
             app.build()
         faults = re.sub(r"\x1b\[[0-9;]*m", "", said.getvalue()).replace(f"{pages}/", "")
         if not faults:
-            redirect(fresh)
-            if (out / VERSIONS).is_dir():
-                shutil.copytree(out / VERSIONS, fresh / VERSIONS)
-            for name in own:
-                shutil.rmtree(fresh / VERSIONS / name, ignore_errors=True)
-                shutil.copytree(fresh, fresh / VERSIONS / name, ignore=shutil.ignore_patterns(VERSIONS))
-                table = fresh / VERSIONS / name / "whatsnew" / "index.html"  # the others stand beside it
-                table.write_text(table.read_text("utf-8").replace(f"../{VERSIONS}/", "../../"), "utf-8")
             shutil.rmtree(out, ignore_errors=True)
             shutil.copytree(fresh, out, ignore=shutil.ignore_patterns(".buildinfo", "_sources"))
     return faults
 
 
 if __name__ == "__main__":
-    places = [word for word in sys.argv[1:] if word != "--release"]
-    sys.exit(build(Path(*places) if places else ROOT / "site", release="--release" in sys.argv) or None)
+    sys.exit(build(Path(sys.argv[1]) if len(sys.argv) > 1 else ROOT / "site") or None)
