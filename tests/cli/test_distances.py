@@ -54,7 +54,7 @@ def test_tables_have_units_and_every_kind_of_road(run: Run) -> None:
     assert "20.0 km, mixed" in table
     assert re.search(r"likely +\d+\.\d\d kWh", table)
     assert re.search(r"middle half +\d+\.\d\d to \d+\.\d\d kWh", table)
-    assert "enough in 95%" in table
+    assert "cautious (95 %)" in table
     assert "Shares of the uncertainty: car " in table
     far = run("range", "--soc", 0.5, "--ambient", 10).out
     assert [kind for kind in ("city", "country", "motorway", "mixed") if kind in far] == [

@@ -54,7 +54,8 @@ def test_every_figure_for_people_is_given_the_speed_trace(run: Run, trip: Path) 
     answer = run("forecast", trip, "--soc", 0.8)
     assert answer.code == 0
     assert "given the driven speed trace" in answer.out
-    assert "90 % interval" in answer.out
+    assert "9 in 10 such trips take" in answer.out
+    assert "The probability to arrive with 10 % or more is " in answer.out
 
 
 def test_what_was_measured_moves_the_forecast(

@@ -132,7 +132,7 @@ def test_nothing_near_certainty_is_told_where_an_unknown_climb_would_change_it()
     assert chance_to_arrive(unlikely) == "42.0 %"
     flat = SimpleNamespace(soc_per_climb_m=0.0002, climb_to=lambda reserve: 0.0)
     assert unknown_climb_in_words(flat, 0.1) == [
-        "This is not certain: the heights of the road are unknown. Each 100 m of climb takes 2.0 points."
+        "The heights of the road are unknown. Each 100 m of climb takes 2.0 points."
     ]
     high = SimpleNamespace(soc_per_climb_m=0.0002, climb_to=lambda reserve: 1234.4)
     (sentence,) = unknown_climb_in_words(high, 0.1)

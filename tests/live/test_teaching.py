@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -10,12 +9,10 @@ from typing import Any
 import pandas as pd
 import pytest
 from tests.live.messages import NOON_S, measured, samples_of
-from typer.testing import CliRunner
 
 pytest.importorskip("deltalake", reason="the extra tripwatt[fleet] is not installed")
 
 import tripwatt as tw
-from tripwatt.cli import app
 from tripwatt.errors import InvalidInput
 from tripwatt.live import RoadCar, create_car, has_news, learn_finished, open_car
 from tripwatt.live import own_car as own_module
@@ -179,16 +176,3 @@ def test_forecasts_of_the_way_stay_with_their_trip_through_a_restart(folder: Pat
     assert [asdict(row) for row in forecasts_of(folder, f"leaf-{name}")] == way
     assert forecasts_of(folder, "leaf-other") == ()
     assert forecasts_of(folder, "../../leaf") == ()
-
-
-def test_the_command_learns_what_the_car_finished(folder: Path) -> None:
-    with RoadCar(folder) as car:
-        drive(car, 0)
-    for expected in (
-        "1 trips added, 0 were known, 1 in the diary",
-        "0 trips added, 1 were known, 0 in the diary",
-    ):
-        done = CliRunner().invoke(app, ["car", "learn", str(folder)], catch_exceptions=False)
-        assert (done.exit_code, expected in done.stdout) == (0, True), done.output
-    found = json.loads(CliRunner().invoke(app, ["car", "learn", str(folder), "--json"]).stdout)
-    assert (found["known"], found["car"]["in_diary"]) == (1, 1)

@@ -80,7 +80,7 @@ def test_every_option_has_a_variable(monkeypatch: pytest.MonkeyPatch, tmp_path: 
     }
     command = typer.main.get_command(app).commands["serve"]  # type: ignore[attr-defined]
     named = {p.name for p in command.params if p.param_type_name == "option"} - {"also"}
-    assert {name.upper() for name in named} == {*options, "MODELS", "MAP_"} - {"MODEL", "TOKEN"}
+    assert {name.upper() for name in named} == {*options, "MAP_"} - {"MODEL", "TOKEN"}
     for name, value in options.items():
         monkeypatch.setenv(f"TRIPWATT_{name}", value)
     assert answered("serve", "--port", "8124").code == 0  # an option counts more than its variable
@@ -107,11 +107,9 @@ def test_without_the_extra_the_error_names_it(monkeypatch: pytest.MonkeyPatch) -
 def test_models_are_named_after_their_folders(tmp_path: Path) -> None:
     (tmp_path / "one").symlink_to(model_folder())
     (tmp_path / "two").symlink_to(model_folder())
-    assert list(models_of([f"{tmp_path / 'two'}"], None)) == [model_folder().name]
+    assert list(models_of([f"{tmp_path / 'two'}"])) == [model_folder().name]
     with pytest.raises(InvalidInput, match="duplicate model name"):
-        models_of([f"{tmp_path / 'one'}", f"{tmp_path / 'two'}"], None)
-    with pytest.raises(InvalidInput, match="no models"):
-        models_of([], tmp_path / "nowhere")
+        models_of([f"{tmp_path / 'one'}", f"{tmp_path / 'two'}"])
 
 
 @pytest.fixture(scope="module")

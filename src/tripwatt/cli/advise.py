@@ -32,12 +32,12 @@ WORDS: Final[Mapping[str, str]] = {
     "preheat_battery": "warm the battery to {value:.0f} °C on the plug, {begins}",
     "no_roof_box": "take off the roof box",
     "summer_tyres": "fit summer tyres",
-    "check_tyres": "check the tyre pressure, if you last did two months ago",
+    "check_tyres": "check the tyres if it has been two months",
     "pump_up": "pump up the tyres, from {value:.0%} to all of the recommended pressure",
     "stop": "stop {value:.0f} times to charge",
     "less_luggage": "leave {value:.0f} kg at home",
     "other_road": "take road {road:.0f}",
-    "leave_later": "leave {hours:+.0f} h from then",
+    "leave_later": "leave {hours:+.0f} h later",
 }
 """Actions in words, by code."""
 
@@ -59,11 +59,11 @@ def advise(
 ) -> Answer:
     """Say what to do about a trip: the least that helps, and what each action saves.
 
-    A saving has an interval of its own: what the trips with and without the action have in common cancels.
+    Savings are more certain than the total: each has an interval of its own.
 
     For example:
 
-      # does the charge suffice, and what is the least that helps?
+      # is the charge enough, and what is the least that helps?
       tripwatt advise route.json --soc 0.5 --ambient -5
       # with a roof box, for another car, as data
       tripwatt advise route.json --soc 0.5 --extra roof_box --vehicle vw_id3 --json
@@ -84,15 +84,18 @@ def advise(
 
 def _show(advice: Advice) -> None:
     arrival, now = 100.0 * advice.forecast.soc_arrival, chance(advice.p_arrive)
-    typer.echo(f"You arrive with {arrival:.0f} %, with {100.0 * advice.reserve:.0f} % or more: {now}.")
+    typer.echo(
+        f"You arrive with {arrival:.0f} %. The chance of {100.0 * advice.reserve:.0f} % or more is {now}."
+    )
     if advice.p_arrive < advice.chance:
         for advised in advice.least:
             words = _all(advised, advice)
             typer.echo(f"{words[0].upper()}{words[1:]}: {chance(advised.p_arrive)}{_longer(advised)}.")
         if not advice.least:
-            typer.echo("No three actions suffice.")
-        full = "A full battery does not suffice: plan a stop to charge with `tripwatt plan`."
-        to = f"Charge to {math.ceil(100.0 * advice.charge_to - 1e-6)} %: {advice.chance:.0%}."
+            typer.echo("No three actions together are enough.")
+        full = "A full battery is not enough: plan a stop to charge with `tripwatt plan`."
+        percent = math.ceil(100.0 * advice.charge_to - 1e-6)
+        to = f"Charge to {percent} % for a chance of {100.0 * advice.chance:.0f} %."
         typer.echo(to if advice.charge_to <= 1.0 else full)
     typer.echo("")
     rows = [
@@ -121,9 +124,9 @@ def _show_pace(pace: Pace) -> None:
     from tripwatt.advice.pacing import CHARGING_W
 
     rows = [
-        ("where minutes begin to bring less", pace.knee),
+        ("best trade-off of time and energy", pace.knee),
         *(
-            (f"least time with charging at {power / 1000.0:.0f} kW", pace.with_charging(power))
+            (f"fastest overall if you charge at {power / 1000.0:.0f} kW", pace.with_charging(power))
             for power in CHARGING_W
         ),
     ]
@@ -134,11 +137,10 @@ def _show_pace(pace: Pace) -> None:
             or "as planned",
             f"{(advice.cruise.duration_s - pace.fastest.duration_s) / 60.0:+.0f} min",
             _kwh(pace.fastest.energy_wh - advice.cruise.energy_wh),
-            _kwh(max(advice.lost_wh, 0.0)),
         )
         for name, advice in rows
     ]
-    names = ("speeds", "at most km/h", "time", "saves kWh", "lost to the best kWh")
+    names = ("speeds", "at most km/h", "time", "saves kWh")
     print_table("Speeds to keep", names, table, numbers=names[2:])
 
 

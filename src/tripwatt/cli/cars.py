@@ -219,7 +219,7 @@ def simulate(
       # simulate the first trip of the synthetic fleet
       tripwatt simulate
       # simulate one trip of the TUM set
-      tripwatt simulate data/tum/TripA01.csv
+      tripwatt simulate data/tum --trip TripA01
       # simulate a trip with a cooler cabin
       tripwatt simulate data/tum --trip TripB07 --set setpoint=18
       # simulate your own log with your own car

@@ -1,4 +1,4 @@
-"""`tripwatt demo`: the page with everything on it, without data of one's own."""
+"""`tripwatt demo`: the page with example data."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def demo(
         option("DIR", "Keep map, car and diary here for the next time. Default: a temporary folder."),
     ] = None,
 ) -> None:
-    """Serve the page with an example car, its diary, its drive of this moment and the map of a made-up country.
+    """Serve the page with example data: a car, its diary, a live drive and the map of a made-up country.
 
     The command requires the extras `tripwatt[service,fleet]`, and `tripwatt[routing]` for the map. It takes a few seconds, then
     prints the address of the page. Nothing in it is measured. Interrupt the command to end it.
@@ -51,8 +51,6 @@ def demo(
             threading.Thread(target=send, args=(samples, url, token), daemon=True).start()
             typer.echo(f"tripwatt: {url}")
             typer.echo("The page opens with the Example car. Its diary: Your cars, in the field of the car.")
-            typer.echo(
-                "Its drive of this moment, with a forecast that follows it: the steering wheel beside it."
-            )
+            typer.echo("A live drive with its forecast: the steering wheel beside it.")
 
         serve(replace(settings, port=port), show)

@@ -64,9 +64,8 @@ def departure_options(
 
 def _annotation(fields: Mapping[str, Field], *, shows_default: bool) -> Any:
     """Type and help of an option: of one field, or of several that are given as `A@B`."""
-    name, field = next(iter(fields.items()))
+    field = next(iter(fields.values()))
     spoken = " ".join(field.help for field in fields.values())
-    names: list[str] = [field.option]
     kind: Any = str | None
     if field.several:
         kind, spoken = list[str] | None, f"{spoken} You can repeat the option."
@@ -74,9 +73,8 @@ def _annotation(fields: Mapping[str, Field], *, shows_default: bool) -> Any:
         spoken = f"{spoken} Local time, today without a date."
     elif field.column is not None and len(fields) == 1:
         kind = float | None
-        names.append(f"--{name.replace('_', '-')}")
     metavar = "@".join(field.metavar for field in fields.values())
-    option = typer.Option(*dict.fromkeys(names), metavar=metavar, help=spoken, show_default=shows_default)
+    option = typer.Option(field.option, metavar=metavar, help=spoken, show_default=shows_default)
     return Annotated[kind, option]
 
 

@@ -27,9 +27,9 @@ if TYPE_CHECKING:
 class Drive:
     """What is known of the road and of the car."""
 
-    kind: Annotated[
-        str, option("KIND", "city, country, motorway, or mixed: nothing is known of the road.")
-    ] = "mixed"
+    kind: Annotated[str, option("KIND", "city, country, motorway, or mixed where the road is unknown.")] = (
+        "mixed"
+    )
     reserve: Annotated[float, option("0..1", "State of charge to keep.")] = 0.0
     car: Annotated[Path | None, option("FOLDER", "Your own car, made by `tripwatt car new`.")] = None
     vehicle: CarOption = None
@@ -52,8 +52,8 @@ def need(
     departure: Departing,
     drive: Drive,
     distance: Annotated[list[str] | None, argument("DISTANCE [km]", "Kilometres of each trip.")] = None,
-    quantile: Annotated[float, option("0.5..1", "Probability with which the energy suffices.")] = 0.95,
-    trips: Annotated[int, option("N", "Equal trips ahead; their errors are shared.", min=1, max=100)] = 1,
+    quantile: Annotated[float, option("0.5..1", "Probability that the energy is enough.")] = 0.95,
+    trips: Annotated[int, option("N", "Number of equal trips.", min=1, max=100)] = 1,
     trip: Annotated[
         str | None, option("NAME", "A usual trip of your own car, in place of the distance.", "--trip")
     ] = None,
@@ -96,7 +96,7 @@ def _show_need(found: Need, until: Mapping[str, Any], leaves: dt.datetime | None
     rows = [
         ("likely", f"{found.energy_wh / 1000.0:.2f} kWh"),
         ("middle half", f"{less:.2f} to {more:.2f} kWh"),
-        (f"enough in {found.quantile:.0%}", f"{found.energy_quantile_wh / 1000.0:.2f} kWh"),
+        (f"cautious ({100.0 * found.quantile:g} %)", f"{found.energy_quantile_wh / 1000.0:.2f} kWh"),
         ("charge for it", f"{100.0 * found.soc_needed:.0f} %"),
     ]
     if until["charging_s"]:

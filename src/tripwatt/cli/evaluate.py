@@ -46,14 +46,11 @@ def evaluate(
         list[str] | None,
         option(
             "NAME,NAME",
-            "Hold-outs to run, for example leave_one_trip_out:reference. Default: all of the protocol, and the studies beside it.",
+            "Hold-outs to run, for example leave_one_trip_out:reference. Default: all of the protocol, and its additional studies.",
         ),
     ] = None,
     vehicle: VehicleOption = None,
     overrides: SetOption = None,
-    seed: Annotated[
-        int, option("N", "Seed of the random numbers. The same seed gives the same results.", min=0)
-    ] = 0,
     jobs: Annotated[int, option("N", "Number of processes; -1 uses all cores.")] = -1,
     resume: Annotated[
         bool, typer.Option("--resume", help="Continue an interrupted run; finished folds are reused.")
@@ -95,14 +92,13 @@ def evaluate(
         }
         others |= {"--set": overrides, "--resume": resume or None}
         require_effect(others, "only with another --protocol: the file names data and cars")
-        return _evaluate_cars(logs.data, out, seed)
+        return _evaluate_cars(logs.data, out)
     car, note = logs.car(vehicle)
     options: dict[str, Any] = {
         "protocol": protocol,
         "models": _names(models),
         "hold_outs": _names(hold_outs),
         "vehicle": car,
-        "seed": seed,
     }
     with Check() as check:
         check(_check, options, overrides or [], jobs)
@@ -127,7 +123,7 @@ def _names(options: list[str] | None) -> list[str] | None:
     return [name.strip() for name in ",".join(options).split(",") if name.strip()] if options else None
 
 
-def _evaluate_cars(data: Path | None, out: Path, seed: int) -> Answer:
+def _evaluate_cars(data: Path | None, out: Path) -> Answer:
     from tripwatt.evaluation.cars import evaluate_cars, read_cars
     from tripwatt.report.cars import cars_tables, write_cars
 
@@ -141,7 +137,7 @@ def _evaluate_cars(data: Path | None, out: Path, seed: int) -> Answer:
         check(check_writable, out)
     unfinished = unfinished_folder(out)
     with folder_lock(unfinished), progress(shown) as advance:
-        run = evaluate_cars(cars, seed=seed, progress=advance)
+        run = evaluate_cars(cars, progress=advance)
         write_whole(lambda folder: write_cars(run, folder), out, unfinished)
 
     def show() -> None:

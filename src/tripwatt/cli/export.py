@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Annotated, Final
 import typer
 
 from tripwatt.cli.departing import DepartureOf, departure_options
-from tripwatt.cli.options import EXAMPLES, SetOption, option, options_named
+from tripwatt.cli.options import SetOption, argument, option, options_named
 from tripwatt.cli.output import write_text
 from tripwatt.cli.printing import print_json, print_notes
-from tripwatt.errors import Check, InvalidInput
+from tripwatt.errors import Check, Fault, InvalidInput
 
 if TYPE_CHECKING:
     from tripwatt.export import ConsumptionCurve
@@ -37,54 +37,44 @@ CarOption = Annotated[
         "--vehicle",
     ),
 ]
-OutOption = Annotated[Path | None, option("FILE", "Also write the JSON to this file.", "--out", "-o")]
-QueryOption = Annotated[bool, typer.Option("--query", help="Print a URL query string instead of JSON.")]
-
-GROUP: Final = "Print the consumption curve of a car as parameters of a routing service."
 USUAL: Final = {"ambient_temperature_degc": 20.0, "payload_mass_kg": 0.0, "soc": 0.8}
 """What a curve is made for by default."""
 
 Asked = Annotated[DepartureOf, departure_options(without=("departs_at", "terrain"), default=USUAL)]
-SERVICES: Final = {
-    "here": "HERE Routing v8: ev[freeFlowSpeedTable], ev[trafficSpeedTable], ascent, descent, auxiliaryConsumption.",
-    "tomtom": "TomTom Routing: constantSpeedConsumptionInkWhPerHundredkm, auxiliaryPowerInkW, efficiencies.",
-    "mapbox": "Mapbox Directions: energy_consumption_curve, auxiliary_consumption, ascent, descent, ev_max_charge.",
-    "abrp": "A Better Routeplanner: reference consumption, Wh/km at 110 km/h.",
-}
 
 
-def command_of(service: str) -> Callable[..., None]:
-    """The command of a service, under its name."""
+def export(
+    service: Annotated[str, argument("SERVICE", "here, tomtom, mapbox or abrp.")],
+    departure: Asked,
+    model: ModelOption = None,
+    vehicle: CarOption = None,
+    overrides: SetOption = None,
+    out: Annotated[Path | None, option("FILE", "Also write the JSON to this file.", "--out", "-o")] = None,
+    query: Annotated[bool, typer.Option("--query", help="Print a URL query string instead of JSON.")] = False,
+) -> None:
+    """Print the consumption curve of a car as the parameters of a routing service: a JSON object of strings.
 
-    def command(
-        departure: Asked,
-        model: ModelOption = None,
-        vehicle: CarOption = None,
-        overrides: SetOption = None,
-        out: OutOption = None,
-        query: QueryOption = False,
-    ) -> None:
-        from tripwatt.export import EXPORTS, render_query
+    here: HERE Routing v8, ev[freeFlowSpeedTable] and others. tomtom: TomTom Routing,
+    constantSpeedConsumptionInkWhPerHundredkm and others. mapbox: Mapbox Directions, energy_consumption_curve and others.
+    abrp: the reference consumption of A Better Routeplanner, Wh/km at 110 km/h.
 
-        curve, notes = _curve(model, vehicle, overrides or [], departure)
-        parameters = EXPORTS[service](curve)
-        if out is not None:
-            write_text(json.dumps(parameters, indent=1, ensure_ascii=False) + "\n", out)
-        typer.echo(render_query(parameters)) if query else print_json(parameters)
-        print_notes(notes)
+    For example:
 
-    command.__name__ = service
-    command.__doc__ = f"""{SERVICES[service]}
+      # export the car of the bundled model
+      tripwatt export here --ambient -5
+      # export another car from physics only
+      tripwatt export tomtom --vehicle nissan_leaf_40 --query
+    """
+    from tripwatt.export import EXPORTS, render_query
 
-Print the parameters of a request as a JSON object of strings.
-
-{EXAMPLES}
-
-  # export the car of the bundled model
-  tripwatt export {service} --ambient -5
-  # export another car from physics only
-  tripwatt export {service} --vehicle nissan_leaf_40 --query"""
-    return command
+    if service not in EXPORTS:
+        raise InvalidInput(Fault.unknown("unknown service", "SERVICE", service, EXPORTS))
+    curve, notes = _curve(model, vehicle, overrides or [], departure)
+    parameters = EXPORTS[service](curve)
+    if out is not None:
+        write_text(json.dumps(parameters, indent=1, ensure_ascii=False) + "\n", out)
+    typer.echo(render_query(parameters)) if query else print_json(parameters)
+    print_notes(notes)
 
 
 def _curve(

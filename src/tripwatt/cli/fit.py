@@ -36,25 +36,13 @@ def fit(
             "conditioner, power of the standing car, voltage at rest), or keep the published values.",
         ),
     ] = True,
-    calibrate: Annotated[
-        bool,
-        typer.Option(
-            "--calibrate",
-            help="Calibrate mass, rolling resistance, air drag and base load of the car on the trips before the fit. The "
-            "estimates are shrunk towards the published values.",
-        ),
-    ] = False,
     base: Annotated[
         Path | None,
         option(
             "MODEL",
-            "Adapt this model of another car to the trips. A few trips are enough. --corrector and --seed are then "
-            "taken from this model.",
+            "Adapt this model of another car to the trips. A few trips are enough. The corrector is that of this model.",
         ),
     ] = None,
-    seed: Annotated[
-        int, option("N", "Seed of the random numbers. The same seed gives the same model.", min=0)
-    ] = 0,
 ) -> Answer:
     """Fit a forecasting model on logged trips and write it as a folder.
 
@@ -80,7 +68,6 @@ def fit(
     with Check() as check:
         started = None if base is None else check(_stored, base)
         check(_require_storable, corrector)
-        check(_require_one_way, base, calibrate)
         own = check(lambda: load_vehicle(car, overrides=parse_overrides(overrides or [])))
         check(require_place, out)
         with shown.status("reading trips"):
@@ -101,9 +88,7 @@ def fit(
                 fleet,
                 own,
                 corrector=corrector,
-                seed=seed,
                 identified=identify,
-                calibrated=calibrate,
                 progress=advance,
             )
     save_model(model, out, provenance=provenance, evaluation=figures)
@@ -125,12 +110,6 @@ def _require_storable(corrector: str) -> None:
 
     if corrector not in STORABLE:
         raise InvalidInput(Fault.unknown("unknown corrector", "--corrector", corrector, STORABLE))
-
-
-def _require_one_way(base: Path | None, calibrate: bool) -> None:
-    if base is not None and calibrate:
-        fix = "remove --calibrate; --base includes the calibration of the car"
-        raise InvalidInput.of("conflicting options", "--calibrate", "with --base", "one of the two", fix)
 
 
 def _show_fit(fleet: Fleet, out: Path, notes: list[str], figures: dict[str, Any]) -> None:

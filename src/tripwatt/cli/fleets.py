@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from tripwatt.cli.departing import DepartingNow, time_of
-from tripwatt.cli.forecast import forecast_rows
+from tripwatt.cli.forecast import show_arrival
 from tripwatt.cli.options import Answer, argument, option, options_named
 from tripwatt.cli.output import write_text
 from tripwatt.cli.printing import console, print_notes, print_table, progress
@@ -197,7 +197,7 @@ def promote(
     registry: RegistryArgument,
     version: Annotated[str, argument("VERSION", "A version of `tripwatt fleet versions`.")],
 ) -> Answer:
-    """Use a version from now on. Programs that follow the registry change without losing a request.
+    """Use a version from now on, a newer or an older one. Programs that follow the registry change without losing a request.
 
     For example:
 
@@ -205,18 +205,6 @@ def promote(
       tripwatt fleet promote models 0003
     """
     _registry(registry).promote(version)
-    return Answer({"in_use": version}, f"version {version} is in use")
-
-
-def rollback(registry: RegistryArgument) -> Answer:
-    """Use the version again that was in use before.
-
-    For example:
-
-      # use the version before again
-      tripwatt fleet rollback models
-    """
-    version = _registry(registry).roll_back()
     return Answer({"in_use": version}, f"version {version} is in use")
 
 
@@ -244,11 +232,10 @@ def forecast(
         known = departure()
     expected = model.forecast(plan, known, vehicle_id=vehicle_id, car_model=car_model, driver=driver)
 
-    def shown() -> None:
-        rows = [("vehicle", vehicle_id), *forecast_rows(expected, reserve)]
-        print_table("Forecast before departure", ("", "forecast"), rows)
-
-    return Answer(lambda: {"vehicle_id": vehicle_id, **expected.to_dict(reserve)}, shown)
+    return Answer(
+        lambda: {"vehicle_id": vehicle_id, **expected.to_dict(reserve)},
+        partial(show_arrival, expected, vehicle_id, reserve),
+    )
 
 
 def batch(
@@ -303,7 +290,6 @@ def report(
         Path | None, option("FOLDER", "Default: REGISTRY/report, which the service serves.", "--out", "-o")
     ] = None,
     ambient: Annotated[float | None, option("DEGC", "Outside temperature of trips that have none.")] = None,
-    coldest: Annotated[float | None, option("DEGC", "Temperature in place of the coldest week's.")] = None,
     drivers: Annotated[bool, typer.Option("--drivers", help="Compare drivers, too.")] = False,
     quantile: Annotated[float, option("Q", "Probability with which a need suffices, 0.5 to 1.")] = 0.95,
     reserve: Annotated[float, option("X", "Charge to come back with, 0 to 1.")] = 0.0,
@@ -337,8 +323,9 @@ def report(
     trips = read_planned(planned, ambient) if planned is not None else []
     ahead = [trip for trip in trips if trip.departs_at >= min(now, at)]
     rows = _rows(fleet, fleet.place, fleet)
-    asked: dict[str, Any] = {"quantile": quantile, "reserve": reserve, "coldest_degc": coldest}
-    made = ManagerReport.of(about, versions.load(), rows, ahead, drivers=drivers, **asked)
+    made = ManagerReport.of(
+        about, versions.load(), rows, ahead, drivers=drivers, quantile=quantile, reserve=reserve
+    )
     document = made.write(folder, at, plug)
     if drivers and made.drivers is None:
         print_notes(["no trip of the store names its driver, so that drivers cannot be compared"])
@@ -405,4 +392,4 @@ def evaluate(
     )
 
 
-COMMANDS = (fit, update, refit, versions, promote, rollback, forecast, batch, report, evaluate)
+COMMANDS = (fit, update, refit, versions, promote, forecast, batch, report, evaluate)

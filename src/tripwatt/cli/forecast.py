@@ -13,7 +13,7 @@ from tripwatt.cli.departing import DepartingNow
 from tripwatt.cli.options import Answer, argument, model_of, option, options_named
 from tripwatt.cli.output import write_bytes, write_text
 from tripwatt.cli.printing import print_notes, print_table
-from tripwatt.cli.sentences import chance_to_arrive, forecast_in_words, where_empty
+from tripwatt.cli.sentences import chance_to_arrive, forecast_in_words, unknown_climb_in_words
 from tripwatt.errors import Check, Fault, InvalidInput, raise_faults
 
 if TYPE_CHECKING:
@@ -136,51 +136,13 @@ def _draw(forecast: Forecast, plot: Path) -> None:
     write_bytes(image.getvalue(), plot, "--plot")
 
 
-def _where_empty(forecast: Forecast) -> list[tuple[str, str]]:
-    """Rows with where the battery runs empty and what it lacks, where it may on this trip."""
-    early, expected, _ = forecast.empty_at_m
-    if early is None:
-        return []
-    if expected is None:
-        return [("battery empty", f"possible from {early / 1000.0:.0f} km on")]
-    least, missing, most = (wh / 1000.0 for wh in forecast.missing_wh)
-    beyond = f"{missing:.2f} kWh ({least:.2f} to {most:.2f} kWh)"
-    return [("battery empty", where_empty(forecast)), ("more than the battery holds", beyond)]
-
-
-def _arrival(forecast: Forecast) -> list[tuple[str, str]]:
-    """Rows with the charge at arrival and its interval; of a battery that does not last only the best case."""
-    least, most = (f"{100.0 * soc:.0f}" for soc in forecast.soc_interval(0.9))
-    if forecast.missing_wh[1] > 0.0:
-        best = [("at best", f"{most} %")] if most != "0" else []
-        return [("state of charge at arrival", "empty before the end"), *best]
-    charge = f"{100.0 * forecast.soc_arrival:.0f} %"
-    return [("state of charge at arrival", charge), ("90 % interval of it", f"{least} to {most} %")]
-
-
-def _unknown_climb(forecast: Forecast, reserve: float) -> list[tuple[str, str]]:
-    """Rows for a road of unknown heights: what climb takes, and the climb with which the reserve is lost."""
-    per_metre, climb = forecast.soc_per_climb_m, forecast.climb_to(reserve)
-    if per_metre is None:
-        return []
-    rows = [("each 100 m of unknown climb", f"{1e4 * per_metre:.1f} points")]
-    if climb is not None:
-        rows.append((f"climb that leaves {100.0 * reserve:g} %", f"{climb:.0f} m"))
-    return rows
-
-
-def forecast_rows(forecast: Forecast, reserve: float) -> list[tuple[str, str]]:
-    """Rows of a table: energy, charge at arrival, probability to arrive, and what an unknown climb changes."""
-    low, high = forecast.interval(0.9)
-    return [
-        ("energy", f"{forecast.energy_wh / 1000.0:.2f} kWh"),
-        ("90 % interval", f"{low / 1000.0:.2f} to {high / 1000.0:.2f} kWh"),
-        *_arrival(forecast),
-        *_where_empty(forecast),
-        ("probability to arrive", chance_to_arrive(forecast)),
-        (f"probability to arrive with {100.0 * reserve:g} % or more", chance_to_arrive(forecast, reserve)),
-        *_unknown_climb(forecast, reserve),
-    ]
+def show_arrival(forecast: Forecast, subject: str, reserve: float) -> None:
+    """Print what a driver asks of a forecast: energy, charge at arrival, the chance to keep the reserve."""
+    typer.echo(forecast_in_words(forecast, subject))
+    for sentence in unknown_climb_in_words(forecast, reserve):
+        typer.echo(sentence)
+    chance = chance_to_arrive(forecast, reserve)
+    typer.echo(f"The probability to arrive with {100.0 * reserve:g} % or more is {chance}.")
 
 
 def _show_forecast(forecast: Forecast, reserve: float) -> None:
@@ -188,20 +150,20 @@ def _show_forecast(forecast: Forecast, reserve: float) -> None:
     from tripwatt.trips.messages import leave_in_words
     from tripwatt.trips.showing import period
 
-    rows = [("car", forecast.vehicle.title), *forecast_rows(forecast, reserve)]
+    show_arrival(forecast, forecast.plan.trip_id, reserve)
     when = f"after {period(forecast.measured_until_s)}"
-    typer.echo(forecast_in_words(forecast, forecast.plan.trip_id))
     if forecast.measured_until_s <= 0.0:
         when, needed = "before departure", forecast.soc_needed(reserve, LEAVE_PROBABILITY)
         typer.echo(leave_in_words(needed, reserve, LEAVE_PROBABILITY))
     typer.echo("")
-    print_table(f"Forecast {when}, given {forecast.given}", ("forecast", ""), rows, numbers=("",))
     causes = [
         (CAUSE_NAMES.get(cause, cause), f"{round(energy / 1000.0, 3) + 0.0:+.3f} kWh")
         for cause, energy in forecast.by_cause_wh.items()
         if cause != "shortfall" or energy
     ]
-    print_table("Energy by cause", ("cause", "energy"), causes, numbers=("energy",))
+    causes.append(("in all", f"{forecast.energy_wh / 1000.0:+.3f} kWh"))
+    title = f"{forecast.vehicle.title}, {when}, given {forecast.given}"
+    print_table(title, ("cause", "energy"), causes, numbers=("energy",))
     print_notes(forecast.flags)
 
 

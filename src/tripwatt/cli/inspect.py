@@ -5,15 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any
 
-from tripwatt.cli.options import JsonOption, argument
-from tripwatt.cli.printing import change, print_json, print_table
+from tripwatt.cli.options import Answer, argument
+from tripwatt.cli.printing import change, print_table
 from tripwatt.errors import InvalidInput
 
 
 def inspect(
     model: Annotated[Path | None, argument("MODEL", "Folder of a model. Default: the bundled model.")] = None,
-    as_json: JsonOption = False,
-) -> None:
+) -> Answer:
     """Show the inputs, the provenance and the scores of a model, and verify its checksums.
 
     For example:
@@ -27,17 +26,17 @@ def inspect(
 
     about = load_metadata(model)
     try:
-        if as_json:
-            print_json(about)
-            return
-        tables = _about_rows(about), _input_rows(about)
+        facts, inputs = _about_rows(about), _input_rows(about)
     except (LookupError, TypeError, ValueError, AttributeError) as error:  # digests are no signatures
         got = f"{type(error).__name__}: {error}"[:200]
         allowed = "metadata of a model of one car, as `tripwatt fit` writes them"
         raise InvalidInput.of("metadata cannot be read", f"{model}", got, allowed) from error
-    print_table("Model", ("", "value"), tables[0], folding=("value",))
-    columns = ("input", "unit", "allowed", "range in training", "required")
-    print_table("Inputs", columns, tables[1])
+
+    def shown() -> None:
+        print_table("Model", ("", "value"), facts, folding=("value",))
+        print_table("Inputs", ("input", "unit", "allowed", "range in training", "required"), inputs)
+
+    return Answer(about, shown)
 
 
 def _input_rows(about: dict[str, Any]) -> list[tuple[str, ...]]:

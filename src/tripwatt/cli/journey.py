@@ -6,7 +6,7 @@ import datetime as dt
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
@@ -16,10 +16,15 @@ from tripwatt.cli.printing import print_notes, print_table
 from tripwatt.cli.sentences import chance, chance_to_arrive, journey_in_words
 from tripwatt.errors import Check
 from tripwatt.trips.showing import period
-from tripwatt.units import SECONDS_PER_MINUTE
 
 if TYPE_CHECKING:
     from tripwatt.journey import AtlasSettings, Journey, Reach
+
+COSTS: Final = {"climate": "Climate control", "wind": "Wind", "speed": "Speeds above 100 km/h on motorways"}
+"""What a journey would take less energy without."""
+
+OTHER_ROADS: Final = 2
+"""Roads that a plan compares with the first one."""
 
 MapOption = Annotated[
     str,
@@ -83,15 +88,11 @@ def plan(
     on_map: OnMap,
     reserve: Annotated[float, option("0..1", "Required state of charge at arrival, as displayed.")] = 0.1,
     round_trip: Annotated[bool, typer.Option("--round-trip", help="Back to the start.")] = False,
-    alternatives: Annotated[int, option("N", "Other roads to compare.", min=0, max=3)] = 2,
     vehicle: CarOption = None,
     model: ModelOption = None,
     no_charge: Annotated[bool, typer.Option("--no-charge", help="Plan no stops to charge.")] = False,
-    overhead: Annotated[
-        float, option("MIN", "Parking, plugging in and paying at each stop to charge.")
-    ] = 5.0,
     preheat_battery: Annotated[
-        bool, typer.Option("--preheat-battery", help="The battery may be heated on the way to a stop.")
+        bool, typer.Option("--preheat-battery", help="The car can heat its battery on the way to a stop.")
     ] = False,
 ) -> Answer:
     """Plan a journey from place to place: charge at arrival, what to leave with, stops to charge where they are needed.
@@ -111,16 +112,14 @@ def plan(
     """
     from tripwatt.journey import JourneyOptions, open_atlas, plan_journey
 
-    charging: dict[str, Any] = {"charge": not no_charge, "preheat_battery": preheat_battery}
-    overhead_s = overhead * SECONDS_PER_MINUTE
+    charging = {"charge": not no_charge, "preheat_battery": preheat_battery}
     with options_named():
         with Check() as check:
             got: dict[str, Any] = {
                 "atlas": check(open_atlas, on_map.settings()),
                 "departure": check(departure),
             }
-            asked = reserve, alternatives, round_trip
-            got["options"] = check(JourneyOptions, *asked, stop_overhead_s=overhead_s, **charging)
+            got["options"] = check(JourneyOptions, reserve, OTHER_ROADS, round_trip, **charging)
         journey = plan_journey(stops, model=model, vehicle=vehicle, **got)
     return Answer(journey.to_dict, partial(_show, journey))
 
@@ -134,7 +133,7 @@ def reach(
     model: ModelOption = None,
     places_url: PlacesOption = "",
 ) -> Answer:
-    """Show how far a charge carries in every direction, with 95 % and with 50 %.
+    """Show how far a charge carries in every direction, with a probability of 95 % and of 50 %.
 
     For example:
 
@@ -226,9 +225,9 @@ def _show(journey: Journey) -> None:
     with_reserve = f"{100.0 * reserve:g} % or more"
     columns = ("way", "length", "time", "stops", "energy", "arrival with", "arrives", with_reserve)
     print_table(f"Ways, given {journey.forecast.given}", columns, rows, numbers=columns[1:5])
-    costs = [(name, f"{wh / 1000.0:+.2f} kWh") for name, wh in journey.costs_wh.items() if abs(wh) >= 1.0]
-    if costs:
-        print_table("What it takes less without", ("", "energy"), costs, numbers=("energy",))
+    for name, wh in journey.costs_wh.items():
+        if abs(wh) >= 1.0:
+            typer.echo(f"{COSTS[name]}: {wh / 1000.0:.2f} kWh")
     print_notes([*journey.forecast.flags, *journey.flags, journey.attribution])
 
 

@@ -13,17 +13,15 @@ import typer
 
 from tripwatt.cli.options import (
     Answer,
-    JsonOption,
     Logs,
     MappingOption,
-    NotesOption,
     TripOption,
     argument,
     option,
     read_logs,
 )
 from tripwatt.cli.output import write_text
-from tripwatt.cli.printing import console, print_findings, print_json, print_notes, print_reading, print_table
+from tripwatt.cli.printing import console, print_findings, print_notes, print_reading, print_table
 from tripwatt.errors import Fault, InvalidInput
 
 MAPPINGS = (
@@ -32,7 +30,7 @@ MAPPINGS = (
 LOGS = "Files of loggers: take out of them what tells whose they are."
 
 
-def audit(logs: Logs, notes: NotesOption = False) -> Answer:
+def audit(logs: Logs) -> Answer:
     """List the faults of logged trips and their consequences.
 
     No file is changed. Each finding gives the trip, the time span, the fault, and the consequence: trimmed, split, set
@@ -42,8 +40,8 @@ def audit(logs: Logs, notes: NotesOption = False) -> Answer:
 
       # list all findings of all trips
       tripwatt audit data/tum
-      # audit one trip
-      tripwatt audit data/tum/TripB02.csv
+      # list every fault and note one by one
+      tripwatt audit data/tum --json
       # audit a log of the app Torque
       tripwatt audit drive.csv --mapping torque
     """
@@ -66,7 +64,7 @@ def audit(logs: Logs, notes: NotesOption = False) -> Answer:
             print_findings(title, result.findings)
         else:
             console(sys.stdout).print(f"{title}: no findings")
-        print_reading(fleet, result, every=notes)
+        print_reading(fleet, result)
 
     return Answer(document, shown)
 
@@ -161,8 +159,7 @@ def suggest(
     out: Annotated[
         Path | None, option("FILE", "Write the TOML to this file instead of printing it.", "--out", "-o")
     ] = None,
-    as_json: JsonOption = False,
-) -> None:
+) -> Answer:
     """Propose a mapping for a table from its header and its values, with a reason for each entry.
 
     The exit code is 1 if you have to add entries before you can use the mapping.
@@ -181,21 +178,17 @@ def suggest(
     proposal = suggest_mapping(file)
     if out is not None:
         write_text(proposal.toml, out)
-    if as_json:
-        print_json(asdict(proposal))
-    elif out is None:
-        typer.echo(proposal.toml, nl=False)
-    else:
-        columns = ("canonical column", "your column", "unit", "reason")
-        print_table(
-            f"Proposed in {out}",
-            columns,
-            [(g.ours, g.column, SPELLED.get(g.unit, g.unit), g.why) for g in proposal.guesses],
-            folding=("reason",),
-        )
-    if proposal.missing:
+
+    def shown() -> None:
+        if out is None:
+            typer.echo(proposal.toml, nl=False)
+        else:
+            columns = ("canonical column", "your column", "unit", "reason")
+            rows = [(g.ours, g.column, SPELLED.get(g.unit, g.unit), g.why) for g in proposal.guesses]
+            print_table(f"Proposed in {out}", columns, rows, folding=("reason",))
         print_notes(f"add {what} by hand" for what in proposal.missing)
-        raise typer.Exit(1)
+
+    return Answer(asdict(proposal), shown, code=bool(proposal.missing))
 
 
 def apply(

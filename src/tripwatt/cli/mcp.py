@@ -44,7 +44,7 @@ def mcp(
 
     atlas = asdict(on_map.settings())
     with Check() as check:
-        folders = check(models_of, model or [], None)
+        folders = check(models_of, model or [])
         check(make_cars_folder, cars)
         planned = check(journeys.JourneyJobs.from_settings, atlas)
     made = jobs.Jobs.from_folders(folders, settings.Limits(), planned, car_jobs.CarJobs(cars))

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple
 import typer
 
 from tripwatt.cli.printing import print_json
-from tripwatt.errors import Fault, extras_faults, or_none, places_named, raise_faults
+from tripwatt.errors import Fault, extras_faults, places_named, raise_faults
 
 if TYPE_CHECKING:
     from tripwatt.forecasting import ForecastModel
@@ -38,8 +38,7 @@ DatasetOption = Annotated[
     str | None,
     option(
         "NAME",
-        "Format of DATA: tum, ved or table. Default: table with --mapping or if DATA is a single file that is not "
-        "a TUM trip, otherwise tum.",
+        "Format of DATA: tum, ved or table. Default: table with --mapping or if DATA is a file, otherwise tum.",
         "--dataset",
     ),
 ]
@@ -75,10 +74,6 @@ StrictOption = Annotated[
         "--strict",
         help="Refuse DATA with a list of everything that cannot be read as it stands. Default: use the rest.",
     ),
-]
-NotesOption = Annotated[
-    bool,
-    typer.Option("--notes", help="List every fault and note one by one. Default: one line for each kind."),
 ]
 TripOption = Annotated[str | None, option("ID", "Trip to use if DATA contains several.", "--trip")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")]
@@ -131,30 +126,21 @@ def read_logs(
         return synthetic_fleet(BUILT_IN_TRIPS, faults=True) if built_in_faults else synthetic_fleet()
     from tripwatt.sources import read_logs as read
 
-    if dataset in (None, "tum") and mapping is None and data.is_file():
-        single = _single_tum_trip(data)
-        if single is not None:
-            return single
-    if dataset is None:
-        dataset = "table" if mapping is not None or data.is_file() else "tum"
+    dataset = dataset or dataset_of(data, mapping)
     if dataset != "table":  # a study of a published set has all of it
         more["strict"] = more.get("strict", False) or not lenient
     return read(data, dataset, mapping, **more)
 
 
-def _single_tum_trip(path: Path) -> Fleet | None:
-    """A file of the TUM set as a fleet of one trip, with its line of the sheet beside it; None for another file."""
-    from tripwatt.sources.tum import CITATION, OVERVIEW_NAME, REFERENCE_TRIPS, read_tum_file, trip_files
-    from tripwatt.sources.tum_overview import read_overview
-    from tripwatt.trips import Fleet
+def dataset_of(data: Path, mapping: str | None) -> str:
+    """The format of DATA where --dataset does not name it.
 
-    files, _ = or_none(trip_files, path.parent) or ({}, [])
-    trip_id = next((name for name, file in files.items() if file.name == path.name), None)
-    if trip_id is None:
-        return None
-    contexts, notes = read_overview(path.parent / OVERVIEW_NAME, (trip_id,))
-    trip = read_tum_file(path, trip_id, contexts.get(trip_id))
-    return Fleet("tum", (trip,), tuple(notes), REFERENCE_TRIPS, CITATION)
+    Examples
+    --------
+    >>> dataset_of(Path("logs"), None), dataset_of(Path("logs"), "torque")
+    ('tum', 'table')
+    """
+    return "table" if mapping is not None or data.is_file() else "tum"
 
 
 @dataclass(frozen=True)
@@ -178,14 +164,10 @@ class Logs:
         >>> Logs(Path("logs"), "ved").car(None)
         ('nissan_leaf_24', ())
         """
-        data, dataset = self.data, self.dataset
         if vehicle is not None:
             return vehicle, ()
-        if data is None:
-            dataset = "synthetic"
-        elif dataset is None and self.mapping is None:
-            dataset = "tum" if not data.is_file() or data.name.lower().startswith("trip") else None
-        if dataset is not None and dataset in CARS:
+        dataset = "synthetic" if self.data is None else self.dataset or dataset_of(self.data, self.mapping)
+        if dataset in CARS:
             return CARS[dataset], ()
         from tripwatt.trips import Flag  # pandas is slow to import
 

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import os
 import shutil
-import stat
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from tripwatt.errors import InvalidInput, system_errors
-from tripwatt.files import replace_folder, restore_folder, write_file
+from tripwatt.files import replace_folder, write_file
 
 UNWRITABLE: Final = ("cannot write the results", "--out", "a writable folder")
-LAST: Final = "results.json"
-"""The file that comes last: where it stands, everything beside it belongs to it."""
 
 
 def check_writable(out: Path) -> None:
@@ -23,16 +20,17 @@ def check_writable(out: Path) -> None:
     Raises
     ------
     InvalidInput
-        When `out` is not a folder, a link to nothing or the root, or cannot be made or written.
+        When `out` is not a folder, a link to nothing or a folder that cannot be replaced, or cannot be made.
     """
     if out.is_symlink() and not out.exists():
         got = f"{out} -> {os.readlink(out)}"
         raise InvalidInput.of("output is a link to nothing", "--out", got, "a new or existing folder")
-    if out.resolve() == Path(out.absolute().anchor):
-        raise InvalidInput.of("output is the root folder", "--out", str(out), "a new or existing folder")
     if out.exists() and not out.is_dir():
         raise InvalidInput.of("output is not a folder", "--out", str(out), "a new or existing folder")
-    nearest = next(place for place in (out, *out.absolute().parents) if place.exists())
+    place = out.resolve()
+    if place.is_mount() or Path.cwd().is_relative_to(place):
+        raise InvalidInput.of("output cannot be replaced", "--out", str(out), "a folder below it")
+    nearest = next(parent for parent in place.parents if parent.exists())
     with system_errors(*UNWRITABLE, out):
         if not nearest.is_dir():
             raise NotADirectoryError(f"{nearest} is not a folder")
@@ -41,17 +39,16 @@ def check_writable(out: Path) -> None:
 
 
 def unfinished_folder(out: Path) -> Path:
-    """Make the folder where a run keeps what is not finished: beside OUT while there is no OUT, in it afterwards.
+    """Make the folder beside `out` where a run keeps what is not finished.
 
     Raises
     ------
     InvalidInput
         When it cannot be made.
     """
-    beside = out.absolute().parent / f"{out.absolute().name}.unfinished"
-    folder = out / ".unfinished" if out.is_dir() and not beside.exists() else beside
+    place = out.resolve()
+    folder = place.with_name(f"{place.name}.unfinished")
     with system_errors(*UNWRITABLE, out):
-        restore_folder(out)
         folder.mkdir(parents=True, exist_ok=True)
     return folder
 
@@ -64,78 +61,29 @@ def finished_folds(unfinished: Path) -> int:
 def write_whole(write: Callable[[Path], None], out: Path, unfinished: Path) -> None:
     """Let `write` fill a new folder, then put it in the place of `out` in one step and remove `unfinished`.
 
-    Files of an older `out` that the new one lacks are kept. Where `out` cannot be exchanged (a mount point, the current
-    folder, a parent that cannot be written), its files are replaced one by one, `results.json` last; after a kill in
-    between, the next call brings the older ones back first.
+    Files of an older `out` that the new one lacks are kept.
 
     Raises
     ------
     InvalidInput
         When something cannot be written; `out` is then as it was.
     """
-    with system_errors(*UNWRITABLE, out):
-        if _can_be_exchanged(out):
-            replace_folder(out, lambda made: _fill(made, out, write))
-        else:
-            _fill_in_place(write, out, unfinished)
-    shutil.rmtree(unfinished, ignore_errors=True)
 
-
-def _can_be_exchanged(out: Path) -> bool:
-    place = out.resolve()
-    if not place.exists():
-        return True
-    kinds = (entry.lstat().st_mode for entry in place.iterdir())
-    return (
-        not os.path.ismount(place)
-        and os.access(place.parent, os.W_OK | os.X_OK)
-        and not Path.cwd().is_relative_to(place)
-        and all(stat.S_ISREG(k) or stat.S_ISDIR(k) or stat.S_ISLNK(k) for k in kinds)
-    )
-
-
-def _fill(made: Path, out: Path, write: Callable[[Path], None]) -> None:
-    """Fill a new folder, with what the older one has beside it."""
-    write(made)
-    if out.is_dir():
-        left = {".unfinished", *os.listdir(made)}
-        how: dict[str, Any] = {"symlinks": True, "copy_function": _link, "dirs_exist_ok": True}
-        shutil.copytree(out, made, ignore=lambda place, _: left if Path(place) == out else (), **how)
-
-
-def _link(source: str, target: str) -> None:
-    """A second name of a file, or a copy where the file system has none."""
-    try:
-        os.link(source, target, follow_symlinks=False)
-    except OSError:
-        shutil.copy2(source, target)
-
-
-def _fill_in_place(write: Callable[[Path], None], out: Path, unfinished: Path) -> None:
-    made, older = unfinished / "writing", unfinished / "older"
-    _bring_back(older, out)
-    shutil.rmtree(made, ignore_errors=True)
-    for folder in (made, older):
-        folder.mkdir(parents=True)
-    try:
+    def fill(made: Path) -> None:
         write(made)
-        _replace(made, out, older)
-    finally:
-        shutil.rmtree(made, ignore_errors=True)
-    shutil.rmtree(older, ignore_errors=True)
+        if out.is_dir():
+            names = set(os.listdir(made))
+            shutil.copytree(
+                out,
+                made,
+                symlinks=True,
+                dirs_exist_ok=True,
+                ignore=lambda place, _: names if Path(place) == out else (),
+            )
 
-
-def _bring_back(older: Path, out: Path) -> None:
-    """Put the files back that a killed process had moved away; files of its own that stand in their place go."""
-    if not older.is_dir():
-        return
-    entries = sorted(older.iterdir(), key=lambda path: (path.name == LAST, path.name))
-    if not (out / LAST).exists() or any(path.name == LAST for path in entries):
-        for path in entries:
-            if (out / path.name).is_dir() and not (out / path.name).is_symlink():
-                shutil.rmtree(out / path.name)
-            path.replace(out / path.name)
-    shutil.rmtree(older, ignore_errors=True)
+    with system_errors(*UNWRITABLE, out):
+        replace_folder(out, fill)
+    shutil.rmtree(unfinished, ignore_errors=True)
 
 
 def write_text(text: str, path: Path, option: str = "--out") -> None:
@@ -162,23 +110,3 @@ def write_bytes(content: bytes, path: Path, option: str = "--out") -> None:
         if path.exists() and not path.is_file():
             raise OSError(f"{'a folder' if path.is_dir() else 'no regular file'}")
         write_file(path, lambda partial: partial.write_bytes(content))
-
-
-def _replace(made: Path, out: Path, older: Path) -> None:
-    names = sorted((path.name for path in made.iterdir()), key=lambda name: (name == LAST, name))
-    away: list[str] = []
-    came: list[str] = []
-    try:
-        for name in reversed(names):
-            if os.path.lexists(out / name):
-                (out / name).rename(older / name)
-                away.append(name)
-        for name in names:
-            (made / name).rename(out / name)
-            came.append(name)
-    except OSError:
-        for name in reversed(came):
-            (out / name).rename(made / name)
-        for name in reversed(away):
-            (older / name).rename(out / name)
-        raise

@@ -12,9 +12,7 @@ import typer
 from tripwatt.cli.options import (
     Answer,
     DatasetOption,
-    JsonOption,
     MappingOption,
-    NotesOption,
     StrictOption,
     argument,
     option,
@@ -41,7 +39,7 @@ WORDS = {
     "drivetrain": "losses of the drivetrain",
     "base_load": "base load",
     "cold": "driving losses for each 10 K below 15 °C",
-    "transients": "losses by changes of speed",
+    "transients": "braking and accelerating",
     "frost": "load for each 10 K below freezing",
     "warm_up": "load at departure at 0 °C",
     "near_minus_8": "the whole consumption around -8 °C",
@@ -89,9 +87,7 @@ def add(
         ),
     ] = None,
     strict: StrictOption = False,
-    notes: NotesOption = False,
-    as_json: JsonOption = False,
-) -> None:
+) -> Answer:
     """Add trips: each is forecast before the car learns from it, and both go into the diary.
 
     The command keeps the logs as they are, audits them, and adapts the model to the sound trips. A trip that is there
@@ -102,8 +98,8 @@ def add(
 
       # add the files of a logger
       tripwatt car add cars/my-leaf exports
-      # by a mapping of your own, and with every fault one by one
-      tripwatt car add cars/my-leaf exports --mapping my.toml --notes
+      # by a mapping of your own
+      tripwatt car add cars/my-leaf exports --mapping my.toml
       # add one trip
       tripwatt car add cars/my-leaf drive.csv
       # take the heights of the road from a map
@@ -120,28 +116,10 @@ def add(
         more["heights"] = Elevation.from_folder(elevation).at
     with progress(shown, "files") as advance:
         fleet = read_logs(data, table, mapping, strict=strict, vehicle=own.vehicle, progress=advance, **more)
-    if not as_json:
-        print_reading(fleet, audit(fleet), every=notes)
+    print_reading(fleet, audit(fleet))
     with progress(shown, "trips") as advance:
         done = own.add(fleet, progress=advance)
-    _done(car, own, done).print(as_json)
-
-
-def learn(car: CarArgument) -> Answer:
-    """Learn the trips that the car finished on the road: each is forecast first, and both go into the diary.
-
-    A service with the folder of the car does this by itself. A trip that was learned already does not count again.
-
-    For example:
-
-      # learn the trips that the service followed
-      tripwatt car learn cars/my-leaf
-    """
-    from tripwatt.live import learn_finished, open_car
-
-    with progress(console(), "trips") as advance:
-        done = learn_finished(car, progress=advance)
-    return _done(car, open_car(car), done)
+    return _done(car, own, done)
 
 
 def show(
@@ -175,7 +153,7 @@ def _show(about: Mapping[str, Any], table: pd.DataFrame) -> None:
     _show_learned(about)
     _show_scores(about)
     _show_causes(about["by_cause_wh"])
-    columns = ("trip", "departure", "distance", "forecast", "90% interval", "took", "error")
+    columns = ("trip", "departure", "distance", "forecast", "90 % interval", "took", "error")
     listed = [
         (
             row["trip_id"],
@@ -236,7 +214,7 @@ def _done(car: Path, own: Car, done: Learned) -> Answer:
         if done.flat:
             typer.echo(
                 f"{done.flat} of {done.entries} new trips have no heights. Switch on the altitude in the app that logs them, or "
-                "give --elevation for logs with positions: that would narrow the forecasts most."
+                "give --elevation for logs with positions: nothing narrows the forecasts more."
             )
         _show_learned(about)
 
@@ -247,10 +225,10 @@ def _show_learned(about: Mapping[str, Any]) -> None:
     latest, by_book = about["latest"], about["latest_by_book"]
     if latest["trips"]:
         typer.echo(
-            f"last {latest['trips']} trips: error {_percent(by_book['weighted_error'])} without own trips, "
-            f"{_percent(latest['weighted_error'])} with what the car learned; width of the 90% interval "
+            f"Last {latest['trips']} trips: mean error {_percent(by_book['weighted_error'])} with published values, "
+            f"{_percent(latest['weighted_error'])} with own trips; width of the 90 % interval "
             f"{_percent(by_book['width'])} and {_percent(latest['width'])} of the energy, "
-            f"{_percent(latest['needed_width'])} was needed to hold 90% of them"
+            f"{_percent(latest['needed_width'])} would have been enough."
         )
     rows = [
         (
@@ -268,8 +246,6 @@ def _show_learned(about: Mapping[str, Any]) -> None:
             rows,
             numbers=("change", "uncertainty (sd)"),
         )
-        counts = ", ".join(f"{name} {weight:.0%}" for name, weight in about["experts"].items())
-        typer.echo(f"what counts, by the forecasts so far: {counts}")
 
 
 def _show_scores(about: Mapping[str, Any]) -> None:
@@ -285,7 +261,7 @@ def _show_scores(about: Mapping[str, Any]) -> None:
         )
         for name, score in {"all": about["score"], **about["by_temperature"]}.items()
     ]
-    columns = ("outside air", "trips", "error", "bias", "within 90%", "its width", "width that was needed")
+    columns = ("outside air", "trips", "error", "bias", "within 90 %", "its width", "would have been enough")
     print_table("Forecasts, each before its trip was learned", columns, rows, numbers=columns[1:])
 
 
@@ -299,16 +275,16 @@ def _show_causes(by_cause_wh: Mapping[str, float]) -> None:
 
 
 def _seen(degc: tuple[float, float] | None) -> str:
-    """Outside temperatures at which trips show a factor; without one it is what cars have in common."""
-    return "not seen" if degc is None else f"{degc[0]:.0f} to {degc[1]:.0f} °C"
+    """Outside temperatures at which trips show a factor."""
+    return "not measurable yet" if degc is None else f"{degc[0]:.0f} to {degc[1]:.0f} °C"
 
 
 def _kwh(energy_wh: float) -> str:
     return f"{energy_wh / 1000.0:.2f} kWh"
 
 
-def _percent(share: float | None, places: int = 1) -> str:
-    return "unknown" if share is None else f"{share:.{places}%}"
+def _percent(share: float | None) -> str:
+    return "unknown" if share is None else f"{share:.1%}"
 
 
-COMMANDS = (new, add, learn, show, token, forget)
+COMMANDS = (new, add, show, token, forget)

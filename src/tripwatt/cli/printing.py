@@ -109,8 +109,8 @@ def grouped(flags: Iterable[Flag]) -> list[str]:
     return [f"{k.example} (and {k.count - 1} more like it)" if k.count > 1 else k.example for k in kinds]
 
 
-def print_reading(fleet: Fleet, result: Audit, *, every: bool = False) -> None:
-    """What was read and what was left out, a line for each kind, on standard error; with `every`, one by one."""
+def print_reading(fleet: Fleet, result: Audit) -> None:
+    """What was read and what was left out, a line for each kind, on standard error."""
     from tripwatt.trips.reading import ReadingReport
 
     shown, report = console(), fleet.report or ReadingReport(())
@@ -123,13 +123,13 @@ def print_reading(fleet: Fleet, result: Audit, *, every: bool = False) -> None:
     used = amount(sum(t.distance_m for t in result.trips), sum(t.duration_s for t in result.trips))
     lost = amount(result.lost_distance_m, result.lost_duration_s)
     shown.print(f"{len(result.trips)} drives with {used} are used; {lost} are left out")
-    if every:
-        print_notes(f"{fault}" for fault in report.faults)
-        print_notes(fleet.notes)
-        return
     aside = (group for consequence, group in result.groups() if consequence == "set aside")
     lines = [*map(str, (*report.groups(), *aside)), *grouped(fleet.notes)]
-    more = [f"{len(lines) - MOST_GROUPS} more kinds (--notes lists all)"] if len(lines) > MOST_GROUPS else []
+    more = (
+        [f"{len(lines) - MOST_GROUPS} more kinds (`tripwatt audit DATA --json` lists all)"]
+        if len(lines) > MOST_GROUPS
+        else []
+    )
     print_notes([*lines[:MOST_GROUPS], *more])
 
 

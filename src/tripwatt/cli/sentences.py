@@ -19,7 +19,7 @@ NINE_IN_TEN: Final = 0.9
 
 
 def forecast_in_words(forecast: Forecast, subject: str = "This trip") -> str:
-    """Energy, its 90 % interval and the charge at arrival of one forecast.
+    """Energy, its 90 % interval and the charge at arrival of one forecast; of a battery that does not last, where it is empty.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def _arrival(forecast: Forecast) -> str:
     if forecast.missing_wh[1] > 0.0:
         least, missing, most = forecast.missing_wh
         text = (
-            f"Leaving with {_percent(start)} % the battery is empty {where_empty(forecast)}: the trip takes {_kwh(missing)} kWh "
+            f"Leaving with {_percent(start)} % the battery is empty {_where_empty(forecast)}: the trip takes {_kwh(missing)} kWh "
             f"({_kwh(least)} to {_kwh(most)} kWh) more than it holds. {arrives}"
         )
         return f"{text} At best you arrive with {_percent(high)} %." if _percent(high) != "0" else text
@@ -73,7 +73,7 @@ def _arrival(forecast: Forecast) -> str:
     return f"{text} {arrives}" if low <= 0.0 else text
 
 
-def where_empty(forecast: Forecast) -> str:
+def _where_empty(forecast: Forecast) -> str:
     """Where a battery that is expected to run empty does so, with the ends of the 90 % band."""
     early, expected, late = (None if m is None else f"{m / 1000.0:.0f}" for m in forecast.empty_at_m)
     between = f"{early} to {late} km" if late else f"{early} km or later"
@@ -122,7 +122,7 @@ def unknown_climb_in_words(forecast: Forecast, reserve: float) -> list[str]:
         return []
     change = f"; with {climb:,.0f} m of climb you arrive with {_percent(reserve)} %" if climb > 0.0 else ""
     return [
-        "This is not certain: the heights of the road are unknown. "
+        "The heights of the road are unknown. "
         f"Each 100 m of climb takes {1e4 * per_metre:.1f} points{change}."
     ]
 

@@ -38,7 +38,6 @@ def serve(
             envvar="TRIPWATT_MODEL",
         ),
     ] = None,
-    models: Annotated[Path | None, option("DIR", "Also serve every model in this folder.")] = None,
     host: Annotated[
         str, option("ADDRESS", "Address to listen on. Addresses other than loopback require a token.")
     ] = "127.0.0.1",
@@ -148,7 +147,7 @@ def serve(
     from tripwatt.service.settings import TOKEN_VARIABLE, Limits, Settings, parse_limits
 
     with Check() as check:
-        folders = check(models_of, [*(model or ()), *(also or ())], models)
+        folders = check(models_of, [*(model or ()), *(also or ())])
         limits = check(parse_limits, limit) if limit else Limits()
         over_mqtt = check(mqtt_of, mqtt, follow or [], publish, discovery, cars)
         check(make_cars_folder, cars)
@@ -231,21 +230,14 @@ def make_cars_folder(folder: Path | None) -> None:
         folder.mkdir()
 
 
-def models_of(given: list[str], folder: Path | None) -> dict[str, Path]:
-    """Models by the names of their folders, those that are named first.
+def models_of(given: list[str]) -> dict[str, Path]:
+    """Models by the names of their folders.
 
     Raises
     ------
     InvalidInput
-        When the folder holds none, or two have one name.
+        When two have one name.
     """
-    folders = [Path(place.removeprefix("registry:")) for place in given]
-    faults = []
-    if folder is not None:
-        inside = sorted(p.parent for p in folder.glob("*/metadata.json")) if folder.is_dir() else []
-        if not inside:
-            faults.append(Fault("no models", "--models", str(folder), "a folder that contains models"))
-        folders += inside
-    names = [place.resolve().name for place in folders]
-    raise_faults([*faults, *_twice("duplicate model name", "MODEL", names)])
-    return {name: place.resolve() for name, place in zip(names, folders, strict=True)}
+    folders = [Path(place.removeprefix("registry:")).resolve() for place in given]
+    raise_faults(_twice("duplicate model name", "MODEL", [folder.name for folder in folders]))
+    return {folder.name: folder for folder in folders}

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tripwatt.cli.options import Answer, DatasetOption, MappingOption, argument, option
+from tripwatt.cli.options import Answer, DatasetOption, MappingOption, argument, dataset_of, option
 from tripwatt.cli.printing import console, print_findings, print_notes, print_table
 from tripwatt.errors import Fault, InvalidInput, grouped, raise_faults
 
@@ -140,14 +140,13 @@ def add(
     load_vehicle(vehicle)
     vehicle = f"{Path(vehicle).resolve()}" if vehicle.endswith(".toml") else vehicle
     target, shown = store.opened(), console()
-    kind = dataset or ("table" if mapping is not None or data.is_file() else "tum")
     try:
         done = add_files(
             target,
             data,
             car_model=vehicle,
             vehicle_id=vehicle_id,
-            dataset=kind,
+            dataset=dataset or dataset_of(data, mapping),
             mapping=mapping,
             progress=lambda sums: shown.print(f"{sums}"),
         )
@@ -226,20 +225,15 @@ def audit(store: Store, which: Which) -> Answer:
     return Answer(findings, partial(print_findings, f"{len(result)} findings", result))
 
 
-def compact(
-    store: Store,
-    keep_hours: Annotated[
-        int, option("H", "Keep files of older versions for readers at work [h].", min=0)
-    ] = 168,
-) -> Answer:
-    """Merge small data files and remove files that no version of the last hours needs.
+def compact(store: Store) -> Answer:
+    """Merge small data files and remove files that no version of the last seven days needs.
 
     For example:
 
       # merge the small files of many nights
       tripwatt store compact fleet
     """
-    done = store.opened().compact(keep_hours=keep_hours)
+    done = store.opened().compact()
     return Answer(
         done,
         f"{store.store}: {done['merged']} files merged into {done['made']}, {done['orphans']} samples without a trip dropped, "
