@@ -120,28 +120,14 @@ def _show(advice: Advice) -> None:
 
 
 def _show_pace(pace: Pace) -> None:
-    """What minutes cost, and one speed for each class of road."""
-    from tripwatt.advice.pacing import CHARGING_W
-
-    rows = [
-        ("best trade-off of time and energy", pace.knee),
-        *(
-            (f"fastest overall if you charge at {power / 1000.0:.0f} kW", pace.with_charging(power))
-            for power in CHARGING_W
-        ),
-    ]
-    table = [
-        (
-            name,
-            ", ".join(f"{3.6 * kept:.0f}" for most, kept in advice.kept_m_s if kept < most - 1.0)
-            or "as planned",
-            f"{(advice.cruise.duration_s - pace.fastest.duration_s) / 60.0:+.0f} min",
-            _kwh(pace.fastest.energy_wh - advice.cruise.energy_wh),
-        )
-        for name, advice in rows
-    ]
-    names = ("speeds", "at most km/h", "time", "saves kWh")
-    print_table("Speeds to keep", names, table, numbers=names[2:])
+    """Speeds beyond which a minute saves little energy."""
+    knee = pace.knee
+    kept = [f"{3.6 * kept:.0f}" for most, kept in knee.kept_m_s if kept < most - 1.0]
+    if kept:
+        minutes = (knee.cruise.duration_s - pace.fastest.duration_s) / 60.0
+        saves = _kwh(pace.fastest.energy_wh - knee.cruise.energy_wh)
+        speeds = f"at most {', '.join(kept)} km/h"
+        typer.echo(f"Best trade-off of time and energy: {speeds}, {minutes:+.0f} min, {saves} kWh less.")
 
 
 def _all(advised: Advised, advice: Advice) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
@@ -10,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Final
 import typer
 
 from tripwatt.cli.departing import DepartureOf, departure_options
-from tripwatt.cli.options import SetOption, argument, option, options_named
-from tripwatt.cli.output import write_text
+from tripwatt.cli.journey import CarOption, ModelOption
+from tripwatt.cli.options import argument, options_named
 from tripwatt.cli.printing import print_json, print_notes
 from tripwatt.errors import Check, Fault, InvalidInput
 
@@ -20,23 +19,6 @@ if TYPE_CHECKING:
     from tripwatt.trips import Plan
     from tripwatt.vehicles import Vehicle
 
-ModelOption = Annotated[
-    Path | None,
-    option(
-        "MODEL",
-        "Folder of a model, for its car with the correction. Default without --vehicle: the bundled model.",
-        "--model",
-        "-m",
-    ),
-]
-CarOption = Annotated[
-    str | None,
-    option(
-        "NAME|FILE.toml",
-        "Car to simulate without a model: a name from `tripwatt vehicles`, or a TOML file.",
-        "--vehicle",
-    ),
-]
 USUAL: Final = {"ambient_temperature_degc": 20.0, "payload_mass_kg": 0.0, "soc": 0.8}
 """What a curve is made for by default."""
 
@@ -48,8 +30,6 @@ def export(
     departure: Asked,
     model: ModelOption = None,
     vehicle: CarOption = None,
-    overrides: SetOption = None,
-    out: Annotated[Path | None, option("FILE", "Also write the JSON to this file.", "--out", "-o")] = None,
     query: Annotated[bool, typer.Option("--query", help="Print a URL query string instead of JSON.")] = False,
 ) -> None:
     """Print the consumption curve of a car as the parameters of a routing service: a JSON object of strings.
@@ -69,44 +49,35 @@ def export(
 
     if service not in EXPORTS:
         raise InvalidInput(Fault.unknown("unknown service", "SERVICE", service, EXPORTS))
-    curve, notes = _curve(model, vehicle, overrides or [], departure)
+    curve, notes = _curve(model, vehicle, departure)
     parameters = EXPORTS[service](curve)
-    if out is not None:
-        write_text(json.dumps(parameters, indent=1, ensure_ascii=False) + "\n", out)
     typer.echo(render_query(parameters)) if query else print_json(parameters)
     print_notes(notes)
 
 
 def _curve(
-    model: Path | None, vehicle: str | None, overrides: list[str], departure: DepartureOf
+    model: Path | None, vehicle: str | None, departure: DepartureOf
 ) -> tuple[ConsumptionCurve, list[str]]:
     from tripwatt.export import consumption_curve
 
     with options_named(), Check() as check:
-        described, known = check(_car, model, vehicle, overrides), check(departure)
-    car, correction, notes = described
-    return consumption_curve(car, known, correction=correction), notes
+        described, known = check(_car, model, vehicle), check(departure)
+    car, correction, note = described
+    return consumption_curve(car, known, correction=correction), [note]
 
 
-def _car(
-    model: Path | None, vehicle: str | None, overrides: list[str]
-) -> tuple[Vehicle, Callable[[Plan], float] | None, list[str]]:
-    """The car, its correction, and notes about that."""
-    from tripwatt.vehicles import load_vehicle, parse_overrides
+def _car(model: Path | None, vehicle: str | None) -> tuple[Vehicle, Callable[[Plan], float] | None, str]:
+    """The car, its correction, and a note about that."""
+    if vehicle is None:
+        from tripwatt.forecasting import load_model
 
-    if vehicle is not None:
-        if model is not None:
-            got = f"--model {model} --vehicle {vehicle}"
-            raise InvalidInput.of("conflicting options", "--model and --vehicle", got, "one of the two")
-        car = load_vehicle(vehicle, overrides=parse_overrides(overrides))
-        return car, None, [f"{car.title}: physics only, without a correction"]
-    if overrides:
-        fix = "name a car with --vehicle, or fit a model on the changed car"
-        raise InvalidInput.of(
-            "option has no effect", "--set", " ".join(overrides), "only together with --vehicle", fix
-        )
-    from tripwatt.forecasting import load_model
+        fitted = load_model(model)
+        note = f"{fitted.vehicle.title}: physics with the correction of the model"
+        return fitted.vehicle, lambda trip: fitted.forecast(trip).by_cause_wh["correction"], note
+    from tripwatt.vehicles import load_vehicle
 
-    fitted = load_model(model)
-    notes = [f"{fitted.vehicle.title}: physics with the correction of the model"]
-    return fitted.vehicle, lambda trip: fitted.forecast(trip).by_cause_wh["correction"], notes
+    if model is not None:
+        got = f"--model {model} --vehicle {vehicle}"
+        raise InvalidInput.of("conflicting options", "--model and --vehicle", got, "one of the two")
+    car = load_vehicle(vehicle)
+    return car, None, f"{car.title}: physics only, without a correction"

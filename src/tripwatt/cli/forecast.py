@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 import typer
 
 from tripwatt.cli.departing import DepartingNow
+from tripwatt.cli.journey import CarOption
 from tripwatt.cli.options import Answer, argument, model_of, option, options_named
 from tripwatt.cli.output import write_bytes, write_text
 from tripwatt.cli.printing import print_notes, print_table
@@ -37,14 +38,7 @@ def forecast(
         ),
     ],
     departure: DepartingNow,
-    vehicle: Annotated[
-        str | None,
-        option(
-            "NAME|FILE",
-            "Forecast for another car: a name from `tripwatt vehicles`, or a TOML file. The model has no trips of "
-            "this car, so the interval is wider.",
-        ),
-    ] = None,
+    vehicle: CarOption = None,
     speed: Annotated[float | None, option("KM/H", "Mean speed on a track without times and speeds.")] = None,
     observed: Annotated[
         Path | None,

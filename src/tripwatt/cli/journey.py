@@ -75,10 +75,16 @@ class OnMap:
         return AtlasSettings(self.map_, self.places, self.weather, stations)
 
 
-ModelOption = Annotated[Path | None, option("FOLDER", "Default: the bundled model.", "--model")]
+ModelOption = Annotated[
+    Path | None, option("FOLDER", "Folder of a model. Default: the bundled model.", "--model")
+]
 CarOption = Annotated[
     str | None,
-    option("NAME|FILE", "Another car: a name from `tripwatt vehicles`, or a TOML file.", "--vehicle"),
+    option(
+        "NAME|FILE",
+        "Another car: a name from `tripwatt vehicles`, or a TOML file. Without its own trips the interval is wider.",
+        "--vehicle",
+    ),
 ]
 
 

@@ -11,7 +11,6 @@ import typer
 
 from tripwatt.cli.options import (
     Answer,
-    DatasetOption,
     MappingOption,
     StrictOption,
     argument,
@@ -77,7 +76,6 @@ def add(
     data: Annotated[
         Path, argument("DATA", "Folder or file of logged trips: tables, workbooks, ZIP archives.")
     ],
-    dataset: DatasetOption = None,
     mapping: MappingOption = None,
     elevation: Annotated[
         Path | None,
@@ -108,14 +106,16 @@ def add(
     from tripwatt.auditing import audit
     from tripwatt.live import open_car
 
-    own, shown, table = open_car(car), console(), dataset or "table"
+    own, shown = open_car(car), console()
     more: dict[str, Any] = {}
     if elevation is not None:
         from tripwatt.routes.maps import Elevation
 
         more["heights"] = Elevation.from_folder(elevation).at
     with progress(shown, "files") as advance:
-        fleet = read_logs(data, table, mapping, strict=strict, vehicle=own.vehicle, progress=advance, **more)
+        fleet = read_logs(
+            data, "table", mapping, strict=strict, vehicle=own.vehicle, progress=advance, **more
+        )
     print_reading(fleet, audit(fleet))
     with progress(shown, "trips") as advance:
         done = own.add(fleet, progress=advance)
