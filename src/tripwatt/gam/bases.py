@@ -30,10 +30,6 @@ class Basis(Protocol):
         """Number of columns."""
 
     @property
-    def null_dim(self) -> int:
-        """Dimension of the space that the penalty does not see."""
-
-    @property
     def penalty(self) -> FloatArray:
         """Penalty matrix, (k, k)."""
 
@@ -43,7 +39,7 @@ class Basis(Protocol):
 
 @dataclass(frozen=True)
 class PSpline:
-    """Cubic B-splines on even knots with a difference penalty (Eilers & Marx 1996).
+    """Cubic B-splines on even knots with a penalty on second differences (Eilers & Marx 1996).
 
     The knots reach 0.1 % of the range beyond the data on both sides.
 
@@ -53,8 +49,6 @@ class PSpline:
         Range of the covariate.
     k : int
         Number of B-splines, at least 4.
-    order : int
-        Order of the differences that are penalised.
 
     Examples
     --------
@@ -66,12 +60,6 @@ class PSpline:
     low: float
     high: float
     k: int
-    order: int = 2
-
-    @property
-    def null_dim(self) -> int:
-        """Polynomials of a degree below `order`."""
-        return self.order
 
     @cached_property
     def knots(self) -> FloatArray:
@@ -83,7 +71,7 @@ class PSpline:
     @property
     def penalty(self) -> FloatArray:
         """Crossproduct of the difference matrix, (k, k)."""
-        differences = np.diff(np.eye(self.k), n=self.order, axis=0)
+        differences = np.diff(np.eye(self.k), n=2, axis=0)
         return differences.T @ differences
 
     def matrix(self, x: FloatArray) -> FloatArray:
@@ -109,11 +97,6 @@ class CubicRegression:
     def k(self) -> int:
         """Number of knots."""
         return len(self.knots)
-
-    @property
-    def null_dim(self) -> int:
-        """Straight lines."""
-        return 2
 
     @cached_property
     def _second_derivatives(self) -> tuple[FloatArray, FloatArray]:
@@ -183,11 +166,6 @@ class ThinPlate:
     def k(self) -> int:
         """Number of columns."""
         return len(self.scale)
-
-    @property
-    def null_dim(self) -> int:
-        """Number of polynomials of a total degree below `order`."""
-        return self.k - int(self.loadings.shape[1])
 
     def matrix(self, x: FloatArray) -> FloatArray:
         """Columns at `x` (n, d), as (n, k)."""
@@ -316,8 +294,8 @@ def thin_plate(points: FloatArray, counts: FloatArray, k: int, order: int) -> Th
     Examples
     --------
     >>> basis = thin_plate(np.linspace(0, 1, 30)[:, None], np.ones(30), k=5, order=2)
-    >>> basis.null_dim, basis.k
-    (2, 5)
+    >>> basis.k
+    5
     """
     shift = np.asarray(np.average(points, axis=0, weights=counts))
     knots, weights = _basis_knots(points)

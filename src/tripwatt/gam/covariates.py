@@ -108,11 +108,9 @@ class Levels:
     share: FloatArray
 
     @classmethod
-    def from_column(cls, column: pd.Series[Any], given: tuple[str, ...] | None = None) -> Levels:
-        """Levels of a column: those given, else its categories, else its values, sorted."""
-        if given is not None:
-            names = tuple(map(str, given))
-        elif isinstance(column.dtype, pd.CategoricalDtype):
+    def from_column(cls, column: pd.Series[Any]) -> Levels:
+        """Levels of a column: its categories, or its values, sorted."""
+        if isinstance(column.dtype, pd.CategoricalDtype):
             names = tuple(map(str, column.dtype.categories))
         else:
             names = tuple(sorted(map(str, pd.unique(column))))

@@ -132,8 +132,6 @@ def check_columns(formula: Formula, frame: pd.DataFrame) -> None:
             else:
                 plain = isinstance(term, Parametric)
                 factor = is_factor(frame[name]) and (plain or name == getattr(term, "by", None))
-            if isinstance(term, Parametric) and term.levels is not None:
-                factor = True
             faults += (
                 missing_levels(frame, name, term.label) if factor else numbers(frame, name, term.label)[1]
             )
@@ -209,24 +207,16 @@ class _Builder:
             self.supports[names] = Support(self.joint[names].values)
         return self.joint[names]
 
-    def factor(
-        self, names: tuple[str, ...], given: tuple[str, ...] | None, label: str
-    ) -> tuple[Levels, Index]:
+    def factor(self, names: tuple[str, ...]) -> tuple[Levels, Index]:
         name = ":".join(names)
-        if name not in self.levels or given is not None:
+        if name not in self.levels:
             column = crossed(self.frame, names)
-            self.levels[name] = Levels.from_column(column, given)
+            self.levels[name] = Levels.from_column(column)
             self.codes[name] = self.levels[name].codes(column)
-            if (self.codes[name] < 0).any():
-                row = int(np.argmax(self.codes[name] < 0))
-                got = f"{column.iloc[row]!r} at row {row}"
-                raise InvalidInput.of(
-                    "unknown level", f"{name!r} of {label}", got, ", ".join(self.levels[name].names)
-                )
         return self.levels[name], self.codes[name]
 
     def parametric(self, term: Parametric) -> None:
-        if not is_factor(self.frame[term.name]) and term.levels is None:
+        if not is_factor(self.frame[term.name]):
             points = self.points((term.name,))
             if len(points.values) < 2 and self.formula.intercept:
                 raise InvalidInput.of("constant covariate", term.label, "one value", "at least two")
@@ -234,7 +224,7 @@ class _Builder:
             self.terms.append(fitted)
             self.pieces.append(_Piece([fitted], points.values, points.index))
             return
-        levels, codes = self.factor((term.name,), term.levels, term.label)
+        levels, codes = self.factor((term.name,))
         reference = int(np.argmax(levels.share > 0)) if self.formula.intercept else -1
         if self.formula.intercept and reference > 0:
             self.notes.append(
@@ -255,7 +245,7 @@ class _Builder:
         if len(groups) > 1 and not is_factor(self.frame[term.name]):
             allowed, fix = "a factor first", "put it last to multiply, make it text for levels"
             raise InvalidInput.of("a number before a factor", term.label, repr(term.name), allowed, fix)
-        levels, codes = self.factor(groups, None, term.label)
+        levels, codes = self.factor(groups)
         size = len(levels.names)
         if size < 2:
             fix = "leave the random effect out"
@@ -303,7 +293,7 @@ class _Builder:
             self.pieces.append(_Piece([fitted], built.table, points.index, by))
             return
         assert term.by is not None
-        levels, codes = self.factor((term.by,), None, term.label)
+        levels, codes = self.factor((term.by,))
         first = (
             1 if is_ordered(self.frame[term.by]) else 0
         )  # the lowest level of an ordered factor is the reference

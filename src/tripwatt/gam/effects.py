@@ -14,6 +14,7 @@ import numpy as np
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import Fault, raise_faults
 from tripwatt.gam.components import random_covariance
+from tripwatt.gam.covariates import missing_columns
 from tripwatt.gam.figures import BLUE, GREY, RED, axes_or_new, figure_of, place_for_panels
 from tripwatt.gam.terms import RandomEffect, Smooth, Tensor
 
@@ -413,9 +414,7 @@ def term_effects(
         faults.append(Fault("grid too coarse", "effects(points=)", str(points), "2 or more"))
     raise_faults(faults)
     if frame is not None:
-        from tripwatt.gam.formula import validate_columns
-
-        validate_columns(model.formula_, frame.columns)
+        raise_faults(missing_columns(frame, model.formula_.columns))
     multiplier = float(stats.norm.ppf((1 + level) / 2))
     by_term: dict[str, Effect] = {}
     for fitted in model.terms_:

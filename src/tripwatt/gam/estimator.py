@@ -21,7 +21,7 @@ from tripwatt.gam.fitted_terms import Extrapolation, FittedTerm
 from tripwatt.gam.identify import identify, require_rows
 from tripwatt.gam.leaveout import grouped_moments, leave_out
 from tripwatt.gam.moments import Moments
-from tripwatt.gam.results import Results, results
+from tripwatt.gam.results import results
 from tripwatt.gam.solve import FitSettings, Method, Problem, solve
 from tripwatt.gam.tables import previous_rows
 from tripwatt.gam.terms import Formula, RandomEffect, Smooth, Tensor
@@ -115,19 +115,19 @@ class Estimator(RegressorMixin, BaseEstimator):
 
     @overload
     def predict(
-        self, frame: pd.DataFrame, exclude: Labels = ..., se: No = ..., terms: No = ..., groups: object = ...
+        self, frame: pd.DataFrame, exclude: Labels = ..., se: No = ..., terms: No = ...
     ) -> FloatArray: ...
     @overload
     def predict(
-        self, frame: pd.DataFrame, exclude: Labels = ..., *, se: Yes, terms: No = ..., groups: object = ...
+        self, frame: pd.DataFrame, exclude: Labels = ..., *, se: Yes, terms: No = ...
     ) -> tuple[FloatArray, FloatArray]: ...
     @overload
     def predict(
-        self, frame: pd.DataFrame, exclude: Labels = ..., se: No = ..., *, terms: Yes, groups: object = ...
+        self, frame: pd.DataFrame, exclude: Labels = ..., se: No = ..., *, terms: Yes
     ) -> pd.DataFrame: ...
     @overload
     def predict(
-        self, frame: pd.DataFrame, exclude: Labels = ..., *, se: Yes, terms: Yes, groups: object = ...
+        self, frame: pd.DataFrame, exclude: Labels = ..., *, se: Yes, terms: Yes
     ) -> tuple[pd.DataFrame, pd.DataFrame]: ...
     def predict(
         self,
@@ -135,7 +135,6 @@ class Estimator(RegressorMixin, BaseEstimator):
         exclude: Labels = (),
         se: bool = False,
         terms: bool = False,
-        groups: object = None,
     ) -> FloatArray | pd.DataFrame | tuple[FloatArray, FloatArray] | tuple[pd.DataFrame, pd.DataFrame]:
         """Predict the response, or the contribution of each term.
 
@@ -149,8 +148,6 @@ class Estimator(RegressorMixin, BaseEstimator):
             Whether standard errors are wanted too.
         terms : bool
             A frame with one column per term instead of their sum.
-        groups : array-like (n,) or str, optional
-            Levels of a random effect whose column is missing.
 
         Returns
         -------
@@ -163,7 +160,7 @@ class Estimator(RegressorMixin, BaseEstimator):
         A level of a factor that no training row had counts as the mean of the training rows' levels; an unknown
         level of a random effect as 0. Covariates outside their range follow `extrapolation`.
         """
-        full = self._complete(frame, exclude, groups)
+        full = self._checked(frame, exclude)
         if self.extrapolation == "clamp":
             full = self.training_.clamp_frame(full)
         included = [fitted for fitted in self.terms_ if fitted.label not in set(exclude)]
@@ -201,7 +198,7 @@ class Estimator(RegressorMixin, BaseEstimator):
         ndarray of bool, shape (n,)
             A new level of a random effect does not count.
         """
-        self._complete(frame, (), None)
+        self._checked(frame, ())
         out = np.zeros(len(frame), dtype=bool)
         for names, support in self.training_.supports.items():
             out |= support.outside(frame[list(names)].to_numpy(dtype=np.float64))
@@ -336,9 +333,9 @@ class Estimator(RegressorMixin, BaseEstimator):
             inverse = np.linalg.pinv(solution.hessian, hermitian=True)
             self.log_sp_covariance_[np.ix_(which, which)] = inverse[: len(which), : len(which)]
 
-    def _keep(self, design: Design, outcome: Results, family: Family, active: Index) -> None:
+    def _keep(self, design: Design, outcome: dict[str, Any], family: Family, active: Index) -> None:
         """Set the fitted attributes."""
-        for name, value in vars(outcome).items():
+        for name, value in outcome.items():
             setattr(self, name + "_", value)
         self.formula_, self.family_, self.terms_ = design.formula, family, design.terms
         self.training_ = design.training
@@ -356,8 +353,8 @@ class Estimator(RegressorMixin, BaseEstimator):
         self.notes_ = list(design.notes)
         self.n_features_in_ = len(design.formula.columns)
 
-    def _complete(self, frame: pd.DataFrame, exclude: Collection[str], groups: object) -> pd.DataFrame:
-        """Check the columns that prediction reads; fill in the levels of a random effect from `groups`."""
+    def _checked(self, frame: pd.DataFrame, exclude: Collection[str]) -> pd.DataFrame:
+        """The frame, with the columns that prediction reads."""
         if not hasattr(self, "coef_"):
             from sklearn.exceptions import NotFittedError
 
@@ -368,11 +365,6 @@ class Estimator(RegressorMixin, BaseEstimator):
             for label in exclude
             if label not in known
         ]
-        random = dict.fromkeys(name for fitted in self.terms_ for name in fitted.groups)
-        absent = [name for name in random if name not in frame.columns]
-        if groups is not None and len(absent) == 1:
-            labels = frame[groups] if isinstance(groups, str) else np.asarray(groups)
-            frame = frame.assign(**{absent[0]: np.asarray(labels)})
         used = [fitted for fitted in self.terms_ if fitted.label not in set(exclude)]
         faults += _column_faults(frame, used, self.levels_)
         if faults:

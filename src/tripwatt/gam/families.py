@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import ClassVar, TypeAlias
 
 import numpy as np
 from scipy.special import digamma, gammaln, polygamma
@@ -35,12 +35,8 @@ class Gaussian:
     ('gaussian', 0.01)
     """
 
+    name: ClassVar[str] = "gaussian"
     scale: float | None = None
-
-    @property
-    def name(self) -> str:
-        """Name in tables."""
-        return "gaussian"
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,14 +63,10 @@ class ScaledT:
     0.75
     """
 
+    name: ClassVar[str] = "scat"
     min_df: float = 3.0
     nu: float | None = None
     sigma: float | None = None
-
-    @property
-    def name(self) -> str:
-        """Name in tables."""
-        return "scat"
 
     def loglik(self, residual: FloatArray, nu: float, sigma: float) -> float:
         """Sum the log-likelihood of residuals.

@@ -13,17 +13,14 @@ import difflib
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Final, get_args
+from typing import Final, NoReturn, get_args
 
-from tripwatt.errors import Fault, InvalidInput, raise_faults
+from tripwatt.errors import Fault, InvalidInput
 from tripwatt.gam.terms import Basis, Formula, Parametric, RandomEffect, Smooth, Tensor, Term
 
 _BASES: Final = (*get_args(Basis), "re")
-_ARGUMENTS: Final[Mapping[str, tuple[str, ...]]] = {
-    "s": ("bs", "k", "by", "m"),
-    "te": ("bs", "k", "by", "m"),
-    "ti": ("bs", "k", "by", "m"),
-}
+_FUNCTIONS: Final = ("s", "te", "ti")
+_ARGUMENTS: Final = ("bs", "k", "by")
 _TERMS_ALLOWED: Final = "a column, s(...), te(...), ti(...), (1 + x | group), 1, 0 or -1, joined by +"
 _QUOTED: Final = re.compile(r"`([^`]*)`")
 _MASK: Final = re.compile(r"ǂ(\d+)ǂ*")  # a letter to Python, and one that no column is likely to start with
@@ -59,6 +56,11 @@ class _Reader:
         where = f"term {self.original(node)!r} at character {self.offset + len(before) + 1}"
         self.faults.append(Fault(what, where, got, allowed, fix))
 
+    def refuse(self, node: ast.expr, what: str, got: str, allowed: str, fix: str = "") -> NoReturn:
+        """Note a fault and leave the term."""
+        self.complain(node, what, got, allowed, fix)
+        raise _Unreadable
+
     # -- names and values ------------------------------------------------------------------------
 
     def column(self, node: ast.expr) -> str | None:
@@ -77,15 +79,13 @@ class _Reader:
             return tuple(node.args)
         return tuple(node.elts) if isinstance(node, ast.Tuple | ast.List) else (node,)
 
-    def integers(self, call: ast.Call, key: str, node: ast.expr, least: int) -> tuple[int, ...]:
+    def dimensions(self, call: ast.Call, node: ast.expr) -> tuple[int, ...]:
+        """Basis dimensions that k= gives."""
         values = []
         for element in self.vector(node):
             value = element.value if isinstance(element, ast.Constant) else None
-            if isinstance(value, bool) or not isinstance(value, int) or value < least:
-                self.complain(
-                    call, f"{key} is no whole number", self.original(node), f"whole numbers >= {least}"
-                )
-                raise _Unreadable
+            if isinstance(value, bool) or not isinstance(value, int) or value < 2:
+                self.refuse(call, "k is no whole number", self.original(node), "whole numbers >= 2")
             values.append(value)
         return tuple(values)
 
@@ -95,8 +95,7 @@ class _Reader:
         if not isinstance(value, str) or value not in _BASES:
             hint = nearest(value, _BASES) if isinstance(value, str) else "one basis for all margins"
             allowed = ", ".join(f'"{b}"' for b in _BASES)
-            self.complain(call, "unknown basis", f"bs={self.original(node)}", allowed, hint)
-            raise _Unreadable
+            self.refuse(call, "unknown basis", f"bs={self.original(node)}", allowed, hint)
         return value
 
     # -- terms -----------------------------------------------------------------------------------
@@ -113,11 +112,11 @@ class _Reader:
             elif (name := self.column(node)) is not None:
                 self.terms.append(Parametric(name))
             else:
-                self.refuse(node)
+                self.refuse_term(node)
         except _Unreadable:
             pass
 
-    def refuse(self, node: ast.expr) -> None:
+    def refuse_term(self, node: ast.expr) -> None:
         fix = ""
         if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Mult):
             fix = "for an interaction use s(x, by=f), te(a, b) or a column that holds the product"
@@ -132,19 +131,16 @@ class _Reader:
     def call(self, node: ast.Call) -> Term:
         """A smooth, tensor or random effect from its call."""
         kind = self.column(node.func) or self.original(node.func)
-        if kind not in _ARGUMENTS:
-            fix = nearest(kind, _ARGUMENTS) or "compute transformed columns beforehand"
-            self.complain(node, "unknown function", f"{kind}()", "s(), te(), ti()", fix)
-            raise _Unreadable
+        if kind not in _FUNCTIONS:
+            fix = nearest(kind, _FUNCTIONS) or "compute transformed columns beforehand"
+            self.refuse(node, "unknown function", f"{kind}()", "s(), te(), ti()", fix)
         names = tuple(self.column(argument) for argument in node.args)
         if not names or None in names:
-            self.complain(node, "a smooth takes columns", self.original(node), f"{kind}(column, ...)")
-            raise _Unreadable
+            self.refuse(node, "a smooth takes columns", self.original(node), f"{kind}(column, ...)")
         columns = tuple(name for name in names if name is not None)
         if len(set(columns)) < len(columns):
-            self.complain(node, "column given twice", ", ".join(columns), "distinct columns")
-            raise _Unreadable
-        options = self.options(node, kind)
+            self.refuse(node, "column given twice", ", ".join(columns), "distinct columns")
+        options = self.options(node)
         return (
             self.smooth(node, columns, options) if kind == "s" else self.tensor(node, kind, columns, options)
         )
@@ -155,18 +151,15 @@ class _Reader:
         parts = [part for part in _summands(node.left) if ast.unparse(part[1]) != "1" or part[0] < 0]
         names = [name for sign, part in parts if sign > 0 and (name := self.column(part)) is not None]
         if group is None or len(names) < len(parts) or len({group, *names}) <= len(names):
-            self.complain(node, "random effects cannot be read", self.original(node), "(1 + x | group)")
-            raise _Unreadable
+            self.refuse(node, "random effects cannot be read", self.original(node), "(1 + x | group)")
         return RandomEffect(group, tuple(names), correlated=bool(names))
 
-    def options(self, node: ast.Call, kind: str) -> dict[str, ast.expr]:
-        allowed = _ARGUMENTS[kind]
+    def options(self, node: ast.Call) -> dict[str, ast.expr]:
         given: dict[str, ast.expr] = {}
         for keyword in node.keywords:
-            if keyword.arg not in allowed:
+            if keyword.arg not in _ARGUMENTS:
                 name = keyword.arg or "**"
-                self.complain(node, "unknown argument", name, ", ".join(allowed), nearest(name, allowed))
-                raise _Unreadable
+                self.refuse(node, "unknown argument", name, ", ".join(_ARGUMENTS), nearest(name, _ARGUMENTS))
             given[keyword.arg] = keyword.value
         return given
 
@@ -175,8 +168,7 @@ class _Reader:
             return None
         name = self.column(options["by"])
         if name is None:
-            self.complain(node, "by takes one column", f"by={self.original(options['by'])}", "by=column")
-            raise _Unreadable
+            self.refuse(node, "by takes one column", f"by={self.original(options['by'])}", "by=column")
         return name
 
     def smooth(self, node: ast.Call, names: tuple[str, ...], options: Mapping[str, ast.expr]) -> Term:
@@ -184,17 +176,15 @@ class _Reader:
         if basis == "re":
             if len(options) > 1:
                 got = ", ".join(key for key in options if key != "bs")
-                self.complain(node, "a random effect takes columns only", got, 's(group, x, bs="re")')
-                raise _Unreadable
+                self.refuse(node, "a random effect takes columns only", got, 's(group, x, bs="re")')
             return RandomEffect(names[0], names[1:])
         if len(names) > 1 and basis != "tp":
             fix = f'te({", ".join(names)}, bs="{basis}") or ti(...)'
-            self.complain(node, "basis of one covariate only", f'bs="{basis}"', '"tp"', fix)
-            raise _Unreadable
-        k = self.single(node, "k", options, least=2)
-        return Smooth(
-            names, _as_basis(basis), k, self.by(node, options), self.single(node, "m", options, least=1)
-        )
+            self.refuse(node, "basis of one covariate only", f'bs="{basis}"', '"tp"', fix)
+        k = self.dimensions(node, options["k"]) if "k" in options else (None,)
+        if len(k) != 1:
+            self.refuse(node, "k takes one number", self.original(options["k"]), f"k={k[0]}")
+        return Smooth(names, _as_basis(basis), k[0], self.by(node, options))
 
     def tensor(
         self, node: ast.Call, kind: str, names: tuple[str, ...], options: Mapping[str, ast.expr]
@@ -202,28 +192,15 @@ class _Reader:
         basis = self.basis(node, options["bs"]) if "bs" in options else "cr"
         if len(names) < 2 or basis == "re":
             got, allowed = self.original(node), f'{kind}(a, b, bs="ps", k=c(6, 6))'
-            self.complain(node, "a tensor product takes two or more covariates", got, allowed)
-            raise _Unreadable
+            self.refuse(node, "a tensor product takes two or more covariates", got, allowed)
         k: tuple[int, ...] | None = None
         if "k" in options:
-            k = self.integers(node, "k", options["k"], 2)
+            k = self.dimensions(node, options["k"])
             k = k * len(names) if len(k) == 1 else k
             if len(k) != len(names):
                 got = f"{len(k)} numbers for {len(names)} covariates"
-                self.complain(node, "k does not match the covariates", got, f"1 or {len(names)} numbers")
-                raise _Unreadable
-        m = self.single(node, "m", options, least=1)
-        by = self.by(node, options)
-        return Tensor(names, _as_basis(basis), k, "te" if kind == "te" else "ti", by, m)
-
-    def single(self, node: ast.Call, key: str, options: Mapping[str, ast.expr], least: int) -> int | None:
-        if key not in options:
-            return None
-        values = self.integers(node, key, options[key], least)
-        if len(values) != 1:
-            self.complain(node, f"{key} takes one number", self.original(options[key]), f"{key}={values[0]}")
-            raise _Unreadable
-        return values[0]
+                self.refuse(node, "k does not match the covariates", got, f"1 or {len(names)} numbers")
+        return Tensor(names, _as_basis(basis), k, "te" if kind == "te" else "ti", self.by(node, options))
 
 
 def _as_basis(name: str) -> Basis:
@@ -274,7 +251,7 @@ def parse_formula(text: str) -> Formula:
     ----------
     text : str
         ``response ~ term + term + ...``. Terms: a column (numeric or factor); ``s(x)``, ``s(x, by=f)``,
-        ``s(a, b)`` with ``bs`` ("tp", "ps", "cr"), ``k``, ``by``, ``m``; ``te(a, b)`` and ``ti(a, b)``;
+        ``s(a, b)`` with ``bs`` ("tp", "ps", "cr"), ``k``, ``by``; ``te(a, b)`` and ``ti(a, b)``;
         ``s(group, bs="re")``, ``s(group, x, bs="re")``, ``(1 + x | group)``; ``-1`` or ``+0`` to leave out the intercept. ``c(6, 6)`` gives one number per
         margin. A column whose name is no plain name is written in backticks. The response may be missing.
 
@@ -294,7 +271,7 @@ def parse_formula(text: str) -> Formula:
     ('y', ['weather', 's(time):season', 's(trip)'])
     >>> parse_formula("y ~ s(time, kk=12)")
     Traceback (most recent call last):
-    tripwatt.errors.InvalidInput: unknown argument: term 's(time, kk=12)' at character 5: got kk; allowed: bs, k, by, m; did you mean k?
+    tripwatt.errors.InvalidInput: unknown argument: term 's(time, kk=12)' at character 5: got kk; allowed: bs, k, by; did you mean k?
     """
     left, tilde, right = text.partition("~")
     if not tilde or "~" in right:
@@ -317,13 +294,6 @@ def parse_formula(text: str) -> Formula:
         reader.complain(tree, "random effects without brackets", reader.original(tree), "(1 + x | group)")
     for sign, node in _summands(tree):
         reader.read(node) if sign > 0 else reader.remove(node)
-    seen: set[str] = set()
-    for term in reader.terms:
-        if term.label in seen:
-            reader.faults.append(
-                Fault("term given twice", f"term {term.label!r}", repr(text), "each term once")
-            )
-        seen.add(term.label)
     if reader.faults:
         raise InvalidInput(reader.faults)
     return Formula(response, tuple(reader.terms), reader.intercept)
@@ -379,8 +349,6 @@ def _render_term(term: Term) -> str:
         parts.append(
             f"k={term.k}" if isinstance(term, Smooth) else f"k=c({', '.join(map(str, term.k or ()))})"
         )
-    if term.m is not None:
-        parts.append(f"m={term.m}")
     return f"{term.kind if isinstance(term, Tensor) else 's'}({', '.join(parts)})"
 
 
@@ -396,44 +364,3 @@ def render_formula(formula: Formula) -> str:
     tail = "" if formula.intercept or not formula.terms else " - 1"
     left = "" if formula.response is None else f"{_name(formula.response)} "
     return f"{left}~ {terms}{tail}"
-
-
-def unknown_columns(formula: Formula, columns: Iterable[str]) -> list[Fault]:
-    """Faults for every column that a formula reads and a frame lacks, with near matches.
-
-    Parameters
-    ----------
-    formula : Formula
-        The model.
-    columns : iterable of str
-        Columns of the frame.
-
-    Returns
-    -------
-    list of Fault
-        Empty when every column is there. The response is not looked at: it may be given apart.
-
-    Examples
-    --------
-    >>> [str(f) for f in unknown_columns(parse_formula("y ~ s(tim)"), ["time", "vel"])]
-    ["unknown column: term 's(tim)': got tim; allowed: time, vel; did you mean time?"]
-    """
-    present = [str(column) for column in columns]
-    shown = ", ".join(present[:12]) + (f" and {len(present) - 12} more" if len(present) > 12 else "")
-    return [
-        Fault("unknown column", f"term {term.label!r}", name, shown or "no columns", nearest(name, present))
-        for term in formula.terms
-        for name in term.columns
-        if name not in present
-    ]
-
-
-def validate_columns(formula: Formula, columns: Iterable[str]) -> None:
-    """Raise `InvalidInput` with all of `unknown_columns`.
-
-    Examples
-    --------
-    >>> validate_columns(parse_formula("y ~ s(time)"), ["time", "y"])
-    """
-    faults = unknown_columns(formula, columns)
-    raise_faults(faults)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -13,39 +13,6 @@ from tripwatt.gam.covariates import Index
 from tripwatt.gam.design import Design
 from tripwatt.gam.families import Family, Gaussian
 from tripwatt.gam.fit import Solution
-
-
-@dataclass
-class Results:
-    """Fitted quantities; the model has each as an attribute with a trailing underscore."""
-
-    coef: FloatArray
-    Vp: FloatArray
-    Ve: FloatArray
-    F: FloatArray
-    edf: FloatArray
-    edf1: FloatArray
-    R: FloatArray
-    scale: float
-    nu: float
-    sigma: float
-    nu_at_bound: bool
-    ar1_rho: float
-    reml: float
-    loglik: float
-    aic: float
-    deviance: float
-    null_deviance: float
-    deviance_explained: float
-    r2: float
-    n: int
-    residual_df: float
-    linear_predictor: FloatArray
-    fitted_values: FloatArray
-    residuals: FloatArray
-    converged: bool
-    n_iter: int
-    message: str
 
 
 def _square_root(M: FloatArray) -> FloatArray:
@@ -77,7 +44,9 @@ def _likelihood(
     return family.loglik(residual, nu, sigma), deviance, float(best.fun)
 
 
-def results(design: Design, y: FloatArray, family: Family, solution: Solution, active: Index) -> Results:
+def results(
+    design: Design, y: FloatArray, family: Family, solution: Solution, active: Index
+) -> dict[str, Any]:
     """All results of a fit about its coefficients and the data.
 
     Parameters
@@ -92,7 +61,8 @@ def results(design: Design, y: FloatArray, family: Family, solution: Solution, a
 
     Returns
     -------
-    Results
+    dict
+        Fitted quantities by name; the model has each as an attribute with a trailing underscore.
     """
     p, n = design.p, len(y)
     square = np.ix_(active, active)
@@ -123,32 +93,30 @@ def results(design: Design, y: FloatArray, family: Family, solution: Solution, a
     freedom = n - float(edf.sum())
     # adjusted R^2 as 1 - var(residual) / var(y) with unbiased denominators
     r2 = 1 - float(residual.var()) * (n - 1) / (float(y.var()) * max(freedom, 1e-300))
-    return Results(
-        coef=coef,
-        Vp=Vp,
-        Ve=Ve,
-        F=F,
-        edf=edf,
-        edf1=edf1,
-        R=R,
-        scale=solution.scale,
-        nu=solution.nu,
-        sigma=solution.sigma if not isinstance(family, Gaussian) else math.sqrt(solution.scale),
-        nu_at_bound=at_bound,
-        ar1_rho=0.0 if white is None else white.rho,
-        reml=solution.score,
-        loglik=loglik,
-        aic=-2 * loglik + 2 * (float(edf.sum()) + count),
-        deviance=deviance,
-        null_deviance=null,
-        deviance_explained=1 - deviance / null,
-        r2=r2,
-        n=n,
-        residual_df=freedom,
-        linear_predictor=eta,
-        fitted_values=eta.copy(),
-        residuals=residual,
-        converged=solution.converged,
-        n_iter=solution.n_iter,
-        message=solution.message,
-    )
+    return {
+        "coef": coef,
+        "Vp": Vp,
+        "Ve": Ve,
+        "F": F,
+        "edf": edf,
+        "edf1": edf1,
+        "R": R,
+        "scale": solution.scale,
+        "nu": solution.nu,
+        "sigma": solution.sigma if not isinstance(family, Gaussian) else math.sqrt(solution.scale),
+        "nu_at_bound": at_bound,
+        "ar1_rho": 0.0 if white is None else white.rho,
+        "reml": solution.score,
+        "loglik": loglik,
+        "aic": -2 * loglik + 2 * (float(edf.sum()) + count),
+        "deviance_explained": 1 - deviance / null,
+        "r2": r2,
+        "n": n,
+        "residual_df": freedom,
+        "linear_predictor": eta,
+        "fitted_values": eta.copy(),
+        "residuals": residual,
+        "converged": solution.converged,
+        "n_iter": solution.n_iter,
+        "message": solution.message,
+    }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -116,24 +117,20 @@ def _usable(k: int, least: int, points: Points, label: str, what: str) -> tuple[
     return k, []
 
 
-def _basis(
-    kind: str, points: Points, k: int, m: int | None, label: str, what: str
-) -> tuple[Basis, list[str]]:
+def _basis(kind: str, points: Points, k: int, label: str, what: str) -> tuple[Basis, list[str]]:
     """One basis over distinct points (count, d)."""
     d = points.values.shape[1]
-    order = m if m is not None else (2 if d == 1 else (d + 1) // 2 + 1)
+    order = 2 if d == 1 else (d + 1) // 2 + 1
     if kind == "ps":
-        k, notes = _usable(k, max(4, order + 1), points, label, what)
-        return PSpline(float(points.values[0, 0]), float(points.values[-1, 0]), k, order), notes
+        k, notes = _usable(k, 4, points, label, what)
+        return PSpline(float(points.values[0, 0]), float(points.values[-1, 0]), k), notes
     if kind == "cr":
         k, notes = _usable(k, 3, points, label, what)
         return cubic_regression(points.values[:, 0], k), notes
     if kind != "tp":
         raise InvalidInput.of("unknown basis", label, repr(kind), "tp, ps or cr")
-    if 2 * order <= d:
-        raise InvalidInput.of("penalty order too low", label, f"m={order}", f"2 m > {d}")
-    null = _null_dimension(d, order)
-    k, notes = _usable(k, null + 1, points, label, what)
+    # polynomials in d variables of a total degree below the order are not penalised
+    k, notes = _usable(k, math.comb(d + order - 1, d) + 1, points, label, what)
     centred = points.values - points.values.mean(axis=0)
     centred = centred / np.maximum(np.abs(centred).max(axis=0), 1e-300)
     if np.linalg.matrix_rank(centred, tol=1e-9 * len(centred)) < d:
@@ -141,14 +138,6 @@ def _basis(
             "collinear covariates", label, "all points on a line", "covariates that are not collinear"
         )
     return thin_plate(points.values, points.counts, k, order), notes
-
-
-def _null_dimension(d: int, order: int) -> int:
-    """Number of polynomials in d variables of a total degree below `order`."""
-    out = 1
-    for i in range(d):
-        out = out * (order + i) // (i + 1)
-    return out
 
 
 def build_smooth(term: Smooth, points: Points, centred: bool) -> Built:
@@ -172,7 +161,7 @@ def build_smooth(term: Smooth, points: Points, centred: bool) -> Built:
             "basis for one covariate only", term.label, term.basis, "tp, or a tensor product"
         )
     k = term.k if term.k is not None else {1: 10, 2: 30}.get(d, 110)
-    basis, notes = _basis(term.basis, points, k, term.m, term.label, ", ".join(term.names))
+    basis, notes = _basis(term.basis, points, k, term.label, ", ".join(term.names))
     table = basis.matrix(points.values)
     S = _scale(basis.penalty, table)
     Z = sum_to_zero(np.average(table, axis=0, weights=points.counts)) if centred else np.eye(basis.k)
@@ -184,7 +173,7 @@ def _margin(term: Tensor, points: Points, column: int, k: int) -> tuple[Margin, 
     values, index = np.unique(points.values[:, column], return_inverse=True)
     counts: FloatArray = np.bincount(index, weights=points.counts).astype(np.float64)
     own = Points(values[:, None], index.astype(np.intp), counts)
-    basis, notes = _basis(term.basis, own, k, term.m, term.label, term.names[column])
+    basis, notes = _basis(term.basis, own, k, term.label, term.names[column])
     T = np.eye(basis.k)
     if term.kind == "ti":
         T = sum_to_zero(np.average(basis.matrix(own.values), axis=0, weights=counts))

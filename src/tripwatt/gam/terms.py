@@ -20,9 +20,8 @@ class Parametric:
     ----------
     name : str
         Column of the frame. A column of strings, booleans or categories is a factor.
-    levels : tuple of str, optional
-        Levels of the factor; the first is the reference. Default: those of the data, sorted. A level that no
-        row has gets the coefficient 0 with standard error 0.
+        Its levels are the categories, or the values, sorted; the first is the reference. A level that no row has
+        gets the coefficient 0 with standard error 0.
 
     Examples
     --------
@@ -31,7 +30,6 @@ class Parametric:
     """
 
     name: str
-    levels: tuple[str, ...] | None = None
 
     @property
     def label(self) -> str:
@@ -61,9 +59,6 @@ class Smooth:
         A numeric column multiplies the smooth. A factor gives one smooth per level. An ordered factor (a pandas
         categorical column with `ordered=True`) gives one centred difference smooth for each level but the lowest,
         which is the reference: next to a smooth of the same covariates it is that level's deviation from it.
-    m : int, optional
-        Order of the penalty: derivatives for "tp", differences for "ps". Default 2 (thin plates in d
-        dimensions: the smallest m with 2 m > d + 1).
 
     Examples
     --------
@@ -77,7 +72,6 @@ class Smooth:
     basis: Basis = "tp"
     k: int | None = None
     by: str | None = None
-    m: int | None = None
 
     @property
     def label(self) -> str:
@@ -105,7 +99,7 @@ class Tensor:
         Basis dimension of each margin. Default 5 each.
     kind : {"ti", "te"}
         "te" holds the main effects, "ti" is the pure interaction (margins are centred).
-    by, m
+    by
         As in `Smooth`.
 
     Examples
@@ -119,7 +113,6 @@ class Tensor:
     k: tuple[int, ...] | None = None
     kind: Literal["ti", "te"] = "ti"
     by: str | None = None
-    m: int | None = None
 
     @property
     def label(self) -> str:
