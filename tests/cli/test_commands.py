@@ -440,8 +440,6 @@ def test_audit_tells_the_finding_to_people_and_machines(
     assert len(found) == 1
     assert found[0]["what"] in people.out
     assert set(found[0]) == {"trip", "from_s", "to_s", "what", "consequence"}
-    one = run("audit", tum / "TripA01.csv", "--json")
-    assert json.loads(one.out)["read"] == 1
 
 
 def test_fetch_checks_a_folder_and_says_so_by_its_code(run: Callable[..., Answer], tum: Path) -> None:
@@ -515,12 +513,10 @@ def test_import_writes_a_car_that_drives_or_nothing(run: Callable[..., Answer], 
 
 
 def test_simulate_says_what_the_energy_went_into(run: Callable[..., Answer], tum: Path, tables: Path) -> None:
-    answer = json.loads(run("simulate", tum / "TripA02.csv", "--json").out)
+    answer = json.loads(run("simulate", tum, "--trip", "TripA02", "--json").out)
     assert answer["trip"] == "TripA02"
     assert sum(answer["by_cause_wh"].values()) == pytest.approx(answer["simulated_energy_wh"], rel=1e-9)
     assert answer["observed_energy_wh"] > 0
-    same = json.loads(run("simulate", tum, "--trip", "TripA02", "--json").out)
-    assert same == answer
     heavier = json.loads(run("simulate", tum, "--trip", "TripA02", "--set", "mass=1900", "--json").out)
     assert heavier["simulated_energy_wh"] > answer["simulated_energy_wh"]
     refused = run("simulate", tum)

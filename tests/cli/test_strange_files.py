@@ -43,6 +43,7 @@ OTHERS = {
     "distance": "50",
     "vehicle": "nissan_leaf_24",
     "mqtt": "mqtt://localhost:1",
+    "service": "here",
     "source": "plain",
     "new car": "another",
 }
