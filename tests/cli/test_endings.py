@@ -12,7 +12,7 @@ import pytest
 from tests.support.command import Answer
 
 from tripwatt.cli import TRACEBACK, UNEXPECTED
-from tripwatt.cli.output import check_writable, unfinished_folder, write_bytes, write_text
+from tripwatt.cli.output import check_writable, unfinished_folder, write_text
 from tripwatt.errors import InvalidInput
 from tripwatt.files import folder_lock
 from tripwatt.live import create_car, open_car
@@ -116,8 +116,8 @@ def test_strange_outputs_are_refused(tmp_path: Path) -> None:
         check_writable(tmp_path / "pipe")
     with pytest.raises(InvalidInput, match="no regular file"):
         write_text("x", tmp_path / "pipe")
-    with pytest.raises(InvalidInput, match=r"cannot write the file: --plot: .*a folder"):
-        write_bytes(b"x", tmp_path / "there", "--plot")
+    with pytest.raises(InvalidInput, match=r"cannot write the file: --out: .*a folder"):
+        write_text("x", tmp_path / "there")
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")
@@ -177,26 +177,23 @@ with full_disk(FREE):
     assert len(open_car(tmp_path / "leaf").diary) == 1
 
 
-def test_an_image_is_whole_or_not_there(
+def test_a_file_is_whole_or_not_there(
     run: Callable[..., Answer], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    trip = tmp_path / "trip.csv"
-    trip.write_text("time_s,speed_m_s\n" + "".join(f"{t},{10}\n" for t in range(60)))
-    plot = tmp_path / "a.png"
-    plot.write_bytes(b"old")
+    out = tmp_path / "trip.csv"
+    out.write_bytes(b"old")
 
     def full(self: Path, content: bytes) -> int:
         raise OSError(28, "No space left on device")
 
     with monkeypatch.context() as patch:
         patch.setattr(Path, "write_bytes", full)
-        answer = run("forecast", trip, "--plot", plot)
+        answer = run("example-trip", "--out", out)
     assert answer.code == 2
-    assert "cannot write the file: --plot" in answer.err
-    assert plot.read_bytes() == b"old"
-    assert run("forecast", trip, "--plot", plot).code == 0
-    assert plot.read_bytes().startswith(b"\x89PNG")
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.png", "trip.csv"]
+    assert "cannot write the file: --out" in answer.err
+    assert out.read_bytes() == b"old"
+    assert run("example-trip", "--out", out).code == 0
+    assert [p.name for p in tmp_path.iterdir()] == ["trip.csv"]
 
 
 def test_pipes_and_devices_as_inputs_are_faults(run: Callable[..., Answer], tmp_path: Path) -> None:

@@ -133,22 +133,19 @@ def test_faults_of_options_model_and_trip_come_in_one_message(run: Run, tmp_path
         -5,
         "--reserve",
         2,
-        "--plot",
-        tmp_path / "x.bmp",
     )
     answer = run("forecast", tmp_path / "no-model", tmp_path / "nowhere.csv", *options)
     assert answer.code == 2
     for said in (
-        "7 faults",
+        "6 faults",
         "no-model",
         "nowhere.csv",
         "--soc",
         "--ambient",
         "--payload",
         "--reserve",
-        "--plot",
     ):
-        assert said in answer.err.replace("8 faults", "7 faults")
+        assert said in answer.err
     assert not list(tmp_path.iterdir())
 
 
@@ -194,10 +191,7 @@ def test_fit_names_everything_that_is_wrong_and_writes_nothing(run: Run, tmp_pat
     assert (tmp_path / "taken").read_text() == "x"
 
 
-def test_picture_and_example(run: Run, trip: Path, tmp_path: Path) -> None:
-    answer = run("forecast", trip, "--plot", tmp_path / "p.png")
-    assert answer.code == 0
-    assert (tmp_path / "p.png").read_bytes().startswith(b"\x89PNG")
+def test_the_example_is_a_trip(run: Run, tmp_path: Path) -> None:
     answer = run("example-trip", "--out", tmp_path / "e.csv")
     assert answer.code == 0
     assert "synthetic" in answer.err

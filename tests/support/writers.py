@@ -210,12 +210,12 @@ def run(text):
 
 WRITERS: Final[Mapping[str, str]] = MappingProxyType(
     {
-        "one file (example-trip, mapping, export, vehicles --import, forecast --plot)": FILE,
+        "one file (example-trip, mapping, export, vehicles --import)": FILE,
         "a folder of results (evaluate, transfer)": FOLDER,
         "a model (fit)": MODEL,
         "samples and trips of a car on the road (live, serve)": LIVE,
         "trips of a car (car add)": CAR,
-        "finished trips of a car (car learn, serve)": LEARN,
+        "finished trips of a car (serve)": LEARN,
         "a store of trips (store create, store add)": STORE,
         "tables of an upload (serve)": UPLOADS,
         "a map (map build)": MAP,

@@ -28,14 +28,13 @@ def fit(
     corrector: Annotated[
         str, option("NAME", "Statistical model: linear, gp, boosting, forest, ensemble or split.")
     ] = "split",
-    identify: Annotated[
+    published: Annotated[
         bool,
         typer.Option(
-            "--identify/--published",
-            help="Identify values of the car from the signals of its stages where the log has them (motor torque, heater and air "
-            "conditioner, power of the standing car, voltage at rest), or keep the published values.",
+            "--published",
+            help="Keep the published values of the car. Default: identify those that signals of its stages show.",
         ),
-    ] = True,
+    ] = False,
     base: Annotated[
         Path | None,
         option(
@@ -88,7 +87,7 @@ def fit(
                 fleet,
                 own,
                 corrector=corrector,
-                identified=identify,
+                identified=not published,
                 progress=advance,
             )
     save_model(model, out, provenance=provenance, evaluation=figures)

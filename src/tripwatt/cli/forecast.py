@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
@@ -12,15 +11,14 @@ import typer
 from tripwatt.cli.departing import DepartingNow
 from tripwatt.cli.journey import CarOption
 from tripwatt.cli.options import Answer, argument, model_of, option, options_named
-from tripwatt.cli.output import write_bytes, write_text
+from tripwatt.cli.output import write_text
 from tripwatt.cli.printing import print_notes, print_table
 from tripwatt.cli.sentences import chance_to_arrive, forecast_in_words, unknown_climb_in_words
-from tripwatt.errors import Check, Fault, InvalidInput, raise_faults
+from tripwatt.errors import Check, InvalidInput, raise_faults
 
 if TYPE_CHECKING:
     from tripwatt.forecasting import Forecast
 
-PLOT_SUFFIXES: Final = (".png", ".svg", ".pdf")
 LEAVE_PROBABILITY: Final = 0.95
 """Of "leave with": 19 of 20 trips."""
 
@@ -49,9 +47,6 @@ def forecast(
         ),
     ] = None,
     reserve: Annotated[float, option("0..1", "Required state of charge at arrival, as displayed.")] = 0.1,
-    plot: Annotated[
-        Path | None, option("FILE", "Write a figure of the forecast: .png, .svg or .pdf.")
-    ] = None,
 ) -> Answer:
     """Forecast the energy of a trip with its interval and its causes, given a speed trace or a planned route.
 
@@ -65,7 +60,7 @@ def forecast(
       # forecast it with the bundled model
       tripwatt forecast trip.csv --soc 0.8 --ambient -5
       # forecast it with your own model
-      tripwatt forecast my-model trip.csv --reserve 0.1 --plot forecast.png
+      tripwatt forecast my-model trip.csv --reserve 0.1
       # update the forecast during the trip; so-far.csv has the samples so far, for example `head -601 trip.csv`
       tripwatt forecast trip.csv --observed so-far.csv --json
       # forecast a planned route from the saved response of a router
@@ -78,6 +73,7 @@ def forecast(
     from tripwatt.api import read_route
     from tripwatt.population import for_car
     from tripwatt.sources.canonical import read_canonical
+    from tripwatt.trips.columns import QUANTITIES, number_faults
     from tripwatt.units import M_S_PER_KM_H
     from tripwatt.vehicles import load_vehicle
 
@@ -85,7 +81,7 @@ def forecast(
     speed_m_s = None if speed is None else speed * M_S_PER_KM_H
     with options_named():
         with Check() as check:
-            check(_require_options, reserve, plot)
+            check(raise_faults, number_faults("--reserve", reserve, QUANTITIES["reserve"]))
             fitted = check(model_of, model)
             plan = check(read_route, trip, speed_m_s=speed_m_s)
             measured = None
@@ -97,8 +93,6 @@ def forecast(
     expected = fitted.forecast(plan, known)
     if measured is not None:
         expected = expected.update(measured)
-    if plot is not None:
-        _draw(expected, plot)
     leaving = LEAVE_PROBABILITY if observed is None else None
     return Answer(partial(expected.to_dict, reserve, leaving), partial(_show_forecast, expected, reserve))
 
@@ -111,23 +105,6 @@ def model_and_trip(paths: list[Path]) -> tuple[Path | None, Path]:
             "too many arguments", "MODEL TRIP", got, "a folder with a model and a file with a trip"
         )
     return (None, paths[0]) if len(paths) == 1 else (paths[0], paths[1])
-
-
-def _require_options(reserve: float, plot: Path | None) -> None:
-    from tripwatt.trips.columns import QUANTITIES, number_faults
-
-    faults = list(number_faults("--reserve", reserve, QUANTITIES["reserve"]))
-    if plot is not None and plot.suffix.lower() not in PLOT_SUFFIXES:
-        faults.append(Fault("unknown image format", "--plot", str(plot), ", ".join(PLOT_SUFFIXES)))
-    if plot is not None and not plot.absolute().parent.is_dir():
-        faults.append(Fault("no such folder", "--plot", str(plot.parent), "an existing folder"))
-    raise_faults(faults)
-
-
-def _draw(forecast: Forecast, plot: Path) -> None:
-    image = io.BytesIO()
-    forecast.plot().savefig(image, dpi=150, format=plot.suffix.lower().removeprefix("."))
-    write_bytes(image.getvalue(), plot, "--plot")
 
 
 def show_arrival(forecast: Forecast, subject: str, reserve: float) -> None:

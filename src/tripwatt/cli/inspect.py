@@ -83,12 +83,11 @@ def _adapted_rows(origin: dict[str, Any]) -> list[tuple[str, str]]:
         f"{name.replace('_', ' ')} {change(value, 'change')} (± {change(value, 'sd', sign='')})"
         for name, value in how["parameters"].items()
     ]
-    experts = ", ".join(f"{name} {weight:.0%}" for name, weight in how["experts"].items())
     about = base["model"]
     model = f"{about['vehicle_title']}, {about['corrector']}, {about['trips']} trips"
     return [
         ("base", f"{model}, SHA-256 {base['sha256']}"),
-        ("adapted", f"with {how['trips']} own trips; {experts}"),
+        ("adapted", f"with {how['trips']} own trips"),
         ("car against its simulation", ", ".join(changes)),
     ]
 

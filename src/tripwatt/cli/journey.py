@@ -118,7 +118,7 @@ def plan(
     """
     from tripwatt.journey import JourneyOptions, open_atlas, plan_journey
 
-    charging = {"charge": not no_charge, "preheat_battery": preheat_battery}
+    charging: dict[str, Any] = {"charge": not no_charge, "preheat_battery": preheat_battery}
     with options_named():
         with Check() as check:
             got: dict[str, Any] = {

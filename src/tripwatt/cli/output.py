@@ -86,27 +86,15 @@ def write_whole(write: Callable[[Path], None], out: Path, unfinished: Path) -> N
     shutil.rmtree(unfinished, ignore_errors=True)
 
 
-def write_text(text: str, path: Path, option: str = "--out") -> None:
-    """Write one file, whole or not at all; parameters and errors are those of `write_bytes`."""
-    write_bytes(text.encode("utf-8"), path, option)
-
-
-def write_bytes(content: bytes, path: Path, option: str = "--out") -> None:
-    """Write one file, whole or not at all.
-
-    Parameters
-    ----------
-    content : bytes
-    path : Path
-    option : str
-        The option that names the file, for messages.
+def write_text(text: str, path: Path) -> None:
+    """Write the file that --out names, whole or not at all.
 
     Raises
     ------
     InvalidInput
         When it cannot be written; a file that was there is as before.
     """
-    with system_errors("cannot write the file", option, "", path):
+    with system_errors("cannot write the file", "--out", "", path):
         if path.exists() and not path.is_file():
             raise OSError(f"{'a folder' if path.is_dir() else 'no regular file'}")
-        write_file(path, lambda partial: partial.write_bytes(content))
+        write_file(path, lambda partial: partial.write_bytes(text.encode("utf-8")))

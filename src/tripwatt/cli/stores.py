@@ -1,4 +1,4 @@
-"""Commands on a trip store: make, fill, list, show, audit, compact it, and forget a vehicle."""
+"""Commands on a trip store: make, fill, show, audit, compact it, and forget a vehicle."""
 
 from __future__ import annotations
 
@@ -155,41 +155,6 @@ def add(
     return Answer(asdict(done), f"{store.store}: {done}")
 
 
-def list_(
-    store: Store, which: Which, limit: Annotated[int, option("N", "Most trips to list.", min=1)] = 50
-) -> Answer:
-    """List trips of a store by vehicle and departure.
-
-    For example:
-
-      # list the trips of one vehicle
-      tripwatt store list fleet --vehicle-id V17
-      # list newer trips as JSON
-      tripwatt store list fleet --since 2024-05-01 --json
-    """
-    frame = store.opened().trips(**asdict(which), limit=limit)
-    columns = ("vehicle", "trip", "car model", "departure", "distance", "time", "energy", "from", "drives")
-    rows = [
-        (
-            row["vehicle_id"],
-            row["trip_id"],
-            row["car_model"],
-            row["started_at"] if isinstance(row["started_at"], str) else "",
-            f"{row['distance_m'] / 1000.0:.1f} km",
-            f"{row['duration_s'] / 60.0:.0f} min",
-            "" if row["energy_wh"] != row["energy_wh"] else f"{row['energy_wh'] / 1000.0:.2f} kWh",
-            row["energy_from"],
-            f"{row['drives']}",
-        )
-        for row in frame.to_dict("records")
-    ]
-    title = f"{len(rows)} trips (--limit {limit})"
-    return Answer(
-        frame.astype(object).where(frame.notna(), None).to_dict("records"),
-        partial(print_table, title, columns, rows, numbers=columns[4:7]),
-    )
-
-
 def show(store: Store) -> Answer:
     """Count the trips, vehicles and car models of a store.
 
@@ -259,4 +224,4 @@ def forget(store: Store, vehicle_id: Annotated[str, option("ID", "The vehicle to
     return Answer({"vehicle_id": vehicle_id, "erased": erased}, shown)
 
 
-COMMANDS = (create, add, list_, show, audit, compact, forget)
+COMMANDS = (create, add, show, audit, compact, forget)

@@ -30,6 +30,17 @@ _TOO_FAR: Final = 0.1  # of the range of the data: what lies farther from every 
 _CELLS: Final = 400  # per covariate, finer than a figure shows
 
 
+def _banded(
+    name: str, at: FloatArray | tuple[str, ...], effect: FloatArray, std_error: FloatArray, multiplier: float
+) -> pd.DataFrame:
+    """Effects with the ends of their intervals."""
+    import pandas as pd
+
+    table = pd.DataFrame({name: at, "effect": effect, "std_error": std_error})
+    half = multiplier * std_error
+    return table.assign(lower=effect - half, upper=effect + half)
+
+
 @dataclass(frozen=True, slots=True)
 class CurveEffect:
     """A smooth of one covariate with its confidence band.
@@ -77,13 +88,7 @@ class CurveEffect:
         DataFrame
             One row per point of the grid: the covariate, ``effect``, ``std_error``, ``lower``, ``upper``.
         """
-        import pandas as pd
-
-        half = self.multiplier * self.std_error
-        columns = {"effect": self.effect, "std_error": self.std_error}
-        return pd.DataFrame(
-            {self.covariate: self.x, **columns, "lower": self.effect - half, "upper": self.effect + half}
-        )
+        return _banded(self.covariate, self.x, self.effect, self.std_error, self.multiplier)
 
     def plot(self, ax: Axes | None = None) -> Figure:
         """Draw the curve with its band.
@@ -325,13 +330,7 @@ class FactorEffect:
         DataFrame
             One row per level: ``level``, ``effect``, ``std_error``, ``lower``, ``upper``.
         """
-        import pandas as pd
-
-        half = self.multiplier * self.std_error
-        columns = {"effect": self.effect, "std_error": self.std_error}
-        return pd.DataFrame(
-            {"level": self.level, **columns, "lower": self.effect - half, "upper": self.effect + half}
-        )
+        return _banded("level", self.level, self.effect, self.std_error, self.multiplier)
 
     def plot(self, ax: Axes | None = None) -> Figure:
         """Draw the coefficients with their intervals.

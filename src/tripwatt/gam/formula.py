@@ -13,7 +13,7 @@ import difflib
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Final, NoReturn, get_args
+from typing import Final, NoReturn, cast, get_args
 
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.gam.terms import Basis, Formula, Parametric, RandomEffect, Smooth, Tensor, Term
@@ -184,7 +184,7 @@ class _Reader:
         k = self.dimensions(node, options["k"]) if "k" in options else (None,)
         if len(k) != 1:
             self.refuse(node, "k takes one number", self.original(options["k"]), f"k={k[0]}")
-        return Smooth(names, _as_basis(basis), k[0], self.by(node, options))
+        return Smooth(names, cast(Basis, basis), k[0], self.by(node, options))
 
     def tensor(
         self, node: ast.Call, kind: str, names: tuple[str, ...], options: Mapping[str, ast.expr]
@@ -200,11 +200,7 @@ class _Reader:
             if len(k) != len(names):
                 got = f"{len(k)} numbers for {len(names)} covariates"
                 self.refuse(node, "k does not match the covariates", got, f"1 or {len(names)} numbers")
-        return Tensor(names, _as_basis(basis), k, "te" if kind == "te" else "ti", self.by(node, options))
-
-
-def _as_basis(name: str) -> Basis:
-    return next(basis for basis in get_args(Basis) if basis == name)
+        return Tensor(names, cast(Basis, basis), k, "te" if kind == "te" else "ti", self.by(node, options))
 
 
 def nearest(name: str, allowed: Iterable[str]) -> str:

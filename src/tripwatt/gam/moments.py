@@ -41,23 +41,13 @@ class Moments:
 
     def __sub__(self, other: Moments) -> Moments:
         """What is left when some rows are taken out."""
-        return Moments(
-            self.gram - other.gram,
-            self.cross - other.cross,
-            self.square - other.square,
-            self.n - other.n,
-            self.firsts - other.firsts,
-        )
+        pairs = zip(vars(self).values(), vars(other).values(), strict=True)
+        return Moments(*(mine - theirs for mine, theirs in pairs))
 
     def __add__(self, other: Moments) -> Moments:
         """Rows of both."""
-        return Moments(
-            self.gram + other.gram,
-            self.cross + other.cross,
-            self.square + other.square,
-            self.n + other.n,
-            self.firsts + other.firsts,
-        )
+        pairs = zip(vars(self).values(), vars(other).values(), strict=True)
+        return Moments(*(mine + theirs for mine, theirs in pairs))
 
     def mixture(self, rho: float) -> FloatArray:
         """Weights (s,) of the sums at autocorrelation `rho`."""
