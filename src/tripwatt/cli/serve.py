@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 import typer
 
 from tripwatt.cli.journey import OnMap
-from tripwatt.cli.options import argument, option, require_extras
+from tripwatt.cli.options import argument, option, require_effect, require_extras
 from tripwatt.errors import Check, Fault, InvalidInput, excerpt, raise_faults, system_errors
 
 if TYPE_CHECKING:
@@ -176,13 +176,11 @@ def mqtt_of(
     with Check() as check:
         broker = check(Broker.from_url, url, os.environ.get(PASSWORD_VARIABLE)) if url else None
         pairs = [check(car_and_topic, given) for given in follow]
-    needs = [("--follow", follow, "--mqtt", url), ("--mqtt", url, "--cars", cars)]
-    faults = [
-        Fault("option has no effect", option, excerpt(given), f"only together with {partner}")
-        for option, given, partner, there in needs
-        if given and not there
-    ]
-    raise_faults([*faults, *_twice("duplicate car name", "--follow", [name for name, _ in pairs])])
+        if not url:
+            check(require_effect, {"--follow": ", ".join(follow) or None}, "only together with --mqtt")
+        elif cars is None:
+            check(require_effect, {"--mqtt": excerpt(url)}, "only together with --cars")
+    raise_faults(_twice("duplicate car name", "--follow", [name for name, _ in pairs]))
     return None if broker is None else MqttSettings(broker, dict(pairs), publish.rstrip("/"), discovery)
 
 
