@@ -180,7 +180,8 @@ def mqtt_of(
             check(require_effect, {"--follow": ", ".join(follow) or None}, "only together with --mqtt")
         elif cars is None:
             check(require_effect, {"--mqtt": excerpt(url)}, "only together with --cars")
-    raise_faults(_twice("duplicate car name", "--follow", [name for name, _ in pairs]))
+        names = [pair[0] for pair in pairs if pair]
+        check(raise_faults, _twice("duplicate car name", "--follow", names))
     return None if broker is None else MqttSettings(broker, dict(pairs), publish.rstrip("/"), discovery)
 
 
