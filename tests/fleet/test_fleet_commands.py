@@ -164,7 +164,7 @@ def test_the_report_names_what_it_leaves_out_and_assumes(fleet, registry, tmp_pa
     rows = "V00001,a,2030-01-12T07:30+01:00,30\nnobody,b,2030-01-12T08:30+01:00,30\nV00002,c,2020-01-12T08:30+01:00,30\n"
     night.write_text(header + rows)
     asked = ["fleet", "report", store.place, registry.folder, "--work", folder / "rows", "--planned", night]
-    done = CliRunner().invoke(app, [*map(str, asked)])
+    done = CliRunner().invoke(app, [*map(str, asked), "--coldest", "-15"])
     assert done.exit_code == 1
     for text in (
         "left out: 1 of 3 planned trips, which departed before 20",
@@ -174,13 +174,13 @@ def test_the_report_names_what_it_leaves_out_and_assumes(fleet, registry, tmp_pa
     ):
         assert text in done.stderr, text
     assert "Planned trips: 1. If" in done.stdout
-    assert " °C, a full battery" in done.stdout
+    assert "At −15 °C, a full battery" in done.stdout
     page = (registry.folder / "report" / "report.html").read_text("utf-8")
     assert "left out: unknown vehicle: trip b of nobody: vehicle_id" in page
     assert "V00001: outside temperature is unknown: " in page
     written = json.loads((registry.folder / "report" / "report.json").read_text("utf-8"))
     assert [fault["what"] for fault in written["refused"]] == ["unknown vehicle"]
-    assert written["coldest_week"]["ambient_temperature_degc"] < 15.0
+    assert written["coldest_week"]["ambient_temperature_degc"] == -15.0
     night.write_text(header + rows.splitlines()[1] + "\n")
     nobody = CliRunner().invoke(app, [*map(str, asked)])
     assert nobody.exit_code == 1, nobody.output

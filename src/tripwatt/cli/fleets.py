@@ -290,6 +290,7 @@ def report(
         Path | None, option("FOLDER", "Default: REGISTRY/report, which the service serves.", "--out", "-o")
     ] = None,
     ambient: Annotated[float | None, option("DEGC", "Outside temperature of trips that have none.")] = None,
+    coldest: Annotated[float | None, option("DEGC", "Temperature in place of the coldest week's.")] = None,
     drivers: Annotated[bool, typer.Option("--drivers", help="Compare drivers, too.")] = False,
     quantile: Annotated[float, option("Q", "Probability with which a need suffices, 0.5 to 1.")] = 0.95,
     reserve: Annotated[float, option("X", "Charge to come back with, 0 to 1.")] = 0.0,
@@ -323,9 +324,8 @@ def report(
     trips = read_planned(planned, ambient) if planned is not None else []
     ahead = [trip for trip in trips if trip.departs_at >= min(now, at)]
     rows = _rows(fleet, fleet.place, fleet)
-    made = ManagerReport.of(
-        about, versions.load(), rows, ahead, drivers=drivers, quantile=quantile, reserve=reserve
-    )
+    asked: dict[str, Any] = {"quantile": quantile, "reserve": reserve, "coldest_degc": coldest}
+    made = ManagerReport.of(about, versions.load(), rows, ahead, drivers=drivers, **asked)
     document = made.write(folder, at, plug)
     if drivers and made.drivers is None:
         print_notes(["no trip of the store names its driver, so that drivers cannot be compared"])
