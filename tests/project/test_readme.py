@@ -50,7 +50,7 @@ def test_the_python_of_the_readme_runs(tmp_path, monkeypatch):
     out = io.StringIO()
     with contextlib.redirect_stdout(out):
         exec(code, {})  # it is ours
-    assert out.getvalue().startswith("<Forecast trip: ")
+    assert blocks("text") == [out.getvalue()]
 
 
 def test_the_readme_is_a_screen_and_a_half():
