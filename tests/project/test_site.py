@@ -252,9 +252,7 @@ def test_the_front_page_shows_the_product_the_table_and_how_to_install(
     for row in rows:
         for cell in row.strip("|").replace("**", "").split("|"):
             assert cell.strip() in text
-    places = [
-        text.index(f"{head}¶") for head in ("A forecast", "Accuracy", "Install", "Where to begin")
-    ]
+    places = [text.index(f"{head}¶") for head in ("A forecast", "Accuracy", "Install", "Where to begin")]
     assert places == sorted(places)
     for page in ("howto/troubleshooting", "explanation/questions", "gallery/index"):
         assert f"{page}.html" in first.links

@@ -59,6 +59,8 @@ def test_a_page_has_one_place_for_each_result_and_no_typed_percentage_elsewhere(
     for begin, end in places:
         assert (outside.count(begin), outside.count(end)) == (1, 1)
         outside = outside.partition(begin)[0] + outside.partition(end)[2]
-    outside = re.sub(r"^```.*?^```$", "", outside, flags=re.M | re.S)  # what code prints has a test of its own
+    outside = re.sub(
+        r"^```.*?^```$", "", outside, flags=re.M | re.S
+    )  # what code prints has a test of its own
     assert not re.search(r"\d\s?%", outside)
     assert "make r" in page.read_text(encoding="utf-8")
