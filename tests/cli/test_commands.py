@@ -483,35 +483,6 @@ def test_vehicles_lists_shows_and_refuses(run: Callable[..., Answer], tmp_path: 
     assert not (tmp_path / "x.toml").exists()
 
 
-SUMO = """<?xml version="1.0" encoding="utf-8"?>
-<routes><vType id="Test_Car" emissionClass="MMPEVEM" vClass="passenger">
-<param key="has.battery.device" value="true"/><param key="device.battery.capacity" value="50000"/>
-<param key="maximumPower" value="100000"/><param key="maximumTorque" value="250"/>
-<param key="maximumRecuperationTorque" value="80"/><param key="maximumRecuperationPower" value="40000"/>
-<param key="gearRatio" value="10"/><param key="gearEfficiency" value="0.96"/><param key="vehicleMass" value="1575"/>
-<param key="constantPowerIntake" value="360"/><param key="rollDragCoefficient" value="0.009"/>
-<param key="airDragCoefficient" value="0.3"/><param key="frontSurfaceArea" value="2.2"/>
-<param key="wheelRadius" value="0.31"/><param key="internalBatteryResistance" value="0.1"/>
-<param key="nominalBatteryVoltage" value="354"/><param key="internalMomentOfInertia" value="12"/>
-<param key="powerLossMap" value="2,1|0,6000,12000;-250,0,250|1,2,3,4,5,6,7,8,9"/>
-</vType></routes>
-"""
-
-
-def test_import_writes_a_car_that_drives_or_nothing(run: Callable[..., Answer], tmp_path: Path) -> None:
-    source, out = tmp_path / "ev.xml", tmp_path / "ev.toml"
-    source.write_text(SUMO.replace("vehicleMass", "vehicleMas"))
-    refused = run("vehicles", "--import", source, "--out", out)
-    assert refused.code == 2
-    assert "ev.xml, Test_Car, vehicleMas" in refused.err
-    assert not out.exists()
-    source.write_text(SUMO)
-    answer = run("vehicles", "--import", source, "--out", out)
-    assert answer.code == 0, answer.err
-    assert run("vehicles", "--import", source).out == out.read_text(encoding="utf-8")
-    assert json.loads(run("simulate", "--vehicle", out, "--json").out)["simulated_energy_wh"] > 0
-
-
 def test_simulate_says_what_the_energy_went_into(run: Callable[..., Answer], tum: Path, tables: Path) -> None:
     answer = json.loads(run("simulate", tum, "--trip", "TripA02", "--json").out)
     assert answer["trip"] == "TripA02"

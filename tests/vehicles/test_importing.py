@@ -10,12 +10,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tools.data.import_vehicle import import_vehicle, main
 
 from tripwatt.errors import InvalidInput
-from tripwatt.vehicles import (
-    import_vehicle,
-    vehicle_from_document,
-)
+from tripwatt.vehicles import load_vehicle, vehicle_from_document
 
 
 def faults_of(error: pytest.ExceptionInfo[InvalidInput]) -> str:
@@ -236,6 +234,21 @@ def test_files_that_cannot_be_imported_say_why(
     with pytest.raises(InvalidInput) as error:
         import_vehicle(tmp_path / name, row)
     assert all(word in faults_of(error) for word in words)
+
+
+def test_the_command_writes_a_car_that_loads_or_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source, out = tmp_path / "ev.xml", tmp_path / "ev.toml"
+    source.write_text(XML.replace("vehicleMass", "vehicleMas"))
+    assert main(str(source), out=str(out)) == 2
+    assert "ev.xml, Test_Car, vehicleMas" in capsys.readouterr().err
+    assert not out.exists()
+    source.write_text(XML)
+    assert main(str(source), out=str(out)) == 0
+    assert load_vehicle(str(out)).body.curb_mass_kg == pytest.approx(1500.0)
+    assert main(str(source)) == 0
+    assert capsys.readouterr().out == out.read_text()
 
 
 @settings(max_examples=50, deadline=None)

@@ -48,7 +48,6 @@ NOT_REACHED: Final = (
     "sources/tum_fetch.py",
     "sources/tum_overview.py",
     "sources/ved.py",
-    "vehicles/importing/",
 )
 """Modules of the start of a service and of the command line alone."""
 

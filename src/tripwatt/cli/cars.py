@@ -1,4 +1,4 @@
-"""Commands on cars: the library, importing one, driving a trip with one."""
+"""Commands on cars: the library, describing one, driving a trip with one."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from tripwatt.cli.options import (
 )
 from tripwatt.cli.output import write_text
 from tripwatt.cli.printing import console, print_notes, print_table
-from tripwatt.errors import Check, Fault, InvalidInput, places_named, raise_faults
+from tripwatt.errors import InvalidInput, places_named
 
 if TYPE_CHECKING:
     from tripwatt.trips import Fleet, Trip
@@ -67,18 +67,11 @@ def vehicles(
             "NAME", "With new: where the consumption comes from, wltp or epa (combined label). Default: wltp."
         ),
     ] = None,
-    import_file: Annotated[
-        Path | None,
-        option("FILE", "Convert a vehicle file of FASTSim or SUMO to TOML for --vehicle.", "--import"),
-    ] = None,
-    row: Annotated[
-        str | None, option("NAME", "With --import: name of the vehicle in a file with several.")
-    ] = None,
     out: Annotated[
-        Path | None, option("FILE", "With --import or new: write the TOML to this file.", "--out", "-o")
+        Path | None, option("FILE", "With new: write the TOML to this file.", "--out", "-o")
     ] = None,
 ) -> Answer:
-    """List or search the cars of the library, show one with the source of every value, import or describe one.
+    """List or search the cars of the library, show one with the source of every value, or describe one.
 
     For example:
 
@@ -92,33 +85,14 @@ def vehicles(
       tripwatt vehicles new --mass 1830 --battery 58 --consumption 15.5 --power 150 --body hatchback --out my_car.toml
       # show your own file with another mass
       tripwatt vehicles my_car.toml --set mass=1620
-      # import a vehicle file of FASTSim (.yaml, .csv) or SUMO (.xml)
-      tripwatt vehicles --import 2022_Renault_Zoe_ZE50_R135.yaml --out zoe.toml
     """
     name = " ".join(words or []) or None
     given = (mass, battery, consumption, power, body, heat_pump, procedure)
     figures = dict(zip(FIGURES, given, strict=True))
-    _require_sense(name, import_file, row, out, figures)
-    if import_file is not None:
-        return _import(import_file, row, out)
     if name == "new":
         return _new(figures, out)
+    require_effect({**figures, "--out": out}, "only together with new")
     return _list(None) if name is None else _find_or_describe(name, preset, overrides or [])
-
-
-def _require_sense(
-    name: str | None, import_file: Path | None, row: str | None, out: Path | None, figures: dict[str, Any]
-) -> None:
-    with Check() as check:
-        if name is not None and import_file is not None:
-            both = Fault("conflicting arguments", "NAME and --import", name, "one of the two")
-            check(raise_faults, [both])
-        if import_file is None:
-            check(require_effect, {"--row": row}, "only together with --import")
-        if import_file is None and name != "new":
-            check(require_effect, {"--out": out}, "only together with --import or new")
-        if name != "new":
-            check(require_effect, figures, "only together with new")
 
 
 FIGURES: Final = {
@@ -152,16 +126,6 @@ def _new(figures: dict[str, Any], out: Path | None) -> Answer:
         {"title": car.title, "anchor": car.anchor, "wltp_kwh_per_100km": wltp, "toml": text},
         partial(typer.echo, text, nl=False) if out is None else partial(console().print, done),
     )
-
-
-def _import(file: Path, row: str | None, out: Path | None) -> Answer:
-    from tripwatt.vehicles import import_vehicle
-
-    text = import_vehicle(file, row)
-    if out is not None:
-        write_text(text, out)
-        console().print(f"{out} is written; show it with `tripwatt vehicles {out}`")
-    return Answer({"toml": text}, lambda: typer.echo(text, nl=False) if out is None else None)
 
 
 def _find_or_describe(name: str, preset: str, overrides: list[str]) -> Answer:

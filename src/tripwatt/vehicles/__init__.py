@@ -2,7 +2,6 @@
 
 from tripwatt.vehicles.comparing import Difference, differences, with_differences
 from tripwatt.vehicles.extras import with_extras
-from tripwatt.vehicles.importing import import_vehicle
 from tripwatt.vehicles.licences import LICENCES
 from tripwatt.vehicles.loading import (
     find_vehicles,
@@ -45,7 +44,6 @@ __all__ = [
     "describe_vehicle",
     "differences",
     "find_vehicles",
-    "import_vehicle",
     "load_vehicle",
     "names_data",
     "parse_overrides",

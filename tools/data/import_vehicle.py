@@ -1,4 +1,4 @@
-"""Vehicle files of other programs as the text of a car's TOML.
+"""Vehicle files of other programs as the text of a car's TOML: ``python -m tools.data.import_vehicle FILE``.
 
 Read are those of NREL FASTSim (YAML of version 3, YAML and CSV of version 2) and Eclipse SUMO (XML of its MMPEVEM model).
 What such a file does not hold comes from shared data, from similarity with a bundled car, or from a stated estimate; each
@@ -7,18 +7,20 @@ entry says which. Motor efficiency and loss maps of the source are not taken ove
 
 from __future__ import annotations
 
+import sys
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
+from tools.command import run
+from tools.data.importing.fastsim import from_fastsim_csv, from_fastsim_yaml
+from tools.data.importing.rendering import vehicle_toml
+from tools.data.importing.stated import Stated
+from tools.data.importing.sumo import from_sumo
 from tripwatt.errors import InvalidInput
 from tripwatt.files import read_text_file
-from tripwatt.vehicles.importing.fastsim import from_fastsim_csv, from_fastsim_yaml
-from tripwatt.vehicles.importing.rendering import vehicle_toml
-from tripwatt.vehicles.importing.stated import Stated
-from tripwatt.vehicles.importing.sumo import from_sumo
-from tripwatt.vehicles.reading import vehicle_from_document
+from tripwatt.vehicles import vehicle_from_document
 
 LARGEST_FILE_BYTES: Final = 20_000_000
 """Vehicle files are far smaller; larger ones are refused unread."""
@@ -64,3 +66,21 @@ def import_vehicle(path: str | Path, row: str | None = None) -> str:
     result = vehicle_toml(stated, file.name)
     vehicle_from_document(tomllib.loads(result), file.stem, str(file))  # impossible values show here
     return result
+
+
+def main(path: str, row: str = "", out: str = "") -> int:
+    """Print the TOML of a vehicle file of FASTSim or SUMO, or write it to `--out`; `--row` names the vehicle in a file with several."""
+    try:
+        text = import_vehicle(path, row or None)
+    except InvalidInput as error:
+        print(error, file=sys.stderr)
+        return 2
+    if out:
+        Path(out).write_text(text, encoding="utf-8")
+    else:
+        print(text, end="")
+    return 0
+
+
+if __name__ == "__main__":
+    run(main)

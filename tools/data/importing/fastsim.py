@@ -9,8 +9,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
+from tools.data.importing.stated import Fields, Stated
 from tripwatt.errors import Fault, InvalidInput, raise_faults
-from tripwatt.vehicles.importing.stated import Fields, Stated
 
 
 def flat_yaml(text: str, where: str) -> dict[str, str]:

@@ -7,8 +7,8 @@ import re
 from typing import Final
 from xml.etree import ElementTree
 
+from tools.data.importing.stated import Fields, Stated
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.vehicles.importing.stated import Fields, Stated
 
 ALSO_KNOWN: Final = frozenset(
     {

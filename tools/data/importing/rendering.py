@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from typing import Final
 
-from tripwatt.vehicles.importing.stated import Stated
+from tools.data.importing.stated import Stated
 
 DRIVER_KG: Final = 75.0
 CELL_VOLTAGE_V: Final = 3.69

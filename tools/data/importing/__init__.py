@@ -1,0 +1,1 @@
+"""Vehicle files of FASTSim and SUMO."""
