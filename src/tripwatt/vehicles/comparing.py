@@ -9,22 +9,11 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, Final
 
-from tripwatt.errors import or_none
-from tripwatt.vehicles.loading import load_vehicle, vehicle_names
 from tripwatt.vehicles.parts import ROAD_LOADS
 from tripwatt.vehicles.vehicle import SECTIONS, Value, Vehicle
 
 ROUNDING: Final = 1e-9
 """Relative difference of two numbers that are one value, written and read again."""
-
-CHANGED_BY_TRIPS: Final = (
-    "identified on",
-    "calibrated on",
-    "published value times",
-    "book value times",
-    "from the test to the road",
-)
-"""How the source of a value starts that is no longer the published one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +68,7 @@ def differences(vehicle: Vehicle, other: Vehicle) -> tuple[Difference, ...]:
 
     Examples
     --------
+    >>> from tripwatt.vehicles import load_vehicle
     >>> heavy = load_vehicle("bmw_i3_60ah", overrides={"mass": 2500.0})
     >>> [(d.key, d.change, d.unit) for d in differences(heavy, load_vehicle("bmw_i3_60ah"))]
     [('body.curb_mass_kg', '1281 -> 2500', 'kg')]
@@ -120,6 +110,7 @@ def with_differences(vehicle: Vehicle, different: Iterable[Difference], source: 
 
     Examples
     --------
+    >>> from tripwatt.vehicles import load_vehicle
     >>> car, heavy = load_vehicle("bmw_i3_60ah"), load_vehicle("bmw_i3_60ah", overrides={"mass": 2500.0})
     >>> with_differences(car, differences(heavy, car), heavy).body.curb_mass_kg
     2500.0
@@ -136,16 +127,7 @@ def with_differences(vehicle: Vehicle, different: Iterable[Difference], source: 
 def _is_published(value: Value | None, key: str, other: Vehicle) -> bool:
     """Whether a value is the one from which the trips of the other car changed its own."""
     entry = other.entries.get(key)
-    if entry is None:
-        return False
-    if entry.published is not None:
-        return _same(value, entry.published)
-    if not entry.source.startswith(CHANGED_BY_TRIPS):
-        return False
-    # models of older versions do not hold the published value: the library has it, if the car is one of it
-    is_bundled = other.name in vehicle_names()
-    published = or_none(load_vehicle, other.name, other.preset) if is_bundled else None
-    return published is None or _same(value, published.value(key))
+    return entry is not None and entry.published is not None and _same(value, entry.published)
 
 
 def _same(one: Value | None, two: Value | None) -> bool:
