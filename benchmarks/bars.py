@@ -30,7 +30,6 @@ from benchmarks import (
     cars,
     clocks,
     coarse_speed,
-    cruise,
     dirty_logs,
     gam,
     half_known,
@@ -44,6 +43,7 @@ from benchmarks import (
     savings,
     service,
     six_numbers,
+    speed_caps,
     steady,
     stops,
     unknown_climb,
@@ -74,7 +74,7 @@ def suites(results: Path | None, forecast: Path | None, links: Path | None) -> I
     yield Suite(f"{bench}before", before.bounds, (tum, ved, DATA / "sedan", DATA / "twizy"))
     yield Suite(f"{bench}journeys", journeys.rows)
     yield Suite(f"{bench}stops", stops.rows)
-    yield Suite(f"{bench}cruise", cruise.rows)
+    yield Suite(f"{bench}speed_caps", speed_caps.rows)
     yield Suite(f"{bench}live", live.rows, (tum,))
     yield Suite(f"{bench}clocks", clocks.rows, (tum,))
     yield Suite(f"{bench}half_known", half_known.rows, (tum,))

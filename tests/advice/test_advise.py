@@ -77,6 +77,36 @@ def test_slower_saves_more_above_the_best_speed(model: ForecastModel) -> None:
     assert times == sorted(times)
 
 
+def test_speeds_to_keep_are_the_forecasts_of_the_plan_at_them() -> None:
+    advice = tw.advise(road(ambient_temperature_degc=15.0, soc=0.9))
+    base = advice.forecast
+    assert len(advice.speeds) >= 4
+    for cap in advice.speeds:
+        other = tw.forecast(capped(base.plan, cap.speed_m_s))
+        assert cap.longer_s == pytest.approx(other.plan.duration_s - base.plan.duration_s)
+        assert cap.saved_wh == pytest.approx(base.energy_wh - other.energy_wh)
+
+
+def test_at_the_power_of_a_speed_the_time_in_all_stays() -> None:
+    """Driving time and the time to charge what the drive takes, at the speeds of the plan and at the cap."""
+    base = tw.forecast(road(ambient_temperature_degc=15.0, soc=0.9))
+    for cap in tw.advise(base).speeds:
+        power = cap.charging_w
+        planned_s = base.plan.duration_s + 3600.0 * base.energy_wh / power
+        slower_s = base.plan.duration_s + cap.longer_s + 3600.0 * (base.energy_wh - cap.saved_wh) / power
+        assert slower_s == pytest.approx(planned_s)
+
+
+def test_the_slower_the_charger_the_slower_the_speed_that_is_quicker_in_all() -> None:
+    """Energy rises ever more with speed, so that each step down saves less for its time."""
+    powers = [cap.charging_w for cap in tw.advise(road(ambient_temperature_degc=15.0, soc=0.9)).speeds]
+    assert powers == sorted(powers, reverse=True)
+
+
+def test_a_slow_road_has_no_speeds_to_keep() -> None:
+    assert tw.advise(tw.read_route([{"length_m": 30_000.0, "speed_m_s": 20.0}])).speeds == ()
+
+
 def taken_wh(vehicle: Vehicle, plan: Plan) -> float:
     """What a trip takes from the charge, by simulation: energy at the terminals, and the heat in the battery."""
     run = simulate_trip(vehicle, plan)

@@ -38,6 +38,7 @@ def test_the_table_has_units_and_words(run: Run, route: Path) -> None:
     assert "You arrive with" in shown
     assert "take off the roof box" in shown
     assert "saves kWh" in shown
+    assert "quicker with charging below kW" in " ".join(shown.split())
     assert "°C" in shown
 
 

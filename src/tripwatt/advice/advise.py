@@ -11,9 +11,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from tripwatt.advice.actions import ALONE, EFFORTS, Action, actions, with_action
-from tripwatt.advice.pacing import Pace
 from tripwatt.advice.preheating import LEAST_WH
-from tripwatt.errors import InvalidInput, or_none
+from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import Difference, Forecast, ForecastModel
 from tripwatt.forecasting.difference import LEAST_SHARE
 from tripwatt.journey import ChargingPlan, Journey
@@ -21,7 +20,7 @@ from tripwatt.population import for_car
 from tripwatt.trips import Departure, Plan, Trip
 from tripwatt.trips.columns import require_fraction
 from tripwatt.trips.messages import flag_to_dict
-from tripwatt.units import SECONDS_PER_MINUTE
+from tripwatt.units import SECONDS_PER_MINUTE, WH_PER_J
 from tripwatt.vehicles import Vehicle
 
 CHANCE: Final = 0.95
@@ -119,6 +118,50 @@ class Advised:
         }
 
 
+@dataclass(frozen=True, slots=True)
+class SpeedCap:
+    """A highest speed, and what it changes beside the speeds of the plan.
+
+    Attributes
+    ----------
+    speed_m_s : float
+        Highest speed [m/s].
+    longer_s : float
+        Driving time more [s].
+    saved_wh : float
+        Energy less [Wh].
+
+    Examples
+    --------
+    >>> SpeedCap(33.3, longer_s=180.0, saved_wh=1000.0).charging_w
+    20000.0
+    """
+
+    speed_m_s: float
+    longer_s: float
+    saved_wh: float
+
+    @property
+    def charging_w(self) -> float:
+        """Power of charging below which the trip is quicker in all, since the energy that is saved need not be charged [W]."""
+        return self.saved_wh / WH_PER_J / self.longer_s
+
+    def to_dict(self) -> dict[str, float]:
+        """Convert to plain values.
+
+        Returns
+        -------
+        dict
+            Numbers.
+
+        Examples
+        --------
+        >>> sorted(SpeedCap(33.3, 180.0, 1000.0).to_dict())
+        ['charging_w', 'longer_s', 'saved_wh', 'speed_m_s']
+        """
+        return {name: getattr(self, name) for name in (*SpeedCap.__slots__, "charging_w")}
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class Advice:
     """What to do about a trip.
@@ -137,6 +180,8 @@ class Advice:
         Sets of actions that reach the chance, the least minutes and effort first; empty where it is reached, or none does.
     singly : tuple of Advised
         Of each group the mildest action that saves for sure, the largest saving first.
+    speeds : tuple of SpeedCap
+        Highest speeds that save for sure, the fastest first; empty for a slow road.
     whole : ChargingPlan or None
         The journey as it is with its stops to charge; None for a trip without one.
 
@@ -149,6 +194,8 @@ class Advice:
     True
     >>> advice.least[0].actions[0].code
     'slower'
+    >>> [round(3.6 * cap.speed_m_s) for cap in advice.speeds]
+    [120, 110, 100, 90, 80]
     """
 
     forecast: Forecast
@@ -158,24 +205,8 @@ class Advice:
     charge_to: float
     least: tuple[Advised, ...]
     singly: tuple[Advised, ...]
+    speeds: tuple[SpeedCap, ...]
     whole: ChargingPlan | None = None
-
-    def pace(self) -> Pace | None:
-        """Find what minutes cost on the road: the front of time and energy, and the speeds to keep.
-
-        Returns
-        -------
-        Pace or None
-            From the speeds of the plan downwards; None where the car cannot hold these.
-
-        Examples
-        --------
-        >>> import tripwatt as tw
-        >>> road = tw.read_route([{"length_m": 40_000.0, "speed_m_s": 33.0}])
-        >>> tw.advise(road).pace().knee.cruise.duration_s > 1200.0
-        True
-        """
-        return or_none(Pace.from_forecast, self.forecast)
 
     def to_dict(self) -> dict[str, Any]:
         """Convert to plain values.
@@ -201,7 +232,7 @@ class Advice:
             "least": [advised.to_dict() for advised in self.least],
             "singly": [advised.to_dict() for advised in self.singly],
             "whole": _in_short(self.whole),
-            "pace": None if (pace := self.pace()) is None else pace.to_dict(),
+            "speeds": [cap.to_dict() for cap in self.speeds],
             "flags": [flag_to_dict(flag) for flag in self.forecast.flags],
         }
 
@@ -279,6 +310,11 @@ def advise(
     ]
     mildest = {one.actions[0].group: one for one in reversed(sure)}
     singly = sorted(mildest.values(), key=lambda one: one.difference.energy_wh)
+    speeds = [
+        SpeedCap(cap, one.difference.duration_s, -one.difference.energy_wh)
+        for one in sure
+        if (cap := one.actions[0].speed_m_s) is not None
+    ]
     charge_to = forecast.soc_needed(reserve, chance)
     lacking_wh = (charge_to - float(forecast.soc_along(0.5)[0])) * forecast.charge.wh_per_display
     known = [one for one in sure if not one.actions[0].assumed]
@@ -288,7 +324,9 @@ def advise(
         if isinstance(trip, Journey) and (whole := trip.charging) is not None:
             least = sorted((*least, *_stops(trip, whole, chance)), key=lambda one: one.cost_min)
             singly = [_on_the_whole(trip, one) for one in singly]
-    return Advice(forecast, reserve, chance, now, charge_to, tuple(least), tuple(singly), whole)
+    return Advice(
+        forecast, reserve, chance, now, charge_to, tuple(least), tuple(singly), tuple(speeds), whole
+    )
 
 
 def _stops(journey: Journey, plan: ChargingPlan, chance: float) -> Iterator[Advised]:

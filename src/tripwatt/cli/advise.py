@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import datetime as dt
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
@@ -20,7 +20,7 @@ from tripwatt.cli.sentences import begins, chance
 from tripwatt.errors import Check
 
 if TYPE_CHECKING:
-    from tripwatt.advice import Action, Advice, Advised, Pace
+    from tripwatt.advice import Action, Advice, Advised, SpeedCap
 
 WORDS: Final[Mapping[str, str]] = {
     "slower": "drive {km_h:.0f} km/h at most",
@@ -113,21 +113,23 @@ def _show(advice: Advice) -> None:
     ]
     names = ("action", "saves kWh", "9 in 10", "time", "charge", "arrives", "effort", "from the plug kWh")
     print_table("What saves energy", names, rows, numbers=(names[1], names[3], names[4]))
-    pace = advice.pace()
-    if pace is not None:
-        _show_pace(pace)
+    if advice.speeds:
+        _show_speeds(advice.speeds)
     print_few_notes(advice.forecast.flags)
 
 
-def _show_pace(pace: Pace) -> None:
-    """Speeds beyond which a minute saves little energy."""
-    knee = pace.knee
-    kept = [f"{3.6 * kept:.0f}" for most, kept in knee.kept_m_s if kept < most - 1.0]
-    if kept:
-        minutes = (knee.cruise.duration_s - pace.fastest.duration_s) / 60.0
-        saves = _kwh(pace.fastest.energy_wh - knee.cruise.energy_wh)
-        speeds = f"at most {', '.join(kept)} km/h"
-        typer.echo(f"Best trade-off of time and energy: {speeds}, {minutes:+.0f} min, {saves} kWh less.")
+def _show_speeds(speeds: Sequence[SpeedCap]) -> None:
+    rows = [
+        (
+            f"{3.6 * cap.speed_m_s:.0f}",
+            f"{cap.longer_s / 60.0:+.0f} min",
+            _kwh(cap.saved_wh),
+            f"{cap.charging_w / 1000.0:.0f}",
+        )
+        for cap in speeds
+    ]
+    names = ("at most km/h", "time", "saves kWh", "quicker with charging below kW")
+    print_table("Speeds to keep", names, rows, numbers=names)
 
 
 def _all(advised: Advised, advice: Advice) -> str:

@@ -78,47 +78,14 @@ class AdvisedDocument(ResponseModel):
     """with it; null for a trip without stops to charge, or where no plan is sure enough"""
 
 
-class PaceRow(ResponseModel):
-    """Time and energy beside those at the speeds of the plan."""
+class SpeedCapDocument(ResponseModel):
+    """A highest speed, and what it changes beside the speeds of the plan."""
 
+    speed_m_s: float
     longer_s: float
     saved_wh: float
-
-
-class KeptSpeed(ResponseModel):
-    """A class of road, and the speed to keep on it."""
-
-    highest_m_s: float
-    keep_m_s: float
-
-
-class PaceSpeeds(PaceRow):
-    """One speed for each class of road."""
-
-    speeds: list[KeptSpeed]
-    lift_at_m: list[float]
-    """where to lift the foot [m]"""
-    lost_wh: float
-    """beside the best speeds of all links [Wh]"""
-    lost_s: float
-
-
-class PaceWithCharging(PaceSpeeds):
-    """The speeds with which driving and charging together take least time."""
-
     charging_w: float
-    won_s: float
-    """beside the speeds of the plan [s]"""
-
-
-class PaceDocument(ResponseModel):
-    """What minutes cost on the road, by simulation."""
-
-    front: list[PaceRow]
-    """least energy for its time, the fastest first"""
-    knee: PaceSpeeds
-    """where minutes begin to bring less"""
-    with_charging: list[PaceWithCharging]
+    """power of charging below which the trip is quicker in all [W]"""
 
 
 class AdviceResponse(ResponseModel):
@@ -137,8 +104,8 @@ class AdviceResponse(ResponseModel):
     """the mildest action of each group that saves for sure, the largest saving first"""
     whole: WholeDocument | None
     """null for a trip without stops to charge"""
-    pace: PaceDocument | None
-    """null where the car cannot hold the speeds of the plan"""
+    speeds: list[SpeedCapDocument]
+    """highest speeds that save for sure, the fastest first; empty for a slow road"""
     flags: list[FlagDocument]
 
 

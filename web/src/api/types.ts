@@ -646,7 +646,7 @@ export interface components {
             least: components["schemas"]["AdvisedDocument"][];
             singly: components["schemas"]["AdvisedDocument"][];
             whole: components["schemas"]["WholeDocument"] | null;
-            pace: components["schemas"]["PaceDocument"] | null;
+            speeds: components["schemas"]["SpeedCapDocument"][];
             flags: components["schemas"]["FlagDocument"][];
         };
         AdvisedDocument: {
@@ -1053,10 +1053,6 @@ export interface components {
             other: components["schemas"]["PlanRequest"];
             road?: number;
         };
-        KeptSpeed: {
-            highest_m_s: number;
-            keep_m_s: number;
-        };
         KindChanges: {
             changes?: {
                 [key: string]: components["schemas"]["ColumnChoice"] | null;
@@ -1355,33 +1351,6 @@ export interface components {
             };
             evcc: string[];
         };
-        PaceDocument: {
-            front: components["schemas"]["PaceRow"][];
-            knee: components["schemas"]["PaceSpeeds"];
-            with_charging: components["schemas"]["PaceWithCharging"][];
-        };
-        PaceRow: {
-            longer_s: number;
-            saved_wh: number;
-        };
-        PaceSpeeds: {
-            longer_s: number;
-            saved_wh: number;
-            speeds: components["schemas"]["KeptSpeed"][];
-            lift_at_m: number[];
-            lost_wh: number;
-            lost_s: number;
-        };
-        PaceWithCharging: {
-            longer_s: number;
-            saved_wh: number;
-            speeds: components["schemas"]["KeptSpeed"][];
-            lift_at_m: number[];
-            lost_wh: number;
-            lost_s: number;
-            charging_w: number;
-            won_s: number;
-        };
         PlaceDocument: {
             name: string;
             kind: string;
@@ -1610,6 +1579,12 @@ export interface components {
             displayed_soc_low: number[];
             displayed_soc_high: number[];
         };
+        SpeedCapDocument: {
+            speed_m_s: number;
+            longer_s: number;
+            saved_wh: number;
+            charging_w: number;
+        };
         StationDocument: {
             latitude_deg: number;
             longitude_deg: number;
@@ -1816,7 +1791,6 @@ export type HealthResponse = components['schemas']['HealthResponse'];
 export type HourNeed = components['schemas']['HourNeed'];
 export type JourneyAdviceRequest = components['schemas']['JourneyAdviceRequest'];
 export type JourneyDifferenceRequest = components['schemas']['JourneyDifferenceRequest'];
-export type KeptSpeed = components['schemas']['KeptSpeed'];
 export type KindChanges = components['schemas']['KindChanges'];
 export type KindDocument = components['schemas']['KindDocument'];
 export type KindRange = components['schemas']['KindRange'];
@@ -1847,10 +1821,6 @@ export type NewCarRequest = components['schemas']['NewCarRequest'];
 export type NextStationDocument = components['schemas']['NextStationDocument'];
 export type NightRequest = components['schemas']['NightRequest'];
 export type NightResponse = components['schemas']['NightResponse'];
-export type PaceDocument = components['schemas']['PaceDocument'];
-export type PaceRow = components['schemas']['PaceRow'];
-export type PaceSpeeds = components['schemas']['PaceSpeeds'];
-export type PaceWithCharging = components['schemas']['PaceWithCharging'];
 export type PlaceDocument = components['schemas']['PlaceDocument'];
 export type PlaceRequest = components['schemas']['PlaceRequest'];
 export type PlacesResponse = components['schemas']['PlacesResponse'];
@@ -1870,6 +1840,7 @@ export type RouteResponse = components['schemas']['RouteResponse'];
 export type ScoreDocument = components['schemas']['ScoreDocument'];
 export type SeasonDocument = components['schemas']['SeasonDocument'];
 export type Series = components['schemas']['Series'];
+export type SpeedCapDocument = components['schemas']['SpeedCapDocument'];
 export type StationDocument = components['schemas']['StationDocument'];
 export type StopDocument = components['schemas']['StopDocument'];
 export type TelemetryRequest = components['schemas']['TelemetryRequest'];

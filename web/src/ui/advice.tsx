@@ -1,6 +1,6 @@
 /** What to do about the trip: the least that makes it arrive, then what each action saves. */
 
-import type { Advised, AdvisedAction, Pace, PaceSpeeds, Whole } from "../api/documents";
+import type { Advised, AdvisedAction, SpeedCap, Whole } from "../api/documents";
 import { ENERGY, PERCENT, POWER } from "../model/units";
 import { advice, adviceIsOld } from "../state/advice";
 import { source } from "../state/catalogue";
@@ -103,31 +103,20 @@ function Saving({ of, now }: { of: Advised; now: Whole | null }) {
   );
 }
 
-/** One speed for each class of road, as far as it is below what is planned. */
-function keptText(speeds: PaceSpeeds["speeds"]): string {
-  const { speed } = units.value;
-  const kept = speeds.filter(({ highest_m_s, keep_m_s }) => keep_m_s < highest_m_s - 1);
-  return kept.map(({ keep_m_s }) => format.value.shown(keep_m_s, speed)).join(", ");
-}
-
-/** What minutes cost on this road. */
-function Speeds({ of: { knee, with_charging } }: { of: Pace }) {
+/** Highest speeds, what each costs and saves, and the charging below which it is quicker in all. */
+function Speeds({ of }: { of: SpeedCap[] }) {
   const { advice: words } = text.value;
   const { shown, span } = format.value;
-  const rows: [string, PaceSpeeds][] = [
-    [words.knee, knee],
-    ...with_charging.map((row): [string, PaceSpeeds] => [words.charging(shown(row.charging_w, POWER)), row]),
-  ];
   return (
     <details>
-      <summary>{words.pace}</summary>
-      <DataTable label={words.pace} heads={[words.paces, words.keep, words.minutes, words.less]}>
-        {rows.map(([name, row]) => (
-          <tr key={name}>
-            <th scope="row">{name}</th>
-            <td>{keptText(row.speeds) || words.asPlanned}</td>
-            <td>{row.longer_s >= MIN_SHOWN_S ? span(row.longer_s) : "–"}</td>
-            <td>{shown(row.saved_wh, ENERGY)}</td>
+      <summary>{words.speeds}</summary>
+      <DataTable label={words.speeds} heads={[words.keep, words.minutes, words.less, words.quicker]}>
+        {of.map((cap) => (
+          <tr key={cap.speed_m_s}>
+            <th scope="row">{shown(cap.speed_m_s, units.value.speed)}</th>
+            <td>{cap.longer_s >= MIN_SHOWN_S ? span(cap.longer_s) : "–"}</td>
+            <td>{shown(cap.saved_wh, ENERGY)}</td>
+            <td>{words.below(shown(cap.charging_w, POWER))}</td>
           </tr>
         ))}
       </DataTable>
@@ -162,7 +151,7 @@ export function AdviceCard() {
           <Saving key={togetherText(one)} of={one} now={found.whole} />
         ))}
       </ul>
-      {found.pace && found.pace.front.length > 1 && <Speeds of={found.pace} />}
+      {found.speeds.length > 0 && <Speeds of={found.speeds} />}
     </section>
   );
 }
