@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from tests.support.faults import faulty_fleet
 
 import tripwatt.synthetic as synthetic
 from tripwatt.auditing import audit
@@ -14,7 +15,6 @@ from tripwatt.physics import DriveConditions, Simulation, simulate
 from tripwatt.synthetic import (
     VEHICLE,
     example_trip,
-    faulty_fleet,
     synthetic_fleet,
     synthetic_truth,
     synthetic_world,
@@ -352,16 +352,6 @@ def test_planted_faults_change_their_own_samples_and_no_other():
             assert (curve < 1e-9).all()
 
 
-def test_faults_are_planted_on_demand_alone_and_always_the_same():
-    assert synthetic_fleet(5).notes == synthetic_fleet(5, faults=False).notes
-    first, again = synthetic_fleet(5, seed=2, faults=True), faulty_fleet(5, seed=2)[0]
-    for a, b in zip(first.trips, again.trips, strict=True):
-        pd.testing.assert_frame_equal(a.samples, b.samples, check_exact=True)
-    assert [(note.code, note.value) for note in first.notes][-1] == ("planted_faults", 3.0)
-    with pytest.raises(InvalidInput, match="too few trips for the faults"):
-        faulty_fleet(2)
-
-
 def test_example_trip_is_a_table_and_arguments_are_checked():
     table = example_trip()
     assert set(table.columns) <= set(COLUMNS)
@@ -399,7 +389,6 @@ def test_another_car_stands_on_its_own_physics():
         ({"hours": (2.0, 1.0)}, "hours"),
         ({"hours": (0.05, 1.0)}, "hours"),
         ({"hours": (1.0, 13.0)}, "hours"),
-        ({"hours": (1.0, 2.0), "faults": True}, "hours"),
     ],
 )
 def test_impossible_hours_are_refused(arguments, named):

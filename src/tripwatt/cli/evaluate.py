@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 CARS = "cars"
 """The protocol of several cars, each forecast from the others."""
 
+BUILT_IN_TRIPS = 24
+"""Trips of the built-in fleet: as many as a first run evaluates in little more than a minute."""
+
 INTERRUPTED = 130
 """Exit code of a run that was stopped from the keyboard."""
 
@@ -104,7 +107,7 @@ def evaluate(
         check(_check, options, overrides or [], jobs)
         check(check_writable, out)
         with shown.status("reading trips"):
-            fleet = check(logs.read, built_in_faults=True)
+            fleet = check(logs.read, built_in_trips=BUILT_IN_TRIPS)
             options["test_fleet"] = test and check(replace(logs, data=test).read)
     trips = replace(fleet, notes=(*fleet.notes, *note))
     shown.print(f"{len(trips)} trips read ({trips.name})")

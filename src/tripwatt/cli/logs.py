@@ -48,7 +48,7 @@ def audit(logs: Logs) -> Answer:
     from tripwatt.auditing import audit as run_audit
     from tripwatt.trips.messages import flag_to_dict
 
-    fleet = logs.read(built_in_faults=True, lenient=True)
+    fleet = logs.read(lenient=True)
     result = run_audit(fleet)
     document = {
         "read": len(fleet.trips),

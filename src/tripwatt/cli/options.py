@@ -81,9 +81,6 @@ JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON instead of 
 CARS: Final[Mapping[str, str]] = {"synthetic": "bmw_i3_60ah", "tum": "bmw_i3_60ah", "ved": "nissan_leaf_24"}
 """Data set -> the car that drove it."""
 
-BUILT_IN_TRIPS: Final = 24
-"""Trips of the built-in fleet with planted faults: as many as a first run evaluates in little more than a minute."""
-
 UNKNOWN_CAR: Final = "bmw_i3_60ah"
 """The car that is assumed for a table without --vehicle; the commands note it."""
 
@@ -104,14 +101,13 @@ def read_logs(
     dataset: str | None,
     mapping: str | None,
     *,
-    built_in_faults: bool = False,
+    built_in_trips: int = 32,
     lenient: bool = False,
     **more: Any,
 ) -> Fleet:
     """The trips that a user means by DATA, --dataset and --mapping.
 
-    `built_in_faults` plants faults into the built-in trips, for commands that audit them; a published set is
-    read strictly unless `lenient`; `more` are the `strict`, `vehicle` and
+    Without DATA it is the built-in fleet. A published set is read strictly unless `lenient`; `more` are the `strict`, `vehicle` and
     `progress` of the reader.
 
     Raises
@@ -123,7 +119,7 @@ def read_logs(
         from tripwatt.synthetic import synthetic_fleet
 
         require_effect({"--dataset": dataset, "--mapping": mapping}, "only together with DATA")
-        return synthetic_fleet(BUILT_IN_TRIPS, faults=True) if built_in_faults else synthetic_fleet()
+        return synthetic_fleet(built_in_trips)
     from tripwatt.sources import read_logs as read
 
     dataset = dataset or dataset_of(data, mapping)

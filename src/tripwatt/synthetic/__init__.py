@@ -19,8 +19,7 @@ from typing import Final
 
 import pandas as pd
 
-from tripwatt.errors import Fault, InvalidInput, excerpt
-from tripwatt.synthetic.faults import FEWEST_TRIPS, PlantedFault, plant_faults
+from tripwatt.errors import Fault, excerpt
 from tripwatt.synthetic.roads import drive_route
 from tripwatt.synthetic.scenario import Scenario, draw_scenarios, long_drive
 from tripwatt.synthetic.sensors import log_samples
@@ -32,10 +31,8 @@ from tripwatt.vehicles.extras import with_extras
 
 __all__ = [
     "VEHICLE",
-    "PlantedFault",
     "example_fleet",
     "example_trip",
-    "faulty_fleet",
     "synthetic_fleet",
     "synthetic_truth",
     "synthetic_world",
@@ -48,8 +45,6 @@ FOLLOWS_WITHIN_S: Final = 300.0
 """A trip that starts this soon [s] after the last one is said to follow it."""
 
 NOTES: Final = (Flag("synthetic", "synthetic"),)
-
-FAULTY_NOTE: Final = Flag("planted_faults", "synthetic", 3.0, "1")
 
 
 MOST_TRIPS: Final = 1_000_000
@@ -69,7 +64,6 @@ def synthetic_fleet(
     seed: int = 0,
     *,
     step_s: float = 1.0,
-    faults: bool = False,
     vehicle: Vehicle | None = None,
     hours: tuple[float, float] | None = None,
 ) -> Fleet:
@@ -83,13 +77,11 @@ def synthetic_fleet(
         Trips of equal seed are equal to the last bit.
     step_s : float
         Time between two samples [s], 1 or less.
-    faults : bool
-        Plant one fault of a logger into each of three trips, as `faulty_fleet`; all other trips stay as they are.
     vehicle : Vehicle, optional
-        The car whose physics the hidden car stands on; `VEHICLE` by default. Not together with `faults`.
+        The car whose physics the hidden car stands on; `VEHICLE` by default.
     hours : tuple of float, optional
         Shortest and longest duration [h], 0.1 to 12, of long drives mostly on motorways, which start with a battery of
-        90 %. By default trips take a quarter to three quarters of an hour. Not together with `faults`.
+        90 %. By default trips take a quarter to three quarters of an hour.
 
     Returns
     -------
@@ -107,55 +99,7 @@ def synthetic_fleet(
     >>> fleet.name, [trip.trip_id for trip in fleet.trips]
     ('synthetic', ['S001', 'S002', 'S003'])
     """
-    if faults:
-        given = [
-            (name, value) for name, value in (("vehicle", vehicle), ("hours", hours)) if value is not None
-        ]
-        allowed = "only without faults"
-        raise_faults(Fault("argument has no effect", name, str(value)[:40], allowed) for name, value in given)
-        return faulty_fleet(n_trips, seed, step_s=step_s)[0]
     return synthetic_world(n_trips, seed, step_s=step_s, vehicle=vehicle, hours=hours)[0]
-
-
-def faulty_fleet(
-    n_trips: int = 32, seed: int = 0, *, step_s: float = 1.0
-) -> tuple[Fleet, tuple[PlantedFault, ...]]:
-    """`synthetic_fleet` with a frozen signal, a current of the wrong sign and a filled gap, and where they are.
-
-    Parameters
-    ----------
-    n_trips : int
-        Three or more.
-    seed : int
-        As for `synthetic_fleet`.
-    step_s : float
-        As for `synthetic_fleet`.
-
-    Returns
-    -------
-    fleet : Fleet
-        With three faulty logs.
-    faults : tuple of PlantedFault
-        In the order of the trips.
-
-    Raises
-    ------
-    InvalidInput
-        As `synthetic_fleet`, and for fewer than three trips.
-
-    Examples
-    --------
-    >>> fleet, faults = faulty_fleet(5)
-    >>> sorted(fault.kind for fault in faults)
-    ['filled gap', 'frozen signal', 'wrong sign']
-    """
-    raise_faults(number_faults("n_trips", n_trips, Column("", 0, MOST_TRIPS, ""), whole=True))
-    if n_trips < FEWEST_TRIPS:
-        allowed = f"{FEWEST_TRIPS} or more"
-        raise InvalidInput.of("too few trips for the faults", "n_trips", f"{n_trips}", allowed)
-    sound = synthetic_world(n_trips, seed, step_s=step_s)[0]
-    trips, faults = plant_faults(sound.trips, seed)
-    return replace(sound, logs=trips, notes=(*sound.notes, FAULTY_NOTE)), faults
 
 
 def synthetic_truth(n_trips: int = 32, seed: int = 0, *, step_s: float = 1.0) -> pd.DataFrame:

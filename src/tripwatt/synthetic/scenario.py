@@ -16,7 +16,7 @@ N_DRIVERS: Final = 6
 DAYS_PER_SEASON: Final = 90
 
 # what a stream of random numbers is for; with the seed, the day and the trip it makes the stream's key
-DRIVERS, DAYS, TRIPS, ROADS, WHEEL, WORLD, AIR, NOISE, SENSORS, FAULTS = range(10)
+DRIVERS, DAYS, TRIPS, ROADS, WHEEL, WORLD, AIR, NOISE, SENSORS = range(9)
 
 
 def stream(seed: int, purpose: int, *index: int) -> np.random.Generator:

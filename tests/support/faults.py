@@ -6,19 +6,20 @@ Three trips get one fault each. Where, is drawn from a stream of its own, so tha
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Literal
 
 import numpy as np
 import pandas as pd
 
-from tripwatt.synthetic.scenario import FAULTS, stream
-from tripwatt.trips import Log, Recorded, Trip
+from tripwatt.synthetic import synthetic_fleet
+from tripwatt.synthetic.scenario import stream
+from tripwatt.trips import Fleet, Log, Recorded, Trip
 
 FaultKind = Literal["frozen signal", "wrong sign", "filled gap"]
 
-FEWEST_TRIPS: Final = 3
-"""One for each kind."""
+FAULTS: Final = 9
+"""What the stream of random numbers is for; the fleet has those before."""
 
 FROZEN_S: Final = 150.0
 """The last part [s] of the log in which every signal keeps the value that it had."""
@@ -39,27 +40,8 @@ FILLED_CHANGE_M_S: Final = 4.0
 
 @dataclass(frozen=True, slots=True)
 class PlantedFault:
-    """One fault and what it hides.
-
-    Attributes
-    ----------
-    trip : str
-        Id of the trip that has it.
-    kind : {"frozen signal", "wrong sign", "filled gap"}
-        What is wrong with the signal.
-    first, stop : int
-        Samples that differ from those of the sound trip: first, and one past the last.
-    from_s, to_s : float
-        Times [s] of the last sound sample before the fault and of the first one after it; of the ends of the log where
-        there is none.
-    unfaulted_energy_wh : float
-        Measured energy of the trip without the fault [Wh].
-
-    Examples
-    --------
-    >>> PlantedFault("A", "frozen signal", 10, 20, 9.0, 20.0, unfaulted_energy_wh=1500.0).kind
-    'frozen signal'
-    """
+    """One fault and what it hides: samples from `first` to `stop`, times of the last sound sample before and the first after them, and the
+    measured energy without it."""
 
     trip: str
     kind: FaultKind
@@ -70,16 +52,15 @@ class PlantedFault:
     unfaulted_energy_wh: float
 
 
-def plant_faults(trips: Sequence[Trip], seed: int) -> tuple[tuple[Recorded, ...], tuple[PlantedFault, ...]]:
-    """The trips with one fault of each kind in three of them, and where they are. O(samples).
+def faulty_fleet(n_trips: int = 32, seed: int = 0) -> tuple[Fleet, tuple[PlantedFault, ...]]:
+    """`synthetic_fleet` with a frozen signal, a current of the wrong sign and a filled gap, and where they are."""
+    sound = synthetic_fleet(n_trips, seed)
+    trips, faults = plant_faults(sound.trips, seed)
+    return replace(sound, logs=trips), faults
 
-    Parameters
-    ----------
-    trips : sequence of Trip
-        Sound trips, three or more.
-    seed : int
-        Equal seeds plant equal faults into equal trips.
-    """
+
+def plant_faults(trips: Sequence[Trip], seed: int) -> tuple[tuple[Recorded, ...], tuple[PlantedFault, ...]]:
+    """The trips with one fault of each kind in three of them, and where they are."""
     rng = stream(seed, FAULTS)
     order: list[int] = rng.permutation(len(trips)).tolist()
     reversed_trip = next((i for i in order if _longest_standstill_s(trips[i]) < SHORT_STANDSTILL_S), order[0])
