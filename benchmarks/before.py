@@ -6,7 +6,7 @@ times come from the car's other trips, and beside that from the model that the c
 trips, with the same car, is the best case. The difference is split by replacing one thing after the other, so that the parts add up.
 
 Beside that the travel times are tested where they were not learned: those of each data set on the trips of every other. `--write` renews
-docs/results/before.json and the parts `before` of the README, of docs/explanation/results.md and of docs/explanation/evaluation.md.
+docs/results/before.json and the parts `before` of the README and of docs/explanation/results.md.
 """
 
 from __future__ import annotations
@@ -334,18 +334,11 @@ def rows_of_known(text: str, row: Mapping[str, Any], n: int) -> Iterator[Row]:
         yield Row(f"{text}: {what}; upper end", high, least=float(level))
 
 
-def bars_table(results: Mapping[str, Any]) -> str:
-    """The part of the page on measuring."""
-    head = "| What | Figure | Bound | Met |\n|:--|--:|--:|:--|"
-    return "\n".join([head, *(row.cells for row in rows_of(results))])
-
-
 def publish(results: Mapping[str, Any]) -> None:
     """The results file, and the parts of pages."""
     RESULT.write_text(json.dumps(results, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
     pages.renew(ROOT / "README.md", "before", short(results))
     pages.renew("explanation/results.md", "before", text_of(results))
-    pages.renew("explanation/evaluation.md", "before", bars_table(results))
 
 
 def bounds() -> Iterator[Row]:

@@ -139,7 +139,6 @@ RESULTS: Final = (
             "docs/results/before.json",
             "README.md#before",
             "docs/explanation/results.md#before",
-            "docs/explanation/evaluation.md#before",
         ),
         ("tum", "ved", "twizy", "sedan", POPULATION, MODEL),
         2,
