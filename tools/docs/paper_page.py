@@ -19,7 +19,7 @@ from tripwatt.report.panel import PanelSpec
 from tripwatt.report.panels import paper_studies
 from tripwatt.report.panels.gamm_summary import PAPER_TABLE2
 from tripwatt.report.panels.results_table import on_physics_gap, results_table
-from tripwatt.report.panels.running_time import PAPER_SAYS, running_time_table
+from tripwatt.report.panels.running_time import PAPER_SAYS
 from tripwatt.report.tables import DASH, Table, number
 from tripwatt.report.view import Record, View
 from tripwatt.report.words import interval, label, listed, percent, points
@@ -60,10 +60,7 @@ VARIABLES: Final = (
 )
 """The paper's Table 1, and where each variable is here."""
 
-MACHINE: Final = (
-    "The times here are wall times on a machine of two cores with a process on each. Linear algebra has one thread in each, to which `evaluate` limits it: "
-    "several threads wait for each other on matrices of this size."
-)
+MACHINE: Final = "These are wall times on a machine of two cores with a process on each, in which linear algebra has one thread."
 """What the times of a published run stand for (`tools.docs.make_results`)."""
 
 PAPER_TRIP_DF: Final = 57
@@ -195,8 +192,7 @@ def _table3(view: View, cars: Cars) -> str:
 
 def _times(view: View, cars: Cars) -> str:
     said = [f"{label(name)}: {words}." for name, words in PAPER_SAYS.items()]
-    words = f"The paper prints no time. Its words on the {' '.join(said)} {MACHINE}"
-    return "\n\n".join([words, markdown(running_time_table(view))])
+    return f"The paper prints no time. Its words on the {' '.join(said)} Table 3 has ours. {MACHINE}"
 
 
 def _trips(view: View, cars: Cars) -> str:
@@ -214,19 +210,6 @@ def _trips(view: View, cars: Cars) -> str:
 def own_models(cars: Cars) -> list[Record]:
     """The cars with a model of their own."""
     return [car for car in cars.get("cars", ()) if car.get("own_model")]
-
-
-def cars_table(cars: Cars) -> Table:
-    """Error on each car of its physics, of the population of other cars without and with own trips, and of its own model."""
-    rows = []
-    for car in own_models(cars):
-        first, last = car["curves"]["population"][0], car["curves"]["population"][-1]
-        errors = (car["physics"], first, last, car["own_model"])
-        rows.append(
-            (str(car["vehicle_title"]), *(number(one["error"], 100, 1) for one in errors), str(last["k"]))
-        )
-    columns = ("Car", "Physics alone [%]", "No own trip [%]", "Own trips [%]", "Own model [%]", "Own trips")
-    return Table("Error on cars that took no part", columns, tuple(rows))
 
 
 def on_cars(cars: Cars) -> str:
@@ -250,8 +233,7 @@ def on_cars(cars: Cars) -> str:
 def _cars(view: View, cars: Cars) -> str:
     if not own_models(cars):
         return "No other car was measured."
-    more = "[Any car](cars.md) has every car, the errors by own trips, and the method."
-    return "\n\n".join([on_cars(cars), markdown(cars_table(cars)), more])
+    return f"{on_cars(cars)} [Any car](cars.md) has the errors of every car, by own trips, and the method."
 
 
 def _improved(view: View) -> str:
@@ -331,8 +313,7 @@ ELEMENTS: Final = (
         _image(
             "simulation",
             "From time, speed and grade over road load and drivetrain to battery and energy",
-            "Drawn by `tools.docs.schematics` from the car under the preset `paper`; every value has its source in [the "
-            "car model](car-model.md).",
+            "Drawn from the car under the preset `paper`; [the car model](car-model.md) has every value.",
         ),
     ),
     Element(
@@ -444,7 +425,9 @@ ELEMENTS: Final = (
         "Claim: over 90 % of the trips are improved",
         "share of trips, on two simulations",
         _improved,
-        lambda view, cars: markdown(paper_studies.improved_table(view)),
+        lambda view, cars: (
+            "The second table on the row *Purely Physics-based model* has the shares on both simulations."
+        ),
     ),
     Element("less-data", "Claim: less data than purely data-driven", "learning curve", _needed, _trips),
     Element(
@@ -467,10 +450,8 @@ ELEMENTS: Final = (
         "58 reference trips, of 70 of the published data set",
         lambda view: f"{view.main.get('n_trips')} trips scored here",
         lambda view, cars: (
-            "The data set that was published has 70 trips; the paper scores 72 and names none. The reference trips are the sound "
-            "ones of those on which the other systems of the comparison were measured. The reader takes all 70 files; "
-            "[other sets of trips](results.md) show how little the errors depend on the choice. "
-            + on_trip_df(view)
+            "The published data set has 70 trips; the paper scores 72 and names none. [Other sets of trips](results.md) show how "
+            "little the errors depend on the choice. Table 2 shows how many trips the paper's GAMM was fitted on."
         ),
     ),
 )

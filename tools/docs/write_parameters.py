@@ -9,21 +9,21 @@ from collections.abc import Mapping
 
 from tools.docs import pages
 from tripwatt.vehicles import LICENCES, Vehicle, load_vehicle
-from tripwatt.vehicles.vehicle import SECTIONS, Entry
+from tripwatt.vehicles.vehicle import SECTIONS
 from tripwatt.vehicles.writing import format_value
 
 
 def render_parameters(vehicle: Vehicle) -> str:
-    """Markdown tables of all values of a car, one for each part that it has, with unit and source."""
+    """Markdown tables of all values of a car, one for each part that it has, with their units."""
     blocks = []
     for section, part in SECTIONS.items():
         rows = [
-            f"| `{key}` | {format_value(entry)} | {entry.unit} | {meaning} | {_origin(entry)} |"
+            f"| `{key}` | {format_value(entry)} | {entry.unit} | {meaning} |"
             for key, meaning in meanings(part).items()
             if (entry := vehicle.entries.get(f"{section}.{key}")) is not None
         ]
         if rows:
-            head = ["| key | value | unit | meaning | source |", "|---|---|---|---|---|"]
+            head = ["| key | value | unit | meaning |", "|---|---|---|---|"]
             blocks.append("\n".join([f"#### {section}", "", *head, *rows]))
     return "\n\n".join(blocks) + "\n"
 
@@ -33,10 +33,6 @@ def meanings(part: type) -> Mapping[str, str]:
     text = (inspect.getdoc(part) or "").partition("Attributes\n")[2]
     rows = re.findall(r"^(\w+) : .*\n((?:    .*\n?)+)", text, re.MULTILINE)
     return {name: re.sub(r" \[[^\]]*\]", "", " ".join(words.split())).rstrip(".") for name, words in rows}
-
-
-def _origin(entry: Entry) -> str:
-    return f"{entry.source} *Estimated: {entry.estimated}.*" if entry.estimated else entry.source
 
 
 def render_licences() -> str:
