@@ -253,8 +253,9 @@ def _needed(view: View) -> str:
     most = study["curve"][-1]
     error = most[CURVE_MODELS[1]]
     weak = ", which is weak," if paper_studies.stronger_baseline(error, view.scores) else ""
+    floor = "at most " if study["crossing"] <= study["curve"][0]["n_trips"] else ""
     return (
-        f"{study['crossing']:.1f} trips reach the {percent(error)} that the data-driven model{weak} has with {most['n_trips']}; "
+        f"{floor}{study['crossing']:.3g} trips reach the {percent(error)} that the data-driven model{weak} has with {most['n_trips']}; "
         "the paper gives no figure"
     )
 
