@@ -73,8 +73,9 @@ def test_the_numbers_of_the_page_are_those_of_the_results(results: dict, page: s
     models = results["studies"]["models"]
     own = set(results["evaluations"][0]["models"]) - {"physics-paper", "gamm", "boosting", "forest"}
     for name, score in models.items():
-        assert name in own or score["title"] in page, name
-        assert f"{100 * score['mape']:.1f}" in page, name
+        if name not in own:  # the page of results has them
+            assert score["title"] in page, name
+            assert f"{100 * score['mape']:.1f}" in page, name
     changed = json.loads(json.dumps(results))
     changed["studies"]["models"]["physics-brochure"]["mape"] = 0.4321
     changed["studies"]["models"]["boosting-ar1"]["mape"] = 0.9876
