@@ -332,7 +332,7 @@ def test_the_report_shows_other_kinds_of_trips_and_the_arrival(whole, monkeypatc
             assert text.count(f"{evaluation['trips']} has") == 0  # no set of the audit
     arrival = run.results["evaluations"][0]["models"]["hybrid"]["arrival"]["soc"]
     assert f"{100 * arrival['mae']:.1f}" in text
-    assert f"{100 * arrival['coverage']:.0f} %" in text
+    assert f"{100 * arrival['coverage']:.1f}" in text
 
 
 def test_resumed_run_is_the_identical_one(fleet, whole):

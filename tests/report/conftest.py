@@ -96,8 +96,9 @@ def pairs_of(folds: pd.DataFrame, rng: np.random.Generator) -> list[dict]:
     for i, a in enumerate(names):
         for b in names[i + 1 :]:
             difference = (wide[a] - wide[b]).to_numpy()
-            pair = {"a": a, "b": b, "diff": float(difference.mean()), "ci95": bootstrap(difference, rng)}
-            pairs.append({"scheme": folds["scheme"].iloc[0], "trips": folds["trips"].iloc[0], **pair})
+            low, high = bootstrap(difference, rng)
+            pair = {"a": a, "b": b, "diff": float(difference.mean()), "ci95": [low, high]}
+            pairs.append({**pair, "significant": low > 0 or high < 0})
     return pairs
 
 
@@ -117,48 +118,6 @@ def make_series(folds: pd.DataFrame, rng: np.random.Generator) -> dict[str, pd.D
             columns[model] = value * share * wave / wave[-1]
         series[str(trip)] = pd.DataFrame(columns)
     return series
-
-
-def make_inside(trips: list[str], rng: np.random.Generator) -> dict[str, pd.DataFrame]:
-    n = len(trips)
-    signals = pd.DataFrame(
-        {
-            "trip": trips,
-            "current_rmse_a": rng.gamma(9, 1.1, n),
-            "voltage_rmse_v": rng.gamma(9, 0.4, n),
-            "battery_temperature_rmse_degc": rng.gamma(4, 0.3, n),
-            "soc_rmse": rng.gamma(4, 0.004, n),
-        }
-    )
-    rounds = np.arange(1, 301)
-    curves = pd.concat(
-        pd.DataFrame(
-            {
-                "model": model,
-                "fold": f,
-                "rounds": rounds,
-                "error": 0.12 + 0.2 * np.exp(-rounds / 40) + 1e-7 * (rounds - 150 - 9 * f) ** 2 + 0.01 * e,
-            }
-        )
-        for model in ("boosting", "boosting-only")
-        for f, e in enumerate(rng.standard_normal(6))
-    )
-    covariates = [
-        "time_s",
-        "speed_m_s",
-        "ambient_temperature_degc",
-        "elevation_difference_m",
-        "season",
-        "weather",
-    ]
-    importances = pd.DataFrame(
-        [
-            {"model": m, "covariate": c, "importance": float(rng.gamma(1.0, 0.1))}
-            for m in ("forest", "boosting")
-            for c in covariates
-        ]
-    )
-    return {"signals": signals, "learning_curves": curves, "importances": importances}
 
 
 @lru_cache
@@ -187,10 +146,7 @@ def gamm_of(trips: list[str]) -> GammInsight:
         else e
         for label, e in fitted.effects.items()
     }
-    outside = pd.DataFrame(
-        {"trip": trips[:2], "covariate": ["time_s", "weather"][: len(trips[:2])], "share": 0.25}
-    )
-    return replace(fitted, effects=effects, outside=outside)
+    return replace(fitted, effects=effects)
 
 
 def make_run(
@@ -202,13 +158,13 @@ def make_run(
     rng = np.random.default_rng(seed)
     trips = trips or [f"A{i:02d}" for i in range(1, 33)] + [f"B{i:02d}" for i in range(2, 28)]
     sets = [
-        ("leave_one_trip_out", "all"),
         ("leave_one_trip_out", "reference"),
         ("leave_one_trip_out", "audited"),
+        ("leave_one_trip_out", "all"),
         ("leave_one_day_out", "reference"),
     ]
     folds = [make_folds(trips, scheme, name, rng, models) for scheme, name in sets]
-    main = folds[1]
+    main = folds[0]
     results = {
         "protocol": "paper",
         "seed": seed,
@@ -235,14 +191,13 @@ def make_run(
         "trips_read": [*trips, "X99"],
         "trips_used": {"reference": trips, "audited": trips[1:], "all": [*trips, "X99"]},
         "evaluations": [evaluation_of(f, rng) for f in folds],
-        "paired": [p for f in folds for p in pairs_of(f, rng)],
+        "paired": pairs_of(main, rng),
     }
     return SimpleNamespace(
         results=results,
         folds=pd.concat(folds, ignore_index=True),
         series=make_series(main, rng),
         gamm=gamm_of(trips),
-        **make_inside(trips, rng),
     )
 
 
@@ -254,7 +209,7 @@ def run() -> SimpleNamespace:
 @pytest.fixture(scope="session")
 def panels(run: SimpleNamespace) -> dict[str, Panel]:
     """All panels of `run` by their keys."""
-    return {panel.key: panel for section in build_sections(View.from_run(run)) for panel in section.panels}
+    return {panel.key: panel for panels in build_sections(View.from_run(run)).values() for panel in panels}
 
 
 @pytest.fixture(scope="session")

@@ -18,25 +18,13 @@ from tripwatt.errors import InvalidInput
 from tripwatt.evaluation import DEFAULT_PROTOCOL
 from tripwatt.files import write_bytes
 from tripwatt.report.intervals import NOTE, OFF
-from tripwatt.report.panels.results_table import (
-    on_lowest,
-    on_paper,
-    on_parts,
-    on_table,
-    results_table,
-    sets_table,
-    without_days,
-)
-from tripwatt.report.panels.uncertainty import coverage_by_set, on_coverage, on_sets
-from tripwatt.report.panels.updates import on_updates, updates_table
+from tripwatt.report.panels.paired import SIGNIFICANT, difference_column
+from tripwatt.report.panels.results_table import results_table, sets_table
+from tripwatt.report.panels.uncertainty import coverage_by_set, scored_sets, updates_table
 from tripwatt.report.short_table import short_table
-from tripwatt.report.tables import number
 from tripwatt.report.view import View
+from tripwatt.report.words import listed
 from tripwatt.vehicles import load_vehicle
-
-_SYNTHETIC: Final = (
-    "**These trips are synthetic: they show that the pipeline works, not how good it is on a road.**"
-)
 
 
 def render_short(results: Mapping[str, Any]) -> str:
@@ -48,22 +36,20 @@ def render_short(results: Mapping[str, Any]) -> str:
         The contract of `results.json`.
     """
     view = View(results)
-    parts = [_SYNTHETIC] if view.synthetic else []
-    parts.append(markdown(short_table(view)))
-    given = ", ".join(
-        filter(
-            None,
-            [
-                "The best model of each kind and, in bold, the forecast that tripwatt gives, on trips that they were not fitted on",
-                view.given,
-            ],
-        )
+    given = (
+        "The best model of each kind and, in bold, the forecast that tripwatt gives, on trips that they were not fitted on, "
+        f"{view.given}."
     )
-    return "\n\n".join([*parts, " ".join(filter(None, [f"{given}.", on_parts(view), on_names(view)]))])
+    table = markdown(short_table(view, difference_column(view)))
+    return "\n\n".join([table, f"{given} {_significant()} {on_names(view)}"])
+
+
+def _significant() -> str:
+    return SIGNIFICANT.replace("*", r"\*")
 
 
 def render_paper(results: Mapping[str, Any]) -> str:
-    """Results of the protocol `paper` as Markdown: headline, main table, the other trip sets, what to know.
+    """Results of the protocol `paper` as Markdown: main table and the other sets of trips.
 
     Parameters
     ----------
@@ -71,19 +57,13 @@ def render_paper(results: Mapping[str, Any]) -> str:
         The contract of `results.json`.
     """
     view = View(results)
-    said = [on_lowest(view), on_paper(view), on_names(view)]
-    if view.synthetic:
-        said.insert(0, _SYNTHETIC)
-    parts = [" ".join(said), markdown(results_table(view, view.main)), markdown(sets_table(view))]
-    if missing := without_days(view):
-        parts.append(missing)
-    if citation := str(results.get("citation") or ""):
-        parts.append(f"Data: {citation}")
-    return "\n\n".join([*parts, _origin(results)])
+    said = f"{_significant()} {on_names(view)}"
+    tables = markdown(results_table(view)), markdown(sets_table(view))
+    return "\n\n".join([said, *tables, f"Data: {results['citation']}", _origin(results)])
 
 
 def render_forecast(results: Mapping[str, Any]) -> str:
-    """The forecast's figures as Markdown: the sentences, every model, the re-forecasts, and the other scheme.
+    """The forecast's figures as Markdown: every model, the re-forecasts, the intervals, and the other sets of trips.
 
     Parameters
     ----------
@@ -91,23 +71,33 @@ def render_forecast(results: Mapping[str, Any]) -> str:
         The contract of `results.json`, protocol `forecast`.
     """
     view = View(results)
-    parts = [" ".join(forecast_sentences(view)), markdown(results_table(view, view.main))]
-    if "coverage" in view.focus:
-        parts += [
-            markdown(updates_table(view)),
-            markdown(coverage_by_set(view)),
-            f"\\{OFF} differs significantly from the level. {NOTE}",
+    parts = [
+        f"{_significant()} {on_names(view)}",
+        markdown(results_table(view)),
+        markdown(updates_table(view)),
+        markdown(coverage_by_set(view)),
+        f"\\{OFF} differs significantly from the level. {NOTE}",
+        markdown(sets_table(view)),
+    ]
+    return "\n\n".join([*parts, _origin(results)])
+
+
+def on_sets(view: View) -> str:
+    """What the intervals of 50 and 90 % hold over all sets of held-out trips, and where a share is off its level."""
+    scored, off = scored_sets(view), []
+    spans = []
+    for key in ("0.5", "0.9"):
+        shares = [100.0 * score["coverage"][key] for _, score, _ in scored]
+        spans.append(f"{100.0 * float(key):g} % interval holds {min(shares):.0f} to {max(shares):.0f} %")
+    for name, score, _ in scored:
+        bounds = score["coverage_ci95"].items()
+        off += [
+            f"{100.0 * float(k):g} % in {name}" for k, (low, high) in bounds if not low <= float(k) <= high
         ]
-    return "\n\n".join([*parts, markdown(sets_table(view)), _origin(results)])
-
-
-def forecast_sentences(view: View) -> list[str]:
-    """Errors, intervals and updates of the forecast; none where it was not among the models."""
-    if "coverage" not in view.focus:
-        return []
-    width = view.focus["interval_width_wh"].get("0.9")
-    mean = "" if width is None else f" The mean width of the 90 % interval is {number(width, 1e-3)} kWh."
-    return [on_table(view), f"{on_coverage(view)}{mean}", on_updates(view), on_names(view)]
+    return (
+        f"Over {len(scored)} sets of held-out trips the {' and the '.join(spans)} of the trips. Levels from which the share "
+        f"differs significantly (Clopper-Pearson, 95 %): {listed(off)}."
+    )
 
 
 def _origin(results: Mapping[str, Any]) -> str:

@@ -339,7 +339,7 @@ def report(
 def _show_report(made: ManagerReport, folder: Path) -> None:
     for panel in made.panels():
         if not panel.folded:
-            typer.echo(panel.sentence)
+            typer.echo(panel.caption)
         if panel.key == "changes" and panel.tables:
             (table,) = panel.tables
             print_table(

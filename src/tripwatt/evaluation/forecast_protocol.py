@@ -44,7 +44,6 @@ from tripwatt.evaluation.hold_outs import (
     random_draws,
 )
 from tripwatt.evaluation.outside import WholeMethod, WholeModel, is_whole, outside_spec
-from tripwatt.evaluation.protocol import sections_of
 from tripwatt.evaluation.results import EvaluationRun, about_run
 from tripwatt.evaluation.table_models import CONSTANT, LINEAR4, LINEAR6, PHYSICS, PHYSICS4
 from tripwatt.evaluation.tasks import ModelSpec
@@ -99,7 +98,6 @@ class ForecastProtocol:
 
     name = "forecast"
     title = "the forecast before departure and on the way, beside models of power"
-    sections = sections_of("forecast")
     focus: str | None = FORECAST
     published: Mapping[str, float] = MappingProxyType({})
     given = GIVEN

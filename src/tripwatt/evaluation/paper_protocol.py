@@ -29,7 +29,6 @@ from tripwatt.evaluation.hold_outs import (
 )
 from tripwatt.evaluation.outside import WholeMethod, WholeModel, is_whole, outside_spec
 from tripwatt.evaluation.paper_studies import simulation_forms, studies, study_comparisons
-from tripwatt.evaluation.protocol import sections_of
 from tripwatt.evaluation.results import EvaluationRun, about_run
 from tripwatt.evaluation.table_models import (
     CONSTANT,
@@ -82,7 +81,6 @@ class PaperProtocol:
         table_model("boosting", "hybrid, clustered boosting", correctors.boosting, "physics-paper"),
         table_model("boosting-only", "boosting without physics", correctors.boosting_without_physics),
     )
-    sections = sections_of("paper")
     focus: str | None = None
     published: Mapping[str, float] = PUBLISHED
     given = ""

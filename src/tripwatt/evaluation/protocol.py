@@ -1,9 +1,9 @@
-"""What an evaluation protocol is: models, ways to hold trips out, results, and panels of the report."""
+"""What an evaluation protocol is: models, ways to hold trips out, and results."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, Protocol
 
 from tripwatt.errors import Fault, raise_faults
@@ -12,35 +12,9 @@ from tripwatt.evaluation.hold_outs import CarChoice, HoldOutChoice, Prepared
 from tripwatt.evaluation.outside import AnyModel, WholeModel, named_models
 from tripwatt.evaluation.results import EvaluationRun
 from tripwatt.evaluation.tasks import ModelSpec
-from tripwatt.files import shipped_toml
 from tripwatt.hybrid import Corrector
 from tripwatt.hybrid.outside import packaged_correctors
 from tripwatt.trips import Fleet
-
-
-@dataclass(frozen=True, slots=True)
-class ReportSection:
-    """A heading of the report, and the names under which `tripwatt.report` registers the panels below it."""
-
-    key: str
-    title: str
-    panels: tuple[str, ...]
-
-
-def sections_of(protocol: str) -> tuple[ReportSection, ...]:
-    """Sections of the report of a protocol, from `sections.toml`.
-
-    Examples
-    --------
-    >>> sections_of("forecast")[0]
-    ReportSection(key='result', title='Three figures', panels=('trip-energy', 'mean-errors', 'trip-errors'))
-    """
-    document = shipped_toml("evaluation/sections.toml")
-    sections = document["shared"] | document[protocol]
-    return tuple(
-        ReportSection(key, sections[key]["title"], tuple(sections[key]["panels"]))
-        for key in document["order"][protocol]
-    )
 
 
 class EvaluationProtocol(Protocol):
@@ -52,8 +26,6 @@ class EvaluationProtocol(Protocol):
         Name by which a run is asked for, and the title of its report.
     models : tuple of ModelSpec
         Models that are compared.
-    sections : tuple of ReportSection
-        The report of a run.
     focus : str or None
         Model that the report describes; None for the hybrid with the lowest mean error.
     published : mapping of str to float
@@ -74,7 +46,6 @@ class EvaluationProtocol(Protocol):
     name: str
     title: str
     models: tuple[ModelSpec, ...]
-    sections: tuple[ReportSection, ...]
     focus: str | None
     published: Mapping[str, float]
     given: str

@@ -41,7 +41,7 @@ def find_protocol(name: str) -> EvaluationProtocol:
     Returns
     -------
     EvaluationProtocol
-        With its models and the sections of its report.
+        With its models and its scores.
 
     Raises
     ------

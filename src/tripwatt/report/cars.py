@@ -14,7 +14,6 @@ from tripwatt.report.html import write_page
 from tripwatt.report.panel import Panel
 from tripwatt.report.style import legend_below, new_figure, style_context
 from tripwatt.report.tables import Column, Table, in_percent, in_words, tabulated
-from tripwatt.report.words import percent
 
 if TYPE_CHECKING:
     from tripwatt.evaluation.cars import CarsRun
@@ -46,7 +45,7 @@ def write_cars(run: CarsRun, out: Path) -> None:
     ]
     versions = ", ".join(f"{name} {version}" for name, version in results["versions"].items())
     title, panels = "cars that nobody has seen, each from all others", cars_panels(results)
-    write_page(out, "cars.html.jinja", panels, title=title, facts=facts, versions=versions)
+    write_page(out, "cars.html.jinja", {"": panels}, title=title, facts=facts, versions=versions)
     run.trips.to_csv(out / "trips.csv", index=False, lineterminator="\n")
     write_text(out / "results.json", json.dumps(results, indent=1, allow_nan=False))
 
@@ -56,11 +55,11 @@ def cars_panels(results: Record) -> list[Panel]:
     with style_context():
         drawn = plot_curves(results) if any(map(_has_curve, results["cars"])) else None
     curves, *in_time = cars_tables(results)
-    said, factors = said_of_cars(results), (factors_table(results),)
+    factors = (factors_table(results),)
     return [
-        Panel("cars-curves", "Error by the number of own trips", said, drawn, (curves,), wide=True),
-        Panel("cars-time", "In order of time", _ORDER, tables=(*in_time,), wide=True),
-        Panel("cars-factors", "What cars have in common", _FACTORS, tables=factors, wide=True),
+        Panel("cars-curves", "Error by the number of own trips", "", drawn, (curves,)),
+        Panel("cars-time", "In order of time", _ORDER, tables=(*in_time,)),
+        Panel("cars-factors", "What cars have in common", _FACTORS, tables=factors),
     ]
 
 
@@ -74,16 +73,6 @@ _FACTORS: Final = (
 def cars_tables(results: Record) -> tuple[Table, ...]:
     """The tables of the page."""
     return curves_table(results), time_table(results), means_table(results)
-
-
-def said_of_cars(results: Record) -> str:
-    """The error of each car without own trips and with the most that were drawn."""
-    parts = []
-    for car in results["cars"]:
-        first, last = car["curves"]["population"][0], car["curves"]["population"][-1]
-        more = f", {percent(last['error'])} with {last['k']}" if last["k"] else ""
-        parts.append(f"{car['car']} {percent(first['error'])} without own trips{more}")
-    return "; ".join(parts) + "."
 
 
 def curves_table(results: Record) -> Table:

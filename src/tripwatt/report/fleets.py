@@ -52,8 +52,10 @@ def evaluation_page(title: str, evaluation: FleetEvaluation, rows: TripRows) -> 
     )
     facts = {"Trips": len(rows), "Vehicles": len(set(rows.texts("vehicle_id").tolist()))}
     said = said_of_errors(evaluation)
-    panel = Panel("accuracy", "Accuracy on held-out trips", said, tables=tables, wide=True)
-    return page_text("fleet.html.jinja", [panel], title=title, facts=facts.items(), files=(), foot=_ERROR)
+    panel = Panel("accuracy", "Accuracy on held-out trips", said, tables=tables)
+    return page_text(
+        "fleet.html.jinja", {"": [panel]}, title=title, facts=facts.items(), files=(), foot=_ERROR
+    )
 
 
 def said_of_errors(evaluation: FleetEvaluation) -> str:
@@ -207,10 +209,11 @@ class ManagerReport:
         """The report as one HTML file without scripts."""
         counts = {"Trips": self.vehicles["trips"].sum(), "Vehicles": len(self.vehicles)}
         facts = {**counts, "That changed": self.changes["vehicle_id"].nunique(), **self.about}
-        panels = [replace(panel, wide=True) for panel in self.panels()]
         there = {*self.tables, *(("emhass", "evcc") if self.needs is not None else ())}
         more = {"files": [n for n in REPORT_FILES if n.partition(".")[0] in there], "foot": _CHANGE}
-        return page_text("fleet.html.jinja", panels, title=self.title, facts=facts.items(), **more)
+        return page_text(
+            "fleet.html.jinja", {"": [*self.panels()]}, title=self.title, facts=facts.items(), **more
+        )
 
     def panels(self) -> Iterator[Panel]:
         """Changes, needs, routes, vehicles and drivers, as far as there are any."""

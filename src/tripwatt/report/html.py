@@ -5,33 +5,34 @@ from __future__ import annotations
 import io
 import re
 import warnings
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 from matplotlib.figure import Figure
 
 from tripwatt.files import write_bytes
-from tripwatt.report.model_styles import model_style
 from tripwatt.report.panel import Panel
-from tripwatt.report.panels import build_sections, figure_keys
-from tripwatt.report.short_table import short_list
-from tripwatt.report.style import INK, PAPER_COLOUR, RULE, style_context
-from tripwatt.report.tables import number
-from tripwatt.report.view import SCHEMES, TESTED, View, of_evaluation, plain
-from tripwatt.report.words import interval, label, percent
+from tripwatt.report.panels import build_sections
+from tripwatt.report.style import BLACK, INK, PAPER_COLOUR, RULE, style_context
+from tripwatt.report.view import TESTED, View, plain
 
+if TYPE_CHECKING:
+    from tripwatt.evaluation.results import EvaluationRun
+
+Sections: TypeAlias = Mapping[str, Sequence[Panel]]
 PNG_DPI: Final = 160
 
 
-def render_report(run: object) -> str:
+def render_report(run: EvaluationRun, lead: str = "") -> str:
     """The whole report as HTML text.
 
     Parameters
     ----------
-    run : object
-        An evaluation run: `results` as in `results.json`, `folds`, and, where there are any, `series`, `signals`,
-        `learning_curves`, `importances`, `gamm`. A missing part makes an empty panel that gives the reason.
+    run : EvaluationRun
+        What the run lacks has no panel.
+    lead : str
+        A forecast in words, with which the page begins.
 
     Returns
     -------
@@ -43,40 +44,32 @@ def render_report(run: object) -> str:
     >>> import tripwatt as tw
     >>> html = render_report(tw.evaluate(tw.read_logs("logs")))  # doctest: +SKIP
     """
-    panels, context = _evaluation_page(View.from_run(run))
-    return page_text("report.html.jinja", panels, **context)
+    view = View.from_run(run)
+    return page_text("report.html.jinja", build_sections(view), **_head(view), lead=lead)
 
 
-def page_text(template: str, panels: Sequence[Panel], **context: Any) -> str:
-    """A page with panels as HTML text."""
-    return _render(template, panels, _drawings(panels), context)
-
-
-def write_report(run: object, out: Path, lead: str = "") -> None:
+def write_report(run: EvaluationRun, out: Path, lead: str = "") -> None:
     """Write `report.html` and `figures/*.png`, `figures/*.svg` into a folder. Each file appears whole or not at all.
 
     Parameters
     ----------
-    run : object
+    run : EvaluationRun
         As for `render_report`.
     out : Path
-        The folder; made when it is not there. Figures that an earlier report left and this one lacks are removed.
+        The folder; made when it is not there.
     lead : str
-        A forecast in words, with which the page begins. By default it is that of the trip with the median error.
+        As for `render_report`.
 
     Examples
     --------
     >>> import tripwatt as tw
     >>> write_report(tw.evaluate(tw.read_logs("logs")), Path("out"))  # doctest: +SKIP
     """
-    panels, context = _evaluation_page(View.from_run(run), lead)
-    write_page(out, "report.html.jinja", panels, **context)
-    for key in set(figure_keys()) - {panel.key for panel in panels if panel.figure is not None}:
-        for suffix in ("png", "svg"):
-            (out / "figures" / f"{key}.{suffix}").unlink(missing_ok=True)
+    view = View.from_run(run)
+    write_page(out, "report.html.jinja", build_sections(view), **_head(view), lead=lead)
 
 
-def write_page(out: Path, template: str, panels: Sequence[Panel], **context: Any) -> None:
+def write_page(out: Path, template: str, sections: Sections, **context: Any) -> None:
     """Write the figures of panels and the page from a template into a folder, the page last.
 
     Parameters
@@ -85,23 +78,30 @@ def write_page(out: Path, template: str, panels: Sequence[Panel], **context: Any
         Made when it is not there.
     template : str
         Name of a file in `templates/`.
-    panels : sequence of Panel
+    sections : mapping of str to sequence of Panel
+        Panels under each heading; one without words has none.
     **context : object
         What else the template needs.
     """
-    svgs, folder = _drawings(panels), out / "figures"
-    page = _render(template, panels, svgs, context)
+    figures, folder = _figures(sections), out / "figures"
+    svgs = {key: svg_text(figure) for key, figure in figures.items()}
+    page = _render(template, sections, svgs, context)
     folder.mkdir(parents=True, exist_ok=True)
-    for panel in panels:
-        if panel.figure is not None:
-            write_bytes(folder / f"{panel.key}.svg", svgs[panel.key].encode("utf-8"))
-            write_bytes(folder / f"{panel.key}.png", png_bytes(panel.figure))
+    for key, figure in figures.items():
+        write_bytes(folder / f"{key}.svg", svgs[key].encode("utf-8"))
+        write_bytes(folder / f"{key}.png", png_bytes(figure))
     write_bytes(out / "report.html", page.encode("utf-8"))
 
 
-def _drawings(panels: Iterable[Panel]) -> dict[str, str]:
-    """SVG text of every figure."""
-    return {panel.key: svg_text(panel.figure) for panel in panels if panel.figure is not None}
+def page_text(template: str, sections: Sections, **context: Any) -> str:
+    """A page with panels as HTML text; the parameters are those of `write_page`."""
+    svgs = {key: svg_text(figure) for key, figure in _figures(sections).items()}
+    return _render(template, sections, svgs, context)
+
+
+def _figures(sections: Sections) -> dict[str, Figure]:
+    panels = (panel for section in sections.values() for panel in section)
+    return {panel.key: panel.figure for panel in panels if panel.figure is not None}
 
 
 def svg_text(figure: Figure) -> str:
@@ -145,16 +145,19 @@ def inline_svg(svg: str, key: str, description: str) -> str:
     text = svg[svg.index("<svg") :]
     text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
     text = _IDS.sub(lambda match: f"{match.group(1)}{key}-", text)
-    for colour, name in ((INK, "currentColor"), (RULE, "var(--rule)"), (PAPER_COLOUR, "var(--paper)")):
+    for colour, name in (
+        (INK, "currentColor"),
+        (BLACK, "currentColor"),
+        (RULE, "var(--rule)"),
+        (PAPER_COLOUR, "var(--paper)"),
+    ):
         text = text.replace(colour, name)
     head, _, body = text.partition(">")
     head = re.sub(r'\s(width|height)="[^"]*"', "", head)
     return f'{head} role="img" aria-label="{html.escape(description, quote=True)}">{body}'
 
 
-def _render(
-    template: str, panels: Sequence[Panel], svgs: Mapping[str, str], context: Mapping[str, Any]
-) -> str:
+def _render(template: str, sections: Sections, svgs: Mapping[str, str], context: Mapping[str, Any]) -> str:
     import jinja2
     from markupsafe import Markup
 
@@ -167,71 +170,29 @@ def _render(
     )
     drawn = {
         # our own SVG, in which matplotlib has escaped every name
-        panel.key: Markup(inline_svg(svgs[panel.key], panel.key, f"{panel.title}. {panel.sentence}"))
-        for panel in panels
+        panel.key: Markup(inline_svg(svgs[panel.key], panel.key, f"{panel.title}. {panel.caption}"))
+        for section in sections.values()
+        for panel in section
         if panel.key in svgs
     }
-    return environment.get_template(template).render(panels=panels, drawn=drawn, **context)
-
-
-def _evaluation_page(view: View, lead: str = "") -> tuple[list[Panel], dict[str, Any]]:
-    """The panels of an evaluation's page, and what else its template needs."""
-    sections = build_sections(view)
-    panels = [panel for section in sections for panel in section.panels]
-    shown = [section for section in sections if any(panel.shown for panel in section.panels)]
-    absent = [panel for panel in panels if not panel.shown]
-    return panels, {
-        "head": {**_head(view), "lead": lead or _median_trip(view)},
-        "sections": shown,
-        "absent": absent,
-    }
-
-
-def _median_trip(view: View) -> str:
-    """The held-out forecast of the trip with the median error in words; empty where no predictions were kept."""
-    best_and_median = view.selected_trips()[:2]
-    for _, trip, ape in best_and_median[-1:]:
-        rows = view.main_folds
-        row = rows[(rows["model"] == view.best) & (rows["trip"].astype(str) == trip)].iloc[0]
-        energy, measured = (number(row[f"{name}_energy_wh"], 1e-3, 1) for name in ("predicted", "observed"))
-        return (
-            f"Trip {plain(trip)}: {energy} kWh by {label(view.best or '')}, which was fitted without it. "
-            f"Measured: {measured} kWh, an error of {percent(ape)}."
-        )
-    return ""
-
-
-def _numbers(view: View) -> list[tuple[str, str, str, str]]:
-    """Mean error, name, meaning and interval of the model that the report describes, of a constant and of the simulation."""
-    others = [
-        m for m in short_list(view) if m != view.best and model_style(m).kind in ("constant", "physics")
-    ]
-    names = [m for m in (view.best, *others[:2]) if m is not None]
-    scores = [(m, view.scores[m]) for m in names]
-    return [
-        (percent(s.get("mape")), label(m), model_style(m).meaning, interval(s).strip(" ()"))
-        for m, s in scores
-    ]
+    return environment.get_template(template).render(sections=sections, drawn=drawn, **context)
 
 
 def _head(view: View) -> dict[str, Any]:
     """Facts for the head and the foot of the page."""
     results = view.results
-    facts = [
-        ("Data", view.dataset or "not named"),
-        ("Protocol", results.get("protocol")),
-        ("Folds and trips", of_evaluation(view.main) if view.main else None),
-        ("Seed", results.get("seed")),
-    ]
-    versions = results.get("versions") or {}
+    facts = {
+        "Data": view.dataset or "not named",
+        "Protocol": view.protocol.name,
+        "Folds and trips": view.note,
+        "Seed": results.get("seed"),
+    }
     return {
+        "title": f"Evaluation on {'synthetic trips' if view.synthetic else plain(view.dataset)}",
         "synthetic": view.synthetic,
-        "tested": TESTED.get(str(view.main.get("scheme")), ""),
-        "scheme": SCHEMES.get(str(view.main.get("scheme")), ""),
-        "numbers": _numbers(view),
-        "dataset": plain(view.dataset),
-        "facts": [(name, plain(value, 200)) for name, value in facts if value is not None],
-        "versions": ", ".join(f"{name} {version}" for name, version in versions.items()),
-        "citation": str(results.get("citation") or ""),
-        "notes": [plain(note, 600) for note in results.get("notes") or ()],
+        "tested": TESTED.get(view.main.get("scheme"), ""),
+        "facts": [(name, plain(value, 200)) for name, value in facts.items()],
+        "versions": ", ".join(f"{name} {version}" for name, version in results["versions"].items()),
+        "citation": results["citation"],
+        "notes": [plain(note, 600) for note in results["notes"]],
     }

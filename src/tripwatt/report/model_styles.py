@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from types import MappingProxyType
@@ -32,10 +32,6 @@ class ModelStyle:
         The simulation that a hybrid corrects.
     without_physics : str or None
         The same learner without the simulation.
-    rivals : sequence of str
-        Models of few coefficients with which the sentences compare it.
-    own_physics : str or None
-        Its own simulation, with everything that a fold identifies.
     published : str or None
         The same model with published values of the car alone.
     preset : str
@@ -48,8 +44,6 @@ class ModelStyle:
     meaning: str
     stands_on: str | None = None
     without_physics: str | None = None
-    rivals: Sequence[str] = ()
-    own_physics: str | None = None
     published: str | None = None
     preset: str = ""
 
@@ -64,15 +58,6 @@ def model_styles() -> Mapping[str, ModelStyle]:
 
 PAPER: Final = "arXiv:2405.10984, Table 3"
 """Where the paper states its average errors."""
-
-PAPER_CAR: Final = "bmw_i3_60ah"
-"""The bundled vehicle that is the paper's car."""
-
-PAPER_TRIPS: Final = 72
-"""Trips that the paper's data set has, each of which it leaves out once (arXiv:2405.10984, Methodology)."""
-
-PAPER_IMPROVED: Final = "over 90 % of the trips"
-"""The paper's words on the share of trips that a corrector improves over the physics (its conclusion)."""
 
 _UNKNOWN_COLOUR: Final = "#7c7c7c"
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 from tripwatt.arrays import by_key
 from tripwatt.report.model_styles import model_style
 from tripwatt.report.tables import DASH, Column, Table, in_percent, tabulated
-from tripwatt.report.view import Record, View, is_known, named_evaluation
+from tripwatt.report.view import Record, View, is_known, of_evaluation
 from tripwatt.report.words import label
 
 if TYPE_CHECKING:
@@ -51,16 +51,17 @@ def _error(score: Record) -> float:
     return float(value) if is_known(value) else float("inf")
 
 
-def short_table(view: View) -> Table:
-    """The models of `short_list`: mean error with its interval and, for a forecast, how often its interval holds."""
+def short_table(view: View, *more: Column) -> Table:
+    """The models of `short_list`: mean error with its interval, `more`, and for a forecast how often its interval holds."""
     rows = [{**view.scores[m], "name": m} for m in short_list(view)]
     inside = in_percent(_INSIDE, lambda row: (row.get("coverage") or {}).get("0.9"), 0)
     return tabulated(
-        view.captioned(f"Error of a trip's energy: {named_evaluation(view.main)}"),
+        view.captioned(f"Error of a trip's energy: {of_evaluation(view.main)}"),
         rows,
         Column("Model", lambda row: label(row["name"])),
         in_percent("Mean error [%]", "mape"),
         in_percent("95 % interval", "mape_ci95"),
+        *more,
         *([inside] if any(inside.cell(row) != DASH for row in rows) else []),
         strong=frozenset(i for i, row in enumerate(rows) if row["name"] == view.best),
     )
