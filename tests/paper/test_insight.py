@@ -1,4 +1,4 @@
-"""What the fitted learners say of themselves."""
+"""What the fitted GAMM says of itself."""
 
 import subprocess
 import sys
@@ -12,7 +12,7 @@ from tripwatt.gam import RandomEffects
 from tripwatt.hybrid import PhysicsOnly
 from tripwatt.hybrid.trip_table import TripTable, build_table
 from tripwatt.paper import HybridModel, Table2Corrector
-from tripwatt.paper.insight import insight, outside_the_others
+from tripwatt.paper.insight import insight
 from tripwatt.synthetic import synthetic_fleet
 from tripwatt.vehicles import load_vehicle
 
@@ -26,10 +26,10 @@ def table() -> TripTable:
 
 
 def test_gamm_is_kept_with_its_numbers(table: TripTable) -> None:
-    found = insight(table, GAMM).gamm
+    found = insight(table, GAMM)
     assert found is not None
     assert found.summary.n == len(found.diagnosis.qq.residual)
-    assert found.row_step_s == 60 * found.full_step_s == 60.0
+    assert found.row_step_s == 60.0
     (trips,) = (e for e in found.effects.values() if isinstance(e, RandomEffects))
     assert set(trips.level) == set(table.trip_ids)
     model = GAMM["gamm"].fit(table).corrector.model_
@@ -40,7 +40,7 @@ def test_gamm_is_kept_with_its_numbers(table: TripTable) -> None:
 
 
 def test_a_weather_of_the_data_set_that_no_trip_has_is_shown_as_zero(table: TripTable) -> None:
-    found = insight(table, GAMM, weathers=("never seen",)).gamm
+    found = insight(table, GAMM, weathers=("never seen",))
     assert found is not None
     never = found.summary.parametric.loc["weathernever seen"]
     assert never[["estimate", "std_error"]].tolist() == [0.0, 0.0]
@@ -48,33 +48,7 @@ def test_a_weather_of_the_data_set_that_no_trip_has_is_shown_as_zero(table: Trip
 
 
 def test_a_run_without_gamm_has_none(table: TripTable) -> None:
-    assert insight(table, {"physics-paper": PhysicsOnly("physics-paper")}).gamm is None
-
-
-def test_trips_outside_the_others_by_brute_force(table: TripTable) -> None:
-    found = outside_the_others(table)
-    winter = np.array([t.context.season == "winter" for t in table.trips])[table.groups]
-    expected = []
-
-    def beyond(own: pd.Series, rest: pd.Series) -> pd.Series:
-        return (own < rest.min()) | (own > rest.max())
-
-    for name, column in table.covariates.items():
-        parts: dict[str, list] = {name: [], f"{name} in winter": []}
-        for i, trip in enumerate(table.trip_ids):
-            own = table.groups == i
-            out = pd.Series(False, index=column[own].index)
-            if name == "weather":
-                out = ~column[own].isin(column[~own].unique())
-            elif name != "season":
-                out = beyond(column[own], column[~own])
-                if name in ("time_s", "ambient_temperature_degc") and winter[own].all():
-                    late = beyond(column[own], column[~own & winter]) & ~out
-                    parts[f"{name} in winter"].append((trip, f"{name} in winter", late.mean()))
-            parts[name].append((trip, name, out.mean()))
-        expected += [row for rows in parts.values() for row in rows if row[2] > 0]
-    pd.testing.assert_frame_equal(found, pd.DataFrame(expected, columns=["trip", "covariate", "share"]))
-    assert {"time_s", "ambient_temperature_degc in winter"} & set(found["covariate"])
+    assert insight(table, {"physics-paper": PhysicsOnly("physics-paper")}) is None
 
 
 def test_a_level_without_data_predicts_like_one_never_declared(table: TripTable) -> None:
@@ -92,7 +66,7 @@ def test_terms_that_cannot_vary_are_left_out_and_named(table: TripTable) -> None
         ambient_temperature_degc=20.0, weather=pd.Categorical(["sunny"] * len(table.covariates))
     )
     flat = replace(table, covariates=same)
-    found = insight(flat, GAMM, weathers=("rainy",)).gamm
+    found = insight(flat, GAMM, weathers=("rainy",))
     assert found is not None
     assert set(found.left_out) == {
         "weather",

@@ -132,7 +132,7 @@ def fitted_gamm() -> GammInsight:
         table.take(range(6)),
         {"gamm": HybridModel(Table2Corrector(), "physics-paper")},
         weathers=("dark, little rainy",),
-    ).gamm
+    )
     assert found is not None
     return found
 

@@ -194,7 +194,6 @@ class ForecastProtocol:
             results=content,
             folds=pd.concat([comparison.frame for comparison in main], ignore_index=True),
             series={} if insight is None else measured_beside(insight),
-            signals=pd.DataFrame(),
             forecast=insight,
         )
 

@@ -45,7 +45,6 @@ from tripwatt.hybrid import Corrector, TripTable, build_table
 from tripwatt.hybrid.outside import is_regressor
 from tripwatt.paper import correctors
 from tripwatt.paper.insight import GammInsight, insight
-from tripwatt.physics import simulate_trip
 from tripwatt.trips import Fleet, Trip, value_faults
 from tripwatt.trips.messages import message
 from tripwatt.vehicles import Vehicle
@@ -120,26 +119,23 @@ class PaperProtocol:
     def assemble(
         self, prepared: Prepared[None], main: Sequence[Comparison], beside: Sequence[Comparison], seed: int
     ) -> EvaluationRun:
-        """Errors of the totals, predictions along the trips, battery signals, and the inside of the correctors."""
+        """Errors of the totals, predictions along the trips, and the GAMM."""
         first, table = main[0], main[0].hold_out.table
         methods = {spec.name: spec.method for spec in first.specs}
         models = {name: m.make(seed) for name, m in methods.items() if isinstance(m, TableMethod)}
         weathers = {t.context.weather for t in prepared.fleet.trips if t.context.weather is not None}
-        inside = insight(table, models, weathers=sorted(weathers))
+        gamm = insight(table, models, weathers=sorted(weathers))
         content: dict[str, Any] = {
             **about_run(self.name, prepared, first, seed),
             "evaluations": [comparison.summary(seed) for comparison in main],
-            "table2": _table2(inside.gamm),
+            "table2": _table2(gamm),
             "studies": studies(first, beside, seed),
         }
         return EvaluationRun(
             results=content,
             folds=pd.concat([comparison.frame for comparison in main], ignore_index=True),
             series=_series(table, {spec.name: first.along_wh(spec.name) for spec in first.specs}),
-            signals=_signals(table.trips, prepared.cars["physics"]),
-            learning_curves=inside.learning_curves,
-            importances=inside.importances,
-            gamm=inside.gamm,
+            gamm=gamm,
         )
 
 
@@ -212,23 +208,3 @@ def _series(table: TripTable, predictions: Mapping[str, FloatArray]) -> dict[str
         frame |= {"observed_energy_wh": table.observed_wh[rows]}
         frames[trip.trip_id] = pd.DataFrame(frame | {k: values[rows] for k, values in predictions.items()})
     return frames
-
-
-def _signals(trips: Sequence[Trip], vehicle: Vehicle) -> pd.DataFrame:
-    """RMSE of the simulated battery signals, default preset; NaN where a trip lacks the measurement."""
-    pairs = {
-        "current_rmse_a": ("current_a", "battery_current_a"),
-        "voltage_rmse_v": ("voltage_v", "terminal_voltage_v"),
-        "battery_temperature_rmse_degc": ("battery_temperature_degc", "battery_temperature_degc"),
-        "soc_rmse": ("soc", "soc"),
-    }
-    rows = []
-    for trip in trips:
-        simulation = simulate_trip(vehicle, trip)
-        row: dict[str, Any] = {"trip": trip.trip_id}
-        for name, (measured, simulated) in pairs.items():
-            error = (trip.array(measured) if measured in trip else np.nan) - getattr(simulation, simulated)
-            known = error[np.isfinite(error)]
-            row[name] = float(np.sqrt(np.mean(known**2))) if len(known) else float("nan")
-        rows.append(row)
-    return pd.DataFrame(rows)

@@ -46,14 +46,8 @@ class EvaluationRun:
     series : mapping of str to DataFrame
         Trip -> `time_s, speed_m_s, observed_energy_wh` and the held-out cumulative prediction of every model, of the
         first evaluation.
-    signals : DataFrame
-        RMSE of simulated against measured battery signals, one row per trip of the first evaluation.
-    learning_curves : DataFrame or None
-        `model, fold, rounds, error` of the boosting models, fitted on all trips of the first evaluation.
-    importances : DataFrame or None
-        `model, covariate, importance`, likewise.
     gamm : GammInsight or None
-        Summary, diagnosis and effects of the GAMM, likewise; None where it was not among the models.
+        Summary, diagnosis and effects of the GAMM, fitted on all trips of the first evaluation; None where it was not among the models.
     forecast : ForecastInsight or None
         Held-out forecasts of the first evaluation; None in a protocol without them.
 
@@ -69,9 +63,6 @@ class EvaluationRun:
     results: dict[str, Any]
     folds: pd.DataFrame
     series: Mapping[str, pd.DataFrame]
-    signals: pd.DataFrame
-    learning_curves: pd.DataFrame | None = None
-    importances: pd.DataFrame | None = None
     gamm: GammInsight | None = None
     forecast: ForecastInsight | None = None
 
