@@ -32,7 +32,7 @@ def panels(view: View) -> list[Panel]:
 
 def results_table(view: View) -> Table:
     """The main evaluation: a row per model, errors in percent, RMSE in kWh, the paper's mean beside ours."""
-    paper, head = view.published, of_evaluation(view.main)
+    paper, head = view.published, ", ".join(filter(None, [view.note, view.given]))
 
     def beaten(preset: str) -> Column:
         heading = f"Beats {model_style(preset).preset} [% of trips]"
