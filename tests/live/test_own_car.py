@@ -6,6 +6,7 @@ import datetime as dt
 import json
 import shutil
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -17,11 +18,13 @@ pytest.importorskip("deltalake", reason="the extra tripwatt[fleet] is not instal
 import tripwatt as tw
 from tripwatt.auditing import audit
 from tripwatt.errors import InvalidInput
+from tripwatt.files import replace_folder
 from tripwatt.forecasting import load_metadata
 from tripwatt.hybrid.factors import NAMES, UNITS
 from tripwatt.hybrid.learning import KINDS
 from tripwatt.live import Car, create_car, forget_car, is_car, issue_token, open_car
 from tripwatt.live import own_car as module
+from tripwatt.live.diary import Diary
 from tripwatt.modelfile import write_model
 from tripwatt.population import adaptation, for_car
 from tripwatt.synthetic import synthetic_fleet
@@ -254,6 +257,43 @@ def test_what_is_no_car_is_refused_and_files_of_others_stay(
     assert [path.name for path in car.folder.iterdir()] == ["notes.txt"]
     with pytest.raises(InvalidInput, match="not a car"):
         forget_car(car.folder)
+
+
+def test_a_reader_whose_folder_is_exchanged_reads_again(
+    learned: Car, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A writer puts another folder in its place and deletes the one that the reader has found."""
+    folder = tmp_path / "leaf"
+    shutil.copytree(learned.folder, folder)
+    car, read = open_car(folder), {name: getattr(module, name) for name in ("load_metadata", "load_model")}
+    expected = {**learned.about(), "car": "leaf", "folder": f"{folder}"}
+    exchanged: list[Path] = []
+
+    def gone(path: Path) -> None:
+        if path not in exchanged:
+            exchanged.append(path)
+            replace_folder(
+                folder / "learned",
+                lambda made: shutil.copytree(learned.folder / "learned", made, dirs_exist_ok=True),
+            )
+            raise InvalidInput.of("no such file", f"{path}")
+
+    def diary(path: Path) -> Diary:
+        gone(path)
+        return Diary(pd.read_parquet(path))
+
+    def of_model(name: str, path: Path, **more: bool) -> object:
+        gone(path)
+        return read[name](path, **more)
+
+    monkeypatch.setattr(Diary, "read", diary)
+    for name in read:
+        monkeypatch.setattr(module, name, partial(of_model, name))
+    assert car.about() == expected
+    assert len(exchanged) == 2
+    exchanged.clear()
+    assert len(car.model().trip_ids_) == 4
+    assert len(exchanged) == 1
 
 
 def test_a_damaged_diary_is_told(logs: tuple[Log, ...], base: Path, tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ import unicodedata
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, cast
+from typing import TYPE_CHECKING, Any, Final, TypeVar, cast
 
 from tripwatt.auditing import Audit, audit
 from tripwatt.errors import InvalidInput, damage, system_errors
@@ -54,6 +54,8 @@ DIARY: Final = "diary.parquet"
 MOST_ABOUT_BYTES: Final = 1 << 16
 VALID_NAME: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9._-]{0,63}")
 """Names of folders of cars: they are parts of paths and of URLs."""
+
+Read = TypeVar("Read")
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,8 +130,12 @@ class Car:
     @property
     def diary(self) -> Diary:
         """Its trips, each forecast before it was learned."""
-        path = self._learned / DIARY
-        return Diary.read(path) if path.is_file() else Diary.empty()
+
+        def read(learned: Path) -> Diary:
+            path = learned / DIARY
+            return Diary.read(path) if path.is_file() else Diary.empty()
+
+        return self._read(read)
 
     def model(self) -> ForecastModel:
         """Load the model of the car.
@@ -139,12 +145,16 @@ class Car:
         ForecastModel
             Adapted to its trips, or that of its published values before the first one.
         """
-        place = self._learned / MODEL
-        if not place.is_dir():
-            return for_car(self.base, self.vehicle)
-        if load_metadata(place, check_parts=False)["format_version"] < FORMAT_VERSION:
-            return self._known(load_model(self.base)).model
-        return load_model(place)
+
+        def read(learned: Path) -> ForecastModel:
+            place = learned / MODEL
+            if not place.is_dir():
+                return for_car(self.base, self.vehicle)
+            if load_metadata(place, check_parts=False)["format_version"] < FORMAT_VERSION:
+                return self._known(load_model(self.base)).model
+            return load_model(place)
+
+        return self._read(read)
 
     def add(
         self, logs: Fleet | Iterable[Log], *, progress: Callable[[int, int], None] | None = None
@@ -251,20 +261,32 @@ class Car:
     def __repr__(self) -> str:
         return f"<Car {self.name}: {self.vehicle.title}, {len(self.diary)} trips in its diary>"
 
-    @property
-    def _learned(self) -> Path:
+    def _read(self, read: Callable[[Path], Read]) -> Read:
+        """What a reader makes of the folder `learned`; again where a writer exchanged the folder meanwhile."""
         learned = self.folder / LEARNED
-        restore_folder(learned)
-        return learned
+        while True:
+            restore_folder(learned)
+            before = _file_number(learned)
+            try:
+                result = read(learned)
+            except (OSError, InvalidInput):
+                if _file_number(learned) == before:
+                    raise
+            else:
+                if _file_number(learned) == before:
+                    return result
 
     def _adapted(self) -> dict[str, Any]:
         """What the metadata of the model hold of the car; nothing before the first trip or from an older version."""
-        path = self._learned / MODEL
-        if not path.is_dir():
-            return {}
-        about = load_metadata(path, check_parts=False)
-        current = about["format_version"] == FORMAT_VERSION
-        return cast(dict[str, Any], about["provenance"]["adapted"]) if current else {}
+
+        def read(learned: Path) -> dict[str, Any]:
+            if not (learned / MODEL).is_dir():
+                return {}
+            about = load_metadata(learned / MODEL, check_parts=False)
+            current = about["format_version"] == FORMAT_VERSION
+            return cast(dict[str, Any], about["provenance"]["adapted"]) if current else {}
+
+        return self._read(read)
 
     def _learn(
         self, given: frozenset[str], progress: Callable[[int, int], None]
@@ -297,7 +319,7 @@ class Car:
     def _known(self, base: ForecastModel) -> Adaptation:
         """What the car has learned; from its trips again where an older version of tripwatt learned them."""
         new = Adaptation.before_trips(base, self.vehicle, population_of(base))
-        place = self._learned / MODEL
+        place = self.folder / LEARNED / MODEL
         if not place.is_dir():
             return new
         if load_metadata(place, check_parts=False)["format_version"] == FORMAT_VERSION:
@@ -323,9 +345,18 @@ class Car:
 
 def state_of(folder: Path) -> tuple[int, ...]:
     """What a car has learned, as `Car.state`, without opening it."""
-    model = folder / LEARNED / MODEL
-    file = (model if model.is_dir() else folder / ABOUT).stat()
+    try:
+        file = (folder / LEARNED / MODEL).stat()
+    except FileNotFoundError:
+        file = (folder / ABOUT).stat()
     return file.st_ino, file.st_mtime_ns
+
+
+def _file_number(folder: Path) -> int | None:
+    try:
+        return folder.stat().st_ino
+    except FileNotFoundError:
+        return None
 
 
 def _by_date(trips: Iterable[Trip]) -> list[Trip]:
