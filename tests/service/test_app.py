@@ -177,9 +177,9 @@ def test_what_jobs_of_journeys_are_told() -> None:
     served.post("/v1/journeys")
     served.post("/v1/reachable")
     assert [job for job, _ in served.pool.jobs] == [
-        {"kind": "places", "text": "x", "limit": 10},
-        {"kind": "view", "bounds_deg": [0.0, 0.0, 1.0, 1.0], "limit": 200},
-        {"kind": "tile", "zoom": 3, "column": 2, "row": 1},
+        {"kind": "journeys.places", "text": "x", "limit": 10},
+        {"kind": "journeys.view", "bounds_deg": [0.0, 0.0, 1.0, 1.0], "limit": 200},
+        {"kind": "journeys.tile", "zoom": 3, "column": 2, "row": 1},
         {"kind": "plan", "fields": None},
         {"kind": "reach"},
     ]
@@ -200,11 +200,11 @@ def test_without_a_map_there_are_no_journeys() -> None:
     assert served("/v1/map").status_code == 200
 
 
-@pytest.mark.parametrize("path", ["/v1/map", "/v1/vehicles"])
-def test_what_does_not_change_is_asked_once(path: str) -> None:
+@pytest.mark.parametrize(("path", "kind"), [("/v1/map", "journeys.describe"), ("/v1/vehicles", "vehicles")])
+def test_what_does_not_change_is_asked_once(path: str, kind: str) -> None:
     served = Served()
     assert [served(path).json() for _ in range(3)] == [{"a": 1}] * 3
-    assert served.pool.jobs == [({"kind": path[4:]}, b"")]
+    assert served.pool.jobs == [({"kind": kind}, b"")]
 
 
 def test_a_search_is_asked_each_time() -> None:

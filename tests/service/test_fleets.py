@@ -107,7 +107,7 @@ def test_the_version_in_use_is_followed_and_a_damaged_one_refused(fleet: Any, re
     assert changed == {"event": "model changed", "model": "vans", "version": "0002"}
     assert (refused["event"], refused["version"]) == ("model refused", "0003")
     assert "no model" in refused["reason"]
-    assert [m["model"]["version"] for m in jobs.run({"kind": "models"}, b"")["models"]] == ["0002"]  # type: ignore[index]
+    assert [m["model"]["version"] for m in jobs.run({"kind": "summaries"}, b"")["models"]] == ["0002"]  # type: ignore[index]
     registry._point("0001")
     assert answer() == before
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import orjson
@@ -14,10 +13,9 @@ from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecasting import ForecastModel
 from tripwatt.forecasting.storage import DEFAULT_MODEL
 from tripwatt.service import jobs as room
-from tripwatt.service.jobs import JOB_KINDS, Jobs, require_finite
+from tripwatt.service.jobs import Jobs, require_finite
 from tripwatt.service.problems import Problem
 from tripwatt.service.route_uploads import read_route
-from tripwatt.service.schemas import UpdateRequest
 from tripwatt.service.settings import Limits
 from tripwatt.service.worker import run_job
 
@@ -66,13 +64,13 @@ def test_an_update_is_measured_until_its_last_sample(jobs: Jobs) -> None:
 
 def test_what_is_wrong_is_named_once_and_together(jobs: Jobs) -> None:
     body = body_of(soc=2.0, model="bmw_i3_tu", vehicle="nothing", observed={"time_s": 1})
-    found = [fault.where for fault in faults_of(partial(jobs.forecast, kind=UpdateRequest), body)]
+    found = [fault.where for fault in faults_of(jobs.update, body)]
     assert len(found) == len(set(found))
     assert {"soc", "model", "vehicle", "observed.time_s"} == set(found)
 
 
 def test_a_body_that_is_no_object_is_one_fault(jobs: Jobs) -> None:
-    update = partial(jobs.forecast, kind=UpdateRequest)
+    update = jobs.update
     for call in (jobs.forecast, update, jobs.plan, jobs.reach):
         assert [fault.where for fault in faults_of(call, b"[]")] == ["body"]
     with pytest.raises(Problem) as caught:
@@ -286,23 +284,8 @@ def test_a_forecast_that_physics_forbids_is_a_fault_of_the_request(jobs: Jobs) -
     assert orjson.loads(answer)["faults"][0]["what"] == "energy that physics forbids"
 
 
-def test_every_kind_of_job_is_run(jobs: Jobs) -> None:
-    kinds = "advice describe difference distance example examples forecast map models need night places plan range reach route tile update vehicles view"
-    of_cars = (
-        "car",
-        "car token",
-        "cars",
-        "forget car",
-        "learn",
-        "learn finished",
-        "logs",
-        "new car",
-        "store",
-        "journey advice",
-        "journey difference",
-    )
-    assert sorted(JOB_KINDS) == sorted([*kinds.split(), *of_cars])
-    assert jobs.run({"kind": "map"}, b"") == jobs.journeys.describe()
+def test_a_job_is_a_method_by_its_name_with_the_parameters_that_it_takes(jobs: Jobs) -> None:
+    assert jobs.run({"kind": "journeys.describe"}, b"") == jobs.journeys.describe()
 
 
 @pytest.mark.parametrize("name", ["energy_wh", "soc_arrival", "battery_loss_wh"])

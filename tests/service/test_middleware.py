@@ -97,9 +97,6 @@ def test_a_body_that_does_not_arrive_times_out(strict: Service) -> None:
         ({"Content-Type": "text/plain"}, 415),
         ({"Content-Type": ""}, 415),
         (JSON | {"Content-Encoding": "gzip"}, 415),
-        (JSON | {"Accept": "text/html"}, 406),
-        (JSON | {"Accept": "application/json;q=0, */*"}, 406),
-        (JSON | {"Accept": "text/html, application/*;q=0.1"}, 400),
         (JSON | {"Content-Type": "application/json; charset=utf-8"}, 400),
     ],
 )

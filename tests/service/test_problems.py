@@ -17,7 +17,6 @@ STATUSES = {
     "no-such-car": 404,
     "no-plan": 404,
     "method-not-allowed": 405,
-    "not-acceptable": 406,
     "body-late": 408,
     "too-large": 413,
     "media-type": 415,

@@ -1,4 +1,4 @@
-"""Bodies within bounds of size and time, media types, and which responses a client accepts."""
+"""Bodies within bounds of size and time, and their media types."""
 
 from __future__ import annotations
 
@@ -15,9 +15,7 @@ from tripwatt.service.receiving import (
     GRACE_S,
     Arrival,
     Arrivals,
-    accepts,
     media_type,
-    require_accepts,
     require_media_type,
 )
 
@@ -243,47 +241,3 @@ def test_a_compressed_body_is_refused() -> None:
     with pytest.raises(Problem) as caught:
         require_media_type(asked(content_type=JSON, content_encoding="gzip"), (JSON,))
     assert (caught.value.kind, caught.value.headers) == ("media-type", {"Accept-Encoding": "identity"})
-
-
-@pytest.mark.parametrize(
-    ("header", "allowed"),
-    [
-        ("application/json", True),
-        ("APPLICATION/JSON ; q=0.5", True),
-        ("application/*", True),
-        ("*/*", True),
-        ("text/*", False),
-        ("text/html", False),
-        ("application/xml, text/html;q=1", False),
-        ("*/*;q=0", False),
-        ("*/*;q=0.001", True),
-        ("application/json;q=0, application/*;q=1, */*;q=1", False),
-        ("application/*;q=1, */*;q=1, application/json;q=0", False),
-        ("application/json, application/*;q=0, */*;q=0", True),
-        ("application/*;q=0, */*", False),
-        ("*/*, application/*;q=0", False),
-        ("application/*, */*;q=0", True),
-        ("*/*;q=0, application/*", True),
-        ("application/json;q=0, application/json", True),
-        ("application/json, application/json;q=0", False),
-        ("application/json;q=x", False),
-        ("application/json;level=0", True),
-        ("application/json;level=1;q=0", False),
-        ("application/json; q =0", False),
-        ("application/json, text/html;q=0", True),
-    ],
-)
-def test_the_most_specific_range_decides(header: str, allowed: bool) -> None:
-    assert accepts(header, JSON) is allowed
-
-
-def test_without_an_accept_header_every_type_is_fine() -> None:
-    require_accepts(asked(), JSON)
-    require_accepts(asked(accept="  "), JSON)
-    require_accepts(asked(accept="text/html, application/json;q=0.1"), JSON)
-    with pytest.raises(Problem) as caught:
-        require_accepts(asked(accept="text/html"), JSON)
-    assert (caught.value.kind, caught.value.detail) == (
-        "not-acceptable",
-        "the response is application/json",
-    )

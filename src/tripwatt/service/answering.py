@@ -14,7 +14,7 @@ from tripwatt.service.metrics import Metrics
 from tripwatt.service.openapi import JSON
 from tripwatt.service.pool import WorkerPool
 from tripwatt.service.problems import Problem, refusal
-from tripwatt.service.receiving import Arrivals, request_id, require_accepts
+from tripwatt.service.receiving import Arrivals, request_id
 from tripwatt.service.settings import Settings
 
 
@@ -56,7 +56,6 @@ class Answering:
         limits = self.settings.limits
         if most_bytes is None or not large:
             most_bytes = min(most_bytes or limits.body_bytes, limits.body_bytes)
-        require_accepts(request, JSON)
         if self.pool.waiting >= limits.waiting:
             raise Problem("busy", "too many requests wait", headers={"Retry-After": "1"})
         parts: list[bytes] = []
@@ -68,7 +67,6 @@ class Answering:
         self, request: Request, kind: str, body: bytes = b"", media_type: str = JSON, **parameters: Any
     ) -> Response:
         """Return the document of a job as the response to a request."""
-        require_accepts(request, media_type)
         result = await self.pool.run({"kind": kind, **parameters}, body)
         self.metrics.job_seconds.labels(kind).observe(result.seconds)
         if result.status == 200:
@@ -81,7 +79,6 @@ class Answering:
 
     async def kept(self, request: Request, kind: str, **parameters: Any) -> Response:
         """Return the document of a job that stays the same while the service runs, computed once."""
-        require_accepts(request, JSON)
         key = orjson.dumps([kind, parameters])
         if key not in self._kept:
             response = await self.job(request, kind, **parameters)

@@ -55,7 +55,7 @@ from tripwatt.service.metrics import Metrics
 from tripwatt.service.middleware import ServiceMiddleware
 from tripwatt.service.pool import WorkerPool
 from tripwatt.service.problems import Problem, invalid_input
-from tripwatt.service.receiving import request_id, require_accepts
+from tripwatt.service.receiving import request_id
 from tripwatt.service.settings import Settings
 
 PAGE: Final = Path(__file__).with_name("page")
@@ -251,7 +251,6 @@ class Api:
     )
     async def batch(self, request: Request, fields: Fields = None) -> Response:
         """Forecast many trips: one request per line in, one forecast or problem per line out, in the same order."""
-        require_accepts(request, openapi.NDJSON)
         limits = self.settings.limits
         self._require_place_for_batch()
         splitter = LineSplitter(limits.batch)
@@ -289,13 +288,13 @@ class Api:
     async def journey_difference(self, request: Request) -> Response:
         """Compare two journeys of one car without their stops to charge, as `POST /v1/forecast/difference` does trips."""
         self._require_map()
-        return await self.answering.body_job(request, "journey difference")
+        return await self.answering.body_job(request, "journey_difference")
 
     @openapi.operation("POST /v1/journeys/advice", "journeys", AdviceResponse, JourneyAdviceRequest)
     async def journey_advice(self, request: Request) -> Response:
         """Return what to do about a journey with its charging stops: the least that helps, what each action saves, and the time in all."""
         self._require_map()
-        return await self.answering.body_job(request, "journey advice")
+        return await self.answering.body_job(request, "journey_advice")
 
     @openapi.operation("POST /v1/reachable", "journeys", ReachResponse, ReachRequest)
     async def reach(self, request: Request) -> Response:
@@ -319,12 +318,12 @@ class Api:
     async def get_places(self, request: Request, q: Start, limit: MostPlaces = 10) -> Response:
         """Find places by the start of their names."""
         self._require_map()
-        return await self.answering.job(request, "places", text=q, limit=limit)
+        return await self.answering.job(request, "journeys.places", text=q, limit=limit)
 
     @openapi.operation("GET /v1/map", "library", MapResponse, header=openapi.TAG)
     async def get_map(self, request: Request) -> Response:
         """Return the roads, places and weather of the service."""
-        return await self.answering.kept(request, "map")
+        return await self.answering.kept(request, "journeys.describe")
 
     @openapi.operation("GET /v1/map/view", "journeys", ViewResponse, internal=True)
     async def get_view(
@@ -338,7 +337,9 @@ class Api:
     ) -> Response:
         """Return settlements and charging stations inside of bounds."""
         self._require_map()
-        return await self.answering.job(request, "view", bounds_deg=[south, west, north, east], limit=limit)
+        return await self.answering.job(
+            request, "journeys.view", bounds_deg=[south, west, north, east], limit=limit
+        )
 
     @openapi.operation(
         "GET /v1/tiles/{zoom}/{column}/{row}",
@@ -351,7 +352,7 @@ class Api:
         """Return the roads of a part of the map as a vector tile."""
         self._require_map()
         response = await self.answering.job(
-            request, "tile", media_type=openapi.TILE, zoom=zoom, column=column, row=row
+            request, "journeys.tile", media_type=openapi.TILE, zoom=zoom, column=column, row=row
         )
         response.headers["Cache-Control"] = "private, max-age=3600"
         return response
@@ -363,7 +364,7 @@ class Api:
     @openapi.operation("GET /v1/models", "library", schemas.ModelsResponse, header=openapi.TAG)
     async def get_models(self, request: Request) -> Response:
         """List the models with their inputs, provenance and scores."""
-        return await self.kept(request, "models")
+        return await self.kept(request, "summaries")
 
     @openapi.operation("POST /v1/vehicles", "library", schemas.DescribedVehicle, schemas.VehicleFigures)
     async def describe(self, request: Request) -> Response:

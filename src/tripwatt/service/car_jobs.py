@@ -27,6 +27,7 @@ from tripwatt.live.folder import forecasts_of
 from tripwatt.live.own_car import UPLOADS, VALID_NAME, folder_name, state_of
 from tripwatt.service.car_schemas import CarResponse, CarSummary, LogsRequest, plain
 from tripwatt.service.problems import MAX_FAULTS, Problem, fault_document
+from tripwatt.service.schemas import check_request, parse_json
 from tripwatt.sources.archives import unpack
 from tripwatt.sources.kinds import Changes, Kind, proposed_kinds
 from tripwatt.sources.mapping import TIME_STAMPS, UNITS
@@ -128,7 +129,7 @@ class CarJobs:
         """Make a token for a car."""
         return {"token": live.issue_token(self.car(name).folder)}
 
-    def store(self, name: str, upload: str, file: str, content: bytes, most_bytes: int) -> dict[str, int]:
+    def store(self, name: str, upload: str, file: str, body: bytes, most_bytes: int) -> dict[str, int]:
         """Unpack a file into the tables of an upload, and return their number and bytes; uploads that were left are erased."""
         place = car_folder(self.folder, name) / UPLOADS / upload
         tables = place / TABLES
@@ -138,7 +139,7 @@ class CarJobs:
         try:
             tables.mkdir(parents=True, exist_ok=True)
             before = set(tables.iterdir())
-            made = unpack(file, tables, content=content, limits=limits)
+            made = unpack(file, tables, content=body, limits=limits)
         except OSError as error:
             raise Problem("busy", f"the file cannot be stored: {error.strerror}") from error
         sizes = _sizes(tables)
@@ -151,9 +152,9 @@ class CarJobs:
             raise Problem("too-large", f"at most {most} that are not learned yet")
         return {"files": len(sizes), "bytes": sum(sizes)}
 
-    def logs(self, name: str, upload: str, request: LogsRequest) -> dict[str, Any]:
+    def logs(self, name: str, upload: str, body: bytes) -> dict[str, Any]:
         """Return how the files of an upload are read, and what they hold then, as `LogsResponse`."""
-        own = self.car(name)
+        own, request = self.car(name), check_request(parse_json(body), LogsRequest)
         tables = uploaded(own.folder, upload)
         kinds = kinds_of(tables, request, own.vehicle)
         preview, faults, report = None, [], None
@@ -171,9 +172,9 @@ class CarJobs:
             "faults": faults,
         }
 
-    def learn(self, name: str, upload: str, request: LogsRequest) -> dict[str, Any]:
+    def learn(self, name: str, upload: str, body: bytes) -> dict[str, Any]:
         """Learn the trips of an upload, and drop it; return what became of them."""
-        own = self.car(name)
+        own, request = self.car(name), check_request(parse_json(body), LogsRequest)
         tables = uploaded(own.folder, upload)
         file = tables.parent / PROGRESS
         try:

@@ -33,10 +33,9 @@ from tripwatt.service.car_schemas import (
     UploadResponse,
 )
 from tripwatt.service.live import LiveCars
-from tripwatt.service.openapi import BINARY, BYTES, JSON, KEY, operation
+from tripwatt.service.openapi import BINARY, BYTES, KEY, operation
 from tripwatt.service.pool import JobResult, WorkerLost, WorkerPool, cancel
 from tripwatt.service.problems import Problem, invalid_input
-from tripwatt.service.receiving import require_accepts
 from tripwatt.service.road_trips import RoadTrips
 
 UPLOAD: Final = "/v1/cars/{car}/uploads/{upload}"
@@ -114,7 +113,7 @@ class CarOperations:
     @operation("GET /v1/cars", "cars", CarsResponse)
     async def list_cars(self, request: Request) -> Response:
         """List the cars."""
-        return await self.answering.job(request, "cars")
+        return await self.answering.job(request, "cars.list")
 
     @operation("POST /v1/cars", "cars", CarResponse, NewCarRequest, also=("name-taken",), header=KEY)
     async def new_car(self, request: Request) -> Response:
@@ -123,7 +122,7 @@ class CarOperations:
         body = await self.answering.read(request)
 
         async def made() -> Response:
-            return _shown(await self.answering.job(request, "new car", body), None)
+            return _shown(await self.answering.job(request, "new_car", body), None)
 
         return await self.answering.repeats.once(request, body, made)
 
@@ -131,16 +130,15 @@ class CarOperations:
     async def get_car(self, request: Request, car: CarName) -> Response:
         """Return a car, what it learned, and its diary."""
         learning = self._learning(car)  # before: what is done by then is shown
-        return _shown(await self.answering.job(request, "car", car=car), learning)
+        return _shown(await self.answering.job(request, "cars.show", name=car), learning)
 
     @operation("DELETE /v1/cars/{car}", "cars", Forgotten)
     async def forget_car(self, request: Request, car: CarName) -> Response:
         """Erase a car: its trips, its model, its diary, and what it sent."""
-        require_accepts(request, JSON)
         self._require_idle(car)
         with contextlib.suppress(Problem):
             await self.live().drop(car)
-        response = await self.answering.job(request, "forget car", car=car)
+        response = await self.answering.job(request, "cars.forget", name=car)
         self.learning.pop(car, None)
         return response
 
@@ -149,7 +147,7 @@ class CarOperations:
         """Make a token with which a car sends its messages; an earlier one is no longer accepted."""
 
         async def made() -> Response:
-            response = await self.answering.job(request, "car token", car=car)
+            response = await self.answering.job(request, "cars.token", name=car)
             if response.status_code == 200:
                 await self.live().follow(car_folder(self.settings.cars, car))
             return response
@@ -167,12 +165,20 @@ class CarOperations:
                 request, (BYTES,), self.settings.limits.upload_bytes, large=True
             )
             async with self._unpacking:  # one worker unpacks, the others go on
-                return await self.answering.job(request, "store", content, car=car, upload=upload, file=file)
+                return await self.answering.job(
+                    request,
+                    "cars.store",
+                    content,
+                    name=car,
+                    upload=upload,
+                    file=file,
+                    most_bytes=self.settings.limits.car_bytes,
+                )
 
     @operation(f"POST {UPLOAD}", "cars", LogsResponse, LogsRequest, also=("not-found",))
     async def read_logs(self, request: Request, car: CarName, upload: UploadName) -> Response:
         """Return how the tables of an upload are read, and what the audit says of them; nothing is learned."""
-        return await self.answering.body_job(request, "logs", car=car, upload=upload)
+        return await self.answering.body_job(request, "cars.logs", name=car, upload=upload)
 
     @operation(f"POST {UPLOAD}/learn", "cars", CarResponse, LogsRequest, also=("not-found",), header=KEY)
     async def learn(self, request: Request, car: CarName, upload: UploadName) -> Response:
@@ -183,7 +189,7 @@ class CarOperations:
         )
 
     async def _begin(self, request: Request, car: str, upload: str, body: bytes) -> Response:
-        checked = await self.answering.job(request, "logs", body, car=car, upload=upload)
+        checked = await self.answering.job(request, "cars.logs", body, name=car, upload=upload)
         if checked.status_code != 200:
             return checked
         faults = orjson.loads(checked.body)["faults"]
@@ -192,7 +198,7 @@ class CarOperations:
                 [Fault(**{"where": "logs", **{k: v for k, v in fault.items() if v}}) for fault in faults]
             )
         self._require_idle(car)
-        self._start(Learning(upload), {"kind": "learn", "car": car, "upload": upload}, body)
+        self._start(Learning(upload), {"kind": "cars.learn", "name": car, "upload": upload}, body)
         return await self.get_car(request, car)
 
     async def learn_finished(self, car: str) -> bool:
@@ -207,12 +213,12 @@ class CarOperations:
             return False
         learning = Learning()
         await asyncio.gather(
-            self._start(learning, {"kind": "learn finished", "car": car}), return_exceptions=True
+            self._start(learning, {"kind": "cars.learn_finished", "name": car}), return_exceptions=True
         )
         return learning.result is not None and learning.result.status == 200
 
     def _start(self, learning: Learning, job: dict[str, Any], body: bytes = b"") -> asyncio.Task[None]:
-        self.learning[job["car"]] = learning
+        self.learning[job["name"]] = learning
         learning.task = asyncio.ensure_future(self._learn(learning, job, body))
         return learning.task
 

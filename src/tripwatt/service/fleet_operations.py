@@ -15,7 +15,6 @@ from tripwatt.service.contract import tagged
 from tripwatt.service.fleets import NightRequest, NightResponse, is_registry
 from tripwatt.service.openapi import JSON, TAG, TEXT, operation
 from tripwatt.service.problems import Problem
-from tripwatt.service.receiving import require_accepts
 
 MEDIA_TYPES: Final = {".html": "text/html", ".json": JSON, ".csv": "text/csv", ".txt": "text/plain"}
 """Of the files of a report."""
@@ -63,7 +62,6 @@ class FleetOperations:
                 "not-found", "no such file; `tripwatt fleet report` writes the report of a registry"
             )
         media_type = MEDIA_TYPES[Path(file).suffix]
-        require_accepts(request, media_type)
         response = tagged(request, content, media_type)
         response.headers["Content-Security-Policy"] = POLICY
         return response

@@ -6,6 +6,8 @@ import datetime as dt
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from inspect import signature
+from operator import attrgetter
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
@@ -26,7 +28,7 @@ from tripwatt.population.cars import for_car
 from tripwatt.routes import plan_from_route
 from tripwatt.service import journey_schemas
 from tripwatt.service.car_jobs import CarJobs
-from tripwatt.service.car_schemas import LogsRequest, NewCarRequest
+from tripwatt.service.car_schemas import NewCarRequest
 from tripwatt.service.fleets import NightRequest, followed, is_registry, model_summary, night, vehicle_model
 from tripwatt.service.journeys import JourneyJobs
 from tripwatt.service.library import described, example, example_summaries, vehicles
@@ -134,8 +136,9 @@ class Jobs:
         Parameters
         ----------
         job : mapping
-            `kind`: a key of `JOB_KINDS`; for a route also `speed_m_s`.
+            `kind`: the name of a method, such as `forecast` or `cars.show`; and its parameters.
         body : bytes
+            For a method with a parameter `body`.
 
         Returns
         -------
@@ -147,12 +150,28 @@ class Jobs:
         InvalidInput, Problem
             When the body is wrong.
         """
-        return JOB_KINDS[job["kind"]](self, job, body)
+        work, given = attrgetter(job["kind"])(self), {**job, "body": body}
+        document: dict[str, Any] | bytes = work(
+            **{name: given[name] for name in signature(work).parameters if name in given}
+        )
+        return document
 
-    def forecast(self, body: bytes, kind: type[ForecastRequest] = ForecastRequest) -> dict[str, Any]:
+    def forecast(self, body: bytes, request: type[ForecastRequest] = ForecastRequest) -> dict[str, Any]:
         """Return the response to a `ForecastRequest`."""
-        request, forecast = self._forecast(body, kind)
-        return require_finite(forecast.to_dict(request.reserve, request.probability))
+        asked, forecast = self._forecast(body, request)
+        return require_finite(forecast.to_dict(asked.reserve, asked.probability))
+
+    def update(self, body: bytes) -> dict[str, Any]:
+        """Return the response to an `UpdateRequest`."""
+        return self.forecast(body, UpdateRequest)
+
+    def route(self, body: bytes, speed_m_s: float | None) -> dict[str, Any]:
+        """Return the response to the upload of a route."""
+        return read_route(body, speed_m_s, self.limits)
+
+    def night(self, body: bytes) -> dict[str, Any]:
+        """Return the response to a `NightRequest`."""
+        return night(self.fleets, check_request(parse_json(body), NightRequest), self.limits)
 
     def difference(self, body: bytes) -> dict[str, Any]:
         """Return the response to a `DifferenceRequest`: the first trip less the other one."""
@@ -183,20 +202,28 @@ class Jobs:
         request, forecast = self._forecast(body, AdviceRequest)
         return advise(forecast, reserve=request.reserve, chance=request.chance).to_dict()
 
-    def need(self, body: bytes, job: Mapping[str, Any]) -> dict[str, Any]:
-        """Return what a `ForecastRequest` needs with the probability of the job: energy, charge, and what to do until then."""
-        request, forecast = self._forecast(body, ForecastRequest, job)
+    def need(
+        self,
+        body: bytes,
+        probability: float,
+        departure_s: float,
+        plug_w: float,
+        soc: float | None,
+        seen: Mapping[str, Any],
+    ) -> dict[str, Any]:
+        """Return what a `ForecastRequest` needs with a probability: energy, charge, and what to do until then."""
+        request, forecast = self._forecast(body, ForecastRequest, seen)
         needed = {
             "expected_wh": forecast.energy_wh,
-            "energy_quantile_wh": forecast.quantile(job["probability"]),
-            "soc_needed": forecast.soc_needed(request.reserve, job["probability"]),
+            "energy_quantile_wh": forecast.quantile(probability),
+            "soc_needed": forecast.soc_needed(request.reserve, probability),
             "wh_per_display": forecast.charge.wh_per_display,
         }
         if not all(map(math.isfinite, needed.values())):
             raise _no_forecast()
-        leave = leave_in_words(needed["soc_needed"], request.reserve, job["probability"])
-        leaves = dt.datetime.fromtimestamp(job["departure_s"], dt.UTC)
-        until = before_departure(forecast, needed["soc_needed"], job["plug_w"], job["soc"], leaves)
+        leave = leave_in_words(needed["soc_needed"], request.reserve, probability)
+        leaves = dt.datetime.fromtimestamp(departure_s, dt.UTC)
+        until = before_departure(forecast, needed["soc_needed"], plug_w, soc, leaves)
         flags = [flag_to_dict(flag) for flag in forecast.flags]
         return {"reserve": request.reserve, **needed, "message": leave, **until, "flags": flags}
 
@@ -215,7 +242,7 @@ class Jobs:
         """Return the response to a `ReachRequest`."""
         return self.journeys.reach(*self._journey(body, journey_schemas.ReachRequest))
 
-    def distance(self, body: bytes, job: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    def distance(self, body: bytes, seen: Mapping[str, Any] | None = None) -> dict[str, Any]:
         """Return the response to a `NeedQuery`."""
         request = check_request(parse_json(body), journey_schemas.NeedQuery)
         if (request.distance_km is None) == (request.trip is None):
@@ -229,7 +256,7 @@ class Jobs:
                 raise InvalidInput.of("car is missing", "car", got, allowed)
             ahead = usual_plan(self.cars.car(request.car), request.trip)
         model = self._model_asked(request)
-        known, flags = with_seen(departure_of(request), job, model.vehicle)
+        known, flags = with_seen(departure_of(request), seen, model.vehicle)
         needed, until = need_before_departure(
             ahead,
             request.kind,
@@ -242,11 +269,11 @@ class Jobs:
         )
         return replace(needed, flags=(*flags, *needed.flags)).to_dict() | until
 
-    def range(self, body: bytes, job: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    def range(self, body: bytes, seen: Mapping[str, Any] | None = None) -> dict[str, Any]:
         """Return the response to a `RangeQuery`."""
         request = check_request(parse_json(body), journey_schemas.RangeQuery)
         model = self._model_asked(request)
-        known, flags = with_seen(departure_of(request), job, model.vehicle)
+        known, flags = with_seen(departure_of(request), seen, model.vehicle)
         far = range_km(None, request.kind, known, reserve=request.reserve or 0.0, model=model)
         return replace(far, flags=(*flags, *far.flags)).to_dict()
 
@@ -274,7 +301,7 @@ class Jobs:
         return request, model()
 
     def _forecast(
-        self, body: bytes, kind: type[Forecasting], job: Mapping[str, Any] | None = None
+        self, body: bytes, kind: type[Forecasting], seen: Mapping[str, Any] | None = None
     ) -> tuple[Forecasting, Forecast]:
         """The request of a body and its forecast, updated with the samples that the request observed.
 
@@ -292,7 +319,7 @@ class Jobs:
         assert plan is not None
         assert model is not None
         own = model()
-        known, flags = with_seen(plan.departure.merge(departure_of(request)), job, own.vehicle)
+        known, flags = with_seen(plan.departure.merge(departure_of(request)), seen, own.vehicle)
         forecast = own.forecast(replace(plan, trip_id=request.trip), known)
         forecast = replace(forecast, flags=(*flags, *forecast.flags))
         return request, forecast if observed is None else forecast.update(observed)
@@ -381,6 +408,14 @@ class Jobs:
             return plan_from_samples(parse_samples(samples, self.limits), "samples")
         return plan_from_route(parse_links(links, _sound(Elevation, document.get("elevation")), self.limits))
 
+    def examples(self) -> dict[str, Any]:
+        """Return the synthetic trips without their samples."""
+        return example_summaries()
+
+    def example(self, trip: str) -> dict[str, Any]:
+        """Return a synthetic trip."""
+        return example(trip)
+
     def summaries(self) -> dict[str, Any]:
         """Return the models with their inputs, provenance and scores; the first is the default."""
         places = {
@@ -408,51 +443,6 @@ def _sound(kind: type[RequestModel], value: Any) -> RequestModel | None:
         return None if value is None else kind.model_validate(value)
     except ValidationError:
         return None
-
-
-JOB_KINDS: Final[Mapping[str, Callable[[Jobs, Mapping[str, Any], bytes], dict[str, Any] | bytes]]] = {
-    "forecast": lambda jobs, job, body: jobs.forecast(body),
-    "difference": lambda jobs, job, body: jobs.difference(body),
-    "advice": lambda jobs, job, body: jobs.advice(body),
-    "need": lambda jobs, job, body: jobs.need(body, job),
-    "night": lambda jobs, job, body: night(
-        jobs.fleets, check_request(parse_json(body), NightRequest), jobs.limits
-    ),
-    "update": lambda jobs, job, body: jobs.forecast(body, UpdateRequest),
-    "route": lambda jobs, job, body: read_route(body, job["speed_m_s"], jobs.limits),
-    "plan": lambda jobs, job, body: jobs.plan(body),
-    "journey difference": lambda jobs, job, body: jobs.journey_difference(body),
-    "journey advice": lambda jobs, job, body: jobs.journey_advice(body),
-    "reach": lambda jobs, job, body: jobs.reach(body),
-    "distance": lambda jobs, job, body: jobs.distance(body, job),
-    "range": lambda jobs, job, body: jobs.range(body, job),
-    "places": lambda jobs, job, body: jobs.journeys.places(job["text"], job["limit"]),
-    "map": lambda jobs, job, body: jobs.journeys.describe(),
-    "tile": lambda jobs, job, body: jobs.journeys.tile(job["zoom"], job["column"], job["row"]),
-    "view": lambda jobs, job, body: jobs.journeys.view(job["bounds_deg"], job["limit"]),
-    "models": lambda jobs, job, body: jobs.summaries(),
-    "vehicles": lambda jobs, job, body: jobs.vehicles(job.get("search")),
-    "describe": lambda jobs, job, body: jobs.describe(body),
-    "examples": lambda jobs, job, body: example_summaries(),
-    "example": lambda jobs, job, body: example(job["trip"]),
-    "cars": lambda jobs, job, body: jobs.cars.list(),
-    "car": lambda jobs, job, body: jobs.cars.show(job["car"]),
-    "new car": lambda jobs, job, body: jobs.new_car(body),
-    "forget car": lambda jobs, job, body: jobs.cars.forget(job["car"]),
-    "car token": lambda jobs, job, body: jobs.cars.token(job["car"]),
-    "store": lambda jobs, job, body: jobs.cars.store(
-        job["car"], job["upload"], job["file"], body, jobs.limits.car_bytes
-    ),
-    "logs": lambda jobs, job, body: jobs.cars.logs(job["car"], job["upload"], logs_request(body)),
-    "learn finished": lambda jobs, job, body: jobs.cars.learn_finished(job["car"]),
-    "learn": lambda jobs, job, body: jobs.cars.learn(job["car"], job["upload"], logs_request(body)),
-}
-"""Kind of job -> the method of `Jobs` that runs it."""
-
-
-def logs_request(body: bytes) -> LogsRequest:
-    """How the tables of an upload are to be read."""
-    return check_request(parse_json(body), LogsRequest)
 
 
 def describe(figures: VehicleFigures) -> Vehicle:

@@ -33,7 +33,7 @@ from tripwatt.service.live_schemas import (
 from tripwatt.service.over_mqtt import OverMqtt
 from tripwatt.service.pool import WorkerPool
 from tripwatt.service.problems import Problem, invalid_input, refusal
-from tripwatt.service.receiving import media_type, request_id, require_accepts
+from tripwatt.service.receiving import media_type, request_id
 from tripwatt.service.schemas import check_request, parse_json
 from tripwatt.service.settings import Settings
 
@@ -111,18 +111,14 @@ class LiveOperations:
         car = cars.by_token(given_token(message, request, token))
         return json_response(await cars.take(car, sample_from_abrp(telemetry_of(message))))
 
-    @openapi.operation(
-        "GET /v1/live", "live", LiveCarsResponse, only=(*openapi.COMMON_PROBLEMS, "not-acceptable", "no-live")
-    )
+    @openapi.operation("GET /v1/live", "live", LiveCarsResponse, only=(*openapi.COMMON_PROBLEMS, "no-live"))
     async def list_live(self, request: Request) -> Response:
         """List the cars on the road: those with a token."""
-        require_accepts(request, openapi.JSON)
         return json_response(self.cars.summary())
 
     @openapi.operation("GET /v1/live/{car}", "live", LiveResponse)
     async def get_live(self, request: Request, car: Name) -> Response:
         """Return the state of a car on the road and the latest forecast of its trip."""
-        require_accepts(request, openapi.JSON)
         return json_response(await self.cars.document(self.cars.by_name(car)))
 
     @openapi.operation("PUT /v1/live/{car}/plan", "live", LiveResponse, LivePlanRequest)
@@ -147,7 +143,6 @@ class LiveOperations:
 
     async def next_need(self, request: Request, car: str, query: NeedQuery) -> Response:
         """Return what the next trip of a car needs: energy at a quantile, charge to leave with, energy to charge."""
-        require_accepts(request, openapi.JSON)
         leaves = time.time() if query.departs_at is None else query.departs_at.timestamp()
         needed = await self.cars.need(
             self.cars.by_name(car),
@@ -166,7 +161,6 @@ class LiveOperations:
     )
     async def get_events(self, request: Request, car: Name) -> Response:
         """Stream the state of a car on the road and the forecasts of its trip as server-sent events."""
-        require_accepts(request, openapi.EVENTS)
         followed = self.cars.by_name(car)
         if request.scope.get("was_head"):
             return Response(media_type=openapi.EVENTS)  # a stream without a body would never end

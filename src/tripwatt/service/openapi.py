@@ -33,8 +33,8 @@ BINARY: Final = {"schema": {"type": "string", "format": "binary"}}
 TEXT: Final = {"schema": {"type": "string"}}
 
 COMMON_PROBLEMS: Final = ("bad-request", "token-needed", "too-many-requests", "internal")
-BODY_PROBLEMS: Final = ("not-acceptable", "body-late", "too-large", "media-type", "invalid-input")
-QUERY_PROBLEMS: Final = ("not-acceptable", "invalid-input")
+BODY_PROBLEMS: Final = ("body-late", "too-large", "media-type", "invalid-input")
+QUERY_PROBLEMS: Final = ("invalid-input",)
 POOL_PROBLEMS: Final = ("busy", "timeout")
 TAG_PROBLEMS: Final[Mapping[str, tuple[str, ...]]] = {
     "journeys": ("no-map", "remote"),

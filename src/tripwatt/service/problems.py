@@ -37,7 +37,6 @@ TITLES: Final[Mapping[str, tuple[int, str]]] = {
     "no-such-car": (404, "The car does not exist"),
     "no-plan": (404, "The car has no plan"),
     "method-not-allowed": (405, "The method is not allowed"),
-    "not-acceptable": (406, "The accepted formats are not available"),
     "name-taken": (409, "The name is taken"),
     "body-late": (408, "The body did not arrive in time"),
     "too-large": (413, "The body is too large"),

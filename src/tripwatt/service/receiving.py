@@ -1,4 +1,4 @@
-"""Reading request bodies within bounds of size, time and media type, and content negotiation."""
+"""Reading request bodies within bounds of size, time and media type."""
 
 from __future__ import annotations
 
@@ -165,48 +165,3 @@ def require_media_type(request: Request, media_types: Sequence[str]) -> None:
 def media_type(request: Request) -> str:
     """Return the media type of a body in lower case, without parameters; empty when the header is missing."""
     return request.headers.get("content-type", "").partition(";")[0].strip().lower()
-
-
-def require_accepts(request: Request, media_type: str) -> None:
-    """Check that the Accept header of a request allows the media type of the response.
-
-    Raises
-    ------
-    Problem
-        `not-acceptable`.
-    """
-    given = ",".join(request.headers.getlist("accept"))
-    if given.strip() and not accepts(given, media_type):
-        raise Problem("not-acceptable", f"the response is {media_type}")
-
-
-def accepts(header: str, media_type: str) -> bool:
-    """Whether an Accept header allows a media type (RFC 9110, 12.5.1); the most specific range decides.
-
-    Examples
-    --------
-    >>> accepts("text/html, */*;q=0.1", "application/json"), accepts("text/html", "application/json")
-    (True, False)
-    >>> accepts("*/*, application/json;q=0", "application/json")
-    False
-    """
-    main = media_type.partition("/")[0]
-    ranges = {"*/*": 1, f"{main}/*": 2, media_type: 3}
-    best, quality = 0, 0.0
-    for part in header.split(","):
-        name, *parameters = (piece.strip().lower() for piece in part.split(";"))
-        rank = ranges.get(name, 0)
-        if rank >= best and rank:
-            best, quality = rank, _quality(parameters)
-    return quality > 0.0
-
-
-def _quality(parameters: Sequence[str]) -> float:
-    for parameter in parameters:
-        key, _, value = parameter.partition("=")
-        if key.strip() == "q":
-            try:
-                return float(value)
-            except ValueError:
-                return 0.0
-    return 1.0

@@ -11,13 +11,13 @@ from tripwatt.vehicles import Vehicle
 
 
 def with_seen(
-    known: Departure, job: Mapping[str, Any] | None, vehicle: Vehicle
+    known: Departure, seen: Mapping[str, Any] | None, vehicle: Vehicle
 ) -> tuple[Departure, tuple[Flag, ...]]:
     """A departure with temperature and charge of the car's last messages in place of those that it leaves out, and flags of what was taken.
 
     A charge is in the answer, and a charge of the battery management is no gap.
     """
-    seen = (job or {}).get("seen") or {}
+    seen = seen or {}
     given = known if known.bms_soc is None else replace(known, soc=known.bms_soc)
     air = "ambient_temperature_degc"
     used = {n: seen[n] for n in ("soc", air) if seen.get(n) is not None and getattr(given, n) is None}

@@ -837,7 +837,6 @@ const de: Text = {
       "no-such-car": "Der Dienst hat kein solches Auto",
       "no-plan": "Das Auto hat keinen Plan",
       "method-not-allowed": "Methode nicht erlaubt",
-      "not-acceptable": "Kein akzeptiertes Antwortformat verfügbar",
       "body-late": "Die Übertragung dauerte zu lange",
       "too-large": "Die übertragenen Daten sind zu groß",
       "media-type": "Medientyp nicht unterstützt",

@@ -830,7 +830,6 @@ export const en = {
       "no-such-car": "The service has no such car",
       "no-plan": "The car has no plan",
       "method-not-allowed": "Method not allowed",
-      "not-acceptable": "No accepted response format is available",
       "body-late": "The upload took too long",
       "too-large": "The upload is too large",
       "media-type": "Unsupported media type",
