@@ -19,6 +19,7 @@ from tripwatt.forecasting.document import ForecastResponse
 from tripwatt.service import advice_schemas as advice
 from tripwatt.service import car_schemas, journey_schemas, schemas
 from tripwatt.service.jobs import Jobs
+from tripwatt.service.openapi import Schemas
 from tripwatt.service.problems import TITLES, Problem
 from tripwatt.service.schemas import StrictModel, check_request, parse_json
 
@@ -183,7 +184,9 @@ def _document(name: str, remote: bool) -> types.Tool:
         name=name,
         description=ABOUT[name],
         input_schema={**named.pop(tool.takes.__name__), "$defs": named},
-        output_schema=_short(TypeAdapter(tool.gives).json_schema(mode="serialization")),
+        output_schema=_short(
+            TypeAdapter(tool.gives).json_schema(mode="serialization", schema_generator=Schemas)
+        ),
         annotations=hints,
     )
 

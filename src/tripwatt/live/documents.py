@@ -6,13 +6,20 @@ The docstrings of the fields are their descriptions in the OpenAPI document.
 from __future__ import annotations
 
 import math
-from typing import Any, Final, Literal, cast
+from typing import (
+    Any,
+    Final,
+    Literal,
+    NotRequired,  # Python 3.11 has one that pydantic cannot read
+    cast,
+)
 
-from typing_extensions import TypedDict  # Python 3.11 has one that pydantic cannot read
+from typing_extensions import TypedDict
 
+from tripwatt.advice import Message
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import Forecast
-from tripwatt.forecasting.document import FlagDocument
+from tripwatt.forecasting.document import FlagDocument, described
 from tripwatt.forecasting.forecast import by_probability, quantiles
 from tripwatt.trips.messages import flag_to_dict
 
@@ -21,6 +28,21 @@ LOW, HIGH = f"{QUANTILES[0]:g}", f"{QUANTILES[-1]:g}"
 """Ends of the 90 % interval."""
 
 
+@described
+class ProblemFault(TypedDict):
+    """One thing that is wrong with an input."""
+
+    what: str
+    where: str
+    """field, or position in an upload"""
+    pointer: NotRequired[str | None]
+    """JSON pointer (RFC 6901) of the field in the body of the request"""
+    got: NotRequired[str | None]
+    allowed: NotRequired[str | None]
+    fix: NotRequired[str | None]
+
+
+@described
 class LiveForecastDocument(TypedDict):
     """The forecast of a trip, given what was measured so far."""
 
@@ -46,6 +68,7 @@ class LiveForecastDocument(TypedDict):
     """what was assumed, such as a charge at departure that no message shows"""
 
 
+@described
 class LiveTripDocument(TypedDict):
     """The trip that a car is on."""
 
@@ -57,6 +80,7 @@ class LiveTripDocument(TypedDict):
     """messages that count"""
 
 
+@described
 class LiveMessages(TypedDict):
     """Messages since the service was started."""
 
@@ -66,7 +90,8 @@ class LiveMessages(TypedDict):
     """too late, or with a time of another clock: they do not count"""
 
 
-class LiveDocument(TypedDict):
+@described
+class LiveResponse(TypedDict):
     """A car on the road."""
 
     car: str
@@ -92,7 +117,9 @@ class LiveDocument(TypedDict):
     """null without a plan"""
     flags: list[FlagDocument]
     """what is assumed of the car: another one where nothing describes it"""
-    faults: list[dict[str, str]]
+    message: Message | None
+    """null until the verdict changes on the way"""
+    faults: list[ProblemFault]
     """why the last messages are not in the forecast; empty when they are"""
 
 

@@ -14,7 +14,7 @@ from typing import Any, Final, cast
 
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import Forecast, ForecastModel
-from tripwatt.live.documents import HIGH, LOW, LiveDocument, LiveForecastDocument, live_forecast
+from tripwatt.live.documents import HIGH, LOW, LiveForecastDocument, LiveResponse, live_forecast
 from tripwatt.live.on_the_way import MadeForecast
 from tripwatt.live.plan import LivePlan
 from tripwatt.live.recording import Recorder
@@ -199,7 +199,7 @@ class RoadCar(Recorder):
         """What a forecast depends on: numbers of samples and of plans, and the start of the trip."""
         return self.counts["new"], self._plans, None if self.trip is None else self.trip.start_s
 
-    def document(self, now_s: float) -> LiveDocument:
+    def document(self, now_s: float) -> LiveResponse:
         """Describe the car and the forecast of its trip, given what was measured. It is made once for the same samples.
 
         Samples that cannot be of the trip leave the forecast before them, else that of the departure, and `faults`.
@@ -227,9 +227,10 @@ class RoadCar(Recorder):
             "usual_trip": usual,
             "forecast": self._forecast,
             "flags": [],
+            "message": None,
             "faults": [*self._faults, *self.mixed(now_s)],
         }
-        return cast(LiveDocument, document)
+        return cast(LiveResponse, document)
 
     def _make(self) -> None:
         """Make the forecast of the document; one that is due is kept for the diary."""

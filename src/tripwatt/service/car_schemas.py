@@ -6,8 +6,10 @@ from typing import Any, Literal
 
 from pydantic import Field
 
+from tripwatt.live.documents import ProblemFault
+from tripwatt.live.on_the_way import MadeForecast
 from tripwatt.live.own_car import VALID_NAME
-from tripwatt.service.schemas import ProblemFault, ResponseModel, StrictModel, VehicleFigures
+from tripwatt.service.schemas import ResponseModel, StrictModel, VehicleFigures
 from tripwatt.sources.mapping import UNITS
 
 NAME_PATTERN = f"^{VALID_NAME.pattern}$"
@@ -199,19 +201,6 @@ class LearnedParameter(ResponseModel):
     """outside temperatures of the trips that show it; null where none does: then it is what cars have in common"""
 
 
-class ForecastOnTheWay(ResponseModel):
-    """A forecast of the whole trip that was made while it was driven."""
-
-    at_s: float
-    """since the start of the trip; 0 at departure"""
-    distance_m: float
-    """driven by then"""
-    energy_wh: float
-    low_wh: float
-    """lower end of the 90 % interval"""
-    high_wh: float
-
-
 class DiaryEntry(ResponseModel):
     """A trip as it was forecast before the model was adapted to it, and what it took."""
 
@@ -233,7 +222,7 @@ class DiaryEntry(ResponseModel):
     book_high_wh: float
     by_cause_wh: dict[str, float]
     """the forecast by cause"""
-    on_the_way: list[ForecastOnTheWay]
+    on_the_way: list[MadeForecast]
     """of a trip that the service followed with a plan; the first one is that of the departure"""
 
 

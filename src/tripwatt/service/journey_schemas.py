@@ -8,6 +8,9 @@ from pydantic import ConfigDict, Field, RootModel, create_model
 
 from tripwatt.advice.preheating import PLUG_W
 from tripwatt.forecasting.document import FlagDocument, ForecastResponse
+from tripwatt.journey.distances import Doubt
+from tripwatt.journey.stops import ChargingStop
+from tripwatt.routes.maps.stations import Station
 from tripwatt.service import schemas
 from tripwatt.service.advice_schemas import UntilDeparture
 from tripwatt.service.live_schemas import NeedResponse
@@ -119,23 +122,6 @@ class NeedQuery(RangeQuery):
     """power of the plug at home [W]; 0: the car is not plugged in"""
 
 
-class DoubtDocument(schemas.ResponseModel):
-    """What an interval comes from: shares of the variance that add up to 1."""
-
-    car: float
-    """how far the car is from its values"""
-    road: float
-    """speeds and climb of a road of which the kind is known at most"""
-    weather: float
-    """what is unknown of the weather and of the car at departure"""
-    day: float
-    """driver, wind, traffic and all that differs from trip to trip"""
-    narrows: str | None
-    """the one missing input that would narrow the interval most: `ambient_temperature_degc`, `kind` or `own trips`"""
-    narrower: float
-    """at most how much narrower it would be with it, as a share"""
-
-
 class DistanceNeed(UntilDeparture):
     """What some kilometres need, without a road, as `tripwatt need --json` prints it."""
 
@@ -159,7 +145,7 @@ class DistanceNeed(UntilDeparture):
     flags: list[FlagDocument]
     car: str
     """title of the car"""
-    doubt: DoubtDocument
+    doubt: Doubt
     message: str
     """`soc_needed` as an English sentence"""
 
@@ -194,7 +180,7 @@ class RangeResponse(FarDocument):
     """displayed state of charge that is kept; 0: down to an empty display"""
     by_kind: list[KindRange]
     flags: list[FlagDocument]
-    doubt: DoubtDocument
+    doubt: Doubt
 
 
 class PlaceDocument(schemas.ResponseModel):
@@ -257,58 +243,6 @@ class RoadDocument(schemas.ResponseModel):
     forecast: ForecastResponse
 
 
-class StationDocument(schemas.ResponseModel):
-    """A charging station."""
-
-    latitude_deg: float
-    longitude_deg: float
-    name: str
-    power_w: float
-    direct_current: bool
-    power_known: bool
-    """whether the map gives the power; else it is assumed"""
-    plugs: list[str]
-    """sockets by their names on OpenStreetMap; empty: not known"""
-
-
-class NextStationDocument(schemas.ResponseModel):
-    """Where to go from a station that is occupied."""
-
-    station: StationDocument
-    soc_arrival: float
-    p_reach: float
-    """probability to reach it; the reserve may be used"""
-    more_s: float
-    """time that the journey takes longer [s]"""
-
-
-class ChargingStopDocument(schemas.ResponseModel):
-    """A stop to charge."""
-
-    station: StationDocument
-    position_m: float
-    """along the line of the journey"""
-    soc_arrival: float
-    """expected displayed state of charge at the station"""
-    soc_interval: list[float]
-    """its 90 % interval"""
-    soc_leave: float
-    """displayed state of charge to leave the station with"""
-    energy_wh: float
-    """charged into the battery"""
-    charging_s: float
-    overhead_s: float
-    """parking, plugging in and paying"""
-    arrives_after_s: float
-    """since departure"""
-    p_reach: float
-    """probability to arrive with the reserve"""
-    preheat: bool
-    """whether the battery is heated for the stop"""
-    if_full: NextStationDocument | None
-    """where to go when the station is occupied; null: no other one helps"""
-
-
 class CourseDocument(schemas.ResponseModel):
     """Charge along a journey; a stop has one entry before and one after charging."""
 
@@ -344,7 +278,7 @@ class ChargingDocument(WholeDocument):
     """A plan with stops to charge."""
 
     label: str = Field(description='"fastest", "fewest stops", "safest", "cheapest" or "best effort"')
-    stops: list[ChargingStopDocument]
+    stops: list[ChargingStop]
     energy_interval_wh: list[float]
     """90 % interval"""
     by_cause_wh: dict[str, float]
@@ -434,7 +368,7 @@ class ViewResponse(schemas.ResponseModel):
 
     settlements: list[PlaceDocument]
     """the most important first"""
-    stations: list[StationDocument]
+    stations: list[Station]
     """charging stations, those with the most power first"""
     attribution: str
 

@@ -17,6 +17,7 @@ from starlette.responses import Response
 
 from tripwatt.errors import Fault, excerpt
 from tripwatt.live import sample_from_abrp
+from tripwatt.live.documents import LiveResponse
 from tripwatt.live.own_car import VALID_NAME
 from tripwatt.service import openapi
 from tripwatt.service.answering import json_response
@@ -26,7 +27,6 @@ from tripwatt.service.live_schemas import (
     LiveCarsResponse,
     LiveDeparture,
     LivePlanRequest,
-    LiveResponse,
     TelemetryRequest,
     TelemetryResponse,
 )

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal, get_type_hints
+from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, create_model
+from pydantic import BaseModel, ConfigDict, Field
 
 from tripwatt.forecasting.document import FlagDocument
-from tripwatt.live.documents import LiveDocument, LiveForecastDocument, LiveMessages, LiveTripDocument
+from tripwatt.live.documents import ProblemFault
 from tripwatt.service.advice_schemas import UntilDeparture
-from tripwatt.service.schemas import ForecastRequest, ProblemFault, ResponseModel, StrictModel, Time, asked
+from tripwatt.service.schemas import ForecastRequest, ResponseModel, StrictModel, Time, asked
 from tripwatt.trips import ASKED
 
 
@@ -76,36 +76,6 @@ class NeedResponse(UntilDeparture):
     """energy of a whole display [Wh]"""
     flags: list[FlagDocument]
     """what was assumed, such as an outside temperature of the car's last message"""
-
-
-class MessageDocument(ResponseModel):
-    """What a driver is told on the way, when the verdict has changed."""
-
-    time_s: float
-    """since the departure [s]"""
-    verdict: Literal["arrives", "open", "does_not_arrive"]
-    """the reserve at arrival: in 19 of 20 trips, open, or in 1 of 20 at most"""
-    soc_arrival: float
-    """expected displayed charge at arrival"""
-    p_arrive: float
-    """probability to have the reserve at arrival"""
-    speed_m_s: float | None
-    """highest speed from here on that restores the chance; null where none is needed, or none suffices"""
-    p_at_speed: float | None
-    """probability with this speed"""
-
-
-_documents: list[Any] = [LiveForecastDocument, LiveTripDocument, LiveMessages, LiveDocument]
-for _document in _documents:
-    _document.__pydantic_config__ = ConfigDict(extra="forbid", use_attribute_docstrings=True)
-
-_described = TypeAdapter(LiveDocument).json_schema()["properties"]
-_fields: Any = {
-    name: (kind, Field(description=_described[name].get("description")))
-    for name, kind in (get_type_hints(LiveDocument) | {"faults": list[ProblemFault]}).items()
-}
-_fields["message"] = (MessageDocument | None, Field(description="null until the verdict changes on the way"))
-LiveResponse = create_model("LiveResponse", __base__=ResponseModel, __doc__=LiveDocument.__doc__, **_fields)
 
 
 class LiveCarSummary(ResponseModel):

@@ -146,6 +146,16 @@ class Operation:
 class Schemas(GenerateJsonSchema):
     """Schemas of which generated clients make optional fields: some count a field with a `default` as required."""
 
+    def dataclass_schema(self, schema: Any) -> JsonSchemaValue:
+        """Return the schema of a dataclass of the library, which a response has with all its fields."""
+        made = super().dataclass_schema(schema)
+        described = (inspect.getdoc(schema["cls"]) or "").partition("\n\nExamples\n")[0]
+        return made | {
+            "description": described,
+            "required": [*made["properties"]],
+            "additionalProperties": False,
+        }
+
     def default_schema(self, schema: Any) -> JsonSchemaValue:
         """Return the schema of a field that has a default."""
         made = super().default_schema(schema)

@@ -27,6 +27,7 @@ from pydantic_core import PydanticKnownError
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import MOST_HINTS, Fault, InvalidInput, did_you_mean, excerpt, raise_faults
 from tripwatt.forecasting.document import FlagDocument
+from tripwatt.live.documents import ProblemFault
 from tripwatt.live.telemetry import FIRST_TIME_S, LAST_TIME_S
 from tripwatt.routes import LinkRoute, route_from_links
 from tripwatt.routes.link_objects import route_with_elevation
@@ -285,19 +286,6 @@ class ResponseModel(BaseModel):
     """Base of all documents in responses: objects without undocumented fields."""
 
     model_config = ConfigDict(extra="forbid", use_attribute_docstrings=True)
-
-
-class ProblemFault(ResponseModel):
-    """One thing that is wrong with an input."""
-
-    what: str
-    where: str
-    """field, or position in an upload"""
-    pointer: str | None = None
-    """JSON pointer (RFC 6901) of the field in the body of the request"""
-    got: str | None = None
-    allowed: str | None = None
-    fix: str | None = None
 
 
 class ProblemDocument(ResponseModel):

@@ -727,7 +727,7 @@ export interface components {
             duration_s: number;
             energy_wh: number;
             label: string;
-            stops: components["schemas"]["ChargingStopDocument"][];
+            stops: components["schemas"]["ChargingStop"][];
             energy_interval_wh: number[];
             by_cause_wh: {
                 [key: string]: number;
@@ -736,19 +736,22 @@ export interface components {
             course: components["schemas"]["CourseDocument"];
             line: components["schemas"]["LineDocument"];
         };
-        ChargingStopDocument: {
-            station: components["schemas"]["StationDocument"];
+        ChargingStop: {
+            station: components["schemas"]["Station"];
             position_m: number;
             soc_arrival: number;
-            soc_interval: number[];
             soc_leave: number;
+            soc_interval: [
+                number,
+                number
+            ];
             energy_wh: number;
             charging_s: number;
             overhead_s: number;
             arrives_after_s: number;
             p_reach: number;
             preheat: boolean;
-            if_full: components["schemas"]["NextStationDocument"] | null;
+            if_full: components["schemas"]["NextStation"] | null;
         };
         ColumnChoice: {
             column: string;
@@ -787,7 +790,7 @@ export interface components {
             by_cause_wh: {
                 [key: string]: number;
             };
-            on_the_way: components["schemas"]["ForecastOnTheWay"][];
+            on_the_way: components["schemas"]["MadeForecast"][];
         };
         DifferenceDocument: {
             energy_wh: number;
@@ -832,10 +835,10 @@ export interface components {
             duration_s: number;
             flags: components["schemas"]["FlagDocument"][];
             car: string;
-            doubt: components["schemas"]["DoubtDocument"];
+            doubt: components["schemas"]["Doubt"];
             message: string;
         };
-        DoubtDocument: {
+        Doubt: {
             car: number;
             road: number;
             weather: number;
@@ -914,13 +917,6 @@ export interface components {
             value: number | string | null;
             unit: string;
             message: string;
-        };
-        ForecastOnTheWay: {
-            at_s: number;
-            distance_m: number;
-            energy_wh: number;
-            low_wh: number;
-            high_wh: number;
         };
         ForecastRequest: {
             model?: string | null;
@@ -1217,8 +1213,8 @@ export interface components {
             usual_trip: string | null;
             forecast: components["schemas"]["LiveForecastDocument"] | null;
             flags: components["schemas"]["FlagDocument"][];
+            message: components["schemas"]["Message"] | null;
             faults: components["schemas"]["ProblemFault"][];
-            message: components["schemas"]["MessageDocument"] | null;
         };
         LiveTripDocument: {
             departs_at: string;
@@ -1256,6 +1252,13 @@ export interface components {
             preview: components["schemas"]["LogsPreview"] | null;
             faults: components["schemas"]["ProblemFault"][];
         };
+        MadeForecast: {
+            at_s: number;
+            distance_m: number;
+            energy_wh: number;
+            low_wh: number;
+            high_wh: number;
+        };
         MapResponse: {
             roads: boolean;
             places: boolean;
@@ -1273,7 +1276,7 @@ export interface components {
             unit: string;
             why: string;
         };
-        MessageDocument: {
+        Message: {
             time_s: number;
             /** @enum {string} */
             verdict: "arrives" | "open" | "does_not_arrive";
@@ -1330,8 +1333,8 @@ export interface components {
             vehicle?: string | null;
             vehicle_figures?: components["schemas"]["VehicleFigures"] | null;
         };
-        NextStationDocument: {
-            station: components["schemas"]["StationDocument"];
+        NextStation: {
+            station: components["schemas"]["Station"];
             soc_arrival: number;
             p_reach: number;
             more_s: number;
@@ -1461,7 +1464,7 @@ export interface components {
         };
         ProblemDocument: {
             /** @enum {string} */
-            type: "/problems/not-json" | "/problems/bad-request" | "/problems/host-not-served" | "/problems/token-needed" | "/problems/foreign-site" | "/problems/not-found" | "/problems/no-such-car" | "/problems/no-plan" | "/problems/method-not-allowed" | "/problems/not-acceptable" | "/problems/name-taken" | "/problems/body-late" | "/problems/too-large" | "/problems/media-type" | "/problems/invalid-input" | "/problems/key-used" | "/problems/head-too-large" | "/problems/too-many-requests" | "/problems/internal" | "/problems/no-map" | "/problems/no-live" | "/problems/remote" | "/problems/busy" | "/problems/timeout";
+            type: "/problems/not-json" | "/problems/bad-request" | "/problems/host-not-served" | "/problems/token-needed" | "/problems/foreign-site" | "/problems/not-found" | "/problems/no-such-car" | "/problems/no-plan" | "/problems/method-not-allowed" | "/problems/name-taken" | "/problems/body-late" | "/problems/too-large" | "/problems/media-type" | "/problems/invalid-input" | "/problems/key-used" | "/problems/head-too-large" | "/problems/too-many-requests" | "/problems/internal" | "/problems/no-map" | "/problems/no-live" | "/problems/remote" | "/problems/busy" | "/problems/timeout";
             title: string;
             status: number;
             detail?: string | null;
@@ -1492,7 +1495,7 @@ export interface components {
             reserve: number;
             by_kind: components["schemas"]["KindRange"][];
             flags: components["schemas"]["FlagDocument"][];
-            doubt: components["schemas"]["DoubtDocument"];
+            doubt: components["schemas"]["Doubt"];
         };
         ReachRequest: {
             model?: string | null;
@@ -1585,7 +1588,7 @@ export interface components {
             saved_wh: number;
             charging_w: number;
         };
-        StationDocument: {
+        Station: {
             latitude_deg: number;
             longitude_deg: number;
             name: string;
@@ -1739,7 +1742,7 @@ export interface components {
         };
         ViewResponse: {
             settlements: components["schemas"]["PlaceDocument"][];
-            stations: components["schemas"]["StationDocument"][];
+            stations: components["schemas"]["Station"][];
             attribution: string;
         };
         WholeDocument: {
@@ -1764,7 +1767,7 @@ export type CarResponse = components['schemas']['CarResponse'];
 export type CarSummary = components['schemas']['CarSummary'];
 export type CarsResponse = components['schemas']['CarsResponse'];
 export type ChargingDocument = components['schemas']['ChargingDocument'];
-export type ChargingStopDocument = components['schemas']['ChargingStopDocument'];
+export type ChargingStop = components['schemas']['ChargingStop'];
 export type ColumnChoice = components['schemas']['ColumnChoice'];
 export type CourseDocument = components['schemas']['CourseDocument'];
 export type DescribedVehicle = components['schemas']['DescribedVehicle'];
@@ -1772,7 +1775,7 @@ export type DiaryEntry = components['schemas']['DiaryEntry'];
 export type DifferenceDocument = components['schemas']['DifferenceDocument'];
 export type DifferenceRequest = components['schemas']['DifferenceRequest'];
 export type DistanceNeed = components['schemas']['DistanceNeed'];
-export type DoubtDocument = components['schemas']['DoubtDocument'];
+export type Doubt = components['schemas']['Doubt'];
 export type Elevation = components['schemas']['Elevation'];
 export type EmptyAt = components['schemas']['EmptyAt'];
 export type ExampleResponse = components['schemas']['ExampleResponse'];
@@ -1783,7 +1786,6 @@ export type FileDocument = components['schemas']['FileDocument'];
 export type FindingsDocument = components['schemas']['FindingsDocument'];
 export type FittedModel = components['schemas']['FittedModel'];
 export type FlagDocument = components['schemas']['FlagDocument'];
-export type ForecastOnTheWay = components['schemas']['ForecastOnTheWay'];
 export type ForecastRequest = components['schemas']['ForecastRequest'];
 export type ForecastResponse = components['schemas']['ForecastResponse'];
 export type Forgotten = components['schemas']['Forgotten'];
@@ -1809,16 +1811,17 @@ export type LiveTripDocument = components['schemas']['LiveTripDocument'];
 export type LogsPreview = components['schemas']['LogsPreview'];
 export type LogsRequest = components['schemas']['LogsRequest'];
 export type LogsResponse = components['schemas']['LogsResponse'];
+export type MadeForecast = components['schemas']['MadeForecast'];
 export type MapResponse = components['schemas']['MapResponse'];
 export type MappedColumnDocument = components['schemas']['MappedColumnDocument'];
-export type MessageDocument = components['schemas']['MessageDocument'];
+export type Message = components['schemas']['Message'];
 export type Missing = components['schemas']['Missing'];
 export type ModelSummary = components['schemas']['ModelSummary'];
 export type ModelsResponse = components['schemas']['ModelsResponse'];
 export type NeedAnswer = components['schemas']['NeedAnswer'];
 export type NeedResponse = components['schemas']['NeedResponse'];
 export type NewCarRequest = components['schemas']['NewCarRequest'];
-export type NextStationDocument = components['schemas']['NextStationDocument'];
+export type NextStation = components['schemas']['NextStation'];
 export type NightRequest = components['schemas']['NightRequest'];
 export type NightResponse = components['schemas']['NightResponse'];
 export type PlaceDocument = components['schemas']['PlaceDocument'];
@@ -1841,7 +1844,7 @@ export type ScoreDocument = components['schemas']['ScoreDocument'];
 export type SeasonDocument = components['schemas']['SeasonDocument'];
 export type Series = components['schemas']['Series'];
 export type SpeedCapDocument = components['schemas']['SpeedCapDocument'];
-export type StationDocument = components['schemas']['StationDocument'];
+export type Station = components['schemas']['Station'];
 export type StopDocument = components['schemas']['StopDocument'];
 export type TelemetryRequest = components['schemas']['TelemetryRequest'];
 export type TelemetryResponse = components['schemas']['TelemetryResponse'];
