@@ -162,20 +162,14 @@ def test_what_does_not_change_has_a_tag(service: Service, path: str) -> None:
 @pytest.mark.parametrize(
     ("method", "path", "given", "where"),
     [
-        ("POST", "/v1/journeys", {"weather": {"rain_mm_h": 1.0}}, "weather"),
-        ("POST", "/v1/journeys", {"depart": "2026-02-01T07:30:00+01:00"}, "depart"),
-        ("POST", "/v1/reachable", {"departure_utc": "2026-02-01T07:30:00+01:00"}, "departure_utc"),
         ("POST", "/v1/reachable", {"departs_at": 1769927400.0}, "departs_at"),
-        ("POST", "/v1/forecast", {"displayed_soc": 0.5}, "displayed_soc"),
         ("POST", "/v1/forecast", {"samples": {"soc": [0.5]}}, "samples.soc"),
-        ("PUT", "/v1/live/leaf/plan", {"depart": 1769927400, "soc": 0.5}, "depart"),
         ("PUT", "/v1/live/leaf/plan", {"departs_at": 1769927400}, "departs_at"),
-        ("GET", "/v1/need", {"distance_km": 30, "departure_utc": "2026-02-01T07:30:00Z"}, "departure_utc"),
         ("GET", "/v1/need", {"distance_km": 30, "departs_at": 1769927400}, "departs_at"),
         ("GET", "/v1/need", {"vehicle": "leaf"}, "distance_km, trip"),
     ],
 )  # fmt: skip
-def test_a_name_that_was_replaced_is_refused(
+def test_a_time_is_a_text_and_a_charge_of_samples_has_its_full_name(
     complete: Service, method: str, path: str, given: dict[str, Any], where: str
 ) -> None:
     found = complete.client.request(method, path, **{"params" if method == "GET" else "json": given})
