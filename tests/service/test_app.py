@@ -11,7 +11,6 @@ import httpx
 import orjson
 import pytest
 
-from tripwatt.journey import AtlasSettings
 from tripwatt.service import app as room
 from tripwatt.service.app import BatchResponse, create_app
 from tripwatt.service.pool import JobResult
@@ -43,9 +42,8 @@ made: list[Pool] = []
 class Served:
     """An application and its client."""
 
-    def __init__(self, *, with_map: bool = True, **limits: Any) -> None:
-        atlas = AtlasSettings("a-map" if with_map else "")
-        self.app: Any = create_app(Settings(limits=Limits(**limits), atlas=atlas))
+    def __init__(self, **limits: Any) -> None:
+        self.app: Any = create_app(Settings(limits=Limits(**limits)))
         self.pool = made[-1]
 
     def __call__(self, path: str, method: str = "GET", **more: Any) -> httpx.Response:
@@ -191,13 +189,6 @@ def test_a_tile_is_kept_for_an_hour_and_a_forecast_is_not() -> None:
     assert tile.headers["cache-control"] == "private, max-age=3600"
     assert tile.headers["content-type"] == "application/vnd.mapbox-vector-tile"
     assert served.post("/v1/forecast").headers["cache-control"] == "no-store"
-
-
-def test_without_a_map_there_are_no_journeys() -> None:
-    served = Served(with_map=False)
-    assert [served.post(path).status_code for path in ("/v1/journeys", "/v1/reachable")] == [501] * 2
-    assert served("/v1/places", params={"q": "x"}).json()["detail"] == "start the service with --map"
-    assert served("/v1/map").status_code == 200
 
 
 @pytest.mark.parametrize(("path", "kind"), [("/v1/map", "journeys.describe"), ("/v1/vehicles", "vehicles")])

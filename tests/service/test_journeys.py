@@ -25,6 +25,7 @@ from tripwatt.service import journeys
 from tripwatt.service.advice_schemas import AdviceResponse
 from tripwatt.service.journey_schemas import JourneyAdviceRequest, PlaceRequest, PlanRequest, ReachRequest
 from tripwatt.service.journeys import JourneyJobs, place_of
+from tripwatt.service.problems import Problem
 from tripwatt.service.schemas import check_request, departure_of
 
 WEST, EAST = {"latitude_deg": 47.0, "longitude_deg": 9.0}, {"latitude_deg": 47.0, "longitude_deg": 9.1}
@@ -305,8 +306,9 @@ def faults_of(call: Any, *arguments: Any) -> tuple[Fault, ...]:
 def test_without_a_map_nothing_is_served() -> None:
     none = JourneyJobs.from_settings(asdict(AtlasSettings()))
     assert none.atlas is None
-    (fault,) = faults_of(none.places, "a", 1)
-    assert fault == Fault("no map", "service", "started without --map", "a service with a map")
+    with pytest.raises(Problem, match="no-map") as caught:
+        none.places("a", 1)
+    assert caught.value.detail == "start the service with --map"
     assert none.describe() == {
         "roads": False,
         "places": False,

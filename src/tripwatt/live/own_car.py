@@ -11,6 +11,7 @@ import shutil
 import unicodedata
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeVar, cast
 
@@ -130,12 +131,7 @@ class Car:
     @property
     def diary(self) -> Diary:
         """Its trips, each forecast before it was learned."""
-
-        def read(learned: Path) -> Diary:
-            path = learned / DIARY
-            return Diary.read(path) if path.is_file() else Diary.empty()
-
-        return self._read(read)
+        return self._read(DIARY, Diary.read, Diary.empty)
 
     def model(self) -> ForecastModel:
         """Load the model of the car.
@@ -145,16 +141,11 @@ class Car:
         ForecastModel
             Adapted to its trips, or that of its published values before the first one.
         """
+        return self._read(MODEL, self._model_of, lambda: for_car(self.base, self.vehicle))
 
-        def read(learned: Path) -> ForecastModel:
-            place = learned / MODEL
-            if not place.is_dir():
-                return for_car(self.base, self.vehicle)
-            if load_metadata(place, check_parts=False)["format_version"] < FORMAT_VERSION:
-                return self._known(load_model(self.base)).model
-            return load_model(place)
-
-        return self._read(read)
+    def _model_of(self, place: Path) -> ForecastModel:
+        older = load_metadata(place, check_parts=False)["format_version"] < FORMAT_VERSION
+        return self._known(load_model(self.base)).model if older else load_model(place)
 
     def add(
         self, logs: Fleet | Iterable[Log], *, progress: Callable[[int, int], None] | None = None
@@ -261,14 +252,14 @@ class Car:
     def __repr__(self) -> str:
         return f"<Car {self.name}: {self.vehicle.title}, {len(self.diary)} trips in its diary>"
 
-    def _read(self, read: Callable[[Path], Read]) -> Read:
-        """What a reader makes of the folder `learned`; again where a writer exchanged the folder meanwhile."""
+    def _read(self, name: str, read: Callable[[Path], Read], missing: Callable[[], Read]) -> Read:
+        """A part of the folder `learned`, which is read again where a writer exchanged the folder meanwhile."""
         learned = self.folder / LEARNED
         while True:
             restore_folder(learned)
             before = _file_number(learned)
             try:
-                result = read(learned)
+                result = read(learned / name) if (learned / name).exists() else missing()
             except (OSError, InvalidInput):
                 if _file_number(learned) == before:
                     raise
@@ -278,15 +269,9 @@ class Car:
 
     def _adapted(self) -> dict[str, Any]:
         """What the metadata of the model hold of the car; nothing before the first trip or from an older version."""
-
-        def read(learned: Path) -> dict[str, Any]:
-            if not (learned / MODEL).is_dir():
-                return {}
-            about = load_metadata(learned / MODEL, check_parts=False)
-            current = about["format_version"] == FORMAT_VERSION
-            return cast(dict[str, Any], about["provenance"]["adapted"]) if current else {}
-
-        return self._read(read)
+        about = self._read(MODEL, partial(load_metadata, check_parts=False), dict)
+        current = about.get("format_version") == FORMAT_VERSION
+        return cast(dict[str, Any], about["provenance"]["adapted"]) if current else {}
 
     def _learn(
         self, given: frozenset[str], progress: Callable[[int, int], None]

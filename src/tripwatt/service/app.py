@@ -279,7 +279,6 @@ class Api:
     @openapi.operation("POST /v1/journeys", "journeys", PlanResponse, PlanRequest)
     async def plan(self, request: Request, fields: Fields = None) -> Response:
         """Plan a journey: roads, their forecasts, the charge to leave with, a charging stop."""
-        self._require_map()
         return await self.answering.body_job(request, "plan", fields=fields)
 
     @openapi.operation(
@@ -287,19 +286,16 @@ class Api:
     )
     async def journey_difference(self, request: Request) -> Response:
         """Compare two journeys of one car without their stops to charge, as `POST /v1/forecast/difference` does trips."""
-        self._require_map()
         return await self.answering.body_job(request, "journey_difference")
 
     @openapi.operation("POST /v1/journeys/advice", "journeys", AdviceResponse, JourneyAdviceRequest)
     async def journey_advice(self, request: Request) -> Response:
         """Return what to do about a journey with its charging stops: the least that helps, what each action saves, and the time in all."""
-        self._require_map()
         return await self.answering.body_job(request, "journey_advice")
 
     @openapi.operation("POST /v1/reachable", "journeys", ReachResponse, ReachRequest)
     async def reach(self, request: Request) -> Response:
         """Return the area that the charge reaches with 95 % and with 50 %."""
-        self._require_map()
         return await self.answering.body_job(request, "reach")
 
     @openapi.operation("GET /v1/need", "journeys", NeedAnswer, also=("no-plan", "no-live"))
@@ -317,7 +313,6 @@ class Api:
     @openapi.operation("GET /v1/places", "journeys", PlacesResponse)
     async def get_places(self, request: Request, q: Start, limit: MostPlaces = 10) -> Response:
         """Find places by the start of their names."""
-        self._require_map()
         return await self.answering.job(request, "journeys.places", text=q, limit=limit)
 
     @openapi.operation("GET /v1/map", "library", MapResponse, header=openapi.TAG)
@@ -336,7 +331,6 @@ class Api:
         limit: MostShown = 200,
     ) -> Response:
         """Return settlements and charging stations inside of bounds."""
-        self._require_map()
         return await self.answering.job(
             request, "journeys.view", bounds_deg=[south, west, north, east], limit=limit
         )
@@ -350,16 +344,11 @@ class Api:
     )
     async def get_tile(self, request: Request, zoom: Zoom, column: TileNumber, row: TileNumber) -> Response:
         """Return the roads of a part of the map as a vector tile."""
-        self._require_map()
         response = await self.answering.job(
             request, "journeys.tile", media_type=openapi.TILE, zoom=zoom, column=column, row=row
         )
         response.headers["Cache-Control"] = "private, max-age=3600"
         return response
-
-    def _require_map(self) -> None:
-        if not self.settings.atlas.map:
-            raise Problem("no-map", "start the service with --map")
 
     @openapi.operation("GET /v1/models", "library", schemas.ModelsResponse, header=openapi.TAG)
     async def get_models(self, request: Request) -> Response:

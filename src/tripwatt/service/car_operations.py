@@ -118,7 +118,6 @@ class CarOperations:
     @operation("POST /v1/cars", "cars", CarResponse, NewCarRequest, also=("name-taken",), header=KEY)
     async def new_car(self, request: Request) -> Response:
         """Make a car."""
-        require_folder(self.settings.cars)
         body = await self.answering.read(request)
 
         async def made() -> Response:

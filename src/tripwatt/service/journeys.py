@@ -23,6 +23,7 @@ from tripwatt.journey import (
     open_atlas,
 )
 from tripwatt.service.journey_schemas import JourneyAdviceRequest, PlaceRequest, PlanRequest, ReachRequest
+from tripwatt.service.problems import Problem
 from tripwatt.service.schemas import departure_of
 from tripwatt.sources.table import Heights
 
@@ -134,7 +135,7 @@ class JourneyJobs:
 
     def _atlas(self) -> Atlas:
         if self.atlas is None:
-            raise InvalidInput.of("no map", "service", "started without --map", "a service with a map")
+            raise Problem("no-map", "start the service with --map")
         return self.atlas
 
 
