@@ -269,7 +269,7 @@ class Car:
 
     def _adapted(self) -> dict[str, Any]:
         """What the metadata of the model hold of the car; nothing before the first trip or from an older version."""
-        about = self._read(MODEL, partial(load_metadata, check_parts=False), dict)
+        about: dict[str, Any] = self._read(MODEL, partial(load_metadata, check_parts=False), dict)
         current = about.get("format_version") == FORMAT_VERSION
         return cast(dict[str, Any], about["provenance"]["adapted"]) if current else {}
 

@@ -12,8 +12,8 @@ from starlette.responses import Response
 from tripwatt.service.contract import Repeats, tagged
 from tripwatt.service.metrics import Metrics
 from tripwatt.service.openapi import JSON
-from tripwatt.service.pool import WorkerPool
-from tripwatt.service.problems import Problem, refusal
+from tripwatt.service.pool import JobResult, WorkerPool
+from tripwatt.service.problems import MEDIA_TYPE, Problem
 from tripwatt.service.receiving import Arrivals, request_id
 from tripwatt.service.settings import Settings
 
@@ -69,9 +69,7 @@ class Answering:
         """Return the document of a job as the response to a request."""
         result = await self.pool.run({"kind": kind, **parameters}, body)
         self.metrics.job_seconds.labels(kind).observe(result.seconds)
-        if result.status == 200:
-            return Response(result.content, media_type=media_type)
-        return refusal(result.status, result.content, request_id(request))
+        return answer(request, result, media_type)
 
     async def body_job(self, request: Request, kind: str, **parameters: Any) -> Response:
         """Return the document of a job of the body of a request."""
@@ -88,6 +86,14 @@ class Answering:
                 raise Problem("internal")  # without input there is nothing to correct
             self._kept[key] = bytes(response.body)
         return tagged(request, self._kept[key], JSON)
+
+
+def answer(request: Request, result: JobResult, media_type: str = JSON) -> Response:
+    """Return the result of a job as the response to a request; a problem document gets the id of the request."""
+    if result.status == 200:
+        return Response(result.content, media_type=media_type)
+    problem = {**orjson.loads(result.content), "instance": request_id(request)}
+    return Response(orjson.dumps(problem), result.status, media_type=MEDIA_TYPE)
 
 
 def json_response(document: Mapping[str, Any]) -> Response:

@@ -160,18 +160,11 @@ class CarOperations:
         if self._places.locked():
             raise Problem("busy", "too many files are unpacked", headers={"Retry-After": "2"})
         async with self._places:
-            content = await self.answering.read(
-                request, (BYTES,), self.settings.limits.upload_bytes, large=True
-            )
+            limits, place = self.settings.limits, {"name": car, "upload": upload, "file": file}
+            content = await self.answering.read(request, (BYTES,), limits.upload_bytes, large=True)
             async with self._unpacking:  # one worker unpacks, the others go on
                 return await self.answering.job(
-                    request,
-                    "cars.store",
-                    content,
-                    name=car,
-                    upload=upload,
-                    file=file,
-                    most_bytes=self.settings.limits.car_bytes,
+                    request, "cars.store", content, **place, most_bytes=limits.car_bytes
                 )
 
     @operation(f"POST {UPLOAD}", "cars", LogsResponse, LogsRequest, also=("not-found",))

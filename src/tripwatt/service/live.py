@@ -10,6 +10,7 @@ import asyncio
 import contextlib
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from functools import cached_property, partial
 from hmac import compare_digest
 from pathlib import Path
@@ -248,10 +249,8 @@ class LiveCars:
         settings = self.settings
         return Jobs.from_folders(settings.models, settings.limits, cars=CarJobs(settings.cars))
 
-    async def need(
-        self, car: RoadCar, how: Mapping[str, float], known: Mapping[str, float]
-    ) -> JobResult | dict[str, Any]:
-        """What the next trip of a car needs, as `NeedResponse`; the result of a job that was refused.
+    async def need(self, car: RoadCar, how: Mapping[str, float], known: Mapping[str, float]) -> JobResult:
+        """What the next trip of a car needs, as `NeedResponse`.
 
         Parameters
         ----------
@@ -275,13 +274,14 @@ class LiveCars:
         result = await self.pool.run({"kind": "need", "soc": soc, **how, "seen": seen}, asked["body"])
         if result.status != 200:
             return result
-        return {
+        needed = {
             "car": car.name,
             "plan": "given" if plan.usual_trip is None else "usual",
             "usual_trip": plan.usual_trip,
             "probability": how["probability"],
             **orjson.loads(result.content),
         }
+        return replace(result, content=orjson.dumps(needed))
 
     async def job_of(self, car: RoadCar, request: Mapping[str, Any]) -> dict[str, Any]:
         """A job about a car: its body, which names the own model, and what its last messages show where the request leaves it out."""

@@ -20,7 +20,7 @@ from tripwatt.live import sample_from_abrp
 from tripwatt.live.documents import LiveResponse
 from tripwatt.live.own_car import VALID_NAME
 from tripwatt.service import openapi
-from tripwatt.service.answering import json_response
+from tripwatt.service.answering import answer, json_response
 from tripwatt.service.journey_schemas import NeedQuery, RangeQuery
 from tripwatt.service.live import CAR_FIELDS, LiveCars
 from tripwatt.service.live_schemas import (
@@ -32,8 +32,8 @@ from tripwatt.service.live_schemas import (
 )
 from tripwatt.service.over_mqtt import OverMqtt
 from tripwatt.service.pool import WorkerPool
-from tripwatt.service.problems import Problem, invalid_input, refusal
-from tripwatt.service.receiving import media_type, request_id
+from tripwatt.service.problems import Problem, invalid_input
+from tripwatt.service.receiving import media_type
 from tripwatt.service.schemas import check_request, parse_json
 from tripwatt.service.settings import Settings
 
@@ -130,7 +130,7 @@ class LiveOperations:
         result = await self.cars.set_plan(followed, plan, leaves.departure_s)
         if result.status == 200:
             return json_response(await self.cars.document(followed))
-        return refusal(result.status, result.content, request_id(request))
+        return answer(request, result)
 
     async def job_of(self, query: RangeQuery) -> dict[str, Any]:
         """The job of a query: `body`, and `seen` where it asks of a car on the road."""
@@ -149,9 +149,7 @@ class LiveOperations:
             {"probability": query.probability, "departure_s": leaves, "plug_w": query.plug_w},
             query.model_dump(include={"reserve", "ambient_temperature_degc"}, exclude_none=True),
         )
-        if isinstance(needed, dict):
-            return json_response(needed)
-        return refusal(needed.status, needed.content, request_id(request))
+        return answer(request, needed)
 
     @openapi.operation(
         "GET /v1/live/{car}/events",

@@ -79,11 +79,13 @@ class OverMqtt:
 
     async def _need(self, car: RoadCar) -> dict[str, Any] | None:
         """What the next trip of a car needs, as `NeedResponse`; None on a trip, and where it is unknown."""
-        needed: Any = None
+        if car.trip:
+            return None
         how = {"probability": PROBABILITY, "departure_s": time.time(), "plug_w": PLUG_W}
         with contextlib.suppress(Problem, InvalidInput):
-            needed = None if car.trip else await self.cars.need(car, how, {})
-        return needed if isinstance(needed, dict) else None
+            result = await self.cars.need(car, how, {})
+            return orjson.loads(result.content) if result.status == 200 else None
+        return None
 
     async def _range(self, car: RoadCar, soc: float | None) -> dict[str, Any] | None:
         """How far the charge of a car carries, as `RangeResponse`; None where it is unknown."""

@@ -111,19 +111,6 @@ class Problem(Exception):
         return Response(content, self.status, dict(self.headers), MEDIA_TYPE)
 
 
-def refusal(status: int, content: bytes, instance: str) -> Response:
-    """Return the problem document of a job as an HTTP response; `instance` is the id of the request.
-
-    Examples
-    --------
-    >>> refusal(404, b'{"title":"gone"}', "1f").body
-    b'{"title":"gone","instance":"1f"}'
-    """
-    return Response(
-        orjson.dumps({**orjson.loads(content), "instance": instance}), status, media_type=MEDIA_TYPE
-    )
-
-
 def fault_document(fault: Fault) -> dict[str, str]:
     """Return the fields of a fault that are not empty, with long texts cut and unencodable characters replaced."""
     cut = {name: text[:MAX_TEXT_LENGTH] for name, text in fault.texts.items()}
