@@ -202,28 +202,20 @@ class Jobs:
         request, forecast = self._forecast(body, AdviceRequest)
         return advise(forecast, reserve=request.reserve, chance=request.chance).to_dict()
 
-    def need(
-        self,
-        body: bytes,
-        probability: float,
-        departure_s: float,
-        plug_w: float,
-        soc: float | None,
-        seen: Mapping[str, Any],
-    ) -> dict[str, Any]:
-        """Return what a `ForecastRequest` needs with a probability: energy, charge, and what to do until then."""
+    def need(self, body: bytes, how: Mapping[str, Any], seen: Mapping[str, Any]) -> dict[str, Any]:
+        """Return what a `ForecastRequest` needs with the probability of `how`: energy, charge, and what to do until then."""
         request, forecast = self._forecast(body, ForecastRequest, seen)
         needed = {
             "expected_wh": forecast.energy_wh,
-            "energy_quantile_wh": forecast.quantile(probability),
-            "soc_needed": forecast.soc_needed(request.reserve, probability),
+            "energy_quantile_wh": forecast.quantile(how["probability"]),
+            "soc_needed": forecast.soc_needed(request.reserve, how["probability"]),
             "wh_per_display": forecast.charge.wh_per_display,
         }
         if not all(map(math.isfinite, needed.values())):
             raise _no_forecast()
-        leave = leave_in_words(needed["soc_needed"], request.reserve, probability)
-        leaves = dt.datetime.fromtimestamp(departure_s, dt.UTC)
-        until = before_departure(forecast, needed["soc_needed"], plug_w, soc, leaves)
+        leave = leave_in_words(needed["soc_needed"], request.reserve, how["probability"])
+        leaves = dt.datetime.fromtimestamp(how["departure_s"], dt.UTC)
+        until = before_departure(forecast, needed["soc_needed"], how["plug_w"], how["soc"], leaves)
         flags = [flag_to_dict(flag) for flag in forecast.flags]
         return {"reserve": request.reserve, **needed, "message": leave, **until, "flags": flags}
 

@@ -271,7 +271,9 @@ class LiveCars:
         soc = await self.run(car.shown_soc) if car.trip is None else None
         asked = await self.job_of(car, {**plan.request, **known})
         seen = {**asked["seen"], "soc": None}  # that of the plan counts
-        result = await self.pool.run({"kind": "need", "soc": soc, **how, "seen": seen}, asked["body"])
+        result = await self.pool.run(
+            {"kind": "need", "how": {**how, "soc": soc}, "seen": seen}, asked["body"]
+        )
         if result.status != 200:
             return result
         needed = {
