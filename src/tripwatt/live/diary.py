@@ -35,6 +35,12 @@ NUMBERS: Final = (
 CAUSE: Final = "cause_"
 """Start of the columns with the forecast's energy by cause [Wh]."""
 
+OLD_CAUSES: Final = {
+    "cause_hvac_wh": "cause_climate_wh",
+    "cause_learned_correction_wh": "cause_correction_wh",
+}
+"""Columns of diaries of 0.2.0: nobody's diary is lost."""
+
 QUARTERS: Final = ("december_to_february", "march_to_may", "june_to_august", "september_to_november")
 LATEST: Final = 20
 """Trips of the running score."""
@@ -234,7 +240,7 @@ class Diary:
         >>> Diary.read(Path("my-leaf/learned/diary.parquet"))  # doctest: +SKIP
         """
         try:
-            table = pd.read_parquet(path)
+            table = pd.read_parquet(path).rename(columns=OLD_CAUSES)
         except (OSError, ValueError) as error:
             raise InvalidInput.of("cannot read the diary", f"{path}", f"{error}"[:200], "a diary") from error
         missing = [name for name in (*TEXTS, *NUMBERS) if name not in table]
